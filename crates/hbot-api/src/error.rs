@@ -1,0 +1,107 @@
+//! What the server answers where it does not do what it was asked.
+
+use crate::Id;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use std::fmt;
+
+/// Why a request was not carried out, for programs. The text beside it is for people.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorCode {
+    /// The message could not be read, or a field is missing, unknown or not legal. Asking again gives the same.
+    BadRequest,
+    /// The hello names a version of the messages that this server does not speak.
+    UnsupportedVersion,
+    /// The token is missing or wrong.
+    Unauthorized,
+    /// Only who holds the lease may ask this: `acquire` first.
+    NotHolder,
+    /// Another client holds the lease. `holder` names it.
+    Busy,
+    /// The scene has no effect of this id.
+    UnknownEffect,
+    /// A value is legal as such, but not for this rig, this effect or this moment. `angle` (rad) where `enable` found a
+    /// spring's reference too far away.
+    OutOfRange,
+    /// The rig is in a fault or an emergency stop, or the cause of one is still there.
+    Faulted,
+    /// The message is longer than [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES).
+    TooLarge,
+}
+
+impl ErrorCode {
+    /// All codes, in the order of the documentation.
+    pub const ALL: [Self; 9] = [
+        Self::BadRequest,
+        Self::UnsupportedVersion,
+        Self::Unauthorized,
+        Self::NotHolder,
+        Self::Busy,
+        Self::UnknownEffect,
+        Self::OutOfRange,
+        Self::Faulted,
+        Self::TooLarge,
+    ];
+
+    /// The code as it is sent.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::BadRequest => "bad_request",
+            Self::UnsupportedVersion => "unsupported_version",
+            Self::Unauthorized => "unauthorized",
+            Self::NotHolder => "not_holder",
+            Self::Busy => "busy",
+            Self::UnknownEffect => "unknown_effect",
+            Self::OutOfRange => "out_of_range",
+            Self::Faulted => "faulted",
+            Self::TooLarge => "too_large",
+        }
+    }
+}
+
+impl fmt::Display for ErrorCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// The `error` of an answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[error("{message} ({code})")]
+pub struct ErrorBody {
+    /// For programs.
+    pub code: ErrorCode,
+    /// For people: what was wrong, where, and what would be right.
+    pub message: String,
+    /// Further fields, by code: `holder` of [`ErrorCode::Busy`], `angle` of [`ErrorCode::OutOfRange`].
+    #[serde(flatten)]
+    pub details: Map<String, Value>,
+}
+
+impl ErrorBody {
+    /// An error without details.
+    pub fn new(code: ErrorCode, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), details: Map::new() }
+    }
+
+    /// The same with one more field.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: impl Into<Value>) -> Self {
+        self.details.insert(key.into(), value.into());
+        self
+    }
+}
+
+/// A request that could not be read: what to answer, and to whom.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{error}")]
+pub struct Refusal {
+    /// The request's id; `None` where even that could not be read.
+    pub id: Option<Id>,
+    /// The request's op where it is one that exists, so that a refused stream message without an id can be counted.
+    pub op: Option<&'static str>,
+    /// What is wrong with it.
+    pub error: ErrorBody,
+}

@@ -1,0 +1,251 @@
+//! Joint torques for a torque on the sphere (physics notes, section 7).
+//!
+//! Given the torque T wanted, find the largest s in \[0, 1\] for which some joint torques tau within their limits have
+//! Gᵀ tau = s T, and of those the ones of least cost 1/2 sum w_j tau_j². Both are unique; the direction of T is kept.
+//!
+//! From the quickest way to the slowest:
+//!
+//! 1. the torques of least cost, limits aside: if none is over its limit, that is all ([`allocate`] itself);
+//! 2. two wheels: closed forms (`pair`);
+//! 3. more wheels: s by the facets of the polytope of torques within reach (`facets`), then tau by that facet, or by a
+//!    dual problem of three variables (`dual`);
+//! 4. driven rows close to losing rank: the same in the plane, or on the line, that they do reach (`reach`).
+//!
+//! Contact forces and the limit of traction come after (`traction`).
+
+mod dual;
+mod facets;
+mod pair;
+mod reach;
+mod sym;
+mod traction;
+
+pub use traction::{ContactArms, traction};
+
+use crate::device::MAX_JOINTS;
+use crate::real::{Real, Vec3, fabs};
+use reach::Reach;
+use sym::Sym3;
+
+/// Least over largest singular value of the peak-scaled driven rows (rows t_j g_j) from which on T is made as it is.
+///
+/// The prototype with all four motors never comes below 0.119. At 0.01 a torque in the weak direction has 1 % of the
+/// size that one in the strong direction has: keeping T's direction would let its other parts go limp as well.
+pub const WHOLE: Real = 0.01;
+
+/// The same ratio up to which a direction counts as lost: T is projected on the others. In between, the two answers
+/// are mixed, so that nothing jumps as the ratio moves through (see [`allocate`]). Above the rounding of the
+/// singular values in 32 bits, 5e-4.
+pub const LOST: Real = 0.002;
+
+/// What each joint can give, and what its torque costs. Joints in the order steer, drive per wheel.
+///
+/// A joint gives nothing (a dead motor, no motor) where its peak is 0; likewise where its peak or weight is not
+/// positive and finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointLimits {
+    /// Largest torque t_j, N m.
+    pub peak: [Real; MAX_JOINTS],
+    /// Weight w_j in the cost 1/2 sum w_j tau_j², 1/m² for the default of [`ContactArms::weights`]. Only ratios matter.
+    pub weight: [Real; MAX_JOINTS],
+}
+
+impl JointLimits {
+    #[inline]
+    fn driven(&self, k: usize) -> bool {
+        let (t, w) = (self.peak[k], self.weight[k]);
+        t > 0.0 && t < Real::INFINITY && w > 0.0 && w < Real::INFINITY
+    }
+}
+
+/// Joint torques, and what they make of the torque wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Allocation {
+    /// Joint torques tau, N m, in the order steer, drive per wheel; 0 beyond the device's joints.
+    pub torque: [Real; MAX_JOINTS],
+    /// The s in Gᵀ tau = s T, 0 to 1: what saturation left of the torque wanted. Where `deficient`, T is its projection.
+    pub scale: Real,
+    /// T had a part that the driven joints cannot make, here or in any size, and that was left out.
+    pub deficient: bool,
+}
+
+impl Allocation {
+    /// No torque at all.
+    const fn nothing(scale: Real, deficient: bool) -> Self {
+        Self { torque: [0.0; MAX_JOINTS], scale, deficient }
+    }
+}
+
+/// The joint torques for the torque `wanted` on the sphere, N m in N, given the rows of G (steer, drive per wheel; at
+/// most [`MAX_JOINTS`], further ones are left out).
+///
+/// Never more than a joint's peak, never NaN. T = 0 gives no torque and scale 1; a T that is not finite, or one
+/// without any motor to make it, no torque and scale 0.
+///
+/// # Where the driven joints lose a direction
+///
+/// With `rho` the ratio of the least singular value of the peak-scaled driven rows to the largest: from [`WHOLE`] up
+/// the answer is the exact one, tau_3. Up to [`LOST`] it is tau_2, the exact answer in the plane of the two strong
+/// principal axes, for the part of T in it; the torque across that the rows make besides is below `rho` times what
+/// they could make along the strong axis. In between it is b tau_3 + (1 - b) tau_2 with a smooth step b from 0 to 1, within
+/// the limits as both are, and the part of T in the plane keeps its direction. Where the second singular value is
+/// lost too, the same holds of the plane and the strongest axis.
+#[must_use]
+pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
+    if let Ok(four) = <&[Vec3; 4]>::try_from(rows) {
+        allocate_rows(four, limits, wanted)
+    } else {
+        allocate_rows(&rows[..rows.len().min(MAX_JOINTS)], limits, wanted)
+    }
+}
+
+/// The torque of least cost scaled as a whole until no joint is over its limit: the quick substitute for [`allocate`].
+///
+/// The same wherever no joint saturates; where one does, the direction of T is kept too, but `scale` may be
+/// smaller than what the joints together could make. Rows that lose rank are treated as [`allocate`] does.
+#[must_use]
+pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
+    let rows = &rows[..rows.len().min(MAX_JOINTS)];
+    let size = wanted.abs().max_element();
+    if size > 0.0 && wanted.is_finite() {
+        let least = LeastCost::of(rows, limits, wanted / size);
+        let mut largest: Real = 0.0;
+        for k in 0..rows.len() {
+            if limits.peak[k] > 0.0 {
+                largest = largest.max(fabs(least.tau[k]) / limits.peak[k]);
+            }
+        }
+        if least.sound && largest > 0.0 {
+            let reached = Real::min(size, 1.0 / largest);
+            let torque = least.tau.map(|tau| tau * reached);
+            return Allocation { torque, scale: reached / size, deficient: false };
+        }
+    }
+    allocate(rows, limits, wanted)
+}
+
+/// The largest torque along the unit vector `direction` (in N) that the joints can make with none across, N m.
+///
+/// s = min over pairs i < j of sum_k t_k |g_k.n| / |direction.n| with n = g_i x g_j: the facets of the zonotope of
+/// torques within the limits. 0 where the driven rows do not reach `direction` at all.
+#[must_use]
+pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real {
+    // Below this ratio a singular value is rounding.
+    const ROUNDING: Real = if Real::EPSILON < 1.0e-10 { 1.0e-7 } else { 1.0e-3 };
+    let size = direction.abs().max_element();
+    let Some(reach) = Reach::of(&rows[..rows.len().min(MAX_JOINTS)], limits) else { return 0.0 };
+    if !(size > 0.0 && direction.is_finite()) {
+        return 0.0;
+    }
+    let [second, third] = reach.ratios();
+    let rank = 1 + usize::from(second > ROUNDING) + usize::from(third > ROUNDING);
+    let unit = direction / size;
+    if reach.parts(unit)[rank..].iter().any(|part| fabs(*part) > ROUNDING) {
+        return 0.0;
+    }
+    reach.capability(rank, unit) / size
+}
+
+/// The torques of least cost for a direction, limits aside.
+struct LeastCost {
+    tau: [Real; MAX_JOINTS],
+    /// The driven rows are far from losing rank, and `tau` is not harmed by rounding.
+    sound: bool,
+}
+
+impl LeastCost {
+    #[inline(always)]
+    fn of(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
+        // Ratio of det to spread below which one step of refinement is worth its time, and below which rounding spoils all.
+        const ROUGH: Real = if Real::EPSILON < 1.0e-10 { 1.0e-4 } else { 1.0 };
+        const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-8 } else { 1.0e-4 };
+        let mut give = [0.0; MAX_JOINTS];
+        let (mut moment, mut peaks) = (Sym3::ZERO, Sym3::ZERO);
+        for (k, g) in rows.iter().enumerate() {
+            if limits.driven(k) {
+                give[k] = 1.0 / limits.weight[k];
+                moment.add(*g, give[k]);
+                peaks.add(*g, limits.peak[k] * limits.peak[k]);
+            }
+        }
+        let peaks = peaks.adjugate();
+        let inverse = moment.adjugate();
+        let sound = peaks.det > WHOLE * WHOLE * peaks.spread && inverse.det > SPOILT * inverse.spread;
+        let mut tau = [0.0; MAX_JOINTS];
+        let y = inverse.solve(u);
+        for (k, g) in rows.iter().enumerate() {
+            tau[k] = give[k] * g.dot(y);
+        }
+        if inverse.det < ROUGH * inverse.spread {
+            let mut left = u;
+            for (k, g) in rows.iter().enumerate() {
+                left -= *g * tau[k];
+            }
+            let y = inverse.solve(left);
+            for (k, g) in rows.iter().enumerate() {
+                tau[k] += give[k] * g.dot(y);
+            }
+        }
+        Self { tau, sound }
+    }
+}
+
+/// [`allocate`], compiled once for four rows and once for any number.
+#[inline(always)]
+fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, wanted: Vec3) -> Allocation {
+    let rows = rows.as_ref();
+    if !wanted.is_finite() {
+        return Allocation::nothing(0.0, false);
+    }
+    // A direction of size about 1: nothing below over- or underflows however large or small T is.
+    let size = wanted.abs().max_element();
+    if size == 0.0 {
+        return Allocation::nothing(1.0, false);
+    }
+    let u = wanted / size;
+    let least = LeastCost::of(rows, limits, u);
+    if !least.sound {
+        return allocate_any(rows, limits, u, size);
+    }
+    let mut torque = [0.0; MAX_JOINTS];
+    let mut within = true;
+    for k in 0..rows.len() {
+        torque[k] = least.tau[k] * size;
+        // A joint that gives nothing has no torque here, whatever its peak says.
+        within &= fabs(torque[k]) <= limits.peak[k] || torque[k] == 0.0;
+    }
+    if within {
+        return Allocation { torque, scale: 1.0, deficient: false };
+    }
+    let Ok(four) = <&[Vec3; 4]>::try_from(rows) else {
+        return allocate_any(rows, limits, u, size);
+    };
+    let peak = [0, 1, 2, 3].map(|k| if limits.driven(k) { limits.peak[k] } else { 0.0 });
+    let tau = [least.tau[0], least.tau[1], least.tau[2], least.tau[3]];
+    let (tau, reached) = pair::saturated(four, &peak, &tau, u, size);
+    torque = [0.0; MAX_JOINTS];
+    torque[..4].copy_from_slice(&tau);
+    Allocation { torque, scale: if reached < size { reached / size } else { 1.0 }, deficient: false }
+}
+
+/// Any number of rows of any rank.
+#[inline(never)]
+fn allocate_any(rows: &[Vec3], limits: &JointLimits, u: Vec3, size: Real) -> Allocation {
+    let Some(reach) = Reach::of(rows, limits) else {
+        return Allocation::nothing(0.0, true);
+    };
+    let shares = reach::shares(reach.ratios());
+    let mut x = [0.0; MAX_JOINTS];
+    let mut scale = 0.0;
+    for (share, rank) in shares.into_iter().zip([3, 2, 1]) {
+        if share > 0.0 {
+            let (part, part_scale) = reach.solve(rank, u, size);
+            for k in 0..MAX_JOINTS {
+                x[k] += share * part[k];
+            }
+            scale += share * part_scale;
+        }
+    }
+    let deficient = reach::loses(reach.parts(u), shares);
+    Allocation { torque: reach.scatter(&x, limits), scale: Real::min(1.0, scale), deficient }
+}

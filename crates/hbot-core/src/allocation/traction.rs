@@ -1,0 +1,143 @@
+//! Contact forces of joint torques, and the traction limit (physics notes, sections 2 and 7).
+
+use super::Allocation;
+use crate::device::{MAX_WHEELS, Wheel};
+use crate::real::{Real, sqrt};
+
+/// The lever arms of one wheel's contact, m: the entries of H = [[steer, 0], [-cross, roll]], constants of the design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactArms {
+    /// R l.c2 = R sin a cos b: how fast steering slides the contact along the axle, m.
+    pub steer: Real,
+    /// R l.c1 = R sin a sin b: how fast steering slides it against the rolling direction, m; 0 without a toe angle.
+    pub cross: Real,
+    /// r, the wheel's radius, m.
+    pub roll: Real,
+}
+
+impl ContactArms {
+    /// The arms of `wheel` on a sphere of radius `sphere_radius`, m.
+    #[must_use]
+    pub fn of(wheel: &Wheel, sphere_radius: Real) -> Self {
+        Self {
+            steer: sphere_radius * wheel.axis_along_roll(),
+            cross: sphere_radius * wheel.axis_along_axle(),
+            roll: wheel.spec().radius,
+        }
+    }
+
+    /// The default weights of the wheel's joints, steer then drive, 1/m²: w_th = 1/(R sin a cos b)², w_ph = 1/r².
+    ///
+    /// With them (and no toe angle) the sum of w tau² is that of the squared contact forces, so the least-cost torques
+    /// are those that least load the contacts.
+    #[must_use]
+    pub fn weights(&self) -> [Real; 2] {
+        [1.0 / (self.steer * self.steer), 1.0 / (self.roll * self.roll)]
+    }
+
+    /// The force at the contact, N, along c1 and c2, of the joint torques (steer, drive), N m: f = H⁻ᵀ tau.
+    ///
+    /// For a turning sphere tau is what is left after the joints' inertia, tau - J_q dzd/dt.
+    #[inline]
+    #[must_use]
+    pub fn force(&self, steer_torque: Real, drive_torque: Real) -> [Real; 2] {
+        let along_roll = drive_torque / self.roll;
+        [(steer_torque + self.cross * along_roll) / self.steer, along_roll]
+    }
+}
+
+/// The largest |f_i| / `grip` over the wheels, where f_i are the contact forces of `tau` (steer, drive per wheel, N m)
+/// and `grip` is mu N, what a contact holds, in N. Above 1 a wheel would slip.
+///
+/// Infinite where `grip` is not positive and there is any force; 0 where there is none.
+#[must_use]
+pub fn traction(arms: &[ContactArms], tau: &[Real], grip: Real) -> Real {
+    let mut square: Real = 0.0;
+    for (arm, pair) in arms.iter().take(MAX_WHEELS).zip(tau.chunks_exact(2)) {
+        let [f1, f2] = arm.force(pair[0], pair[1]);
+        square = square.max(f1 * f1 + f2 * f2);
+    }
+    match square {
+        0.0 => 0.0,
+        _ if grip > 0.0 => sqrt(square) / grip,
+        _ => Real::INFINITY,
+    }
+}
+
+impl Allocation {
+    /// Scales the torques down, all alike, so that no contact carries more than `grip` = mu N, N; returns the load
+    /// |f| / (mu N) of the most loaded contact before that. Direction is kept: only the size gives way.
+    pub fn limit_traction(&mut self, arms: &[ContactArms], grip: Real) -> Real {
+        let load = traction(arms, &self.torque, grip);
+        if load > 1.0 {
+            let keep = 1.0 / load;
+            for tau in &mut self.torque {
+                *tau *= keep;
+            }
+            self.scale *= keep;
+        }
+        load
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::MAX_JOINTS;
+    use crate::real::fabs;
+
+    const TOED: ContactArms = ContactArms { steer: 0.0177, cross: -0.004, roll: 0.0155 };
+
+    fn allocation(tau: [Real; 4]) -> Allocation {
+        let mut torque = [0.0; MAX_JOINTS];
+        torque[..4].copy_from_slice(&tau);
+        Allocation { torque, scale: 0.8, deficient: false }
+    }
+
+    #[test]
+    fn forces_do_the_work_of_the_torques() {
+        // f.s = tau.zd for any rates, with s = H zd.
+        let ([f1, f2], [a, b]) = (TOED.force(0.3, -0.1), [1.7, -4.0]);
+        let work = f1 * (TOED.steer * a) + f2 * (-TOED.cross * a + TOED.roll * b);
+        assert!(fabs(work - (0.3 * a - 0.1 * b)) < 16.0 * Real::EPSILON);
+    }
+
+    #[test]
+    fn a_load_above_the_grip_scales_everything() {
+        let arms = [TOED; 2];
+        let mut loaded = allocation([0.1, 0.1, -0.4, 0.02]);
+        let load = loaded.limit_traction(&arms, 8.0);
+        assert!(load > 1.0);
+        assert!(fabs(loaded.scale * load - 0.8) < 4.0 * Real::EPSILON);
+        assert!(fabs(loaded.torque[2] * load + 0.4) < 4.0 * Real::EPSILON);
+        // Rounding of one square root and one quotient.
+        assert!(fabs(traction(&arms, &loaded.torque, 8.0) - 1.0) < 4.0 * Real::EPSILON);
+    }
+
+    #[test]
+    fn a_light_load_changes_nothing() {
+        let before = allocation([0.01, 0.01, -0.04, 0.002]);
+        let mut after = before;
+        assert!(after.limit_traction(&[TOED; 2], 8.0) < 1.0);
+        assert_eq!(after, before);
+    }
+
+    #[test]
+    fn without_grip_there_is_no_torque() {
+        let mut slippery = allocation([0.1, 0.1, -0.4, 0.02]);
+        assert_eq!(slippery.limit_traction(&[TOED; 2], 0.0), Real::INFINITY);
+        assert_eq!((slippery.torque, slippery.scale), ([0.0; MAX_JOINTS], 0.0));
+        let mut still = allocation([0.0; 4]);
+        assert_eq!(still.limit_traction(&[TOED; 2], 0.0), 0.0);
+        assert_eq!(still.scale, 0.8);
+    }
+
+    #[test]
+    fn default_weights_weigh_contact_forces() {
+        let straight = ContactArms { cross: 0.0, ..TOED };
+        let [w_th, w_ph] = straight.weights();
+        let [f1, f2] = straight.force(0.3, -0.1);
+        let (cost, squares) = (w_th * 0.09 + w_ph * 0.01, f1 * f1 + f2 * f2);
+        assert!(fabs(cost - squares) < 16.0 * Real::EPSILON * squares);
+    }
+}

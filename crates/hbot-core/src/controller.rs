@@ -1,0 +1,386 @@
+//! One tick: from feedback to joint torques.
+//!
+//! ```text
+//! feedback -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands -> Renderer (the scene)
+//!          -> blend, stream, gain, limits -> allocation -> Outputs
+//! ```
+
+use crate::allocation::{self, ContactArms, JointLimits};
+use crate::device::{MAX_JOINTS, MAX_WHEELS};
+use crate::effects::Motion;
+use crate::inputs::{Command, Inputs, JointFeedback, OnClientLost, Stamp};
+use crate::joints::Joints;
+use crate::mode::{Cause, Machine, Mode};
+use crate::orientation::Orientation;
+use crate::outputs::{Client, Drive, Outputs, Refusal, Reply, State};
+use crate::passivity::Observer;
+use crate::real::{Quat, Real, Vec3, fabs};
+use crate::render::Renderer;
+use crate::rig::Rig;
+use crate::rotation;
+use crate::scene::CompiledScene;
+use crate::shaping::{Blend, Stream, limited, slewed};
+
+/// A tick later than this is a fault, ns.
+pub const LATE_FAULT_NS: u64 = 20_000_000;
+/// As many skipped ticks in a row are a fault.
+pub const SKIPPED_FAULT: u64 = 10;
+/// Damaged frames that a link may owe before it is a fault; one is forgiven every [`CORRUPT_FORGIVEN_TICKS`] ticks, so that 1 %
+/// of noise rides through and 50 % does not.
+pub const CORRUPT_FAULT: Real = 10.0;
+/// See [`CORRUPT_FAULT`].
+pub const CORRUPT_FORGIVEN_TICKS: Real = 20.0;
+
+/// The control law of one rig: a pure function of its state and inputs.
+///
+/// It has no clock and does no input or output. Same inputs, same bits, on any machine.
+#[derive(Debug, Clone)]
+pub struct Controller {
+    rig: Rig,
+    limits: JointLimits,
+    arms: [ContactArms; MAX_WHEELS],
+    joints: Joints,
+    orientation: Orientation,
+    machine: Machine,
+    renderer: Renderer,
+    blend: Blend,
+    stream: Stream,
+    observer: Observer,
+    /// Torque of the last tick, from which the next may differ by the slew limit.
+    torque: Vec3,
+    last_tick: Option<u64>,
+    since_feedback: u64,
+    corrupt: Real,
+    /// The angles are those of the wheels.
+    referenced: bool,
+    /// A controller has rebooted since the start: zeros that were assumed can't be assumed again.
+    rebooted: bool,
+    client_lost: bool,
+    /// References have just been anchored anew.
+    anchored: bool,
+    client: Option<(Stamp, u64)>,
+}
+
+impl Controller {
+    /// A controller for `rig`, unreferenced, at the identity.
+    #[must_use]
+    pub fn new(rig: Rig) -> Self {
+        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+        let first = ContactArms::of(&rig.device.wheels()[0], rig.device.sphere_radius());
+        let mut arms = [first; MAX_WHEELS];
+        for (i, wheel) in rig.device.wheels().iter().enumerate() {
+            arms[i] = ContactArms::of(wheel, rig.device.sphere_radius());
+            let [steer, drive] = arms[i].weights();
+            limits.weight[2 * i] = steer;
+            limits.weight[2 * i + 1] = drive;
+        }
+        for i in 0..rig.device.joints() {
+            limits.peak[i] = rig.joints[i].peak;
+        }
+        Self {
+            limits,
+            arms,
+            joints: Joints::new(&rig),
+            rig,
+            orientation: Orientation::new(),
+            machine: Machine::START,
+            renderer: Renderer::EMPTY,
+            blend: Blend::DONE,
+            stream: Stream::NONE,
+            observer: Observer::START,
+            torque: Vec3::ZERO,
+            last_tick: None,
+            since_feedback: 0,
+            corrupt: 0.0,
+            referenced: false,
+            rebooted: false,
+            client_lost: false,
+            anchored: false,
+            client: None,
+        }
+    }
+
+    /// The rig that it controls.
+    #[must_use]
+    pub fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// One tick.
+    pub fn tick(&mut self, scene: &CompiledScene, inputs: &Inputs) -> Outputs {
+        // A tick that is not after the last one takes no time.
+        let elapsed = self.last_tick.map_or(1, |last| inputs.tick.saturating_sub(last));
+        self.last_tick = Some(inputs.tick);
+        let dt = elapsed.min(SKIPPED_FAULT) as Real * self.rig.timing.period_s();
+
+        let measured = self.measure(inputs, elapsed);
+        let align_step =
+            if self.machine.powered() { self.rig.limits.align_rate * dt } else { Real::INFINITY };
+        self.orientation.settle(inputs.tick, align_step);
+        let present = self.fault(inputs, elapsed, measured.err());
+        self.machine.observe(present);
+        let changed = self.renderer.adopt(scene, self.orientation.q);
+        let mut replies = [None; crate::inputs::MAX_COMMANDS];
+        for (reply, command) in replies.iter_mut().zip(inputs.commands.iter()) {
+            *reply = Some(self.obey(scene, inputs.tick, command));
+        }
+        self.machine.ramp(dt);
+
+        let torque = self.wanted(scene, inputs.tick, dt, changed);
+        self.send(inputs.tick, torque, replies, matches!(measured, Ok(true)))
+    }
+
+    /// Takes the feedback, if there is news: whether there was, or what is wrong with it.
+    #[inline]
+    fn measure(&mut self, inputs: &Inputs, elapsed: u64) -> Result<bool, Cause> {
+        if inputs.rebooted {
+            self.referenced = false;
+            self.rebooted = true;
+        }
+        let news = inputs.feedback.as_ref().filter(|feedback| self.joints.is_news(feedback));
+        let Some(feedback) = news else {
+            self.since_feedback = self.since_feedback.saturating_add(elapsed);
+            return Ok(false);
+        };
+        self.since_feedback = 0;
+        if !self.referenced {
+            self.joints.start(&self.rig, feedback)?;
+            return Ok(true);
+        }
+        let step = self.joints.advance(&self.rig, feedback)?;
+        self.orientation.advance(step.turn);
+        self.observer.turned(step.answered[0], step.answered[1], step.turn);
+        Ok(true)
+    }
+
+    /// The fault condition of this tick, the gravest first.
+    #[inline]
+    fn fault(&mut self, inputs: &Inputs, elapsed: u64, feedback: Option<Cause>) -> Option<Cause> {
+        self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
+            + Real::from(inputs.corrupt_frames);
+        self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
+        let complaints = inputs.feedback.map(|f| f.complaints).unwrap_or_default();
+        let powered = self.machine.powered();
+        if inputs.rebooted || complaints.fault {
+            return Some(Cause::ControllerFault);
+        }
+        if complaints.overcurrent {
+            return Some(Cause::Overtorque);
+        }
+        if complaints.overtemperature {
+            return Some(Cause::Thermal);
+        }
+        if feedback.is_some() {
+            return feedback;
+        }
+        if self.since_feedback > u64::from(self.rig.timing.timeout_ticks) || (complaints.watchdog && powered)
+        {
+            return Some(Cause::LinkLost);
+        }
+        if self.corrupt >= CORRUPT_FAULT {
+            return Some(Cause::LinkCorrupt);
+        }
+        if inputs.lateness_ns > LATE_FAULT_NS || elapsed > SKIPPED_FAULT {
+            return Some(Cause::Deadline);
+        }
+        if core::mem::take(&mut self.client_lost) {
+            return Some(Cause::ClientLost);
+        }
+        if powered && self.joints.omega.length_squared() > self.rig.limits.speed * self.rig.limits.speed {
+            return Some(Cause::Overspeed);
+        }
+        if powered && self.joints.slip > self.rig.limits.slip {
+            return Some(Cause::Slip);
+        }
+        self.reference(inputs.feedback.as_ref());
+        None
+    }
+
+    /// Leaves `unreferenced` once all steering zeros are known.
+    #[inline]
+    fn reference(&mut self, feedback: Option<&JointFeedback>) {
+        if self.referenced || self.machine.mode != Mode::Unreferenced {
+            return;
+        }
+        if feedback.is_some_and(|feedback| Joints::zeros_known(&self.rig, feedback, !self.rebooted)) {
+            self.referenced = true;
+            self.machine.referenced();
+        }
+    }
+
+    fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
+        match *command {
+            Command::Enable => self.enable(scene),
+            Command::Disable => {
+                self.machine.disable();
+                Reply::Done
+            }
+            Command::Estop => {
+                self.machine.estop();
+                Reply::Done
+            }
+            Command::Reset => match self.machine.reset(self.referenced) {
+                Ok(()) => Reply::Done,
+                Err(obstacle) => Reply::Refused(Refusal::Mode(obstacle)),
+            },
+            Command::Stream { torque, valid_ticks, stamp } => {
+                if !torque.is_finite() {
+                    return Reply::Refused(Refusal::NotFinite);
+                }
+                self.stamped(tick, stamp, |this| {
+                    this.stream.set(torque, tick + u64::from(valid_ticks.max(1)) - 1);
+                    true
+                })
+            }
+            Command::Reference { slot, epoch, q, omega, valid_ticks, stamp } => {
+                if !(is_unit(q) && omega.is_finite()) {
+                    return Reply::Refused(Refusal::NotFinite);
+                }
+                self.stamped(tick, stamp, |this| {
+                    this.renderer.refer(scene, (slot, epoch), q, omega, tick + u64::from(valid_ticks))
+                })
+            }
+            Command::Align { q, weight, tick: seen } => self.align(q, weight, seen),
+            Command::ClientLost(policy) => {
+                match policy {
+                    OnClientLost::Ramp => self.stream.end(tick),
+                    OnClientLost::Keep => {}
+                    // The event is taken with the next tick's conditions, like every other.
+                    OnClientLost::Fault => {
+                        self.stream.end(tick);
+                        self.client_lost = true;
+                    }
+                }
+                Reply::Done
+            }
+        }
+    }
+
+    fn enable(&mut self, scene: &CompiledScene) -> Reply {
+        if let Some(obstacle) = self.machine.obstacle() {
+            return Reply::Refused(Refusal::Mode(obstacle));
+        }
+        if self.machine.mode == Mode::Idle {
+            let q = self.orientation.q;
+            if let Some((slot, angle)) = self.renderer.too_far(scene, q, self.rig.limits.enable_max_angle) {
+                return Reply::Refused(Refusal::TooFar { slot, angle });
+            }
+            self.renderer.enable(scene, q);
+            // Where it is still ramping down from before, what was felt goes over into what comes.
+            self.anchored = true;
+            self.machine.enable();
+        }
+        Reply::Done
+    }
+
+    /// Takes a stream message, unless the sample that it was computed from is too old.
+    fn stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
+        let age_ticks = stamp.tick.map_or(0, |seen| tick.saturating_sub(seen));
+        if age_ticks > u64::from(self.rig.limits.max_age_ticks) {
+            return Reply::Refused(Refusal::TooOld { age_ticks });
+        }
+        if !take(self) {
+            return Reply::Refused(Refusal::NoReference);
+        }
+        self.client = Some((stamp, tick));
+        Reply::Done
+    }
+
+    fn align(&mut self, q: Quat, weight: Real, seen: u64) -> Reply {
+        if !(is_unit(q) && (0.0..=1.0).contains(&weight)) {
+            return Reply::Refused(Refusal::NotFinite);
+        }
+        let Some(then) = self.orientation.at(seen) else {
+            return Reply::Refused(Refusal::NotInHistory);
+        };
+        let delta = rotation::difference(q, then);
+        if weight > 0.0 {
+            self.orientation.correct(delta, weight);
+        }
+        Reply::Aligned { angle: delta.length() }
+    }
+
+    /// The torque wanted on the sphere in N: the scene and the stream, blended, faded and limited.
+    #[inline]
+    fn wanted(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Vec3 {
+        let gain = self.machine.gain;
+        let changed = core::mem::take(&mut self.anchored) || changed;
+        if gain == 0.0 {
+            self.blend = Blend::DONE;
+            // A stream goes on expiring.
+            let _ = self.stream.torque(tick, dt);
+            return Vec3::ZERO;
+        }
+        let limits = &self.rig.limits;
+        let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        let rendered = self.renderer.torque(scene, &motion, tick, dt, limits.reference_rate * dt);
+        let wanted = (self.blend.apply(rendered, changed, dt) + self.stream.torque(tick, dt)) * gain;
+        slewed(self.torque, limited(wanted, limits.torque), limits.torque_rate * dt)
+    }
+
+    /// Allocates the torque to the joints and makes the tick's outputs; a number that is not finite ends in a fault.
+    #[inline]
+    fn send(
+        &mut self,
+        tick: u64,
+        wanted: Vec3,
+        replies: [Option<Reply>; crate::inputs::MAX_COMMANDS],
+        fresh: bool,
+    ) -> Outputs {
+        let n = self.rig.device.joints();
+        let mut joint_torque = [0.0; MAX_JOINTS];
+        let (mut scale, mut deficient, mut traction, mut torque) = (1.0, false, 0.0, Vec3::ZERO);
+        if !wanted.is_finite() {
+            self.machine.observe(Some(Cause::NonFinite));
+        } else if wanted != Vec3::ZERO {
+            let mut allocation = allocation::allocate(self.joints.posture.rows(), &self.limits, wanted);
+            if let Some(grip) = self.rig.limits.traction {
+                traction = allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force);
+            }
+            torque = self.joints.posture.torque_on_sphere(&allocation.torque[..n]);
+            scale = allocation.scale;
+            deficient = allocation.deficient;
+            joint_torque = allocation.torque;
+            if !(torque.is_finite() && joint_torque.iter().all(|t| t.is_finite())) {
+                self.machine.observe(Some(Cause::NonFinite));
+                joint_torque = [0.0; MAX_JOINTS];
+                torque = Vec3::ZERO;
+            }
+        }
+        self.torque = torque;
+        self.observer.sent(tick as u32, torque);
+        let mut drive = Drive { enable: self.machine.powered(), torque: [0.0; MAX_JOINTS] };
+        for i in 0..n {
+            drive.torque[i] = self.joints.command(i, joint_torque[i]);
+        }
+        let client = self.client.map(|(stamp, taken)| Client {
+            seq: stamp.seq,
+            age_ticks: tick.saturating_sub(stamp.tick.unwrap_or(taken)),
+        });
+        let state = State {
+            tick,
+            mode: self.machine.mode,
+            cause: self.machine.cause,
+            q: self.orientation.q,
+            omega: self.joints.omega,
+            torque,
+            joints: n,
+            angle: self.joints.angle,
+            rate: self.joints.rate,
+            joint_torque,
+            slip: self.joints.slip,
+            scale,
+            deficient,
+            traction,
+            energy: self.observer.energy(),
+            client,
+            fresh,
+        };
+        Outputs { drive, replies, state }
+    }
+}
+
+fn is_unit(q: Quat) -> bool {
+    // What a careful client sends; the core does not guess at what a careless one meant.
+    fabs(q.length_squared() - 1.0) < 1.0e-3
+}

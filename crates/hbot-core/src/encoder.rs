@@ -1,0 +1,133 @@
+//! From wrapping integer counts to angles.
+//!
+//! Angles grow without bound and counts wrap at 32 bits, so readings are differenced as integers and the angle is
+//! kept as an integer within one turn; it becomes a float only then.
+
+use crate::real::{Real, TURN};
+use crate::rig::Joint;
+
+/// Counts are kept in units of 2⁻²⁴, so that a turn which a gear makes fractional is exact to 3e-8 counts.
+const FRACTION_BITS: u32 = 24;
+
+/// One joint's encoder: the last count and the angle within a turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Encoder {
+    last: i32,
+    /// Angle within a turn, in 2⁻²⁴ counts; 0 <= position < turn.
+    position: i64,
+    turn: i64,
+    radians_per_unit: Real,
+    /// Signed: negative where the controller counts against the joint.
+    radians_per_count: Real,
+    reversed: bool,
+}
+
+impl Encoder {
+    pub(crate) fn new(joint: &Joint) -> Self {
+        let counts = f64::from(joint.counts_per_turn) * real_to_f64(joint.gear);
+        let unit = (1_i64 << FRACTION_BITS) as f64;
+        let turn = libm::round(counts * unit) as i64;
+        let radians_per_count = TURN / counts as Real;
+        Self {
+            last: 0,
+            position: 0,
+            turn: turn.max(1),
+            radians_per_unit: TURN / turn.max(1) as Real,
+            radians_per_count: if joint.reversed { -radians_per_count } else { radians_per_count },
+            reversed: joint.reversed,
+        }
+    }
+
+    /// Takes the reading `count` as the angle from the zero that the controller knows.
+    pub(crate) fn take(&mut self, count: i32) {
+        self.last = count;
+        let signed = if self.reversed { -i64::from(count) } else { i64::from(count) };
+        // 2^31 counts times 2^24 units fit in 56 bits.
+        self.position = (signed << FRACTION_BITS).rem_euclid(self.turn);
+    }
+
+    /// The angle that the joint has turned since the last reading, rad, without taking the new one.
+    #[inline]
+    pub(crate) fn peek(&self, count: i32) -> Real {
+        count.wrapping_sub(self.last) as Real * self.radians_per_count
+    }
+
+    /// Takes the next reading.
+    #[inline]
+    pub(crate) fn advance(&mut self, count: i32) {
+        let delta = i64::from(count.wrapping_sub(self.last)) << FRACTION_BITS;
+        self.last = count;
+        self.position += if self.reversed { -delta } else { delta };
+        if self.position < 0 || self.position >= self.turn {
+            self.position = self.position.rem_euclid(self.turn);
+        }
+    }
+
+    /// The angle within a turn, rad, 0 to 2 pi.
+    #[inline]
+    pub(crate) fn angle(&self) -> Real {
+        self.position as Real * self.radians_per_unit
+    }
+
+    /// A torque or rate of the joint in the controller's sense, or the other way round.
+    #[inline]
+    pub(crate) fn signed(&self, x: Real) -> Real {
+        if self.reversed { -x } else { x }
+    }
+}
+
+// One width of the two makes the conversion a no-op.
+#[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
+fn real_to_f64(x: Real) -> f64 {
+    f64::from(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::Zero;
+
+    fn encoder(counts_per_turn: u32, gear: Real, reversed: bool) -> Encoder {
+        Encoder::new(&Joint {
+            counts_per_turn,
+            gear,
+            reversed,
+            zero: Zero::Assume,
+            peak: 1.0,
+            continuous: 1.0,
+        })
+    }
+
+    #[test]
+    fn wrapping_counts_keep_the_angle() {
+        for reversed in [false, true] {
+            let mut e = encoder(16384, 17.0, reversed);
+            e.take(i32::MAX - 5);
+            let before = e.angle();
+            assert!(
+                (e.peek((i32::MAX - 5).wrapping_add(10)) - e.signed(10.0 * TURN / (16384.0 * 17.0))).abs()
+                    < 1e-6
+            );
+            e.advance((i32::MAX - 5).wrapping_add(10));
+            let turned = crate::rotation::wrap_angle(e.angle() - before);
+            assert!((turned - e.signed(10.0 * TURN / (16384.0 * 17.0))).abs() < 1e-6, "{turned}");
+        }
+    }
+
+    #[test]
+    fn a_hundred_thousand_turns_of_a_fractional_gear_stay_exact() {
+        let mut e = encoder(1024, 84.3, false);
+        e.take(0);
+        let mut count = 0_i32;
+        // 843 turns of the encoder are 10 of the joint.
+        for _ in 0..10_000 {
+            for _ in 0..843 {
+                count = count.wrapping_add(1024);
+                e.advance(count);
+            }
+        }
+        // 1e5 turns, each rounded to at most 2^-25 counts of 86323.
+        let off = crate::rotation::wrap_angle(e.angle()).abs();
+        assert!(off < 1e5 / 33_554_432.0 * TURN / 86323.0 + 1e-6, "{off}");
+    }
+}

@@ -1,0 +1,102 @@
+//! The spring laws and the damper, with their energies (physics notes, section 6; Caccavale et al. 1999).
+//!
+//! x = q_d⁻¹ q = (eta, e), taken with eta >= 0, is the actual orientation in the desired frame. Stiffness (N m/rad) and
+//! damping (N m s/rad) are symmetric matrices in desired-frame axes; torques come out in N and act on the sphere. Each
+//! spring is the exact gradient of its energy: around any closed path it does no net work.
+
+use crate::real::{Mat3, Quat, Real, Vec3, fabs};
+use crate::rotation::{self, angle_over_sine, shortest, vector_part};
+
+/// A torque on the sphere in N (N m) and the energy stored in the spring (J).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Elastic {
+    /// On the sphere, in N, N m.
+    pub torque: Vec3,
+    /// Potential energy, J.
+    pub energy: Real,
+}
+
+/// The quaternion law (paper eq. 25-29): T = -R_d 2 Eᵀ K e with E = eta I - \[e\]; energy 2 eᵀ K e.
+///
+/// Smooth everywhere. For an isotropic K it is K sin(angle): soft beyond a quarter turn, zero at a half turn.
+#[inline]
+#[must_use]
+pub fn quaternion_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic {
+    let x = shortest(desired.conjugate() * actual);
+    let e = vector_part(x);
+    let ke = *stiffness * e;
+    // Eᵀ = eta I + [e]
+    let torque = (ke * x.w + e.cross(ke)) * -2.0;
+    Elastic { torque: desired * torque, energy: 2.0 * e.dot(ke) }
+}
+
+/// The geodesic law: T = -R_d Mᵀ K p with p = log x; energy 1/2 pᵀ K p. Linear in the angle up to a half turn.
+///
+/// M = I - 1/2 \[p\] + (1/t²)(1 - (t/2) cot(t/2)) \[p\]², t = |p|, is the Jacobian of the logarithm for a turn in the desired
+/// frame. At exactly a half turn both +p and -p would do; the one nearer to `branch`, the last rotation vector, is kept.
+/// Returns the new rotation vector p (rad, desired frame) to be handed in as the next `branch`.
+#[inline]
+#[must_use]
+pub fn geodesic_law(desired: Quat, actual: Quat, stiffness: &Mat3, branch: Vec3) -> (Elastic, Vec3) {
+    let mut x = shortest(desired.conjugate() * actual);
+    if x.w == 0.0 && vector_part(x).dot(branch) < 0.0 {
+        x = -x;
+    }
+    let e = vector_part(x);
+    let factor = angle_over_sine(x.w, e);
+    let p = e * factor;
+    let kp = *stiffness * p;
+    let c = log_jacobian_coefficient(x.w, factor, p.length_squared());
+    // Mᵀ = I + 1/2 [p] + c [p]²
+    let pk = p.cross(kp);
+    let torque = kp + pk * 0.5 + p.cross(pk) * c;
+    (Elastic { torque: desired * -torque, energy: 0.5 * p.dot(kp) }, p)
+}
+
+/// (1/t²)(1 - (t/2) cot(t/2)), from eta = cos(t/2), t / sin(t/2) and t².
+#[inline]
+fn log_jacobian_coefficient(eta: Real, angle_over_sine: Real, t2: Real) -> Real {
+    if t2 < 0.09 {
+        // 1/12 + t²/720 + t⁴/30240 + t⁶/1209600 + t⁸/47900160; the next term is below 3e-15.
+        return 1.0 / 12.0
+            + t2 * (1.0 / 720.0
+                + t2 * (1.0 / 30_240.0 + t2 * (1.0 / 1_209_600.0 + t2 * (1.0 / 47_900_160.0))));
+    }
+    (1.0 - 0.5 * angle_over_sine * eta) / t2
+}
+
+/// The damper: T = -R_d D R_dᵀ (w - w_d), with the rates in N; it takes energy out.
+#[inline]
+#[must_use]
+pub fn damper(desired: Quat, damping: &Mat3, omega: Vec3, desired_omega: Vec3) -> Vec3 {
+    -(desired * (*damping * (desired.conjugate() * (omega - desired_omega))))
+}
+
+/// The rotation vector of the actual orientation in the desired frame, log(q_d⁻¹ q), rad.
+#[must_use]
+pub fn rotation_vector(desired: Quat, actual: Quat) -> Vec3 {
+    rotation::log(desired.conjugate() * actual)
+}
+
+/// Whether `m` is symmetric and positive semidefinite to rounding, and finite: legal as a stiffness or a damping.
+#[must_use]
+pub fn is_impedance(m: &Mat3) -> bool {
+    let [xx, yy, zz] = [m.x_axis.x, m.y_axis.y, m.z_axis.z];
+    let [xy, xz, yz] = [m.x_axis.y, m.x_axis.z, m.y_axis.z];
+    let scale = xx.max(yy).max(zz);
+    if !(m.is_finite() && xx >= 0.0 && yy >= 0.0 && zz >= 0.0) {
+        return false;
+    }
+    let slack = 64.0 * Real::EPSILON * scale;
+    let symmetric =
+        fabs(m.y_axis.x - xy) <= slack && fabs(m.z_axis.x - xz) <= slack && fabs(m.z_axis.y - yz) <= slack;
+    // All principal minors of the matrix scaled to unit size.
+    let s = if scale > 0.0 { 1.0 / scale } else { 0.0 };
+    let [a, b, c, d, e, f] = [xx * s, yy * s, zz * s, xy * s, xz * s, yz * s];
+    let minor = -64.0 * Real::EPSILON;
+    symmetric
+        && a * b - d * d >= minor
+        && a * c - e * e >= minor
+        && b * c - f * f >= minor
+        && a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e) >= minor
+}

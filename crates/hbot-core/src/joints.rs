@@ -1,0 +1,163 @@
+//! From feedback to joint angles, rates and the turn of the sphere: the first stage of a tick.
+
+use crate::device::{MAX_JOINTS, MAX_WHEELS};
+use crate::encoder::Encoder;
+use crate::inputs::JointFeedback;
+use crate::kinematics::Posture;
+use crate::mode::Cause;
+use crate::odometry;
+use crate::outputs::Slip;
+use crate::real::{PI, Real, Vec3, fabs, sqrt};
+use crate::rig::{RateEstimate, Rig, Zero};
+
+/// Rates above this are not a joint's, rad/s: 100,000 turns a minute.
+const MAX_RATE: Real = 1.0e4;
+
+/// The joints and the posture that they put the sphere in.
+#[derive(Debug, Clone)]
+pub(crate) struct Joints {
+    encoders: [Encoder; MAX_JOINTS],
+    /// The last command that feedback has answered.
+    sequence: Option<u32>,
+    pub(crate) posture: Posture,
+    pub(crate) angle: [Real; MAX_JOINTS],
+    pub(crate) rate: [Real; MAX_JOINTS],
+    pub(crate) omega: Vec3,
+    pub(crate) slip: Real,
+}
+
+/// What a reading brought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Step {
+    /// The turn of the sphere since the last reading, rad, in N.
+    pub(crate) turn: Vec3,
+    /// The commands that the last reading and this one answer.
+    pub(crate) answered: [u32; 2],
+}
+
+impl Joints {
+    pub(crate) fn new(rig: &Rig) -> Self {
+        Self {
+            encoders: rig.joints.map(|joint| Encoder::new(&joint)),
+            sequence: None,
+            posture: Posture::new(&rig.device, &[0.0; MAX_WHEELS]),
+            angle: [0.0; MAX_JOINTS],
+            rate: [0.0; MAX_JOINTS],
+            omega: Vec3::ZERO,
+            slip: 0.0,
+        }
+    }
+
+    /// Whether `feedback` is newer than the last that was taken.
+    #[inline]
+    pub(crate) fn is_news(&self, feedback: &JointFeedback) -> bool {
+        self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
+    }
+
+    /// Whether all steering zeros are known. `first`: these controllers have not rebooted since the start.
+    pub(crate) fn zeros_known(rig: &Rig, feedback: &JointFeedback, first: bool) -> bool {
+        (0..rig.device.joints()).step_by(2).all(|i| match rig.joints[i].zero {
+            Zero::Assume => first,
+            Zero::Absolute => true,
+            Zero::Index => feedback.index_seen & (1 << i) != 0,
+            Zero::Calibrate => false,
+        })
+    }
+
+    /// Takes a reading as the first: angles from the controllers' zeros, no turn.
+    pub(crate) fn start(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
+        for i in 0..rig.device.joints() {
+            self.encoders[i].take(feedback.counts[i]);
+        }
+        self.sequence = Some(feedback.sequence);
+        self.rates(rig, feedback, None)?;
+        self.locate(rig);
+        Ok(())
+    }
+
+    /// Takes the next reading: the turn of the sphere since the last one.
+    #[inline]
+    pub(crate) fn advance(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<Step, Cause> {
+        let n = rig.device.joints();
+        let mut delta = [0.0; MAX_JOINTS];
+        let mut start = [0.0; MAX_WHEELS];
+        for i in 0..n {
+            delta[i] = self.encoders[i].peek(feedback.counts[i]);
+            if !(fabs(delta[i]) < PI) {
+                return Err(Cause::ImplausibleFeedback);
+            }
+        }
+        for i in 0..n / 2 {
+            start[i] = self.angle[2 * i];
+        }
+        let last = self.sequence.unwrap_or(feedback.sequence.wrapping_sub(1));
+        let ticks = feedback.sequence.wrapping_sub(last).max(1);
+        self.rates(rig, feedback, Some((&delta, ticks as Real * rig.timing.period_s())))?;
+        for i in 0..n {
+            self.encoders[i].advance(feedback.counts[i]);
+        }
+        self.sequence = Some(feedback.sequence);
+        let turn = odometry::turn(&rig.device, rig.methods.odometry, &start, &delta);
+        self.locate(rig);
+        Ok(Step { turn, answered: [last, feedback.sequence] })
+    }
+
+    /// Joint rates by the rig's estimate; `moved`: by how much and in what time since the last reading.
+    #[inline]
+    fn rates(
+        &mut self,
+        rig: &Rig,
+        feedback: &JointFeedback,
+        moved: Option<(&[Real; MAX_JOINTS], Real)>,
+    ) -> Result<(), Cause> {
+        let mut rate = [0.0; MAX_JOINTS];
+        for i in 0..rig.device.joints() {
+            let reported = feedback.rates[i];
+            if !reported.is_finite() {
+                return Err(Cause::NonFinite);
+            }
+            if fabs(reported) > MAX_RATE {
+                return Err(Cause::ImplausibleFeedback);
+            }
+            rate[i] = match (rig.methods.rate, moved) {
+                (RateEstimate::Controller, _) => self.encoders[i].signed(reported),
+                (RateEstimate::Difference, Some((delta, time))) => delta[i] / time,
+                (RateEstimate::Difference, None) => 0.0,
+            };
+        }
+        self.rate = rate;
+        Ok(())
+    }
+
+    /// Angles, posture, and what the rates say of the sphere.
+    #[inline]
+    fn locate(&mut self, rig: &Rig) {
+        let n = rig.device.joints();
+        let mut th = [0.0; MAX_WHEELS];
+        for i in 0..n {
+            self.angle[i] = self.encoders[i].angle();
+        }
+        for i in 0..n / 2 {
+            th[i] = self.angle[2 * i];
+        }
+        self.posture.update(&rig.device, &th[..n / 2]);
+        let forward = self.posture.forward(&rig.device, &self.rate);
+        self.omega = forward.omega;
+        self.slip = largest_slip(&forward.slip, n / 2);
+    }
+
+    /// A joint torque in its controller's own sense.
+    #[inline]
+    pub(crate) fn command(&self, joint: usize, torque: Real) -> Real {
+        self.encoders[joint].signed(torque)
+    }
+}
+
+#[inline]
+fn largest_slip(slip: &Slip, wheels: usize) -> Real {
+    let mut largest: Real = 0.0;
+    for [u, v] in &slip[..wheels] {
+        largest = largest.max(u * u + v * v);
+    }
+    sqrt(largest)
+}

@@ -1,0 +1,167 @@
+//! Contact frames and the no-slip kinematics at a posture (physics notes, sections 1 and 2; paper eq. 1-13).
+//!
+//! A [`Posture`] is what the steering angles determine: each wheel's contact frame and the rows of G. From it follow the
+//! joint rates of a turning sphere (`inverse`), the turning of the sphere from joint rates with the slip that they do not
+//! explain (`forward`), and the torque on the sphere of joint torques (`torque_on_sphere`).
+
+use crate::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
+use crate::real::{Mat3, Real, Vec3, sincos};
+
+/// A wheel's contact frame in N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ContactFrame {
+    /// The wheel's axle.
+    pub c1: Vec3,
+    /// Its rolling direction.
+    pub c2: Vec3,
+    /// The outward normal of the sphere; the contact point is R c3.
+    pub c3: Vec3,
+}
+
+impl ContactFrame {
+    /// The contact frame of `wheel` at the steering angle `th`, rad.
+    #[inline]
+    #[must_use]
+    pub fn at(wheel: &Wheel, th: Real) -> Self {
+        let (sin, cos) = sincos(th);
+        let column = |k: usize| wheel.p[k] * cos + wheel.q[k] * sin + wheel.s[k];
+        Self { c1: column(0), c2: column(1), c3: column(2) }
+    }
+}
+
+/// What the steering angles determine: contact frames and the rows of G.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Posture {
+    wheels: usize,
+    frames: [ContactFrame; MAX_WHEELS],
+    rows: [Vec3; MAX_JOINTS],
+}
+
+/// What joint rates say of the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Forward {
+    /// Angular velocity of the sphere in N, rad/s (or the turn, rad, where increments came in).
+    pub omega: Vec3,
+    /// Slip velocity of each wheel, wheel minus sphere, along its c1 and c2, m/s: what no omega explains.
+    pub slip: [[Real; 2]; MAX_WHEELS],
+}
+
+impl Posture {
+    /// The posture of `device` at the steering angles `th` (one a wheel, rad).
+    #[inline]
+    #[must_use]
+    pub fn new(device: &Device, th: &[Real]) -> Self {
+        let mut posture =
+            Self { wheels: 0, frames: [ContactFrame::default(); MAX_WHEELS], rows: [Vec3::ZERO; MAX_JOINTS] };
+        posture.update(device, th);
+        posture
+    }
+
+    /// Moves this posture to the steering angles `th`, in place: nothing is cleared that is not used.
+    #[inline]
+    pub fn update(&mut self, device: &Device, th: &[Real]) {
+        self.wheels = device.wheels().len();
+        for (i, (wheel, th)) in device.wheels().iter().zip(th).enumerate() {
+            let frame = ContactFrame::at(wheel, *th);
+            let [steer, drive] = rows_of(device, wheel, &frame);
+            self.frames[i] = frame;
+            self.rows[2 * i] = steer;
+            self.rows[2 * i + 1] = drive;
+        }
+    }
+
+    /// The contact frames, one a wheel.
+    #[inline]
+    #[must_use]
+    pub fn frames(&self) -> &[ContactFrame] {
+        &self.frames[..self.wheels]
+    }
+
+    /// The rows of G (2n x 3): joint rates are G w, in the order steer, drive of each wheel; dimensionless.
+    #[inline]
+    #[must_use]
+    pub fn rows(&self) -> &[Vec3] {
+        &self.rows[..2 * self.wheels]
+    }
+
+    /// Joint rates of a sphere that turns with `omega` (N, rad/s) and does not slip: zd = G w, rad/s.
+    #[must_use]
+    pub fn inverse(&self, omega: Vec3) -> [Real; MAX_JOINTS] {
+        let mut rates = [0.0; MAX_JOINTS];
+        for (rate, row) in rates.iter_mut().zip(self.rows()) {
+            *rate = row.dot(omega);
+        }
+        rates
+    }
+
+    /// The torque on the sphere in N of the joint torques `tau` (N m): T = Gᵀ tau. Power balance: T.w = tau.zd.
+    #[inline]
+    #[must_use]
+    pub fn torque_on_sphere(&self, tau: &[Real]) -> Vec3 {
+        let mut torque = Vec3::ZERO;
+        for (row, tau) in self.rows().iter().zip(tau) {
+            torque += *row * *tau;
+        }
+        torque
+    }
+
+    /// The sphere's rate that best explains the joint rates `zd` (rad/s), in the least squares of the slip, and that slip.
+    #[inline]
+    #[must_use]
+    pub fn forward(&self, device: &Device, zd: &[Real]) -> Forward {
+        let omega = forward(device, self.frames(), zd);
+        let mut slip = [[0.0; 2]; MAX_WHEELS];
+        for (i, (wheel, frame)) in device.wheels().iter().zip(self.frames()).enumerate() {
+            let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
+            let r = device.sphere_radius();
+            slip[i] = [u - r * frame.c2.dot(omega), v + r * frame.c1.dot(omega)];
+        }
+        Forward { omega, slip }
+    }
+}
+
+/// Rows of G of one wheel: g_th = c2 / (l.c2) and g_ph = (R/r) ((l.c1) g_th - c1).
+#[inline]
+fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
+    let steer = frame.c2 / wheel.axis_c2;
+    let drive = (steer * wheel.axis_c1 - frame.c1) * (device.sphere_radius() / wheel.spec().radius);
+    [steer, drive]
+}
+
+/// H zd of one wheel: the velocity of its contact point along c1 and c2, m/s.
+#[inline]
+fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [Real; 2] {
+    let r = device.sphere_radius();
+    [r * wheel.axis_c2 * steer, wheel.spec().radius * drive - r * wheel.axis_c1 * steer]
+}
+
+/// w = -(ZᵀZ)⁻¹ Zᵀ H zd at the given contact frames; linear in `zd`, so increments give a turn.
+#[inline]
+#[must_use]
+pub(crate) fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
+    let mut b = Vec3::ZERO;
+    let (mut xx, mut yy, mut zz, mut xy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {
+        let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
+        b += frame.c2 * u - frame.c1 * v;
+        let n = frame.c3;
+        // I - n nᵀ; the diagonal without cancellation: 1 - x² = y² + z² for a unit n.
+        xx += n.y * n.y + n.z * n.z;
+        yy += n.x * n.x + n.z * n.z;
+        zz += n.x * n.x + n.y * n.y;
+        xy -= n.x * n.y;
+        xz -= n.x * n.z;
+        yz -= n.y * n.z;
+    }
+    solve_symmetric(xx, yy, zz, xy, xz, yz, b) / device.sphere_radius()
+}
+
+/// x with A x = b for a symmetric positive definite A, by cofactors.
+#[inline]
+#[must_use]
+pub(crate) fn solve_symmetric(xx: Real, yy: Real, zz: Real, xy: Real, xz: Real, yz: Real, b: Vec3) -> Vec3 {
+    let (a, c, d) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
+    let (e, f, g) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
+    let inverse = Mat3::from_cols(Vec3::new(a, c, d), Vec3::new(c, e, f), Vec3::new(d, f, g));
+    inverse * b / (xx * a + xy * c + xz * d)
+}

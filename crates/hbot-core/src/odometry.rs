@@ -1,0 +1,47 @@
+//! Orientation from joint angles: integrated, because the mechanism is non-holonomic (physics notes, section 4).
+
+use crate::device::{Device, MAX_WHEELS};
+use crate::kinematics::{ContactFrame, forward};
+use crate::real::{Quat, Real, Vec3};
+use crate::rig::OdometryMethod;
+use crate::rotation::{self, renormalized};
+
+/// sqrt(3)/6 and sqrt(3)/12.
+const ROOT3_6: Real = 0.288_675_134_594_812_9;
+const ROOT3_12: Real = 0.144_337_567_297_406_44;
+
+/// The turn of the sphere in N, as a rotation vector (rad), while the joints move at constant rates from the
+/// steering angles `th` (one a wheel, rad) by `delta` (steer, drive of each wheel, rad).
+///
+/// Orders per step: [`OdometryMethod::Euler`] 1, [`Midpoint`](OdometryMethod::Midpoint) 2,
+/// [`Magnus4`](OdometryMethod::Magnus4) 4 (Magnus expansion on two Gauss points; Iserles and Norsett 1999).
+#[inline]
+#[must_use]
+pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]) -> Vec3 {
+    match method {
+        OdometryMethod::Euler => turn_at(device, th, delta, 0.0),
+        OdometryMethod::Midpoint => turn_at(device, th, delta, 0.5),
+        OdometryMethod::Magnus4 => {
+            let first = turn_at(device, th, delta, 0.5 - ROOT3_6);
+            let second = turn_at(device, th, delta, 0.5 + ROOT3_6);
+            (first + second) * 0.5 - first.cross(second) * ROOT3_12
+        }
+    }
+}
+
+/// The orientation after the turn: exp(turn) q, kept unit.
+#[inline]
+#[must_use]
+pub fn advance(q: Quat, turn: Vec3) -> Quat {
+    renormalized(rotation::exp(turn) * q)
+}
+
+/// The turn with the contact frames of one moment, `part` of the way through the step.
+#[inline]
+fn turn_at(device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
+    let mut frames = [ContactFrame::default(); MAX_WHEELS];
+    for (i, wheel) in device.wheels().iter().enumerate() {
+        frames[i] = ContactFrame::at(wheel, th[i] + part * delta[2 * i]);
+    }
+    forward(device, &frames[..device.wheels().len()], delta)
+}

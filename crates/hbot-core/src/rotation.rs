@@ -1,0 +1,213 @@
+//! Rotations: exponential, logarithm and error vectors of unit quaternions.
+//!
+//! A quaternion q = (eta, e) maps sphere axes to N. `exp` and `log` are accurate to rounding from angles of 1e-300
+//! to pi: each uses a series where the closed form would divide zero by zero, and `log` uses atan2, which keeps its
+//! accuracy at a half turn where acos and asin lose half of their digits.
+
+use crate::real::{Mat3, Quat, Real, TURN, Vec3, atan2, fabs, sincos, sqrt};
+
+/// The vector part e of q = (eta, e).
+#[inline]
+#[must_use]
+pub fn vector_part(q: Quat) -> Vec3 {
+    Vec3::new(q.x, q.y, q.z)
+}
+
+/// A quaternion from its scalar and vector parts.
+#[inline]
+#[must_use]
+pub fn from_parts(eta: Real, e: Vec3) -> Quat {
+    Quat::from_xyzw(e.x, e.y, e.z, eta)
+}
+
+/// A quaternion from `[w, x, y, z]`, scaled to unit norm; `None` where it is zero or not finite.
+///
+/// Components are scaled by the largest first, so no norm overflows or underflows.
+#[must_use]
+pub fn from_wxyz(c: [Real; 4]) -> Option<Quat> {
+    let largest = c.iter().fold(0.0, |m: Real, x| if fabs(*x) > m || x.is_nan() { fabs(*x) } else { m });
+    if !(largest > 0.0 && largest.is_finite()) {
+        return None;
+    }
+    let q = Quat::from_xyzw(c[1] / largest, c[2] / largest, c[3] / largest, c[0] / largest);
+    Some(q * (1.0 / sqrt(q.length_squared())))
+}
+
+/// `[w, x, y, z]` of a quaternion.
+#[inline]
+#[must_use]
+pub fn to_wxyz(q: Quat) -> [Real; 4] {
+    [q.w, q.x, q.y, q.z]
+}
+
+/// The rotation by the vector `v` (axis times angle, rad): exp(v) = (cos(|v|/2), v sin(|v|/2)/|v|).
+///
+/// # Preconditions
+/// `v` is finite and |v|² does not overflow.
+#[inline]
+#[must_use]
+pub fn exp(v: Vec3) -> Quat {
+    let t2 = v.length_squared();
+    // Below 1/32 rad the series to t^6 is exact to rounding: the next terms are t^8/1e7 and t^8/2e8.
+    if t2 < 1.0 / 1024.0 {
+        let eta = 1.0 - t2 * (1.0 / 8.0) * (1.0 - t2 * (1.0 / 48.0) * (1.0 - t2 * (1.0 / 120.0)));
+        let k = 0.5 - t2 * (1.0 / 48.0) * (1.0 - t2 * (1.0 / 80.0) * (1.0 - t2 * (1.0 / 168.0)));
+        return from_parts(eta, v * k);
+    }
+    let t = sqrt(t2);
+    let (s, c) = sincos(0.5 * t);
+    from_parts(c, v * (s / t))
+}
+
+/// The rotation vector of the unit quaternion `q`: the shortest one, |log q| <= pi, whatever sign `q` comes with.
+///
+/// At exactly a half turn (eta = 0) both `e` and `-e` would do; it returns `pi e`.
+#[inline]
+#[must_use]
+pub fn log(q: Quat) -> Vec3 {
+    let q = shortest(q);
+    vector_part(q) * (angle_over_sine(q.w, vector_part(q)))
+}
+
+/// `q` or `-q`: the one with eta >= 0. The same rotation.
+#[inline]
+#[must_use]
+pub fn shortest(q: Quat) -> Quat {
+    if q.w < 0.0 { -q } else { q }
+}
+
+/// t / sin(t/2) for the unit quaternion (eta, e) with eta >= 0, where t is its angle: log q = e t / sin(t/2).
+#[inline]
+#[must_use]
+pub(crate) fn angle_over_sine(eta: Real, e: Vec3) -> Real {
+    let s2 = e.length_squared();
+    // 2 atan(x)/x with x = s/eta; to x^8 the remainder is 2 x^10/11 < 2e-16 for x² < 8e-4.
+    if s2 < 8.0e-4 * eta * eta {
+        let x2 = s2 / (eta * eta);
+        let series = 1.0 - x2 * (1.0 / 3.0 - x2 * (0.2 - x2 * (1.0 / 7.0 - x2 * (1.0 / 9.0))));
+        return 2.0 * series / eta;
+    }
+    let s = sqrt(s2);
+    2.0 * atan2(s, eta) / s
+}
+
+/// `q` scaled to unit norm, for a `q` that has drifted from it by rounding only.
+///
+/// One step of Newton's iteration for 1/sqrt: a deviation d of |q|² from 1 is left at 3/8 d², below rounding for d < 1e-8.
+#[inline]
+#[must_use]
+pub fn renormalized(q: Quat) -> Quat {
+    q * (1.5 - 0.5 * q.length_squared())
+}
+
+/// The rotation of `to` relative to `from`, as a vector in N: log(to from⁻¹), rad.
+#[inline]
+#[must_use]
+pub fn difference(to: Quat, from: Quat) -> Vec3 {
+    log(to * from.conjugate())
+}
+
+/// The angle between two orientations, rad, 0 to pi.
+#[must_use]
+pub fn angle_between(a: Quat, b: Quat) -> Real {
+    let x = shortest(a * b.conjugate());
+    2.0 * atan2(vector_part(x).length(), x.w)
+}
+
+/// The error vector of the paper's eq. 24 in N: eta e_d - eta_d e - \[e_d\] e, the vector part of q_d q⁻¹.
+#[must_use]
+pub fn error_eq24(desired: Quat, actual: Quat) -> Vec3 {
+    let (ed, e) = (vector_part(desired), vector_part(actual));
+    ed * actual.w - e * desired.w - ed.cross(e)
+}
+
+/// The unit quaternion of Hopf coordinates (paper eq. 23 as corrected in the physics notes, section 10):
+/// theta in 0..pi, phi and psi in 0..2 pi.
+#[must_use]
+pub fn from_hopf(theta: Real, phi: Real, psi: Real) -> Quat {
+    let (st, ct) = sincos(0.5 * theta);
+    let (sp, cp) = sincos(0.5 * psi);
+    let (sb, cb) = sincos(phi + 0.5 * psi);
+    Quat::from_xyzw(ct * sp, st * cb, st * sb, ct * cp)
+}
+
+/// The skew matrix of `v`: \[v\] w = v x w.
+#[inline]
+#[must_use]
+pub fn skew(v: Vec3) -> Mat3 {
+    Mat3::from_cols(Vec3::new(0.0, v.z, -v.y), Vec3::new(-v.z, 0.0, v.x), Vec3::new(v.y, -v.x, 0.0))
+}
+
+/// `angle` less whole turns, in (-pi, pi].
+#[must_use]
+pub fn wrap_angle(angle: Real) -> Real {
+    let r = crate::real::fmod(angle, TURN);
+    if r > 0.5 * TURN {
+        r - TURN
+    } else if r <= -0.5 * TURN {
+        r + TURN
+    } else {
+        r
+    }
+}
+
+#[cfg(all(test, not(feature = "f32")))]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+
+    #[test]
+    fn exp_and_log_are_inverse_from_1e_300_to_pi() {
+        let axis = Vec3::new(0.6, -0.48, 0.64);
+        let angles = [
+            1e-300,
+            1e-160,
+            1e-100,
+            1e-20,
+            1e-9,
+            1e-8,
+            1e-4,
+            0.02,
+            0.0312,
+            0.0313,
+            0.05,
+            0.0566,
+            0.5,
+            1.5,
+            3.0,
+            PI - 1e-8,
+            PI - 1e-15,
+        ];
+        for t in angles {
+            let back = log(exp(axis * t));
+            // Rounding of a unit quaternion turns into at most a few ulp of the angle, or of pi near a half turn.
+            assert!(
+                (back - axis * t).length() <= 4.0 * f64::EPSILON * t,
+                "{t:e}: {back} against {}",
+                axis * t
+            );
+            assert_eq!(log(-exp(axis * t)), back, "the sign of q does not matter, {t:e}");
+        }
+        assert_eq!(exp(Vec3::ZERO), Quat::IDENTITY);
+        assert_eq!(log(Quat::IDENTITY), Vec3::ZERO);
+        assert_eq!(log(from_parts(0.0, Vec3::X)), Vec3::X * PI);
+    }
+
+    #[test]
+    fn zero_and_unbounded_quaternions_are_refused_and_scale_does_not_matter() {
+        assert_eq!(from_wxyz([0.0; 4]), None);
+        assert_eq!(from_wxyz([f64::NAN, 1.0, 0.0, 0.0]), None);
+        assert_eq!(from_wxyz([1.0, f64::INFINITY, 0.0, 0.0]), None);
+        for scale in [1e-300, 1e-160, 1.0, 1e160, 1e300] {
+            let q = from_wxyz([scale, -scale, scale, -scale]).unwrap();
+            assert!((q - Quat::from_xyzw(-0.5, 0.5, -0.5, 0.5)).length() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn wrap_angle_keeps_the_interval() {
+        assert_eq!(wrap_angle(PI), PI);
+        assert!((wrap_angle(-PI - 0.25) - (PI - 0.25)).abs() < 1e-15);
+        assert!((wrap_angle(100.0 * PI + 0.5) - 0.5).abs() < 1e-13);
+    }
+}

@@ -1,0 +1,207 @@
+//! From a message to the bytes on the line, and how many they are.
+
+use crate::{MAX_FIRMWARE_BYTES, MAX_JOINTS, Message};
+use core::fmt;
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+
+/// Line time of a byte: a start bit, eight bits of data, a stop bit (8N1). Bytes of a frame times this times
+/// frames a second is the baud rate that one direction of a line needs at the least.
+pub const BITS_PER_BYTE: usize = 10;
+
+/// [`command_frame_bytes`] of [`MAX_JOINTS`]: no frame to a controller is longer.
+pub const MAX_COMMAND_FRAME: usize = command_frame_bytes(MAX_JOINTS);
+
+/// [`feedback_frame_bytes`] of [`MAX_JOINTS`]: no frame from a controller is longer.
+pub const MAX_FEEDBACK_FRAME: usize = feedback_frame_bytes(MAX_JOINTS);
+
+/// [`description_frame_bytes`] of [`MAX_JOINTS`].
+pub const MAX_DESCRIPTION_FRAME: usize = description_frame_bytes(MAX_JOINTS);
+
+/// The most bytes on the line, delimiter included, of a [`Command`](crate::Command) for so many joints.
+///
+/// # Preconditions
+///
+/// `joints` is at most [`MAX_JOINTS`]: no message holds more.
+#[must_use]
+pub const fn command_frame_bytes(joints: usize) -> usize {
+    let header = VARIANT + VARINT_U32 + BOOL + VARINT_U16 + COUNT;
+    frame_bytes(header + joints * F32)
+}
+
+/// The most bytes on the line, delimiter included, of a [`Feedback`](crate::Feedback) of so many joints. How
+/// many there are in fact depends on counts, flags and sequence, which are shorter where they are small.
+///
+/// # Preconditions
+///
+/// `joints` is at most [`MAX_JOINTS`]: no message holds more.
+#[must_use]
+pub const fn feedback_frame_bytes(joints: usize) -> usize {
+    let header = VARIANT + VARINT_U32 + VARINT_U16 + COUNT;
+    let joint = VARINT_U32 + 3 * F32 + VARINT_U16;
+    frame_bytes(header + joints * joint)
+}
+
+/// The most bytes on the line, delimiter included, of a [`Description`](crate::Description) of so many
+/// joints.
+///
+/// # Preconditions
+///
+/// `joints` is at most [`MAX_JOINTS`]: no message holds more.
+#[must_use]
+pub const fn description_frame_bytes(joints: usize) -> usize {
+    let header = VARIANT + VARINT_U16 + COUNT + MAX_FIRMWARE_BYTES + COUNT;
+    frame_bytes(header + joints * VARINT_U32)
+}
+
+/// Writes the frame of a message to the start of `buffer`, delimiter included, and returns its length in
+/// bytes. `M::MAX_FRAME` bytes always suffice.
+///
+/// # Errors
+///
+/// [`EncodeError::BufferTooSmall`] where this very frame does not fit; what `buffer` then holds is of no use.
+pub fn encode<M: Message>(message: &M, buffer: &mut [u8]) -> Result<usize, EncodeError> {
+    let too_small = EncodeError::BufferTooSmall { given: buffer.len(), enough: M::MAX_FRAME };
+    let mut scratch = [0; MAX_CHECKED_BODY];
+    // The sizes above are those of the largest messages, so the scratch holds every one and this error cannot
+    // occur.
+    let body =
+        postcard::to_slice(message, &mut scratch[..MAX_CHECKED_BODY - CRC_BYTES]).map_err(|_| too_small)?;
+    let length = body.len();
+    let check = CRC.checksum(body);
+    scratch[length..length + CRC_BYTES].copy_from_slice(&check.to_le_bytes());
+
+    let end = cobs::try_encode(&scratch[..length + CRC_BYTES], buffer).map_err(|_| too_small)?;
+    // Where the last byte is a zero, `try_encode` may count a code byte that it had no room to write: `end`
+    // is then past the buffer, and so refused here.
+    *buffer.get_mut(end).ok_or(too_small)? = DELIMITER;
+    Ok(end + 1)
+}
+
+/// Why a message was not encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncodeError {
+    /// The frame does not fit the buffer.
+    BufferTooSmall {
+        /// The size of the buffer, in bytes.
+        given: usize,
+        /// A size that suffices for every message of this type, in bytes.
+        enough: usize,
+    },
+}
+
+impl fmt::Display for EncodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::BufferTooSmall { given, enough } = self;
+        write!(f, "serial frame does not fit a buffer of {given} bytes; {enough} always suffice")
+    }
+}
+
+impl core::error::Error for EncodeError {}
+
+/// Ends a frame; COBS keeps it out of the rest.
+pub(crate) const DELIMITER: u8 = 0;
+
+/// Bytes of the check after the body.
+pub(crate) const CRC_BYTES: usize = 4;
+
+/// The CRC of the body. The table of 16 lanes takes 16 KiB of read-only memory and several bytes at a time.
+pub(crate) static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
+
+/// The longest frame of either direction, delimiter included.
+pub(crate) const MAX_FRAME: usize = MAX_FEEDBACK_FRAME;
+
+/// The longest body of either direction with its check. COBS adds at least a byte, the delimiter is another.
+const MAX_CHECKED_BODY: usize = MAX_FRAME - 2;
+
+const _: () = assert!(MAX_COMMAND_FRAME <= MAX_FRAME && MAX_DESCRIPTION_FRAME <= MAX_FRAME);
+
+/// The most bytes of each kind of field in a postcard body: a varint carries 7 bits a byte.
+const VARINT_U32: usize = 5;
+const VARINT_U16: usize = 3;
+const F32: usize = 4;
+const BOOL: usize = 1;
+/// Which variant of the enum, a varint below 128.
+const VARIANT: usize = 1;
+/// How many elements or bytes follow, a varint below 128.
+const COUNT: usize = 1;
+const _: () = assert!(MAX_JOINTS < 128 && MAX_FIRMWARE_BYTES < 128);
+
+const fn frame_bytes(body: usize) -> usize {
+    cobs::max_encoding_length(body + CRC_BYTES) + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{all_samples, largest_command, largest_description, largest_feedback};
+    use crate::{FromController, ToController};
+    use std::{format, vec};
+
+    /// Every size is reached, and by the largest values exactly: the bound is tight for each number of
+    /// joints.
+    #[test]
+    fn worst_case_sizes_are_exact() {
+        let mut buffer = [0; MAX_FRAME];
+        for joints in 0..=MAX_JOINTS {
+            let command = ToController::Command(largest_command(joints));
+            assert_eq!(encode(&command, &mut buffer), Ok(command_frame_bytes(joints)), "{joints} joints");
+            let feedback = FromController::Feedback(largest_feedback(joints));
+            assert_eq!(encode(&feedback, &mut buffer), Ok(feedback_frame_bytes(joints)), "{joints} joints");
+            let description = FromController::Description(largest_description(joints));
+            assert_eq!(
+                encode(&description, &mut buffer),
+                Ok(description_frame_bytes(joints)),
+                "{joints} joints"
+            );
+        }
+        assert_eq!((MAX_COMMAND_FRAME, MAX_FEEDBACK_FRAME, MAX_DESCRIPTION_FRAME), (81, 337, 124));
+    }
+
+    #[test]
+    fn every_buffer_too_small_is_refused_and_the_smallest_that_fits_is_taken() {
+        for (name, sample) in all_samples() {
+            let frame = sample.encoded();
+            for given in 0..frame.len() {
+                let error = sample.encode_into(&mut vec![0xA5; given]);
+                assert!(
+                    matches!(error, Err(EncodeError::BufferTooSmall { given: g, .. }) if g == given),
+                    "{name}, {given}"
+                );
+            }
+            let mut exact = vec![0xA5; frame.len()];
+            assert_eq!(sample.encode_into(&mut exact), Ok(frame.len()), "{name}");
+            assert_eq!(exact, frame, "{name}");
+        }
+    }
+
+    /// The last code byte of COBS then has nothing after it, and a buffer one byte short must still be
+    /// refused. About one check in 256 ends so; a few thousand sequences have several.
+    #[test]
+    fn a_check_that_ends_in_zero_is_framed_whole() {
+        let mut buffer = [0; MAX_COMMAND_FRAME];
+        let mut found = 0;
+        for sequence in 0..4096 {
+            let mut command = largest_command(2);
+            command.sequence = sequence;
+            let message = ToController::Command(command);
+            let length = encode(&message, &mut buffer).unwrap();
+            if buffer[length - 2] == 1 {
+                found += 1;
+                assert!(encode(&message, &mut buffer[..length - 1]).is_err());
+                assert!(encode(&message, &mut buffer[..length - 2]).is_err());
+            }
+        }
+        assert!(found > 0);
+    }
+
+    #[test]
+    fn the_check_is_the_crc_that_the_page_names() {
+        assert_eq!(CRC.checksum(b"123456789"), 0xCBF4_3926);
+    }
+
+    #[test]
+    fn errors_say_what_would_do() {
+        let error = encode(&ToController::Describe, &mut [0; 3]).unwrap_err();
+        assert_eq!(format!("{error}"), "serial frame does not fit a buffer of 3 bytes; 81 always suffice");
+    }
+}

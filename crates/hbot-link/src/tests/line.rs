@@ -1,0 +1,234 @@
+//! What a bad line does to frames, and that the next good one comes through.
+
+use super::{Sample, all_samples, decode_all};
+use crate::frame::CRC;
+use crate::*;
+use proptest::{collection::vec, prelude::*};
+use std::{vec, vec::Vec};
+
+/// A frame with any body and a check that matches it.
+fn framed(body: &[u8]) -> Vec<u8> {
+    let checked = [body, &CRC.checksum(body).to_le_bytes()].concat();
+    let mut frame = vec![0; cobs::max_encoding_length(checked.len()) + 1];
+    let length = cobs::encode(&checked, &mut frame);
+    frame[length] = 0;
+    frame.truncate(length + 1);
+    frame
+}
+
+/// A frame damaged at one place yields errors and nothing else; `next` follows it and decodes.
+fn assert_refused_and_recovered(name: &str, sample: &Sample, damaged: &[u8], next: &Sample) {
+    let results = sample.decode(&[damaged, &next.encoded()]);
+    let (last, before) = results.split_last().expect("a result");
+    assert_eq!(last, &Ok(next.clone()), "{name}: {damaged:02x?}");
+    assert!(
+        !before.is_empty() && before.iter().all(Result::is_err),
+        "{name}: {damaged:02x?} gave {before:?}"
+    );
+}
+
+#[test]
+fn every_truncation_is_refused_and_the_next_frame_decodes() {
+    for (name, sample) in all_samples() {
+        let frame = sample.encoded();
+        let content = frame.len() - 1;
+        for kept in 1..content {
+            assert_refused_and_recovered(name, &sample, &[&frame[..kept], &[0]].concat(), &sample);
+        }
+        // Without its delimiter the rest of a frame runs into the next and both are lost, but not the one
+        // after.
+        for kept in 1..=content {
+            let merged = [&frame[..kept], &frame].concat();
+            assert_refused_and_recovered(name, &sample, &merged, &sample);
+        }
+    }
+}
+
+#[test]
+fn every_flipped_bit_is_refused_and_the_next_frame_decodes() {
+    for (name, sample) in all_samples() {
+        let frame = sample.encoded();
+        for bit in 0..8 * frame.len() {
+            let mut damaged = frame.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            // Where the delimiter is hit, the frame after it is lost as well.
+            if bit / 8 == frame.len() - 1 {
+                damaged.extend(&frame);
+            }
+            assert_refused_and_recovered(name, &sample, &damaged, &sample);
+        }
+    }
+}
+
+#[test]
+fn a_split_at_every_position_changes_nothing() {
+    for (name, sample) in all_samples() {
+        let twice = [sample.encoded(), sample.encoded()].concat();
+        let expected = [Ok(sample.clone()), Ok(sample.clone())];
+        for first in 0..=twice.len() {
+            let (left, right) = twice.split_at(first);
+            assert_eq!(sample.decode(&[left, right]), expected, "{name}, split at {first}");
+            // A third piece, so that a frame also arrives in the middle of two splits.
+            let (middle, right) = right.split_at(right.len() / 2);
+            assert_eq!(sample.decode(&[left, middle, right]), expected, "{name}, split at {first}");
+        }
+    }
+}
+
+#[test]
+fn frames_keep_their_order_among_garbage() {
+    let samples = all_samples().into_iter().map(|(_, sample)| sample);
+    let from = samples.filter(|sample| matches!(sample, Sample::From(_))).collect::<Vec<_>>();
+    let mut line = b"noise".to_vec();
+    line.push(0);
+    for sample in &from {
+        line.extend(sample.encoded());
+        line.extend([0, 0]);
+    }
+    let mut expected = vec![Err(FrameError::Cobs)];
+    expected.extend(from.iter().cloned().map(Ok));
+    assert_eq!(from[0].decode(&[&line]), expected);
+}
+
+#[test]
+fn empty_frames_are_skipped_silently() {
+    assert_eq!(Sample::To(ToController::Describe).decode(&[&[0; 9], &[0], &[]]), []);
+}
+
+#[test]
+fn a_frame_too_long_is_told_once_and_skipped_to_its_end() {
+    for (sample, longest) in [
+        (Sample::To(ToController::Describe), MAX_COMMAND_FRAME),
+        (Sample::From(FromController::Feedback(Feedback::default())), MAX_FEEDBACK_FRAME),
+    ] {
+        // Just not too long: the bytes are judged, and refused, as a frame.
+        let fitting = vec![0xAA; longest - 1];
+        assert_refused_and_recovered("fitting", &sample, &[&fitting[..], &[0]].concat(), &sample);
+        assert_eq!(sample.decode(&[&fitting]), []);
+
+        for excess in [0, 1, 10_000] {
+            let babble = vec![0xAA; longest + excess];
+            assert_eq!(sample.decode(&[&babble]), [Err(FrameError::TooLong)]);
+            let expected = [Err(FrameError::TooLong), Ok(sample.clone())];
+            assert_eq!(sample.decode(&[&babble, &babble, &[0], &sample.encoded()]), expected);
+            let merged = [&babble[..], &[0], &sample.encoded()].concat();
+            assert_eq!(sample.decode(&[&merged]), expected);
+        }
+    }
+}
+
+#[test]
+fn a_reset_forgets_what_was_begun() {
+    let frame = Sample::To(ToController::Describe).encoded();
+    let mut decoder = Decoder::<ToController>::new();
+    for begun in [&frame[..3], &[0xAA; 1000]] {
+        decoder.feed(begun, |_| ());
+        decoder.reset();
+        let mut results = vec![];
+        decoder.feed(&frame, |result| results.push(result));
+        assert_eq!(results, [Ok(ToController::Describe)]);
+    }
+}
+
+#[test]
+fn intact_frames_with_a_wrong_body_are_refused() {
+    let to = Sample::To(ToController::Describe);
+    let from = Sample::From(FromController::Feedback(Feedback::default()));
+    let seventeen = [&[1, 0, 1, 20, 17][..], &[0; 17 * 4]].concat();
+    for (sample, body) in [
+        (&to, &[0, 0][..]),                                // a byte left over after Describe
+        (&to, &[2]),                                       // no such variant
+        (&to, &[1, 0, 1, 20, 1, 0, 0, 0]),                 // a torque of three bytes
+        (&to, &[1, 0, 2, 20, 0]),                          // a bool that is neither
+        (&to, &[1, 0, 1, 0x80, 0x80, 0x04, 0]),            // a watchdog of 65536 ms
+        (&to, &seventeen),                                 // more torques than there can be joints
+        (&from, &[0, 1, 1, 0xFF, 0]),                      // firmware that is no UTF-8
+        (&from, &[1, 0x80, 0x80, 0x80, 0x80, 0x10, 0, 0]), // a sequence of 33 bits
+    ] {
+        assert_eq!(sample.decode(&[&framed(body)]), [Err(FrameError::Body)], "{body:02x?}");
+    }
+    for length in 0..=4 {
+        let mut frame = vec![0xAA; length + 1];
+        frame[0] = length as u8 + 1;
+        frame.push(0);
+        assert_eq!(to.decode(&[&frame]), [Err(FrameError::TooShort)]);
+    }
+}
+
+/// Values are not judged here: every bit pattern of a float comes out as it went in.
+#[test]
+fn floats_that_are_no_numbers_pass_through() {
+    let patterns =
+        [0x7FC0_0000, 0x7F80_0001, 0xFFFF_FFFF, 0x7F80_0000, 0xFF80_0000, 0x8000_0000, 0x0000_0001];
+    let torque = patterns.iter().map(|bits| f32::from_bits(*bits)).collect();
+    let message = ToController::Command(Command { sequence: 1, enable: true, watchdog_ms: 1, torque });
+    let results = Sample::To(message.clone()).decode(&[&Sample::To(message).encoded()]);
+    let [Ok(Sample::To(ToController::Command(command)))] = &results[..] else { panic!("{results:?}") };
+    assert_eq!(command.torque.iter().map(|torque| torque.to_bits()).collect::<Vec<_>>(), patterns);
+}
+
+/// Bytes that look like a line: anything, with zeros and whole frames among them.
+fn any_line() -> impl Strategy<Value = Vec<u8>> {
+    let frames = all_samples().into_iter().map(|(_, sample)| sample.encoded()).collect::<Vec<_>>();
+    let piece = prop_oneof![
+        vec(any::<u8>(), 0..40),
+        vec(1..=u8::MAX, 0..600),
+        Just(vec![0]),
+        proptest::sample::select(frames),
+        vec(any::<u8>(), 0..40).prop_map(|body| framed(&body)),
+    ];
+    vec(piece, 0..12).prop_map(|pieces| pieces.concat())
+}
+
+fn any_feedback() -> impl Strategy<Value = Feedback> {
+    let float =
+        any::<u32>().prop_map(f32::from_bits).prop_filter("compared by value", |float| !float.is_nan());
+    let reading = (any::<i32>(), float.clone(), float.clone(), float, any::<u16>());
+    (any::<u32>(), any::<u16>(), vec(reading, 0..=MAX_JOINTS)).prop_map(|(sequence, flags, joints)| {
+        Feedback {
+            sequence,
+            flags: ControllerFlags::from_bits(flags),
+            joints: joints
+                .into_iter()
+                .map(|(count, rate, current, temperature, flags)| {
+                    let flags = JointFlags::from_bits(flags);
+                    JointReading { count, rate, current, temperature, flags }
+                })
+                .collect(),
+        }
+    })
+}
+
+proptest! {
+    /// Nothing panics, and bytes one by one give what they give in pieces.
+    #[test]
+    fn any_bytes_in_any_pieces_give_the_same_results(line in any_line(), piece in 1_usize..50) {
+        let bytes = line.chunks(1).collect::<Vec<_>>();
+        let pieces = line.chunks(piece).collect::<Vec<_>>();
+        let whole = decode_all(&[&line], Sample::From);
+        prop_assert_eq!(&decode_all(&pieces, Sample::From), &whole);
+        prop_assert_eq!(&decode_all(&bytes, Sample::From), &whole);
+        let mut decoder = Decoder::<FromController>::default();
+        let pushed = line.iter().filter_map(|byte| decoder.push(*byte)).map(|result| result.map(Sample::From));
+        prop_assert_eq!(&pushed.collect::<Vec<_>>(), &whole);
+        decode_all(&[&line], Sample::To);
+    }
+
+    /// Whatever came before it, a frame after a delimiter is read.
+    #[test]
+    fn a_frame_after_any_bytes_decodes(before in any_line(), feedback in any_feedback()) {
+        let sample = Sample::From(FromController::Feedback(feedback));
+        let results = sample.decode(&[&before, &[0], &sample.encoded()]);
+        prop_assert_eq!(results.last(), Some(&Ok(sample)));
+    }
+
+    /// Decoding undoes encoding, and no frame is longer than its number of joints allows.
+    #[test]
+    fn feedback_goes_there_and_back(feedback in any_feedback()) {
+        let joints = feedback.joints.len();
+        let sample = Sample::From(FromController::Feedback(feedback));
+        let frame = sample.encoded();
+        prop_assert!(frame.len() <= feedback_frame_bytes(joints));
+        prop_assert_eq!(sample.decode(&[&frame]), [Ok(sample)]);
+    }
+}

@@ -1,0 +1,1 @@
+//! The real-time loop, serial ports and TCP service of an Hbot.

@@ -1,0 +1,1 @@
+//! The simulated rig of an Hbot: plant, virtual motor controllers, a hand.
