@@ -1,6 +1,6 @@
 //! What the server answers where it does not do what it was asked.
 
-use crate::Id;
+use crate::{FrameError, Id};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::fmt;
@@ -104,4 +104,21 @@ pub struct Refusal {
     pub op: Option<&'static str>,
     /// What is wrong with it.
     pub error: ErrorBody,
+}
+
+impl From<FrameError> for ErrorBody {
+    fn from(error: FrameError) -> Self {
+        let code = match error {
+            FrameError::TooLarge { .. } => ErrorCode::TooLarge,
+            FrameError::LooksLikeJson | FrameError::NotUtf8 { .. } => ErrorCode::BadRequest,
+        };
+        Self::new(code, error.to_string())
+    }
+}
+
+/// A frame refused has no id that could be read.
+impl From<FrameError> for Refusal {
+    fn from(error: FrameError) -> Self {
+        Self { id: None, op: None, error: error.into() }
+    }
 }

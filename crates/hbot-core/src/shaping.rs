@@ -3,9 +3,9 @@
 use crate::real::{Real, Vec3, sqrt};
 
 /// How long one scene takes to become another, s.
-pub const BLEND_S: Real = 0.05;
+pub(crate) const BLEND_S: Real = 0.05;
 /// How long a stream that is not renewed takes to end, s.
-pub const STREAM_RAMP_S: Real = 0.02;
+pub(crate) const STREAM_RAMP_S: Real = 0.02;
 
 /// Makes a change of scene continuous: the step that it would make in torque is held against it and fades to zero.
 #[derive(Debug, Clone, Copy, PartialEq)]

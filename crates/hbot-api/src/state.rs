@@ -1,0 +1,199 @@
+//! What the loop did in one tick.
+
+use crate::finite;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A sample of the loop, sent every so many ticks to who has subscribed. All belongs to one tick: the torque is the
+/// one rendered at this orientation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StateEvent {
+    /// The number of the tick.
+    pub tick: u64,
+    /// Time of the tick since the loop began, s.
+    #[serde(serialize_with = "finite::scalar")]
+    pub t: f64,
+    /// What the rig does.
+    pub mode: Mode,
+    /// Why it stopped; `None` but in [`Mode::Fault`].
+    pub fault: Option<Fault>,
+    /// Orientation of the sphere, `[w, x, y, z]`, unit norm; its sign never jumps from one tick to the next.
+    #[serde(serialize_with = "finite::array")]
+    pub q: [f64; 4],
+    /// Angular velocity of the sphere in N, rad/s.
+    #[serde(serialize_with = "finite::array")]
+    pub omega: [f64; 3],
+    /// Torque on the sphere in N, as applied after all limits, N m.
+    #[serde(serialize_with = "finite::array")]
+    pub torque: [f64; 3],
+    /// Each joint: steer and drive of the first wheel, then of the next.
+    pub joints: Vec<JointState>,
+    /// The largest slip velocity at a contact that the encoders can see, m/s, >= 0.
+    #[serde(serialize_with = "finite::scalar")]
+    pub slip: f64,
+    /// The share of the torque wanted that the limits left, from 0 to 1.
+    #[serde(serialize_with = "finite::scalar")]
+    pub scale: f64,
+    /// The largest tangential force at a contact over what friction holds there, >= 0; above 1 the wheel slips.
+    #[serde(serialize_with = "finite::scalar")]
+    pub traction: f64,
+    /// Energy that the passivity observer has seen go into the rig and not yet come out, J.
+    #[serde(serialize_with = "finite::scalar")]
+    pub energy: f64,
+    /// The stream of a client that renders for itself; `None` where there is none in force.
+    pub client: Option<ClientStream>,
+    /// How punctual the tick was.
+    pub timing: Timing,
+}
+
+/// A joint in a [`StateEvent`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointState {
+    /// Angle since the zero, rad; grows without bound.
+    #[serde(serialize_with = "finite::scalar")]
+    pub angle: f64,
+    /// Its rate, rad/s.
+    #[serde(serialize_with = "finite::scalar")]
+    pub rate: f64,
+    /// Torque commanded, N m.
+    #[serde(serialize_with = "finite::scalar")]
+    pub torque: f64,
+}
+
+/// The stream message that was in force in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ClientStream {
+    /// The `seq` of it; `None` where the client gave none.
+    pub seq: Option<u64>,
+    /// Ticks since it was taken.
+    pub age_ticks: u64,
+}
+
+/// How punctual a tick was, in microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// From the deadline of the tick to its start.
+    #[serde(serialize_with = "finite::scalar")]
+    pub lateness_us: f64,
+    /// From the feedback drained to the command ready.
+    #[serde(serialize_with = "finite::scalar")]
+    pub compute_us: f64,
+    /// From a command sent to its feedback received.
+    #[serde(serialize_with = "finite::scalar")]
+    pub link_us: f64,
+    /// From the reading of the joints to the torque on the wire that was computed from it.
+    #[serde(serialize_with = "finite::scalar")]
+    pub age_us: f64,
+}
+
+/// What the rig does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// The zero of the steering is not known; no torque.
+    Unreferenced,
+    /// Ready; no torque.
+    Idle,
+    /// On the way to active: the torque rises over 0.5 s.
+    Enabling,
+    /// The scene is rendered.
+    Active,
+    /// Stopped by a fault; no torque until a reset.
+    Fault,
+    /// Stopped by somebody; no torque until a reset.
+    Estop,
+}
+
+impl Mode {
+    /// All modes, in the order of the documentation.
+    pub const ALL: [Self; 6] =
+        [Self::Unreferenced, Self::Idle, Self::Enabling, Self::Active, Self::Fault, Self::Estop];
+
+    /// The mode as it is sent.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Unreferenced => "unreferenced",
+            Self::Idle => "idle",
+            Self::Enabling => "enabling",
+            Self::Active => "active",
+            Self::Fault => "fault",
+            Self::Estop => "estop",
+        }
+    }
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// Why the rig stopped by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    /// No feedback from a controller for the rig's `timeout_ticks`.
+    LinkLost,
+    /// Too many damaged frames on the serial line.
+    LinkCorrupt,
+    /// A controller reports a fault of its own.
+    ControllerFault,
+    /// The sphere turns faster than the rig's limit.
+    Overspeed,
+    /// More torque was about to be sent than the rig's limit.
+    Overtorque,
+    /// The wheels slip more than the rig's limit.
+    Slip,
+    /// A computed value is not finite.
+    NonFinite,
+    /// A reading that cannot be true.
+    ImplausibleFeedback,
+    /// The loop could not hold its rate.
+    Deadline,
+    /// The client that commanded is gone, and the rig file asks for a fault then.
+    ClientLost,
+    /// A motor or its controller is too hot.
+    Thermal,
+}
+
+impl Fault {
+    /// All causes, in the order of the documentation.
+    pub const ALL: [Self; 11] = [
+        Self::LinkLost,
+        Self::LinkCorrupt,
+        Self::ControllerFault,
+        Self::Overspeed,
+        Self::Overtorque,
+        Self::Slip,
+        Self::NonFinite,
+        Self::ImplausibleFeedback,
+        Self::Deadline,
+        Self::ClientLost,
+        Self::Thermal,
+    ];
+
+    /// The cause as it is sent.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::LinkLost => "link_lost",
+            Self::LinkCorrupt => "link_corrupt",
+            Self::ControllerFault => "controller_fault",
+            Self::Overspeed => "overspeed",
+            Self::Overtorque => "overtorque",
+            Self::Slip => "slip",
+            Self::NonFinite => "non_finite",
+            Self::ImplausibleFeedback => "implausible_feedback",
+            Self::Deadline => "deadline",
+            Self::ClientLost => "client_lost",
+            Self::Thermal => "thermal",
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}

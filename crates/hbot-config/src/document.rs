@@ -1,0 +1,221 @@
+//! A text or value as a tree, with the place of everything in it, and the report that mistakes are added to.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use serde_json::{Map, Value};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+
+/// A tree of values and the report on it.
+pub(crate) struct Document {
+    pub(crate) tree: Value,
+    pub(crate) report: Report,
+}
+
+/// Mistakes found so far, and what is needed to say where they are.
+#[derive(Default)]
+pub(crate) struct Report {
+    file: Option<String>,
+    /// Byte offsets at which lines begin.
+    line_starts: Vec<usize>,
+    text: String,
+    places: HashMap<String, Place>,
+    /// Paths whose values came from elsewhere, and from where.
+    origins: Vec<(String, String)>,
+    found: Vec<Diagnostic>,
+}
+
+struct Place {
+    key: Option<Range<usize>>,
+    value: Range<usize>,
+}
+
+/// A syntax error throws the parser off for a while; what it says after the first few helps nobody.
+const MOST_SYNTAX_ERRORS: usize = 10;
+
+impl Document {
+    /// The tree of a TOML text. `file` is its name in messages.
+    ///
+    /// # Errors
+    /// Where the text is not TOML. Values that a tree cannot hold (nan, inf, dates, integers past 64 bits) are entered in
+    /// the report instead, and stand as null.
+    pub(crate) fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
+        let mut report = Report {
+            file: Some(file.to_owned()),
+            line_starts: std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect(),
+            text: text.to_owned(),
+            ..Report::default()
+        };
+        let (table, errors) = DeTable::parse_recoverable(text);
+        if !errors.is_empty() {
+            for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
+                let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
+                let message = format!("not TOML: {}", error.message().replace('\n', ", "));
+                let file = report.file.clone();
+                report.found.push(Diagnostic {
+                    file,
+                    line,
+                    column,
+                    path: String::new(),
+                    message,
+                    legal: None,
+                });
+            }
+            return Err(Diagnostics::new(report.found));
+        }
+        let tree = convert_table(table.get_ref(), "", &mut report);
+        Ok(Self { tree, report })
+    }
+
+    /// A JSON value as it is.
+    pub(crate) fn from_json(tree: Value) -> Self {
+        Self { tree, report: Report::default() }
+    }
+
+    /// Puts `value` at `path` (keys joined by dots) in place of what stands there. `from` is named instead of the file in
+    /// messages about it.
+    pub(crate) fn replace(&mut self, path: &str, value: Value, from: &str) {
+        let mut keys: Vec<&str> = path.split('.').collect();
+        let Some(last) = keys.pop() else { return };
+        let mut table = &mut self.tree;
+        for key in keys {
+            let Some(map) = table.as_object_mut() else { return };
+            table = map.entry(key).or_insert_with(|| Value::Object(Map::new()));
+        }
+        if let Some(map) = table.as_object_mut() {
+            map.insert(last.to_owned(), value);
+            self.report.found.retain(|d| d.path != path);
+            self.report.origins.push((path.to_owned(), from.to_owned()));
+        }
+    }
+}
+
+impl Report {
+    /// Adds a mistake in the value at `path`.
+    pub(crate) fn push(&mut self, path: &str, message: impl Into<String>, legal: impl Into<Option<String>>) {
+        self.push_at(path, false, message.into(), legal.into());
+    }
+
+    /// Adds a mistake in the key that `path` ends with.
+    pub(crate) fn push_key(
+        &mut self,
+        path: &str,
+        message: impl Into<String>,
+        legal: impl Into<Option<String>>,
+    ) {
+        self.push_at(path, true, message.into(), legal.into());
+    }
+
+    /// Whether nothing was found at `path` and below it.
+    pub(crate) fn clean_under(&self, path: &str) -> bool {
+        !self.found.iter().any(|d| is_under(&d.path, path))
+    }
+
+    /// Whether something was found at exactly `path`.
+    pub(crate) fn knows(&self, path: &str) -> bool {
+        self.found.iter().any(|d| d.path == path)
+    }
+
+    /// Whether the value at `path` came from elsewhere than the file.
+    pub(crate) fn is_replaced(&self, path: &str) -> bool {
+        self.origins.iter().any(|(p, _)| p == path)
+    }
+
+    /// `value` where nothing was found.
+    ///
+    /// # Errors
+    /// Everything that was found.
+    pub(crate) fn finish<T>(self, value: Option<T>) -> Result<T, Diagnostics> {
+        match value {
+            Some(value) if self.found.is_empty() => Ok(value),
+            _ => Err(Diagnostics::new(self.found)),
+        }
+    }
+
+    fn push_at(&mut self, path: &str, key: bool, message: String, legal: Option<String>) {
+        let (mut file, mut line, mut column) = (self.file.clone(), None, None);
+        if let Some((_, from)) = self.origins.iter().find(|(p, _)| is_under(path, p)) {
+            file = Some(from.clone());
+        } else if let Some(span) = self.span(path, key) {
+            let (l, c) = self.position(span.start);
+            (line, column) = (Some(l), Some(c));
+        }
+        self.found.push(Diagnostic { file, line, column, path: path.to_owned(), message, legal });
+    }
+
+    /// The span of the value at `path`, or of the nearest table around it.
+    fn span(&self, path: &str, key: bool) -> Option<&Range<usize>> {
+        let mut path = path;
+        while !path.is_empty() {
+            if let Some(place) = self.places.get(path) {
+                return Some(if key { place.key.as_ref().unwrap_or(&place.value) } else { &place.value });
+            }
+            path = path.rfind(['.', '[']).map_or("", |end| &path[..end]);
+        }
+        None
+    }
+
+    /// Line and column, from 1, of a byte of the text.
+    fn position(&self, offset: usize) -> (usize, usize) {
+        let line = self.line_starts.partition_point(|&start| start <= offset).max(1);
+        let start = self.line_starts[line - 1];
+        let column = self.text.get(start..offset).map_or(0, |before| before.chars().count());
+        (line, column + 1)
+    }
+}
+
+/// The path of `key` in the table at `path`.
+pub(crate) fn join(path: &str, key: &str) -> String {
+    let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    let key = if bare { key.to_owned() } else { format!("{key:?}") };
+    if path.is_empty() { key } else { format!("{path}.{key}") }
+}
+
+fn is_under(path: &str, ancestor: &str) -> bool {
+    path.strip_prefix(ancestor)
+        .is_some_and(|rest| ancestor.is_empty() || rest.is_empty() || rest.starts_with(['.', '[']))
+}
+
+fn convert_table(table: &DeTable<'_>, path: &str, report: &mut Report) -> Value {
+    let entries = table.iter().map(|(key, value)| {
+        let name = key.get_ref().as_ref();
+        let converted = convert(value, Some(key.span()), &join(path, name), report);
+        (name.to_owned(), converted)
+    });
+    Value::Object(entries.collect())
+}
+
+fn convert(value: &Spanned<DeValue<'_>>, key: Option<Range<usize>>, path: &str, report: &mut Report) -> Value {
+    report.places.insert(path.to_owned(), Place { key, value: value.span() });
+    match value.get_ref() {
+        DeValue::String(text) => Value::String(text.to_string()),
+        DeValue::Boolean(b) => Value::Bool(*b),
+        DeValue::Integer(digits) => match i64::from_str_radix(digits.as_str(), digits.radix()) {
+            Ok(integer) => integer.into(),
+            Err(_) => {
+                report.push(path, "an integer of more than 64 bits", None);
+                Value::Null
+            }
+        },
+        DeValue::Float(digits) => match digits.as_str().parse().ok().and_then(serde_json::Number::from_f64) {
+            Some(number) => Value::Number(number),
+            None => {
+                report.push(path, format!("{} is not a finite number", digits.as_str()), None);
+                Value::Null
+            }
+        },
+        DeValue::Datetime(date) => {
+            report.push(path, format!("{date} is a date; no key takes one"), None);
+            Value::Null
+        }
+        DeValue::Array(array) => array
+            .iter()
+            .enumerate()
+            .map(|(i, element)| convert(element, None, &format!("{path}[{i}]"), report))
+            .collect(),
+        DeValue::Table(table) => convert_table(table, path, report),
+    }
+}

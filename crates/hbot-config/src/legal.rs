@@ -1,0 +1,150 @@
+//! Schemas put into words: what is legal at a place, and what was found there.
+
+use serde_json::Value;
+
+/// What a schema allows, such as `a number, 0 to 1000 N m/rad`.
+pub(crate) fn legal(schema: &Value) -> String {
+    if let Some(words) = schema["legal"].as_str() {
+        return words.to_owned();
+    }
+    let names = names(schema);
+    if !names.is_empty() {
+        return list(&names);
+    }
+    if let Some(branches) = branches(schema) {
+        return branches.iter().map(legal).collect::<Vec<_>>().join(" or ");
+    }
+    let with_range = |what: &str| match range(schema) {
+        Some(range) => format!("{what}, {range}"),
+        None => what.to_owned(),
+    };
+    match schema["type"].as_str() {
+        Some("number") => with_range("a number"),
+        Some("integer") => with_range("a whole number"),
+        Some("string") => "a string".to_owned(),
+        Some("boolean") => "true or false".to_owned(),
+        Some("array") => match (lengths(schema), schema["items"]["type"].as_str()) {
+            (Some(n), Some("number")) => format!("an array of {n} numbers"),
+            (Some(n), _) => format!("an array of {n} elements"),
+            (None, _) => "an array".to_owned(),
+        },
+        Some("object") => "a table".to_owned(),
+        _ => "anything".to_owned(),
+    }
+}
+
+/// The range of a number, with its unit, such as `> 0 and <= 10 m` or `0 to 1000`.
+pub(crate) fn range(schema: &Value) -> Option<String> {
+    let bound = |key: &str| schema.get(key).filter(|v| v.is_number());
+    let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
+    if let (Some(min), Some(max)) = (bound("minimum"), bound("maximum")) {
+        return Some(format!("{} to {}{unit}", number(min), number(max)));
+    }
+    let parts: Vec<String> =
+        [("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<=")]
+            .into_iter()
+            .filter_map(|(key, sign)| bound(key).map(|b| format!("{sign} {}", number(b))))
+            .collect();
+    (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(" and ")))
+}
+
+/// How many elements an array may have, such as `3` or `2 to 8`.
+pub(crate) fn lengths(schema: &Value) -> Option<String> {
+    match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
+        (Some(min), Some(max)) if min == max => Some(min.to_string()),
+        (Some(min), Some(max)) => Some(format!("{min} to {max}")),
+        (None, Some(max)) => Some(format!("at most {max}")),
+        (Some(min), None) => Some(format!("at least {min}")),
+        (None, None) => None,
+    }
+}
+
+/// The values that a schema lists one by one; empty where it does not.
+pub(crate) fn names(schema: &Value) -> Vec<&Value> {
+    if let Some(all) = schema["enum"].as_array() {
+        return all.iter().collect();
+    }
+    match branches(schema) {
+        Some(branches) if branches.iter().all(|b| b.get("const").is_some() || b.get("enum").is_some()) => branches
+            .iter()
+            .flat_map(|b| b.get("const").map_or_else(|| names(b), |only| vec![only]))
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// The alternatives of a schema.
+pub(crate) fn branches(schema: &Value) -> Option<&Vec<Value>> {
+    schema["oneOf"].as_array().or_else(|| schema["anyOf"].as_array())
+}
+
+/// `a, b, c`, strings in quotes.
+pub(crate) fn list(values: &[&Value]) -> String {
+    values.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(", ")
+}
+
+/// What was found, such as `the string "0.1"`. Long texts are cut.
+pub(crate) fn found(value: &Value) -> String {
+    const MOST_CHARS: usize = 40;
+    match value {
+        Value::Null => "null".to_owned(),
+        Value::Bool(b) => b.to_string(),
+        Value::Number(n) => n.to_string(),
+        Value::String(text) if text.chars().count() > MOST_CHARS => {
+            format!("the string {:?}...", text.chars().take(MOST_CHARS).collect::<String>())
+        }
+        Value::String(text) => format!("the string {text:?}"),
+        Value::Array(a) if a.len() == 1 => "an array of 1 element".to_owned(),
+        Value::Array(a) => format!("an array of {} elements", a.len()),
+        Value::Object(_) => "a table".to_owned(),
+    }
+}
+
+/// The one of `known` that was most likely meant by `word`.
+pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    // One slip in three letters, which lets `stiffnes` and `dampping` through but no other word.
+    let most = (word.chars().count() / 3).max(1);
+    known
+        .map(|k| (strsim::osa_distance(word, k), k))
+        .filter(|&(d, k)| d <= most && d < k.chars().count())
+        .min_by_key(|&(d, _)| d)
+        .map(|(_, k)| k)
+}
+
+/// A bound as a person writes it: `10`, not `10.0`.
+pub(crate) fn number(value: &Value) -> String {
+    match value.as_f64() {
+        Some(x) if x.abs() < 1.0e-3 && x != 0.0 => format!("{x:e}"),
+        Some(x) => x.to_string(),
+        None => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn ranges_read_well() {
+        let range = |schema| range(&schema);
+        assert_eq!(range(json!({"exclusiveMinimum": 0.0})).as_deref(), Some("> 0"));
+        assert_eq!(range(json!({"minimum": 0, "maximum": 1000.0, "unit": "N m"})).as_deref(), Some("0 to 1000 N m"));
+        assert_eq!(
+            range(json!({"exclusiveMinimum": 0, "maximum": 10, "unit": "m"})).as_deref(),
+            Some("> 0 and <= 10 m")
+        );
+        assert_eq!(range(json!({"minimum": 1e-5})).as_deref(), Some(">= 1e-5"));
+        assert_eq!(range(json!({})), None);
+    }
+
+    #[test]
+    fn near_words_are_guessed_and_far_ones_are_not() {
+        let known = || ["stiffness", "damping", "law"].into_iter();
+        assert_eq!(did_you_mean("stifness", known()), Some("stiffness"));
+        assert_eq!(did_you_mean("lwa", known()), Some("law"));
+        assert_eq!(did_you_mean("colour", known()), None);
+        assert_eq!(did_you_mean("", known()), None);
+    }
+}

@@ -1,0 +1,120 @@
+//! Holds a tree of values against a JSON schema and tells every mistake, not only the first.
+//!
+//! The part of JSON schema that the types of this crate produce: object, array, number, integer, string, boolean, enum,
+//! const, and alternatives that differ in type.
+
+use serde_json::{Map, Value};
+
+use crate::document::{Report, join};
+use crate::legal::{branches, did_you_mean, found, legal, lengths, list, names, range};
+
+/// Adds to the report whatever of `value`, which stands at `path`, the schema does not allow.
+pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut Report) {
+    if report.knows(path) {
+        return;
+    }
+    let names = names(schema);
+    if !names.is_empty() {
+        return validate_name(&names, value, path, report);
+    }
+    if let Some(branches) = branches(schema) {
+        return match branches.iter().find(|b| is_of_type(b, value)) {
+            Some(branch) => validate(branch, value, path, report),
+            None => report.push(path, format!("found {}", found(value)), legal(schema)),
+        };
+    }
+    if !is_of_type(schema, value) {
+        return report.push(path, format!("found {}", found(value)), legal(schema));
+    }
+    match value {
+        Value::Object(table) => validate_table(schema, table, path, report),
+        Value::Array(array) => {
+            let count = array.len() as u64;
+            let enough = schema["minItems"].as_u64().is_none_or(|min| count >= min);
+            if !enough || schema["maxItems"].as_u64().is_some_and(|max| count > max) {
+                let words = if schema["items"]["type"] == "object" { lengths(schema) } else { Some(legal(schema)) };
+                report.push(path, format!("found {count}"), words);
+            }
+            for (i, element) in array.iter().enumerate() {
+                validate(&schema["items"], element, &format!("{path}[{i}]"), report);
+            }
+        }
+        Value::Number(number) => {
+            let inside = number.as_f64().is_some_and(|x| {
+                let bound = |key: &str| schema[key].as_f64();
+                bound("minimum").is_none_or(|b| x >= b)
+                    && bound("maximum").is_none_or(|b| x <= b)
+                    && bound("exclusiveMinimum").is_none_or(|b| x > b)
+                    && bound("exclusiveMaximum").is_none_or(|b| x < b)
+            });
+            if !inside {
+                report.push(path, format!("{number} is out of range"), range(schema));
+            }
+        }
+        Value::String(text) => {
+            let count = text.chars().count() as u64;
+            let (min, max) = (schema["minLength"].as_u64(), schema["maxLength"].as_u64());
+            if min.is_some_and(|min| count < min) || max.is_some_and(|max| count > max) {
+                let words = match (min, max) {
+                    (Some(min), Some(max)) => format!("{min} to {max} characters"),
+                    _ => "a string that is not empty".to_owned(),
+                };
+                report.push(path, format!("{count} characters"), words);
+            }
+        }
+        Value::Null | Value::Bool(_) => {}
+    }
+}
+
+fn validate_table(schema: &Value, table: &Map<String, Value>, path: &str, report: &mut Report) {
+    let empty = Map::new();
+    let properties = schema["properties"].as_object().unwrap_or(&empty);
+    for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        if !table.contains_key(key) {
+            report.push(&join(path, key), "missing", legal(&schema["properties"][key]));
+        }
+    }
+    for (key, value) in table {
+        let at = join(path, key);
+        if let Some(property) = properties.get(key) {
+            validate(property, value, &at, report);
+        } else if schema["additionalProperties"] == Value::Bool(false) {
+            let guess = did_you_mean(key, properties.keys().map(String::as_str));
+            let guess = guess.map(|k| format!(" (did you mean `{k}`?)")).unwrap_or_default();
+            let keys: Vec<&str> = properties.keys().map(String::as_str).collect();
+            report.push_key(&at, format!("unknown key{guess}"), keys.join(", "));
+        }
+    }
+}
+
+fn validate_name(names: &[&Value], value: &Value, path: &str, report: &mut Report) {
+    if names.contains(&value) {
+        return;
+    }
+    let message = match value {
+        Value::String(word) => {
+            let guess = did_you_mean(word, names.iter().filter_map(|n| n.as_str()));
+            let guess = guess.map(|n| format!(" (did you mean {n:?}?)")).unwrap_or_default();
+            format!("{} is not known here{guess}", found(value).trim_start_matches("the string "))
+        }
+        _ => format!("found {}", found(value)),
+    };
+    report.push(path, message, list(names));
+}
+
+/// Whether a value is of the type that a schema is about, legal or not.
+fn is_of_type(schema: &Value, value: &Value) -> bool {
+    let listed = names(schema);
+    if !listed.is_empty() {
+        return listed.iter().any(|n| std::mem::discriminant(*n) == std::mem::discriminant(value));
+    }
+    match schema["type"].as_str() {
+        Some("number") => value.is_number(),
+        Some("integer") => value.is_i64() || value.is_u64(),
+        Some("string") => value.is_string(),
+        Some("boolean") => value.is_boolean(),
+        Some("array") => value.is_array(),
+        Some("object") => value.is_object(),
+        _ => true,
+    }
+}
