@@ -135,7 +135,7 @@ pub struct EffectCost {
     pub id: String,
     /// Its kind, as `spring`.
     pub kind: String,
-    /// Time that it takes of a tick, measured when it was loaded, ns.
+    /// Time that it takes of each tick, ns.
     pub cost_ns: u64,
 }
 

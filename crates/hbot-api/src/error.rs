@@ -2,7 +2,6 @@
 
 use crate::{FrameError, Id};
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 use std::fmt;
 
 /// Why a request was not carried out, for programs. The text beside it is for people.
@@ -17,12 +16,11 @@ pub enum ErrorCode {
     Unauthorized,
     /// Only who holds the lease may ask this: `acquire` first.
     NotHolder,
-    /// Another client holds the lease. `holder` names it.
+    /// Another client holds the lease.
     Busy,
     /// The scene has no effect of this id.
     UnknownEffect,
-    /// A value is legal as such, but not for this rig, this effect or this moment. `angle` (rad) where `enable` found a
-    /// spring's reference too far away.
+    /// A value is legal as such, but not for this rig, this effect or this moment.
     OutOfRange,
     /// The rig is in a fault or an emergency stop, or the cause of one is still there.
     Faulted,
@@ -75,22 +73,18 @@ pub struct ErrorBody {
     pub code: ErrorCode,
     /// For people: what was wrong, where, and what would be right.
     pub message: String,
-    /// Further fields, by code: `holder` of [`ErrorCode::Busy`], `angle` of [`ErrorCode::OutOfRange`].
-    #[serde(flatten)]
-    pub details: Map<String, Value>,
+    /// Who holds the lease, with [`ErrorCode::Busy`] and [`ErrorCode::NotHolder`] where anybody does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holder: Option<String>,
+    /// How far away the reference is, rad, with [`ErrorCode::OutOfRange`] from `enable`.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "crate::finite::optional")]
+    pub angle: Option<f64>,
 }
 
 impl ErrorBody {
-    /// An error without details.
+    /// An error without further fields.
     pub fn new(code: ErrorCode, message: impl Into<String>) -> Self {
-        Self { code, message: message.into(), details: Map::new() }
-    }
-
-    /// The same with one more field.
-    #[must_use]
-    pub fn with(mut self, key: &str, value: impl Into<Value>) -> Self {
-        self.details.insert(key.into(), value.into());
-        self
+        Self { code, message: message.into(), holder: None, angle: None }
     }
 }
 

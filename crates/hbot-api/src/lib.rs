@@ -69,7 +69,8 @@ pub use id::{Id, MAX_ID_BYTES};
 pub use request::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, Request, Token, Who};
 pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
 pub use stream::{
-    Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand, TorqueCommand,
+    Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand,
+    TorqueCommand,
 };
 
 /// The version of the messages. A hello names the one that the client speaks; it goes up with every change that a
@@ -86,5 +87,5 @@ pub const MAX_REQUEST_BYTES: usize = 65_536;
 /// near: it carries the schema of every effect.
 pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 
-/// How deep lists and maps may be nested in a request. A scene needs five levels.
+/// How deep lists and maps may be nested in a request. A scene with a 3x3 stiffness has six levels.
 pub const MAX_DEPTH: usize = 64;

@@ -42,11 +42,7 @@ pub struct ReferenceCommand {
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
     /// Angular velocity of the reference in N, rad/s; each component within [`MAX_MAGNITUDE`]. Zero once it expires.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        serialize_with = "finite::optional_array"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
     pub omega: Option<[f64; 3]>,
     /// How long `omega` holds from its arrival at the server, ms, from 1 to [`MAX_VALID_MS`].
     pub valid_ms: u64,

@@ -26,7 +26,7 @@ pub(crate) struct Problem {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, legal, path } = self;
-        write!(f, "field {:?} {what}; legal: {legal}", super::request::Excerpt(path))
+        write!(f, "field {:?} {what}; legal: {legal}", crate::request::Excerpt(path))
     }
 }
 
@@ -43,8 +43,7 @@ pub(crate) fn read(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Unt
                 .map_err(|error| format!("not a JSON object: {error}"))
         }
         Encoding::Msgpack => {
-            let mut deserializer = rmp_serde::Deserializer::from_read_ref(bytes);
-            deserializer.set_max_depth(4 * depth);
+            let mut deserializer = rmp_serde::Deserializer::new(bytes);
             let value = builder.deserialize(&mut deserializer);
             let left = deserializer.get_ref().len();
             value.map_err(|error| format!("not a MessagePack map: {error}")).and_then(|value| match left {

@@ -55,14 +55,10 @@ impl Document {
                 let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
                 let message = format!("not TOML: {}", error.message().replace('\n', ", "));
                 let file = report.file.clone();
-                report.found.push(Diagnostic {
-                    file,
-                    line,
-                    column,
-                    path: String::new(),
-                    message,
-                    legal: None,
-                });
+                let mistake = Diagnostic { file, line, column, path: String::new(), message, legal: None };
+                if !report.found.contains(&mistake) {
+                    report.found.push(mistake);
+                }
             }
             return Err(Diagnostics::new(report.found));
         }
@@ -119,9 +115,11 @@ impl Report {
         self.found.iter().any(|d| d.path == path)
     }
 
-    /// Whether the value at `path` came from elsewhere than the file.
-    pub(crate) fn is_replaced(&self, path: &str) -> bool {
-        self.origins.iter().any(|(p, _)| p == path)
+    /// Adds what is legal to a mistake at `path` that does not say it yet.
+    pub(crate) fn suggest(&mut self, path: &str, legal: String) {
+        if let Some(d) = self.found.iter_mut().find(|d| d.path == path) {
+            d.legal.get_or_insert(legal);
+        }
     }
 
     /// `value` where nothing was found.
@@ -188,7 +186,12 @@ fn convert_table(table: &DeTable<'_>, path: &str, report: &mut Report) -> Value 
     Value::Object(entries.collect())
 }
 
-fn convert(value: &Spanned<DeValue<'_>>, key: Option<Range<usize>>, path: &str, report: &mut Report) -> Value {
+fn convert(
+    value: &Spanned<DeValue<'_>>,
+    key: Option<Range<usize>>,
+    path: &str,
+    report: &mut Report,
+) -> Value {
     report.places.insert(path.to_owned(), Place { key, value: value.span() });
     match value.get_ref() {
         DeValue::String(text) => Value::String(text.to_string()),
@@ -208,7 +211,7 @@ fn convert(value: &Spanned<DeValue<'_>>, key: Option<Range<usize>>, path: &str, 
             }
         },
         DeValue::Datetime(date) => {
-            report.push(path, format!("{date} is a date; no key takes one"), None);
+            report.push(path, format!("{date} is a date"), None);
             Value::Null
         }
         DeValue::Array(array) => array
@@ -217,5 +220,34 @@ fn convert(value: &Spanned<DeValue<'_>>, key: Option<Range<usize>>, path: &str, 
             .map(|(i, element)| convert(element, None, &format!("{path}[{i}]"), report))
             .collect(),
         DeValue::Table(table) => convert_table(table, path, report),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_is_under_its_tables_and_not_under_namesakes() {
+        for ancestor in ["", "wheel", "wheel[1]", "wheel[1].steer", "wheel[1].steer.gear"] {
+            assert!(is_under("wheel[1].steer.gear", ancestor), "{ancestor}");
+        }
+        for other in ["whee", "wheel[1].ste", "wheel[10]", "wheel[1].steer.gear.x"] {
+            assert!(!is_under("wheel[1].steer.gear", other), "{other}");
+        }
+    }
+
+    #[test]
+    fn columns_count_characters() {
+        let document = Document::from_toml("a = 1\r\nb = [\"\u{e9}\u{1d11e}\", nan]", "x").unwrap();
+        let found = &document.report.found[0];
+        assert_eq!((found.line, found.column, found.path.as_str()), (Some(2), Some(12), "b[1]"));
+    }
+
+    #[test]
+    fn keys_that_are_not_bare_are_quoted() {
+        assert_eq!(join("", "a-b_3"), "a-b_3");
+        assert_eq!(join("a", "b.c"), "a.\"b.c\"");
+        assert_eq!(join("a", ""), "a.\"\"");
     }
 }

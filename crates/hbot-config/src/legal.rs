@@ -12,7 +12,7 @@ pub(crate) fn legal(schema: &Value) -> String {
         return list(&names);
     }
     if let Some(branches) = branches(schema) {
-        return branches.iter().map(legal).collect::<Vec<_>>().join(" or ");
+        return branches.iter().map(legal).collect::<Vec<_>>().join(", or ");
     }
     let with_range = |what: &str| match range(schema) {
         Some(range) => format!("{what}, {range}"),
@@ -23,11 +23,14 @@ pub(crate) fn legal(schema: &Value) -> String {
         Some("integer") => with_range("a whole number"),
         Some("string") => "a string".to_owned(),
         Some("boolean") => "true or false".to_owned(),
-        Some("array") => match (lengths(schema), schema["items"]["type"].as_str()) {
-            (Some(n), Some("number")) => format!("an array of {n} numbers"),
-            (Some(n), _) => format!("an array of {n} elements"),
-            (None, _) => "an array".to_owned(),
-        },
+        Some("array") => {
+            let elements = match schema["items"]["type"].as_str() {
+                Some("number") => "numbers",
+                Some("object") => "tables",
+                _ => "elements",
+            };
+            lengths(schema).map_or_else(|| "an array".to_owned(), |n| format!("an array of {n} {elements}"))
+        }
         Some("object") => "a table".to_owned(),
         _ => "anything".to_owned(),
     }
@@ -49,7 +52,7 @@ pub(crate) fn range(schema: &Value) -> Option<String> {
 }
 
 /// How many elements an array may have, such as `3` or `2 to 8`.
-pub(crate) fn lengths(schema: &Value) -> Option<String> {
+fn lengths(schema: &Value) -> Option<String> {
     match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
         (Some(min), Some(max)) if min == max => Some(min.to_string()),
         (Some(min), Some(max)) => Some(format!("{min} to {max}")),
@@ -65,10 +68,9 @@ pub(crate) fn names(schema: &Value) -> Vec<&Value> {
         return all.iter().collect();
     }
     match branches(schema) {
-        Some(branches) if branches.iter().all(|b| b.get("const").is_some() || b.get("enum").is_some()) => branches
-            .iter()
-            .flat_map(|b| b.get("const").map_or_else(|| names(b), |only| vec![only]))
-            .collect(),
+        Some(branches) if branches.iter().all(|b| b.get("const").is_some() || b.get("enum").is_some()) => {
+            branches.iter().flat_map(|b| b.get("const").map_or_else(|| names(b), |only| vec![only])).collect()
+        }
         _ => Vec::new(),
     }
 }
@@ -130,7 +132,10 @@ mod tests {
     fn ranges_read_well() {
         let range = |schema| range(&schema);
         assert_eq!(range(json!({"exclusiveMinimum": 0.0})).as_deref(), Some("> 0"));
-        assert_eq!(range(json!({"minimum": 0, "maximum": 1000.0, "unit": "N m"})).as_deref(), Some("0 to 1000 N m"));
+        assert_eq!(
+            range(json!({"minimum": 0, "maximum": 1000.0, "unit": "N m"})).as_deref(),
+            Some("0 to 1000 N m")
+        );
         assert_eq!(
             range(json!({"exclusiveMinimum": 0, "maximum": 10, "unit": "m"})).as_deref(),
             Some("> 0 and <= 10 m")

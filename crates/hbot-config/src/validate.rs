@@ -6,12 +6,13 @@
 use serde_json::{Map, Value};
 
 use crate::document::{Report, join};
-use crate::legal::{branches, did_you_mean, found, legal, lengths, list, names, range};
+use crate::legal::{branches, did_you_mean, found, legal, list, names, range};
 
 /// Adds to the report whatever of `value`, which stands at `path`, the schema does not allow.
 pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut Report) {
     if report.knows(path) {
-        return;
+        // A tree cannot hold it (nan, a date): nothing to check, but now it is known what should stand there.
+        return report.suggest(path, legal(schema));
     }
     let names = names(schema);
     if !names.is_empty() {
@@ -32,8 +33,7 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
             let count = array.len() as u64;
             let enough = schema["minItems"].as_u64().is_none_or(|min| count >= min);
             if !enough || schema["maxItems"].as_u64().is_some_and(|max| count > max) {
-                let words = if schema["items"]["type"] == "object" { lengths(schema) } else { Some(legal(schema)) };
-                report.push(path, format!("found {count}"), words);
+                report.push(path, format!("found {}", found(value)), legal(schema));
             }
             for (i, element) in array.iter().enumerate() {
                 validate(&schema["items"], element, &format!("{path}[{i}]"), report);
@@ -59,7 +59,7 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
                     (Some(min), Some(max)) => format!("{min} to {max} characters"),
                     _ => "a string that is not empty".to_owned(),
                 };
-                report.push(path, format!("{count} characters"), words);
+                report.push(path, format!("found {}", found(value)), words);
             }
         }
         Value::Null | Value::Bool(_) => {}

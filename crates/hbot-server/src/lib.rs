@@ -1,1 +1,22 @@
-//! The real-time loop, serial ports and TCP service of an Hbot.
+//! The program on the rig PC: a deterministic loop with the motor controllers over a serial line, and haptics offered to clients
+//! over TCP.
+//!
+//! # Layers, from the line up
+//!
+//! 1. [`wire`]: bytes in, bytes out, never waiting: a serial port, or the simulated rig in memory.
+//! 2. [`handshake`]: who the controllers are; [`engine`]: one tick, frames in, `Controller::tick`, frame out, sample.
+//! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], [`realtime`], [`clock`]) or in virtual time.
+//! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
+//! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
+//! 6. [`server`]: all of it put together, started and stopped.
+
+pub mod bridge;
+pub mod clock;
+pub mod engine;
+pub mod handshake;
+pub mod pace;
+pub mod realtime;
+pub mod run_loop;
+pub mod sample;
+pub mod server;
+pub mod wire;

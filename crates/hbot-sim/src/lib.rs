@@ -1,1 +1,20 @@
-//! The simulated rig of an Hbot: plant, virtual motor controllers, a hand.
+//! The simulated rig of an Hbot: what stands where the hardware would, byte for byte.
+//!
+//! # Layers, top to bottom
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`pty`] | serves a rig over a pseudo-terminal in wall time |
+//! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
+//! | [`controller`] | the firmware at the far end of the line: counts, torques, watchdog, faults |
+//! | [`hand`] | a person's hand on the sphere |
+//! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
+//!
+//! Everything but [`pty`] is a pure function of what comes in: no clock, no thread, no allocation after the start, and
+//! the same bits on every machine. `docs/simulator.md` has the measurements.
+
+pub mod controller;
+pub mod hand;
+pub mod plant;
+pub mod pty;
+pub mod rig;

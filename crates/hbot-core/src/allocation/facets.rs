@@ -64,7 +64,7 @@ pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option
     let n = if facet.normal.dot(target) < 0.0 { -facet.normal } else { facet.normal };
     let (bi, bj) = (problem.rows[i], problem.rows[j]);
     // The normal is known to rounding of |b_i| |b_j|; a row no farther off the facet may lie in it.
-    let doubt = (16.0 * Real::EPSILON) * (16.0 * Real::EPSILON) * bi.length_squared() * bj.length_squared();
+    let doubt = problem.rounding * problem.rounding * bi.length_squared() * bj.length_squared();
     let mut x = [0.0; MAX_JOINTS];
     let mut rest = target;
     for k in 0..problem.n {

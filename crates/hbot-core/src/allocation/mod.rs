@@ -170,13 +170,13 @@ impl LeastCost {
         }
         let peaks = peaks.adjugate();
         let inverse = moment.adjugate();
-        let sound = peaks.det > WHOLE * WHOLE * peaks.spread && inverse.det > SPOILT * inverse.spread;
+        let sound = peaks.rank_above(WHOLE * WHOLE) && inverse.rank_above(SPOILT);
         let mut tau = [0.0; MAX_JOINTS];
         let y = inverse.solve(u);
         for (k, g) in rows.iter().enumerate() {
             tau[k] = give[k] * g.dot(y);
         }
-        if inverse.det < ROUGH * inverse.spread {
+        if !inverse.rank_above(ROUGH) {
             let mut left = u;
             for (k, g) in rows.iter().enumerate() {
                 left -= *g * tau[k];

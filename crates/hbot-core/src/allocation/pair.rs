@@ -3,6 +3,12 @@
 
 use crate::real::{Real, Vec3, fabs};
 
+/// Part of its limit that rounding may have added to a torque of least cost.
+const DOUBT: Real = if Real::EPSILON < 1.0e-10 { 2.0e-10 } else { 1.0e-5 };
+
+/// Beside the joint that alpha moves most, one that it moves no more than this (the root of rounding) hardly moves.
+const HARDLY: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
+
 /// The largest size up to `size` with which the four joints can make torque along `u`, and the joint torques of least
 /// cost that make it.
 ///
@@ -39,15 +45,17 @@ pub(super) fn saturated(
     facet(g0.cross(g1), 2, 3);
 
     let particular = least.map(|x| x * reached);
+    let steepest = z.iter().fold(0.0, |most: Real, z| most.max(fabs(*z)));
     let (mut low, mut high) = (Real::NEG_INFINITY, Real::INFINITY);
     let (mut low_slope, mut high_slope) = (0.0, 0.0);
     for k in 0..4 {
         if z[k] == 0.0 {
             continue;
         }
-        // A joint that alpha hardly moves, and that is at its limit but for rounding, must not push alpha away.
-        let limit = peak[k] * (1.0 + 4.0 * Real::EPSILON);
         let slope = fabs(z[k]);
+        // Three rows in one plane: alpha does not move the fourth joint but for rounding, and must not be pushed far away
+        // because that joint is over its limit by rounding.
+        let limit = if slope < HARDLY * steepest { peak[k] * (1.0 + DOUBT) } else { peak[k] };
         let (a, b) = ((-limit - particular[k]) / z[k], (limit - particular[k]) / z[k]);
         let (a, b) = if a < b { (a, b) } else { (b, a) };
         if a > low {

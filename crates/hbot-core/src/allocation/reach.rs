@@ -18,6 +18,8 @@ pub(super) struct Problem {
     pub(super) rank: usize,
     pub(super) rows: [Vec3; MAX_JOINTS],
     pub(super) give: [Real; MAX_JOINTS],
+    /// Rounding of a row, beside its length.
+    pub(super) rounding: Real,
 }
 
 /// The driven rows, scaled and turned into their principal axes.
@@ -67,7 +69,13 @@ impl Reach {
         let (values, axes) = moment.eigen();
         let sigma = values.map(|x| sqrt(x.max(0.0)));
         let mut reach = Self {
-            problem: Problem { n, rank: 3, rows: [Vec3::ZERO; MAX_JOINTS], give: cost.map(|c| cheapest / c) },
+            problem: Problem {
+                n,
+                rank: 3,
+                rows: [Vec3::ZERO; MAX_JOINTS],
+                give: cost.map(|c| cheapest / c),
+                rounding: 0.0,
+            },
             joint,
             axes,
             sigma,
@@ -95,7 +103,7 @@ impl Reach {
         let (problem, direction) = self.within(rank, u);
         let wanted = size / self.unit;
         let y = dual::unlimited(&problem, direction);
-        if let Some(x) = dual::unsaturated(&problem, y, wanted) {
+        if let Some(x) = dual::unsaturated(&problem, y, direction, wanted) {
             return (x, 1.0);
         }
         let facet = facets::nearest(&problem, direction);
@@ -106,11 +114,16 @@ impl Reach {
                 return (x, scale);
             }
         }
-        match dual::clipped(&problem, direction * reached, y * reached) {
-            Some(x) => (x, scale),
-            // Never seen; the torque of least cost, scaled until no joint is over its limit, is always right in direction.
-            None => dual::scaled(&problem, y, wanted),
+        if let Some(x) = dual::clipped(&problem, direction * reached, y * reached) {
+            return (x, scale);
         }
+        // Costs or rows apart by almost all digits. As the sum of b bᵀ is the unit matrix, b.v makes v to rounding, at equal
+        // costs: not the cheapest and perhaps not the largest, but right in direction.
+        let mut x = problem.rows.map(|b| b.dot(direction));
+        let largest = x.iter().fold(0.0, |most: Real, x| most.max(fabs(*x)));
+        let reached = Real::min(wanted, 1.0 / largest);
+        x = x.map(|x| x * reached);
+        (x, reached * self.unit / size)
     }
 
     /// The largest torque along `u` in the first `rank` principal axes.
@@ -134,6 +147,8 @@ impl Reach {
             |v: Vec3| Vec3::new(v.x, if rank > 1 { v.y } else { 0.0 }, if rank > 2 { v.z } else { 0.0 });
         let mut problem = self.problem;
         problem.rank = rank;
+        // The weakest axis in use is stretched most.
+        problem.rounding = 16.0 * Real::EPSILON * self.sigma[0] / self.sigma[rank - 1];
         problem.rows = problem.rows.map(keep);
         (problem, keep(self.inward(u)))
     }

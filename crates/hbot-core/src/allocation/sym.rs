@@ -18,10 +18,11 @@ pub(super) struct Sym3 {
 pub(super) struct Adjugate {
     adjugate: Sym3,
     /// Product of the eigenvalues.
-    pub(super) det: Real,
-    /// Sum of the products of two eigenvalues, times the sum of the eigenvalues: det over this is at most the ratio of
-    /// the least eigenvalue to the largest, and at least a ninth of it.
-    pub(super) spread: Real,
+    det: Real,
+    /// Sum of the products of two eigenvalues.
+    pairs: Real,
+    /// Sum of the eigenvalues.
+    sum: Real,
 }
 
 impl Sym3 {
@@ -37,14 +38,6 @@ impl Sym3 {
         self.xy += g.x * h.y;
         self.xz += g.x * h.z;
         self.yz += g.y * h.z;
-    }
-
-    /// Adds (a, b, c) on the diagonal.
-    #[inline]
-    pub(super) fn add_diagonal(&mut self, d: [Real; 3]) {
-        self.xx += d[0];
-        self.yy += d[1];
-        self.zz += d[2];
     }
 
     pub(super) fn trace(&self) -> Real {
@@ -71,23 +64,25 @@ impl Sym3 {
             yz: self.xy * self.xz - self.xx * self.yz,
         };
         let det = self.xx * a.xx + self.xy * a.xy + self.xz * a.xz;
-        Adjugate { adjugate: a, det, spread: a.trace() * self.trace() }
+        let (pairs, sum) = (a.trace(), self.trace());
+        Adjugate { adjugate: a, det, pairs, sum }
     }
 
-    /// The solution of M x = v for a positive definite M, by LDLᵀ: accurate to the condition number, where the adjugate
-    /// loses its square when two eigenvalues are small.
-    pub(super) fn solve(&self, v: Vec3) -> Vec3 {
-        let l21 = self.xy / self.xx;
-        let l31 = self.xz / self.xx;
-        let d2 = self.yy - l21 * self.xy;
+    /// The solution of M x = v by LDLᵀ, with pivots of at least `floor`: for a positive definite M accurate to the
+    /// condition number, where the adjugate loses its square when two eigenvalues are small; for a singular one the
+    /// solution for a positive definite matrix that differs from M by about `floor`.
+    pub(super) fn solve(&self, v: Vec3, floor: Real) -> Vec3 {
+        let d1 = self.xx.max(floor);
+        let (l21, l31) = (self.xy / d1, self.xz / d1);
+        let d2 = (self.yy - l21 * self.xy).max(floor);
         let c32 = self.yz - l31 * self.xy;
         let l32 = c32 / d2;
-        let d3 = self.zz - l31 * self.xz - l32 * c32;
+        let d3 = (self.zz - l31 * self.xz - l32 * c32).max(floor);
         let y2 = v.y - l21 * v.x;
         let y3 = v.z - l31 * v.x - l32 * y2;
         let z = y3 / d3;
         let y = y2 / d2 - l32 * z;
-        Vec3::new(v.x / self.xx - l21 * y - l31 * z, y, z)
+        Vec3::new(v.x / d1 - l21 * y - l31 * z, y, z)
     }
 
     /// Eigenvalues, largest first, and their unit eigenvectors, by cyclic Jacobi rotations.
@@ -111,6 +106,15 @@ impl Sym3 {
 }
 
 impl Adjugate {
+    /// Whether the least eigenvalue is surely above `ratio` times the largest (and surely not a product of rounding).
+    ///
+    /// det / (pairs sum) is at most that ratio and at least a ninth of it; where it is above `ratio`, pairs / sum² is at
+    /// least ratio / 9.
+    #[inline]
+    pub(super) fn rank_above(&self, ratio: Real) -> bool {
+        self.det > ratio * self.pairs * self.sum && self.pairs > (ratio / 9.0) * self.sum * self.sum
+    }
+
     /// The solution of M x = v.
     #[inline]
     pub(super) fn solve(&self, v: Vec3) -> Vec3 {
@@ -159,7 +163,7 @@ mod tests {
         let v = Vec3::new(0.4, -0.6, 1.7);
         // A condition number below 100 leaves two digits less than the type has.
         let bound = 200.0 * Real::EPSILON;
-        assert!((m.times(m.solve(v)) - v).length() < bound);
+        assert!((m.times(m.solve(v, Real::EPSILON)) - v).length() < bound);
         assert!((m.times(m.adjugate().solve(v)) - v).length() < bound);
         let (values, vectors) = m.eigen();
         assert!(values[0] >= values[1] && values[1] >= values[2]);
@@ -167,8 +171,7 @@ mod tests {
             assert!((m.times(vector) - vector * value).length() < bound);
             assert!(fabs(vector.length() - 1.0) < bound);
         }
-        let a = m.adjugate();
         let ratio = values[2] / values[0];
-        assert!(a.det / a.spread <= ratio && ratio <= 9.0 * a.det / a.spread);
+        assert!(m.adjugate().rank_above(ratio / 9.1) && !m.adjugate().rank_above(ratio));
     }
 }

@@ -1,0 +1,210 @@
+//! What each stage of the tick costs, and the whole, for 2 and 4 wheels, in f64 and f32.
+//!
+//! `cargo bench --bench tick`
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+
+/// The same benches for a core of either width.
+macro_rules! width {
+    ($name:ident, $core:ident, $real:ty) => {
+        mod $name {
+            use $core::allocation::{JointLimits, allocate};
+            use $core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
+            use $core::impedance::{geodesic_law, quaternion_law};
+            use $core::inputs::{Command, Complaints, Inputs, JointFeedback};
+            use $core::kinematics::Posture;
+            use $core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero};
+            use $core::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry, rotation};
+            use std::hint::black_box;
+
+            use super::*;
+
+            pub(super) fn rig(wheels: usize, odometry: OdometryMethod) -> Rig {
+                let spec = |axis: [$real; 3], cone: $real| WheelSpec {
+                    axis: Vec3::from_array(axis),
+                    cone,
+                    toe: 0.0,
+                    radius: 0.0155,
+                    steer_inertia: 2.7e-5,
+                    drive_inertia: 3.5e-6,
+                    axial_inertia: 0.0,
+                };
+                let all = [
+                    spec([1.0, 0.0, -1.0], 0.1745),
+                    spec([-1.0, 0.0, -1.0], 0.1745),
+                    spec([0.0, 1.0, -1.0], 0.1745),
+                    spec([0.0, -1.0, -1.0], 0.1745),
+                ];
+                let joint = |peak| Joint {
+                    counts_per_turn: 16384,
+                    gear: 1.0,
+                    reversed: false,
+                    zero: Zero::Assume,
+                    peak,
+                    continuous: 0.1 * peak,
+                };
+                let mut joints = [joint(0.93); MAX_JOINTS];
+                for drive in joints.iter_mut().skip(1).step_by(2) {
+                    *drive = Joint { gear: 17.0, ..joint(0.14) };
+                }
+                Rig {
+                    device: Device::new(0.102, 0.467, &all[..wheels]).expect("a legal device"),
+                    joints,
+                    limits: Limits {
+                        torque: 0.9,
+                        torque_rate: 200.0,
+                        speed: 30.0,
+                        slip: 0.05,
+                        traction: Some(Traction { mu: 0.8, normal_force: 10.0 }),
+                        enable_max_angle: 0.5,
+                        align_rate: 0.2,
+                        reference_rate: 2.0,
+                        max_age_ticks: 100,
+                    },
+                    timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
+                    methods: Methods { odometry, rate: RateEstimate::Controller },
+                }
+            }
+
+            fn scene() -> CompiledScene {
+                let effect = |slot, kind| Effect { slot, epoch: 1, reference_revision: 0, gain: 1.0, fade_s: 0.0, kind };
+                let spring = Spring::new(
+                    SpringLaw::Geodesic,
+                    Mat3::from_diagonal(Vec3::splat(4.0)),
+                    Mat3::ZERO,
+                    Quat::IDENTITY,
+                    Anchor::Absolute,
+                );
+                let damper = Damper::new(Mat3::from_diagonal(Vec3::splat(0.05)));
+                let kinds = [Kind::Spring(spring.expect("legal")), Kind::Damper(damper.expect("legal"))];
+                CompiledScene::new(1, &[effect(0, kinds[0]), effect(1, kinds[1])]).expect("a legal scene")
+            }
+
+            /// The feedback of a sphere that swings about a skew axis: every tick differs.
+            fn feedback(rig: &Rig, tick: u64) -> JointFeedback {
+                let n = rig.device.joints();
+                let phase = tick as $real * 0.006;
+                let mut feedback = JointFeedback {
+                    sequence: tick as u32,
+                    counts: [0; MAX_JOINTS],
+                    rates: [0.0; MAX_JOINTS],
+                    index_seen: 0,
+                    complaints: Complaints::default(),
+                };
+                for i in 0..n {
+                    let swing = 0.3 + 0.1 * i as $real;
+                    feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;
+                    feedback.rates[i] = swing * (phase + i as $real).cos() * 0.01;
+                }
+                feedback
+            }
+
+            pub(super) fn whole(c: &mut Criterion, label: &str) {
+                let mut group = c.benchmark_group(format!("tick/{label}"));
+                for wheels in [2, 4] {
+                    for (name, method) in [
+                        ("fast", OdometryMethod::Euler),
+                        ("balanced", OdometryMethod::Midpoint),
+                        ("exact", OdometryMethod::Magnus4),
+                    ] {
+                        let mut rig = rig(wheels, method);
+                        // The feedback above is no turning sphere: its slip is no fault here.
+                        rig.limits.slip = 1.0e6;
+                        let mut controller = Controller::new(rig);
+                        let scene = scene();
+                        let readings: Vec<_> = (0..1024).map(|tick| feedback(&rig, tick)).collect();
+                        let mut tick = 0_u64;
+                        let mut run = |controller: &mut Controller| {
+                            let mut inputs = Inputs::quiet(tick);
+                            let mut reading = readings[tick as usize % readings.len()];
+                            reading.sequence = tick as u32;
+                            inputs.feedback = Some(reading);
+                            if tick == 1 {
+                                let _ = inputs.commands.push(Command::Enable);
+                            }
+                            tick += 1;
+                            controller.tick(&scene, &inputs)
+                        };
+                        // Through the soft start: what is timed is the active tick.
+                        for _ in 0..1000 {
+                            run(&mut controller);
+                        }
+                        let last = run(&mut controller);
+                        assert_eq!(last.state.mode, $core::mode::Mode::Active);
+                        assert!(last.state.torque != Vec3::ZERO);
+                        group.bench_function(BenchmarkId::new(name, wheels), |b| {
+                            b.iter(|| black_box(run(&mut controller)).state.torque);
+                        });
+                    }
+                }
+                group.finish();
+            }
+
+            pub(super) fn stages(c: &mut Criterion, label: &str) {
+                let mut group = c.benchmark_group(format!("stage/{label}"));
+                for wheels in [2, 4] {
+                    let rig = rig(wheels, OdometryMethod::Midpoint);
+                    let device = rig.device;
+                    let th = [0.3, -0.5, 1.1, 2.0];
+                    let delta = [0.01, 0.02, -0.01, 0.015, 0.01, 0.0, -0.02, 0.01];
+                    let mut posture = Posture::new(&device, &th);
+                    group.bench_function(BenchmarkId::new("posture", wheels), |b| {
+                        b.iter(|| posture.update(&device, black_box(&th[..wheels])));
+                    });
+                    group.bench_function(BenchmarkId::new("forward", wheels), |b| {
+                        b.iter(|| posture.forward(&device, black_box(&delta)));
+                    });
+                    for (name, method) in [
+                        ("odometry_euler", OdometryMethod::Euler),
+                        ("odometry_midpoint", OdometryMethod::Midpoint),
+                        ("odometry_magnus4", OdometryMethod::Magnus4),
+                    ] {
+                        group.bench_function(BenchmarkId::new(name, wheels), |b| {
+                            let mut q = Quat::IDENTITY;
+                            b.iter(|| {
+                                q = odometry::advance(q, odometry::turn(&device, method, black_box(&th), black_box(&delta)));
+                                q
+                            });
+                        });
+                    }
+                    let mut limits = JointLimits { peak: [0.93; MAX_JOINTS], weight: [3000.0; MAX_JOINTS] };
+                    for i in (1..MAX_JOINTS).step_by(2) {
+                        limits.peak[i] = 0.14;
+                        limits.weight[i] = 4200.0;
+                    }
+                    for (name, torque) in [("allocation_inside", 0.2), ("allocation_saturated", 20.0)] {
+                        let wanted = Vec3::new(0.6, -0.48, 0.64) * torque;
+                        group.bench_function(BenchmarkId::new(name, wheels), |b| {
+                            b.iter(|| allocate(black_box(posture.rows()), &limits, black_box(wanted)));
+                        });
+                    }
+                }
+                let stiffness = Mat3::from_diagonal(Vec3::splat(4.0));
+                let (desired, actual) = (Quat::IDENTITY, rotation::exp(Vec3::new(0.3, -0.2, 0.4)));
+                group.bench_function("spring_geodesic", |b| {
+                    b.iter(|| geodesic_law(black_box(desired), black_box(actual), &stiffness, Vec3::ZERO));
+                });
+                group.bench_function("spring_quaternion", |b| {
+                    b.iter(|| quaternion_law(black_box(desired), black_box(actual), &stiffness));
+                });
+                group.finish();
+            }
+        }
+    };
+}
+
+width!(double, hbot_core, f64);
+width!(single, hbot_core_f32, f32);
+
+fn whole(c: &mut Criterion) {
+    double::whole(c, "f64");
+    single::whole(c, "f32");
+}
+
+fn stages(c: &mut Criterion) {
+    double::stages(c, "f64");
+    single::stages(c, "f32");
+}
+
+criterion_group!(benches, whole, stages);
+criterion_main!(benches);

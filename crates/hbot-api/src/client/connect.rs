@@ -1,0 +1,133 @@
+//! From an address to a client that has said hello.
+
+use super::{Client, ClientError, new_splitter, read_piece};
+use crate::{
+    DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Op, PROTOCOL_VERSION, Request, Response, ServerMessage, Token,
+};
+use serde_json::Value;
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind, Write};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+/// How to connect.
+#[derive(Clone, Debug)]
+pub struct ConnectOptions {
+    /// Who connects, for people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes without control characters.
+    pub name: String,
+    /// The server's token, where it asks for one.
+    pub token: Option<Token>,
+    /// How both sides are to send.
+    pub encoding: Encoding,
+    /// How long the connection, and then each answer, may take. Default: 5 s, which leaves room for `load_scene` on a
+    /// small machine.
+    pub timeout: Duration,
+}
+
+impl ConnectOptions {
+    /// No token, JSON, and the default timeout.
+    #[must_use]
+    pub fn new(name: &str) -> Self {
+        Self { name: name.into(), token: None, encoding: Encoding::Json, timeout: Duration::from_secs(5) }
+    }
+}
+
+impl Client {
+    /// Connects to `address`, as `127.0.0.1:4268`, `[::1]:4268` or `rig.local` (then [`DEFAULT_PORT`] is meant), and
+    /// says hello.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::NoServer`] where nobody listens; [`ClientError::Server`] where the server refuses the hello.
+    pub fn connect(address: &str, name: &str) -> Result<Self, ClientError> {
+        Self::connect_with(address, &ConnectOptions::new(name))
+    }
+
+    /// The same with everything said.
+    ///
+    /// # Errors
+    ///
+    /// As [`connect`](Self::connect).
+    pub fn connect_with(address: &str, options: &ConnectOptions) -> Result<Self, ClientError> {
+        let deadline = Instant::now() + options.timeout;
+        let mut stream = open(address, options.timeout)?;
+        let configure = |stream: &TcpStream| {
+            stream.set_nodelay(true)?;
+            stream.set_write_timeout(Some(options.timeout))
+        };
+        configure(&stream).map_err(ClientError::from_io)?;
+
+        let op = Op::Hello(Hello {
+            version: PROTOCOL_VERSION,
+            name: options.name.clone(),
+            token: options.token.clone(),
+            encoding: options.encoding,
+        });
+        let mut out = Vec::new();
+        Encoding::Json.encode(&Request { id: Some(Id::Integer(0)), op }, &mut out)?;
+        stream.write_all(&out).map_err(ClientError::from_io)?;
+
+        let mut splitter = new_splitter();
+        let hello = loop {
+            if let Some(line) = splitter.next_message() {
+                break read_hello(line.map_err(|error| ClientError::Protocol(error.to_string()))?)?;
+            }
+            if !read_piece(&mut stream, &mut splitter, deadline)? {
+                return Err(ClientError::Timeout { what: "hello", after: options.timeout });
+            }
+        };
+        splitter.set_encoding(options.encoding);
+        Ok(Self {
+            stream,
+            splitter,
+            hello,
+            timeout: options.timeout,
+            events: VecDeque::new(),
+            events_lost: 0,
+            last_id: 0,
+            out,
+        })
+    }
+}
+
+fn read_hello(line: &[u8]) -> Result<HelloOk, ClientError> {
+    match ServerMessage::read(Encoding::Json, line).map_err(ClientError::Protocol)? {
+        ServerMessage::Response(Response { result: Ok(body), .. }) => typed(body),
+        ServerMessage::Response(Response { result: Err(error), .. }) => Err(ClientError::Server(error)),
+        ServerMessage::Event(_) => Err(ClientError::Protocol("an event before the answer to hello".into())),
+    }
+}
+
+/// The body of an answer as its type.
+pub(super) fn typed<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, ClientError> {
+    serde_json::from_value(body).map_err(|error| ClientError::Protocol(error.to_string()))
+}
+
+/// Tries every address that the name stands for: `localhost` may be two, of which a server listens on one.
+fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
+    let candidates = resolve(address)
+        .map_err(|error| ClientError::Address { address: address.into(), reason: error.to_string() })?;
+    let mut last = io::Error::from(ErrorKind::AddrNotAvailable);
+    for candidate in candidates {
+        match TcpStream::connect_timeout(&candidate, timeout) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => last = error,
+        }
+    }
+    Err(match last.kind() {
+        ErrorKind::ConnectionRefused => ClientError::NoServer { address: address.into() },
+        _ => ClientError::Connect { address: address.into(), source: last },
+    })
+}
+
+fn resolve(address: &str) -> io::Result<Vec<SocketAddr>> {
+    // A bare IPv6 address is full of colons and has no port all the same.
+    let has_port =
+        address.rsplit_once(':').is_some_and(|(host, _)| !host.contains(':') || host.ends_with(']'));
+    if has_port {
+        address.to_socket_addrs().map(Iterator::collect)
+    } else {
+        let host = address.trim_start_matches('[').trim_end_matches(']');
+        (host, DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
+    }
+}

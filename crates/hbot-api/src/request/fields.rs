@@ -1,0 +1,192 @@
+//! Reading one field of a request after another, with errors that name it.
+
+use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM};
+use serde_json::{Map, Value};
+use std::fmt;
+
+/// The fields of a request that have not been read.
+pub(crate) struct Fields(pub(crate) Map<String, Value>);
+
+impl Fields {
+    /// A field that may be absent; null is the same.
+    pub(crate) fn take(&mut self, name: &str) -> Option<Value> {
+        self.0.shift_remove(name).filter(|value| !value.is_null())
+    }
+
+    fn required(&mut self, name: &str, legal: impl fmt::Display) -> Result<Value, ErrorBody> {
+        match self.0.shift_remove(name) {
+            Some(value) => Ok(value),
+            None => Err(bad(format!("field {name:?} is missing; legal: {legal}"))),
+        }
+    }
+
+    pub(crate) fn integer(&mut self, name: &str, from: u64, to: u64) -> Result<u64, ErrorBody> {
+        let value = self.required(name, Integer(from, to))?;
+        integer(name, &value, from, to)
+    }
+
+    pub(crate) fn optional_integer(
+        &mut self,
+        name: &str,
+        from: u64,
+        to: u64,
+    ) -> Result<Option<u64>, ErrorBody> {
+        self.take(name).map(|value| integer(name, &value, from, to)).transpose()
+    }
+
+    pub(crate) fn number(&mut self, name: &str, from: f64, to: f64) -> Result<f64, ErrorBody> {
+        let value = self.required(name, Real(from, to))?;
+        number(name, &value, from, to)
+    }
+
+    pub(crate) fn optional_number(
+        &mut self,
+        name: &str,
+        from: f64,
+        to: f64,
+    ) -> Result<Option<f64>, ErrorBody> {
+        self.take(name).map(|value| number(name, &value, from, to)).transpose()
+    }
+
+    pub(crate) fn vector(&mut self, name: &str) -> Result<[f64; 3], ErrorBody> {
+        let value = self.required(name, LEGAL_VECTOR)?;
+        array(name, &value, LEGAL_VECTOR, MAX_MAGNITUDE)
+    }
+
+    pub(crate) fn optional_vector(&mut self, name: &str) -> Result<Option<[f64; 3]>, ErrorBody> {
+        self.take(name).map(|value| array(name, &value, LEGAL_VECTOR, MAX_MAGNITUDE)).transpose()
+    }
+
+    /// A quaternion, brought to unit norm.
+    pub(crate) fn quaternion(&mut self, name: &str) -> Result<[f64; 4], ErrorBody> {
+        let value = self.required(name, LEGAL_QUATERNION)?;
+        let q: [f64; 4] = array(name, &value, LEGAL_QUATERNION, MAX_MAGNITUDE)?;
+        let norm2: f64 = q.iter().map(|x| x * x).sum();
+        let norm = norm2.sqrt();
+        if norm < MIN_QUATERNION_NORM {
+            return Err(bad(format!("field {name:?} has norm {norm}; legal: {LEGAL_QUATERNION}")));
+        }
+        // One that is unit within rounding stays as it is to the bit, so reading what was written changes nothing.
+        let is_unit = (norm2 - 1.0).abs() <= 8.0 * f64::EPSILON;
+        Ok(if is_unit { q } else { q.map(|x| x / norm) })
+    }
+
+    pub(crate) fn flag(&mut self, name: &str) -> Result<bool, ErrorBody> {
+        match self.take(name) {
+            None => Ok(false),
+            Some(Value::Bool(flag)) => Ok(flag),
+            Some(other) => Err(illegal(name, &other, "true or false")),
+        }
+    }
+
+    /// Text of 1 to `most` bytes without control characters.
+    pub(crate) fn text(&mut self, name: &str, most: usize) -> Result<String, ErrorBody> {
+        let legal = format!("text of 1 to {most} bytes without control characters");
+        match self.required(name, &legal)? {
+            Value::String(text) if is_name(&text, most) => Ok(text),
+            other => Err(illegal(name, &other, legal)),
+        }
+    }
+}
+
+fn is_name(text: &str, most: usize) -> bool {
+    !text.is_empty() && text.len() <= most && !text.contains(char::is_control)
+}
+
+fn integer(name: &str, value: &Value, from: u64, to: u64) -> Result<u64, ErrorBody> {
+    match value.as_u64() {
+        Some(number) if (from..=to).contains(&number) => Ok(number),
+        _ => Err(illegal(name, value, Integer(from, to))),
+    }
+}
+
+fn number(name: &str, value: &Value, from: f64, to: f64) -> Result<f64, ErrorBody> {
+    match value.as_f64() {
+        Some(number) if (from..=to).contains(&number) => Ok(number),
+        _ => Err(illegal(name, value, Real(from, to))),
+    }
+}
+
+const LEGAL_VECTOR: &str = "a list of 3 numbers, each from -1e6 to 1e6";
+const LEGAL_QUATERNION: &str = "a list of 4 numbers [w, x, y, z] of norm 1";
+
+fn array<const N: usize>(
+    name: &str,
+    value: &Value,
+    legal: &'static str,
+    most: f64,
+) -> Result<[f64; N], ErrorBody> {
+    let items = match value {
+        Value::Array(items) if items.len() == N => items,
+        other => return Err(illegal(name, other, legal)),
+    };
+    let mut numbers = [0.0; N];
+    for (i, (slot, item)) in numbers.iter_mut().zip(items).enumerate() {
+        *slot = number(&format!("{name}[{i}]"), item, -most, most)?;
+    }
+    Ok(numbers)
+}
+
+/// A refusal that needs no more than a text.
+pub(crate) fn bad(message: impl Into<String>) -> ErrorBody {
+    ErrorBody::new(ErrorCode::BadRequest, message)
+}
+
+pub(crate) fn illegal(name: &str, found: &Value, legal: impl fmt::Display) -> ErrorBody {
+    bad(format!("field {name:?} is {}; legal: {legal}", Found(found)))
+}
+
+/// What is legal for a whole number.
+struct Integer(u64, u64);
+
+impl fmt::Display for Integer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(from, to) = self;
+        match *to {
+            u64::MAX => write!(f, "a whole number from {from}"),
+            to => write!(f, "a whole number from {from} to {to}"),
+        }
+    }
+}
+
+/// What is legal for a number.
+struct Real(f64, f64);
+
+impl fmt::Display for Real {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(from, to) = self;
+        if *to == f64::MAX {
+            write!(f, "a number from {from}")
+        } else {
+            write!(f, "a number from {from} to {to}")
+        }
+    }
+}
+
+/// A value as an error message shows it, never long.
+pub(crate) struct Found<'a>(pub(crate) &'a Value);
+
+impl fmt::Display for Found<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Value::Null => f.write_str("null"),
+            Value::Bool(flag) => write!(f, "{flag}"),
+            Value::Number(number) => write!(f, "{number}"),
+            Value::String(text) => write!(f, "the text {:?}", Excerpt(text)),
+            Value::Array(items) => write!(f, "a list of {}", items.len()),
+            Value::Object(_) => f.write_str("a map"),
+        }
+    }
+}
+
+/// Text from a stranger as an error message shows it: quoted, escaped, never long.
+pub(crate) struct Excerpt<'a>(pub(crate) &'a str);
+
+impl fmt::Debug for Excerpt<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.char_indices().nth(40) {
+            Some((end, _)) => write!(f, "{:?}...", &self.0[..end]),
+            None => write!(f, "{:?}", self.0),
+        }
+    }
+}

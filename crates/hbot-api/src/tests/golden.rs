@@ -1,0 +1,123 @@
+//! Every message against the bytes that an independent encoder made of it.
+
+use super::{encoded, samples, unframed};
+use crate::{Encoding, ErrorCode, Event, Fault, Mode, Op, Request, Response, ServerMessage, StateEvent};
+use std::collections::BTreeSet;
+
+/// Lines of JSON and frames of MessagePack.
+fn golden() -> Vec<(String, Vec<u8>)> {
+    let lines: Vec<&str> =
+        include_str!("messages.golden").lines().filter(|line| !line.starts_with('#')).collect();
+    lines.chunks_exact(2).map(|pair| (pair[0].into(), from_hex(pair[1]))).collect()
+}
+
+fn from_hex(text: &str) -> Vec<u8> {
+    (0..text.len()).step_by(2).map(|i| u8::from_str_radix(&text[i..i + 2], 16).unwrap()).collect()
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn assert_golden<T: serde::Serialize>(message: &T, (line, frame): &(String, Vec<u8>)) {
+    let json = encoded(Encoding::Json, message);
+    assert_eq!(String::from_utf8(json).unwrap(), format!("{line}\n"));
+    assert_eq!(to_hex(&encoded(Encoding::Msgpack, message)), to_hex(frame), "{line}");
+}
+
+#[test]
+fn every_op_is_on_the_wire_as_documented() {
+    for (request, golden) in samples::requests().iter().zip(golden()) {
+        assert_golden(request, &golden);
+        assert_eq!(Request::read(Encoding::Json, golden.0.as_bytes()).as_ref(), Ok(request));
+        let map = unframed(Encoding::Msgpack, &golden.1);
+        assert_eq!(Request::read(Encoding::Msgpack, &map).as_ref(), Ok(request));
+    }
+}
+
+#[test]
+fn every_answer_and_event_is_on_the_wire_as_documented() {
+    let messages: Vec<ServerMessage> = samples::answers().into_iter().chain(samples::events()).collect();
+    let golden = golden().split_off(samples::requests().len());
+    assert_eq!(messages.len(), golden.len());
+    for (message, golden) in messages.iter().zip(golden) {
+        match message {
+            ServerMessage::Response(response) => assert_golden(response, &golden),
+            ServerMessage::Event(event) => assert_golden(event, &golden),
+        }
+        assert_eq!(ServerMessage::read(Encoding::Json, golden.0.as_bytes()).as_ref(), Ok(message));
+        let map = unframed(Encoding::Msgpack, &golden.1);
+        assert_eq!(ServerMessage::read(Encoding::Msgpack, &map).as_ref(), Ok(message));
+    }
+}
+
+#[test]
+fn the_samples_leave_out_no_op() {
+    let sampled: BTreeSet<&str> = samples::requests().iter().map(|request| request.op.name()).collect();
+    assert_eq!(sampled, Op::names().collect());
+    for request in samples::requests() {
+        let line = String::from_utf8(encoded(Encoding::Json, &request)).unwrap();
+        assert!(line.contains(&format!("\"op\":\"{}\"", request.op.name())), "{line}");
+    }
+}
+
+#[test]
+fn names_in_text_are_those_on_the_wire() {
+    for mode in Mode::ALL {
+        assert_eq!(serde_json::to_value(mode).unwrap(), mode.as_str());
+    }
+    for fault in Fault::ALL {
+        assert_eq!(serde_json::to_value(fault).unwrap(), fault.as_str());
+    }
+    for code in ErrorCode::ALL {
+        assert_eq!(serde_json::to_value(code).unwrap(), code.as_str());
+    }
+    for encoding in Encoding::ALL {
+        assert_eq!(serde_json::to_value(encoding).unwrap(), encoding.as_str());
+    }
+}
+
+#[test]
+fn a_later_server_may_say_more() {
+    let line = br#"{"event":"eclipse","depth":1}"#;
+    assert_eq!(ServerMessage::read(Encoding::Json, line), Ok(ServerMessage::Event(Event::Unknown)));
+    let line = br#"{"event":"dropped","count":1,"total":2,"since":3}"#;
+    assert!(matches!(ServerMessage::read(Encoding::Json, line), Ok(ServerMessage::Event(Event::Dropped(_)))));
+}
+
+#[test]
+fn nothing_that_is_not_finite_is_ever_sent() {
+    type Spoil = fn(&mut StateEvent, f64);
+    let spoils: [Spoil; 14] = [
+        |s, x| s.t = x,
+        |s, x| s.q[3] = x,
+        |s, x| s.omega[1] = x,
+        |s, x| s.torque[2] = x,
+        |s, x| s.joints[1].angle = x,
+        |s, x| s.joints[1].rate = x,
+        |s, x| s.joints[3].torque = x,
+        |s, x| s.slip = x,
+        |s, x| s.scale = x,
+        |s, x| s.traction = x,
+        |s, x| s.energy = x,
+        |s, x| s.timing.lateness_us = x,
+        |s, x| s.timing.compute_us = x,
+        |s, x| (s.timing.link_us, s.timing.age_us) = (x, x),
+    ];
+    for (i, spoil) in spoils.iter().enumerate() {
+        for (encoding, value) in Encoding::ALL.into_iter().zip([f64::NAN, f64::NEG_INFINITY]) {
+            let mut state = samples::state();
+            spoil(&mut state, value);
+            let mut out = b"before".to_vec();
+            assert!(encoding.encode(&Event::State(state), &mut out).is_err(), "spoil {i}");
+            assert_eq!(out, b"before", "spoil {i}");
+        }
+    }
+    assert!(Response::ok(None, &crate::AlignOk { angle: f64::NAN }).is_err());
+}
+
+#[test]
+fn a_token_is_kept_out_of_debug_output() {
+    let debug = format!("{:?}", samples::requests());
+    assert!(debug.contains("Token(..)") && !debug.contains("s3cret"));
+}

@@ -1,0 +1,27 @@
+//! Tests of the whole crate: what is on the wire, what is refused, and a client against a server of a few lines.
+
+mod client;
+mod docs;
+mod golden;
+mod refusals;
+mod round_trip;
+mod samples;
+mod speed;
+mod splitter;
+
+use crate::{Encoding, Splitter};
+
+/// The one message in `bytes`, without its newline or length.
+fn unframed(encoding: Encoding, bytes: &[u8]) -> Vec<u8> {
+    let mut splitter = Splitter::with_limit(encoding, crate::MAX_ANSWER_BYTES);
+    splitter.push(bytes);
+    let message = splitter.next_message().expect("whole").expect("legal").to_vec();
+    assert_eq!(splitter.pending(), 0);
+    message
+}
+
+fn encoded<T: serde::Serialize>(encoding: Encoding, message: &T) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    encoding.encode(message, &mut bytes).expect("finite");
+    bytes
+}

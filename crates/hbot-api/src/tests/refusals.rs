@@ -1,0 +1,277 @@
+//! What is refused, and in which words.
+
+use crate::{Encoding, ErrorCode, Id, Op, Request};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+fn refused(line: &str) -> String {
+    let refusal = Request::read(Encoding::Json, line.as_bytes()).expect_err(line);
+    assert_eq!(refusal.error.code, ErrorCode::BadRequest, "{line}");
+    refusal.error.message
+}
+
+/// What is wrong with the request of op and fields given.
+fn wrong(op: &str, fields: &str) -> String {
+    refused(&format!("{{\"op\":\"{op}\",{fields}}}"))
+}
+
+#[test]
+fn messages_name_field_and_what_is_legal() {
+    let cases = [
+        ("subscribe", r#""every":0"#, r#"field "every" is 0; legal: a whole number from 1 to 1000000"#),
+        ("subscribe", r#""every":1.5"#, r#"field "every" is 1.5; legal: a whole number"#),
+        ("subscribe", r#""every":-1"#, r#"field "every" is -1; legal"#),
+        ("subscribe", r#""every":null"#, r#"field "every" is null; legal"#),
+        ("subscribe", r#""every":"10""#, r#"field "every" is the text "10"; legal: a whole number"#),
+        ("subscribe", r#""evry":1"#, r#"unknown field "evry" of op subscribe; legal: id, op, every"#),
+        ("enable", r#""now":true"#, r#"unknown field "now" of op enable; legal: id, op"#),
+        ("acquire", r#""steal":1"#, r#"field "steal" is 1; legal: true or false"#),
+        ("load_scene", r#""id":1"#, r#"field "scene" is missing; legal: a map"#),
+        ("load_scene", r#""scene":"dial.toml""#, r#"field "scene" is the text "dial.toml"; legal: a map"#),
+        ("set", r#""stiffness":1"#, r#"field "effect" is missing; legal: text of 1 to 128 bytes"#),
+        ("set", r#""effect":"a""#, "op set names no parameter"),
+        ("set", r#""effect":"a","kind":"wall""#, r#"field "kind" cannot be set"#),
+        (
+            "torque",
+            r#""torque":[1,2],"valid_ms":1"#,
+            r#"field "torque" is a list of 2; legal: a list of 3 numbers"#,
+        ),
+        (
+            "torque",
+            r#""torque":[1,"2",3],"valid_ms":1"#,
+            r#"field "torque[1]" is the text "2"; legal: a number"#,
+        ),
+        (
+            "torque",
+            r#""torque":[1,2,1e7],"valid_ms":1"#,
+            r#"field "torque[2]" is 10000000.0; legal: a number from -"#,
+        ),
+        (
+            "torque",
+            r#""torque":[1,2,3]"#,
+            r#"field "valid_ms" is missing; legal: a whole number from 1 to 1000"#,
+        ),
+        ("torque", r#""torque":[1,2,3],"valid_ms":1001"#, r#"field "valid_ms" is 1001; legal"#),
+        ("torque", r#""torque":[1,2,3],"valid_ms":0"#, r#"field "valid_ms" is 0; legal"#),
+        (
+            "torque",
+            r#""torque":[1,2,3],"valid_ms":1,"tick":-1"#,
+            r#"field "tick" is -1; legal: a whole number from 0"#,
+        ),
+        (
+            "reference",
+            r#""effect":"a","q":[0,0,0,0]"#,
+            r#"field "q" has norm 0; legal: a list of 4 numbers [w, x, y, z]"#,
+        ),
+        ("reference", r#""effect":"a","q":[1,0,0]"#, r#"field "q" is a list of 3; legal"#),
+        (
+            "reference",
+            r#""effect":"a","q":[1,0,0,0],"omega":[{},0,0]"#,
+            r#"field "omega[0]" is a map; legal"#,
+        ),
+        ("align", r#""q":[1,0,0,0],"weight":-0.1"#, r#"field "weight" is -0.1; legal: a number from 0 to 1"#),
+        ("align", r#""q":[1,0,0,0],"weight":1.1"#, r#"field "weight" is 1.1; legal"#),
+        ("align", r#""q":[1,0,0,0],"weight":1,"t":-1"#, r#"field "t" is -1; legal: a number from 0"#),
+        ("hello", r#""version":1,"name":"""#, r#"field "name" is the text ""; legal: text of 1 to 64 bytes"#),
+        ("hello", r#""version":1,"name":"a\nb""#, r#"field "name" is the text "a\nb"; legal"#),
+        (
+            "hello",
+            r#""version":"1","name":"a""#,
+            r#"field "version" is the text "1"; legal: a whole number from 1"#,
+        ),
+        (
+            "hello",
+            r#""version":1,"name":"a","encoding":"xml""#,
+            r#"is the text "xml"; legal: "json" or "msgpack""#,
+        ),
+        ("hello", r#""version":1,"name":"a","token":12345"#, r#"field "token" is not legal"#),
+        ("dance", r#""id":1"#, r#"unknown op "dance"; legal: hello, info, subscribe, unsubscribe, stats"#),
+        ("ping", r#""data":1,"data":2"#, r#"field "data" is given twice; legal: once"#),
+        ("set", r#""effect":"a","m":{"x":[{"y":1,"y":1}]}"#, r#"field "m.x[0].y" is given twice"#),
+    ];
+    for (op, fields, message) in cases {
+        let found = wrong(op, fields);
+        assert!(found.contains(message), "{op} {fields}:\n found {found}\nwanted {message}");
+    }
+}
+
+#[test]
+fn what_is_no_request_is_refused() {
+    assert!(refused("{").starts_with("not a JSON object: EOF"));
+    assert!(refused("{} {}").starts_with("not a JSON object: trailing"));
+    assert!(refused("GET / HTTP/1.1").starts_with("not a JSON object"));
+    assert!(refused("[1]").starts_with("the message is a list of 1; legal: a map"));
+    assert!(refused("{}").starts_with("field \"op\" is missing; legal: hello, info"));
+    assert!(refused(r#"{"op":7}"#).starts_with("field \"op\" is 7; legal: hello, info"));
+    assert!(refused(r#"{"op":"ping","id":[]}"#).starts_with("field \"id\" is a list of 0; legal: a whole"));
+    assert!(refused(r#"{"op":"ping","id":1.5}"#).starts_with("field \"id\" is 1.5"));
+    assert!(refused(&format!(r#"{{"op":"ping","id":"{}"}}"#, "x".repeat(129))).starts_with("field \"id\""));
+    assert!(refused(r#"{"op":"ping","data":1e999}"#).contains("number out of range"));
+}
+
+#[test]
+fn a_refusal_carries_the_id_and_stays_short() {
+    let long = "y".repeat(60_000);
+    for line in [
+        r#"{"op":"subscribe","every":0,"id":"mine"}"#.to_owned(),
+        format!(r#"{{"op":"{long}","id":"mine"}}"#),
+        format!(r#"{{"op":"enable","{long}":1,"id":"mine"}}"#),
+        format!(r#"{{"op":"acquire","steal":"{long}","id":"mine"}}"#),
+        format!(r#"{{"op":"ping","data":{{"{long}":1,"{long}":1}},"id":"mine"}}"#),
+    ] {
+        let refusal = Request::read(Encoding::Json, line.as_bytes()).unwrap_err();
+        assert_eq!(refusal.id, Some(Id::Text("mine".into())));
+        assert!(refusal.error.message.len() < 300, "{}", refusal.error.message);
+    }
+}
+
+#[test]
+fn another_version_is_told_before_its_fields() {
+    let line = br#"{"id":1,"op":"hello","version":2,"name":"a","colour":"red"}"#;
+    let refusal = Request::read(Encoding::Json, line).unwrap_err();
+    assert_eq!(refusal.error.code, ErrorCode::UnsupportedVersion);
+    assert_eq!(refusal.error.message, "field \"version\" is 2; this server speaks 1");
+}
+
+#[test]
+fn an_emergency_stop_is_never_refused_for_its_fields() {
+    let line = br#"{"id":3,"op":"estop","why":1,"why":"smoke"}"#;
+    assert_eq!(Request::read(Encoding::Json, line), Ok(Request { id: Some(3.into()), op: Op::Estop }));
+}
+
+#[test]
+fn quaternions_are_brought_to_unit_norm() {
+    let line = br#"{"op":"align","q":[0,3e5,0,4e5],"weight":0}"#;
+    let Op::Align(align) = Request::read(Encoding::Json, line).unwrap().op else { panic!("align") };
+    assert_eq!(align.q, [0.0, 0.6, 0.0, 0.8]);
+}
+
+/// A request as MessagePack allows it and JSON does not.
+#[derive(Clone, Serialize)]
+#[serde(untagged)]
+enum Raw {
+    Number(f64),
+    Whole(u64),
+    Text(&'static str),
+    List(Vec<Raw>),
+    Map(BTreeMap<&'static str, Raw>),
+}
+
+fn msgpack(map: &BTreeMap<&'static str, Raw>) -> Vec<u8> {
+    rmp_serde::to_vec_named(map).unwrap()
+}
+
+#[test]
+fn nan_and_infinity_are_refused_at_every_number() {
+    let list = |n| Raw::List(vec![Raw::Number(0.5); n]);
+    let requests = [
+        vec![("op", Raw::Text("hello")), ("version", Raw::Whole(1)), ("name", Raw::Text("a"))],
+        vec![("op", Raw::Text("subscribe")), ("every", Raw::Whole(1))],
+        vec![("op", Raw::Text("set")), ("effect", Raw::Text("a")), ("m", Raw::Map([("x", list(2))].into()))],
+        vec![
+            ("op", Raw::Text("torque")),
+            ("torque", list(3)),
+            ("valid_ms", Raw::Whole(1)),
+            ("tick", Raw::Whole(1)),
+            ("seq", Raw::Whole(1)),
+        ],
+        vec![
+            ("op", Raw::Text("reference")),
+            ("effect", Raw::Text("a")),
+            ("q", list(4)),
+            ("omega", list(3)),
+            ("valid_ms", Raw::Whole(1)),
+            ("tick", Raw::Whole(1)),
+            ("seq", Raw::Whole(1)),
+        ],
+        vec![
+            ("op", Raw::Text("align")),
+            ("q", list(4)),
+            ("weight", Raw::Number(0.5)),
+            ("t", Raw::Number(1.0)),
+        ],
+        vec![("op", Raw::Text("ping")), ("data", Raw::Number(1.0))],
+        vec![("op", Raw::Text("load_scene")), ("scene", Raw::Map([("gain", Raw::Number(1.0))].into()))],
+    ];
+    let mut spoiled = 0;
+    for request in requests {
+        let mut map: BTreeMap<&'static str, Raw> = request.into_iter().collect();
+        map.insert("id", Raw::Whole(5));
+        assert!(Request::read(Encoding::Msgpack, &msgpack(&map)).is_ok(), "legal before it is spoiled");
+        for field in map.keys().copied().filter(|field| !matches!(map[field], Raw::Text(_)) && *field != "id")
+        {
+            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let mut map = map.clone();
+                let path = spoil(map.get_mut(field).unwrap(), bad);
+                let refusal = Request::read(Encoding::Msgpack, &msgpack(&map)).expect_err(field);
+                let what = if bad.is_nan() { "is NaN" } else { "is infinite" };
+                assert_eq!(
+                    refusal.error.message,
+                    format!("field \"{field}{path}\" {what}; legal: a finite number")
+                );
+                assert_eq!(refusal.id, Some(Id::Integer(5)));
+                spoiled += 1;
+            }
+        }
+    }
+    assert_eq!(spoiled, 3 * 17);
+}
+
+/// Puts `bad` at the last number of a value; its path.
+fn spoil(value: &mut Raw, bad: f64) -> String {
+    match value {
+        Raw::List(items) => {
+            let last = items.len() - 1;
+            format!("[{last}]{}", spoil(&mut items[last], bad))
+        }
+        Raw::Map(map) => {
+            let (key, value) = map.iter_mut().next_back().unwrap();
+            format!(".{key}{}", spoil(value, bad))
+        }
+        other => {
+            *other = Raw::Number(bad);
+            String::new()
+        }
+    }
+}
+
+#[test]
+fn what_json_has_not_is_refused_in_msgpack() {
+    let refused = |bytes: &[u8]| Request::read(Encoding::Msgpack, bytes).unwrap_err().error.message;
+    // {"op": "ping", "data": ...}
+    let ping = |data: &[u8]| [b"\x82\xa2op\xa4ping\xa4data", data].concat();
+    assert!(Request::read(Encoding::Msgpack, &ping(b"\xc3")).is_ok());
+    assert!(refused(&ping(b"\xc4\x01\x00")).contains("invalid type: byte array"), "binary");
+    assert!(refused(&ping(b"\xd4\x01\x00")).starts_with("not a MessagePack map"), "extension");
+    assert!(refused(&ping(b"\x81\x01\x02")).contains("invalid type: integer `1`"), "a key that is no text");
+    assert!(refused(&ping(b"\xa1\xff")).starts_with("not a MessagePack map"), "text that is not UTF-8");
+    assert!(refused(&ping(b"\xc3\xc3")).starts_with("1 bytes are left over"));
+    assert!(refused(&ping(b"\xdd\xff\xff\xff\xff")).starts_with("not a MessagePack map"), "a list cut off");
+    assert!(refused(&ping(b"")).starts_with("not a MessagePack map"));
+    assert!(refused(b"\xc1").starts_with("not a MessagePack map"), "a marker that is none");
+}
+
+#[test]
+fn depth_is_bounded_in_both_encodings() {
+    let json = |depth: usize| {
+        format!(r#"{{"op":"ping","data":{}{}}}"#, "[".repeat(depth), "]".repeat(depth)).into_bytes()
+    };
+    let packed =
+        |depth: usize| [b"\x82\xa2op\xa4ping\xa4data".to_vec(), vec![0x91; depth - 1], vec![0x90]].concat();
+    let deepest = crate::MAX_DEPTH - 1;
+    for (encoding, legal, deeper, bomb) in [
+        (Encoding::Json, json(deepest), json(deepest + 1), json(30_000)),
+        (Encoding::Msgpack, packed(deepest), packed(deepest + 1), packed(60_000)),
+    ] {
+        let request = Request::read(encoding, &legal).expect("legal");
+        for bytes in [deeper, bomb] {
+            let refusal = Request::read(encoding, &bytes).unwrap_err();
+            assert!(refusal.error.message.contains("nested too deep"), "{encoding}: {refusal}");
+        }
+        // What is legal to ask can be answered, though the answer is deeper.
+        let Op::Ping { data } = request.op else { panic!("ping") };
+        let answer = crate::Response::ok(None, &crate::PingOk { data, tick: 0, t: 0.0 }).unwrap();
+        let bytes = super::unframed(encoding, &super::encoded(encoding, &answer));
+        assert!(crate::ServerMessage::read(encoding, &bytes).is_ok());
+    }
+}

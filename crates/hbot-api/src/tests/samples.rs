@@ -1,0 +1,148 @@
+//! One message of every op, answer and event, in the order of `messages.golden`.
+
+use crate::*;
+use serde_json::{Value, json};
+
+pub(super) fn requests() -> Vec<Request> {
+    let hello = Hello { version: 1, name: "demo".into(), token: None, encoding: Encoding::Json };
+    let with_token =
+        Hello { token: Some("s3cret".to_owned().into()), encoding: Encoding::Msgpack, ..hello.clone() };
+    let Value::Object(parameters) = json!({"stiffness": 2.5, "law": "geodesic"}) else { unreachable!() };
+    let torque = TorqueCommand { torque: [0.0, -0.25, 1e-3], valid_ms: 20, tick: None, seq: None };
+    let reference = ReferenceCommand {
+        effect: "spring".into(),
+        q: [1.0, 0.0, 0.0, 0.0],
+        omega: None,
+        valid_ms: 100,
+        tick: None,
+        seq: None,
+    };
+    let request = |id: i64, op| Request { id: Some(id.into()), op };
+    vec![
+        request(1, Op::Hello(hello)),
+        Request { id: Some("first".into()), op: Op::Hello(with_token) },
+        request(2, Op::Info),
+        request(3, Op::Subscribe { every: 10 }),
+        request(4, Op::Unsubscribe),
+        request(5, Op::Stats),
+        request(6, Op::Acquire { steal: false }),
+        request(7, Op::Acquire { steal: true }),
+        request(8, Op::Release),
+        request(
+            9,
+            Op::LoadScene {
+                scene: json!({"name": "Soft", "effect": [{"id": "spring", "kind": "spring", "stiffness": 4}]}),
+            },
+        ),
+        request(10, Op::Set { effect: "spring".into(), parameters }),
+        Request { id: None, op: Op::Torque(torque.clone()) },
+        request(11, Op::Torque(TorqueCommand { tick: Some(70_000), seq: Some(5_000_000_000), ..torque })),
+        Request { id: None, op: Op::Reference(reference.clone()) },
+        request(
+            12,
+            Op::Reference(ReferenceCommand {
+                q: [0.6, 0.0, 0.8, 0.0],
+                omega: Some([0.0, 0.5, 0.0]),
+                valid_ms: 50,
+                tick: Some(12),
+                seq: Some(1),
+                ..reference
+            }),
+        ),
+        request(13, Op::Align(Align { q: [0.0, 0.0, 0.0, -1.0], weight: 0.1, t: Some(12.5) })),
+        Request { id: None, op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, t: None }) },
+        request(14, Op::Enable),
+        request(15, Op::Disable),
+        request(16, Op::Reset),
+        request(17, Op::Estop),
+        request(-1, Op::Ping { data: Value::Null }),
+        request(i64::MIN, Op::Ping { data: json!([{"ä": [null, true, -1, 0.5, "\n"]}, 300]) }),
+    ]
+}
+
+pub(super) fn answers() -> Vec<ServerMessage> {
+    fn ok(id: impl Into<Id>, body: impl serde::Serialize) -> ServerMessage {
+        ServerMessage::Response(Response::ok(Some(id.into()), &body).unwrap())
+    }
+    let refused = |error| ServerMessage::Response(Response::error(None, error));
+    let effects = vec![EffectCost { id: "spring".into(), kind: "spring".into(), cost_ns: 210 }];
+    vec![
+        ok(
+            1,
+            HelloOk {
+                server: "hbot 0.1.0".into(),
+                version: 1,
+                rig: "Hbot prototype".into(),
+                rate_hz: 1000.0,
+                session: 7,
+            },
+        ),
+        ok(3, SubscribeOk { every: 10 }),
+        ServerMessage::Response(Response::done(Some(6.into()))),
+        ok(9, LoadSceneOk { effects, ignored: vec!["friction".into()] }),
+        ok(13, AlignOk { angle: 0.03125 }),
+        ok(14, ModeOk { mode: Mode::Enabling }),
+        ok("p", PingOk { data: json!({"n": 1}), tick: 1000, t: 1.0 }),
+        refused(ErrorBody::new(ErrorCode::BadRequest, "field \"every\" is missing")),
+        refused(ErrorBody { holder: Some("other".into()), ..ErrorBody::new(ErrorCode::Busy, "held") }),
+        refused(ErrorBody { angle: Some(0.75), ..ErrorBody::new(ErrorCode::OutOfRange, "too far") }),
+    ]
+}
+
+pub(super) fn state() -> StateEvent {
+    let joint = JointState { angle: -0.5, rate: 0.25, torque: 0.0625 };
+    StateEvent {
+        tick: 123_456,
+        t: 123.456,
+        mode: Mode::Active,
+        fault: None,
+        q: [0.5, -0.5, 0.5, -0.5],
+        omega: [0.1, 0.0, -2.5],
+        torque: [0.0, 1.5, -0.001],
+        joints: vec![joint, JointState::default(), joint, JointState { angle: 1e-7, ..joint }],
+        slip: 0.0,
+        scale: 1.0,
+        traction: 0.375,
+        energy: -0.0125,
+        client: Some(ClientStream { seq: Some(9), age_ticks: 2 }),
+        timing: Timing { lateness_us: 12.5, compute_us: 8.25, link_us: 310.0, age_us: 1250.0 },
+    }
+}
+
+pub(super) fn events() -> Vec<ServerMessage> {
+    let fault = FaultEvent {
+        tick: 5,
+        t: 0.005,
+        mode: Mode::Fault,
+        fault: Some(Fault::LinkLost),
+        message: "x".into(),
+    };
+    let lease = LeaseEvent { holder: Some("other".into()), session: Some(8), cause: LeaseCause::Stolen };
+    let effects = vec![EffectCost { id: "dial".into(), kind: "detents".into(), cost_ns: 95 }];
+    [
+        Event::State(state()),
+        Event::State(StateEvent {
+            mode: Mode::Fault,
+            fault: Some(Fault::ImplausibleFeedback),
+            joints: vec![],
+            client: None,
+            ..state()
+        }),
+        Event::Fault(fault.clone()),
+        Event::Fault(FaultEvent { mode: Mode::Estop, fault: None, ..fault }),
+        Event::Lease(lease),
+        Event::Lease(LeaseEvent { holder: None, session: None, cause: LeaseCause::Released }),
+        Event::Scene(SceneEvent { tick: 77, name: "Dial".into(), effects }),
+        Event::Dropped(DroppedEvent { count: 3, total: 300 }),
+        Event::Refused(RefusedEvent {
+            count: 1,
+            total: 2,
+            op: Some("torque".into()),
+            code: ErrorCode::NotHolder,
+            message: "y".into(),
+        }),
+        Event::Stopping(StoppingEvent { message: "SIGTERM".into() }),
+    ]
+    .map(ServerMessage::Event)
+    .into()
+}

@@ -1,0 +1,253 @@
+//! From a rig file whose values are in range to a legal rig: what one value alone cannot tell.
+
+use std::collections::HashSet;
+use std::net::SocketAddr;
+
+use hbot_core::Vec3;
+use hbot_core::device::{Device, DeviceError, MAX_JOINTS, WheelSpec};
+use hbot_core::rig as core;
+
+use super::file::{self, RigFile};
+use super::settings;
+use super::{ApiConfig, LinkConfig, Port, RigConfig};
+use crate::document::Report;
+
+/// Default watchdog times, ms: a serial line is quick, a pseudo-terminal on a busy machine may not be.
+const WATCHDOG_MS: u16 = 20;
+const WATCHDOG_SIM_MS: u16 = 50;
+
+/// Shorter steering axes are taken for none at all.
+const LEAST_AXIS: f64 = 1.0e-9;
+
+/// Counts of one turn of a joint: fewer tell no angle, more do not fit the 32-bit counter that the controllers report.
+const LEAST_COUNTS: f64 = 4.0;
+const MOST_COUNTS: f64 = 2_147_483_648.0;
+
+/// Checks one wheel by itself.
+pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) {
+    if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
+        report.push(
+            &format!("{path}.axis"),
+            "the axis has no direction",
+            "[x, y, z], not all zero".to_owned(),
+        );
+    }
+    for (name, joint) in [("steer", &wheel.steer), ("drive", &wheel.drive)] {
+        let at = |key: &str| format!("{path}.{name}.{key}");
+        let counts = f64::from(joint.counts_per_turn) * joint.gear;
+        if !(LEAST_COUNTS..=MOST_COUNTS).contains(&counts) {
+            let message =
+                format!("{} times counts_per_turn is {counts} counts a turn of the joint", joint.gear);
+            report.push(&at("gear"), message, format!("{LEAST_COUNTS} to {MOST_COUNTS} counts"));
+        }
+        if joint.motor {
+            for (key, value) in [("peak", joint.peak), ("continuous", joint.continuous)] {
+                if value.is_none() {
+                    report.push(
+                        &at(key),
+                        "missing",
+                        "a number, > 0 and <= 1000 N m; or motor = false".to_owned(),
+                    );
+                }
+            }
+        }
+        if let (Some(peak), Some(continuous)) = (joint.peak, joint.continuous)
+            && continuous > peak
+        {
+            report.push(
+                &at("continuous"),
+                format!("{continuous} is more than peak"),
+                format!("> 0 and <= {peak} N m"),
+            );
+        }
+    }
+}
+
+/// Checks what wheels, loop, link and service must agree on, and compiles. `None` where the report says why.
+pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
+    let wheels = wheel_names(&file, report);
+    let controllers = controllers(&file, report);
+    let link = link(&file, report);
+    let api = api(&file, report);
+    let device = device(&file, report)?;
+    let joints = joints(&file);
+    let rig = core::Rig {
+        device,
+        joints,
+        limits: limits(&file.limits),
+        timing: core::Timing {
+            period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
+            timeout_ticks: file.link.timeout_ticks,
+        },
+        methods: core::Methods {
+            odometry: file.r#loop.accuracy.odometry(),
+            rate: file.r#loop.rate_estimate.into(),
+        },
+    };
+    Some(RigConfig {
+        name: file.name,
+        rig,
+        wheels,
+        controllers,
+        rate_hz: file.r#loop.rate_hz,
+        accuracy: file.r#loop.accuracy.name(),
+        link,
+        api: api?,
+    })
+}
+
+fn wheel_names(file: &RigFile, report: &mut Report) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for (i, (wheel, letter)) in file.wheel.iter().zip('A'..).enumerate() {
+        let name = wheel.name.clone().unwrap_or_else(|| letter.to_string());
+        if let Some(other) = names.iter().position(|n| *n == name) {
+            let message = format!("{name:?} is the name of wheel[{other}] already");
+            report.push(&format!("wheel[{i}].name"), message, "names that differ".to_owned());
+        }
+        names.push(name);
+    }
+    names
+}
+
+/// The joints in their order, with their paths.
+fn each_joint(file: &RigFile) -> impl Iterator<Item = (String, &file::Joint)> {
+    file.wheel.iter().enumerate().flat_map(|(i, wheel)| {
+        [(format!("wheel[{i}].steer"), &wheel.steer), (format!("wheel[{i}].drive"), &wheel.drive)]
+    })
+}
+
+fn controllers(file: &RigFile, report: &mut Report) -> Vec<usize> {
+    let count = 2 * file.wheel.len();
+    let mut taken = HashSet::new();
+    let mut order = Vec::new();
+    for (joint, (path, settings)) in each_joint(file).enumerate() {
+        let position = settings.controller.map_or(joint, |c| c as usize);
+        let words = || {
+            format!(
+                "each of 0 to {} once; the place of a joint that names none is its own, here {joint}",
+                count - 1
+            )
+        };
+        if position >= count {
+            let message = format!("{position} is past the last of {count} joints");
+            report.push(&format!("{path}.controller"), message, words());
+        } else if !taken.insert(position) {
+            report.push(
+                &format!("{path}.controller"),
+                format!("{position} is taken by another joint"),
+                words(),
+            );
+        }
+        order.push(position);
+    }
+    order
+}
+
+fn link(file: &RigFile, report: &mut Report) -> LinkConfig {
+    let port = Port::from(file.link.port.as_str());
+    let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
+    let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
+    let rate_hz = file.r#loop.rate_hz;
+    // A command must still hold when the next one is a whole period late.
+    let least_ms = 2000_u32.div_ceil(rate_hz);
+    if u32::from(watchdog_ms) < least_ms {
+        let message = format!("{watchdog_ms} ms is less than two loop periods at {rate_hz} Hz");
+        report.push("link.watchdog_ms", message, format!("{least_ms} to 1000 ms"));
+    }
+    LinkConfig {
+        port,
+        protocol: file.link.protocol,
+        baud: file.link.baud,
+        watchdog_ms,
+        timeout_ticks: file.link.timeout_ticks,
+    }
+}
+
+fn api(file: &RigFile, report: &mut Report) -> Option<ApiConfig> {
+    let Ok(listen) = file.api.listen.parse::<SocketAddr>() else {
+        let message = format!("{:?} is not an address with a port", file.api.listen);
+        report.push("api.listen", message, "such as \"127.0.0.1:4268\" or \"[::1]:4268\"".to_owned());
+        return None;
+    };
+    Some(ApiConfig {
+        listen,
+        token_file: file.api.token_file.clone(),
+        on_client_lost: file.api.on_client_lost,
+    })
+}
+
+fn device(file: &RigFile, report: &mut Report) -> Option<Device> {
+    let specs: Vec<WheelSpec> = file
+        .wheel
+        .iter()
+        .map(|wheel| WheelSpec {
+            axis: Vec3::from_array(wheel.axis),
+            cone: wheel.cone,
+            toe: wheel.toe,
+            radius: wheel.radius,
+            steer_inertia: wheel.steer.inertia,
+            drive_inertia: wheel.drive.inertia,
+            axial_inertia: 0.0,
+        })
+        .collect();
+    let error = match Device::new(file.sphere.radius, file.sphere.mass, &specs) {
+        Ok(device) => return Some(device),
+        Err(error) => error,
+    };
+    let path = match error {
+        DeviceError::WheelCount(_) => "wheel".to_owned(),
+        DeviceError::SphereRadius(_) => "sphere.radius".to_owned(),
+        DeviceError::SphereMass(_) => "sphere.mass".to_owned(),
+        DeviceError::Axis { wheel } => format!("wheel[{wheel}].axis"),
+        DeviceError::Cone { wheel, .. } | DeviceError::BoundarySingular { wheel, .. } => {
+            format!("wheel[{wheel}].cone")
+        }
+        DeviceError::Toe { wheel, .. } => format!("wheel[{wheel}].toe"),
+        DeviceError::WheelRadius { wheel, .. } => format!("wheel[{wheel}].radius"),
+        DeviceError::Inertia { wheel, .. } => format!("wheel[{wheel}]"),
+        DeviceError::InteriorSingular { wheels: [_, later], .. } => format!("wheel[{later}].axis"),
+    };
+    // An axis without direction has its own message already.
+    if !report.knows(&path) {
+        report.push(&path, error.to_string(), None);
+    }
+    None
+}
+
+fn joints(file: &RigFile) -> [core::Joint; MAX_JOINTS] {
+    let unused = core::Joint {
+        counts_per_turn: 1,
+        gear: 1.0,
+        reversed: false,
+        zero: core::Zero::Assume,
+        peak: 0.0,
+        continuous: 0.0,
+    };
+    let mut joints = [unused; MAX_JOINTS];
+    for (joint, (_, settings)) in joints.iter_mut().zip(each_joint(file)) {
+        let torque = |value: Option<f64>| value.filter(|_| settings.motor).unwrap_or(0.0);
+        *joint = core::Joint {
+            counts_per_turn: settings.counts_per_turn,
+            gear: settings.gear,
+            reversed: settings.sign < 0,
+            zero: settings.zero.into(),
+            peak: torque(settings.peak),
+            continuous: torque(settings.continuous),
+        };
+    }
+    joints
+}
+
+fn limits(limits: &settings::Limits) -> core::Limits {
+    core::Limits {
+        torque: limits.torque,
+        torque_rate: limits.torque_rate,
+        speed: limits.speed,
+        slip: limits.slip,
+        traction: limits.traction.as_ref().map(|t| core::Traction { mu: t.mu, normal_force: t.normal_force }),
+        enable_max_angle: limits.enable_max_angle,
+        align_rate: limits.align_rate,
+        reference_rate: limits.reference_rate,
+        max_age_ticks: limits.max_age_ticks,
+    }
+}

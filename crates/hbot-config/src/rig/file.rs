@@ -1,0 +1,160 @@
+//! The rig file as it is written, and of it what the device is: one struct a table, one field a key, with its range and
+//! unit. How the device is run stands in [`settings`](super::settings).
+//!
+//! Ranges are wide: they keep out what no rig can be and what arithmetic cannot bear, not what is unwise.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use hbot_core::rig as core;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::settings::{Api, Limits, Link, Loop};
+
+/// A rig file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RigFile {
+    /// What people call the rig.
+    #[serde(default = "rig_name")]
+    #[schemars(length(min = 1, max = 100))]
+    pub(crate) name: String,
+    /// The sphere, a hollow one turning about its fixed centre.
+    pub(crate) sphere: Sphere,
+    /// The wheels, each steered about an axis through the sphere's centre and driven.
+    #[schemars(length(min = 2, max = 8))]
+    pub(crate) wheel: Vec<Wheel>,
+    /// The control loop.
+    #[serde(default)]
+    pub(crate) r#loop: Loop,
+    /// The serial line to the motor controllers.
+    #[serde(default)]
+    pub(crate) link: Link,
+    /// What must not be exceeded.
+    #[serde(default)]
+    pub(crate) limits: Limits,
+    /// The TCP service.
+    #[serde(default)]
+    pub(crate) api: Api,
+}
+
+fn rig_name() -> String {
+    "Hbot".to_owned()
+}
+
+/// The sphere.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Sphere {
+    /// Radius R.
+    #[schemars(range(min = 0.001, max = 10.0), extend("unit" = "m"))]
+    pub(crate) radius: f64,
+    /// Mass m, taken as a thin shell: its inertia is 2/3 m R².
+    #[schemars(range(min = 0.001, max = 1000.0), extend("unit" = "kg"))]
+    pub(crate) mass: f64,
+}
+
+/// One wheel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Wheel {
+    /// What people call the wheel; A, B, C... in the order of the file where absent. Names differ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String", length(min = 1, max = 100))]
+    pub(crate) name: Option<String>,
+    /// Steering axis through the sphere's centre, in N; of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) axis: [f64; 3],
+    /// Cone angle a, between the steering axis and the contact point.
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = PI, "unit" = "rad"))]
+    pub(crate) cone: f64,
+    /// Toe angle b, about the contact normal.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = -FRAC_PI_2, "exclusiveMaximum" = FRAC_PI_2, "unit" = "rad"))]
+    pub(crate) toe: f64,
+    /// Wheel radius r.
+    #[schemars(range(min = 0.0001, max = 10.0), extend("unit" = "m"))]
+    pub(crate) radius: f64,
+    /// The joint that turns the wheel about its steering axis.
+    pub(crate) steer: Joint,
+    /// The joint that turns the wheel about its axle.
+    pub(crate) drive: Joint,
+}
+
+/// One joint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Joint {
+    /// Position of the joint on the serial line, from 0; its place in the order steer, drive of each wheel where absent. All
+    /// joints together name each position once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u32", range(min = 0, max = 15))]
+    pub(crate) controller: Option<u32>,
+    /// Encoder counts in one turn of the encoder (lines times 4), before the gear.
+    #[schemars(range(min = 4, max = 1_073_741_824))]
+    pub(crate) counts_per_turn: u32,
+    /// Turns of the encoder for one turn of the joint.
+    #[serde(default = "one")]
+    #[schemars(range(min = 0.001, max = 10_000.0))]
+    pub(crate) gear: f64,
+    /// Whether the controller counts and pushes with the joint's positive sense (1) or against it (-1).
+    #[serde(default = "forwards")]
+    #[schemars(extend("enum" = [1, -1]))]
+    pub(crate) sign: i8,
+    /// How the zero of a steering angle becomes known; without meaning for a drive joint.
+    #[serde(default)]
+    pub(crate) zero: Zero,
+    /// Inertia about the joint's axis with everything that turns with it, the rotor seen through its gear.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "kg m²"))]
+    pub(crate) inertia: f64,
+    /// Largest torque at the joint, after the gear. Required where there is a motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m"))]
+    pub(crate) peak: Option<f64>,
+    /// Torque at the joint that the motor holds for ever, at most `peak`. Required where there is a motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m"))]
+    pub(crate) continuous: Option<f64>,
+    /// Whether the joint has a motor; false leaves an encoder alone.
+    #[serde(default = "yes")]
+    pub(crate) motor: bool,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn forwards() -> i8 {
+    1
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// How the zero of a steering angle becomes known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Zero {
+    /// The wheel stands at zero when the controller powers up.
+    Assume,
+    /// The encoder is absolute over a turn.
+    Absolute,
+    /// Known once the encoder's index has been seen.
+    Index,
+    /// Known once a calibration has been taken.
+    #[default]
+    Calibrate,
+}
+
+impl From<Zero> for core::Zero {
+    fn from(zero: Zero) -> Self {
+        match zero {
+            Zero::Assume => Self::Assume,
+            Zero::Absolute => Self::Absolute,
+            Zero::Index => Self::Index,
+            Zero::Calibrate => Self::Calibrate,
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! The tables of a rig file that say how the device is run: loop, link, limits and service.
+
+use std::f64::consts::PI;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+
+use hbot_core::rig as core;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The control loop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Loop {
+    /// Ticks a second.
+    #[schemars(range(min = 50, max = 20_000), extend("unit" = "Hz"))]
+    pub(crate) rate_hz: u32,
+    /// A preset of methods, or a table that names each.
+    pub(crate) accuracy: Accuracy,
+    /// Where joint rates come from.
+    pub(crate) rate_estimate: RateEstimate,
+}
+
+impl Default for Loop {
+    fn default() -> Self {
+        Self {
+            rate_hz: 1000,
+            accuracy: Accuracy::Preset(Preset::Balanced),
+            rate_estimate: RateEstimate::Controller,
+        }
+    }
+}
+
+/// A preset of methods, or a table that names each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Accuracy {
+    Preset(Preset),
+    Methods(MethodTable),
+}
+
+/// A preset of methods.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Preset {
+    /// The least time a tick: odometry euler.
+    Fast,
+    /// The default: odometry midpoint.
+    Balanced,
+    /// The least error: odometry magnus4.
+    Exact,
+}
+
+/// The methods one by one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct MethodTable {
+    /// How orientation is integrated from one reading to the next.
+    pub(crate) odometry: Odometry,
+}
+
+impl Default for MethodTable {
+    fn default() -> Self {
+        Self { odometry: Odometry::Midpoint }
+    }
+}
+
+/// How orientation is integrated from one reading to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Odometry {
+    /// Contact frames at the step's start: order 1.
+    Euler,
+    /// Contact frames at the mid steering angles: order 2.
+    Midpoint,
+    /// Two Gauss points and their commutator: order 4.
+    Magnus4,
+}
+
+/// Where joint rates come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum RateEstimate {
+    /// As the motor controllers report them.
+    Controller,
+    /// The difference of the last two readings.
+    Difference,
+}
+
+/// The serial line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Link {
+    /// `sim` for the simulated rig, or the path of a serial device.
+    #[schemars(length(min = 1))]
+    pub(crate) port: String,
+    /// The protocol that the controllers speak.
+    pub(crate) protocol: Protocol,
+    /// Line rate. A USB device of its own (CDC) does not heed it.
+    #[schemars(range(min = 9600, max = 20_000_000), extend("unit" = "baud"))]
+    pub(crate) baud: u32,
+    /// How long a controller holds a command that no other follows, at least two loop periods; 20, and 50 where the port is
+    /// `sim`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
+    pub(crate) watchdog_ms: Option<u16>,
+    /// Ticks without feedback until the fault link_lost.
+    #[schemars(range(min = 1, max = 1000))]
+    pub(crate) timeout_ticks: u32,
+}
+
+impl Default for Link {
+    fn default() -> Self {
+        Self {
+            port: "sim".to_owned(),
+            protocol: Protocol::Hbot,
+            baud: 3_000_000,
+            watchdog_ms: None,
+            timeout_ticks: 20,
+        }
+    }
+}
+
+/// What the controllers speak.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Protocol {
+    /// The frames of docs/link.md.
+    Hbot,
+}
+
+/// What must not be exceeded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Limits {
+    /// Largest torque on the sphere (its norm).
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m"))]
+    pub(crate) torque: f64,
+    /// Largest change of that torque.
+    #[schemars(range(max = 1_000_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m/s"))]
+    pub(crate) torque_rate: f64,
+    /// Largest angular speed of the powered sphere; above it the fault overspeed.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "rad/s"))]
+    pub(crate) speed: f64,
+    /// Largest slip of the powered sphere against its wheels; above it the fault slip.
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "m/s"))]
+    pub(crate) slip: f64,
+    /// What the contacts hold. Absent where nobody knows: joint torques are then not limited by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Traction")]
+    pub(crate) traction: Option<Traction>,
+    /// How far a spring's reference may be from the orientation at enable.
+    #[schemars(range(max = PI), extend("exclusiveMinimum" = 0.0, "unit" = "rad"))]
+    pub(crate) enable_max_angle: f64,
+    /// How fast an orientation seen from outside corrects the odometry.
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "rad/s"))]
+    pub(crate) align_rate: f64,
+    /// How fast a reference moves towards where it is sent.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "rad/s"))]
+    pub(crate) reference_rate: f64,
+    /// A stream message that names a tick older than this is refused.
+    #[schemars(range(min = 1, max = 1_000_000))]
+    pub(crate) max_age_ticks: u32,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            torque: 0.9,
+            torque_rate: 200.0,
+            speed: 30.0,
+            slip: 0.05,
+            traction: None,
+            enable_max_angle: 0.5,
+            align_rate: 0.2,
+            reference_rate: 2.0,
+            max_age_ticks: 100,
+        }
+    }
+}
+
+/// What the contacts hold: mu N.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Traction {
+    /// Friction coefficient mu.
+    #[schemars(range(max = 10.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) mu: f64,
+    /// Normal force N of each wheel.
+    #[schemars(range(max = 10_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N"))]
+    pub(crate) normal_force: f64,
+}
+
+/// The TCP service.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Api {
+    /// Where to listen. Any address but loopback needs a token.
+    pub(crate) listen: String,
+    /// A file that holds the token that clients must show; relative to the rig file. Absent: no token.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String", length(min = 1))]
+    pub(crate) token_file: Option<PathBuf>,
+    /// What happens to the holder's commands when its connection ends without a release.
+    pub(crate) on_client_lost: OnClientLost,
+}
+
+impl Default for Api {
+    fn default() -> Self {
+        Self {
+            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, DEFAULT_PORT)).to_string(),
+            token_file: None,
+            on_client_lost: OnClientLost::Ramp,
+        }
+    }
+}
+
+/// HBOT on a phone's keys.
+const DEFAULT_PORT: u16 = 4268;
+
+/// What happens to the holder's commands when its connection ends without a release.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OnClientLost {
+    /// Its stream ramps out; the scene stays.
+    Ramp,
+    /// Everything stays as it is.
+    Keep,
+    /// The rig goes to the fault client_lost.
+    Fault,
+}
+
+impl From<RateEstimate> for core::RateEstimate {
+    fn from(estimate: RateEstimate) -> Self {
+        match estimate {
+            RateEstimate::Controller => Self::Controller,
+            RateEstimate::Difference => Self::Difference,
+        }
+    }
+}
+
+impl Accuracy {
+    /// The name of the preset, `custom` for a table.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Preset(Preset::Fast) => "fast",
+            Self::Preset(Preset::Balanced) => "balanced",
+            Self::Preset(Preset::Exact) => "exact",
+            Self::Methods(_) => "custom",
+        }
+    }
+
+    /// The odometry of the preset or table.
+    pub(crate) fn odometry(self) -> core::OdometryMethod {
+        match self {
+            Self::Preset(Preset::Fast) | Self::Methods(MethodTable { odometry: Odometry::Euler }) => {
+                core::OdometryMethod::Euler
+            }
+            Self::Preset(Preset::Balanced) | Self::Methods(MethodTable { odometry: Odometry::Midpoint }) => {
+                core::OdometryMethod::Midpoint
+            }
+            Self::Preset(Preset::Exact) | Self::Methods(MethodTable { odometry: Odometry::Magnus4 }) => {
+                core::OdometryMethod::Magnus4
+            }
+        }
+    }
+}

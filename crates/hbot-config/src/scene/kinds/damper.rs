@@ -1,0 +1,34 @@
+//! Parameters of a damper.
+
+use hbot_core::effects::{self, Kind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use super::impedance::{self, Impedance};
+use crate::document::{Report, join};
+
+/// Viscous resistance against turning, as in honey. It only takes energy out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Damper {
+    /// Torque against the sphere's rate: a number, or a symmetric 3x3 matrix in N.
+    #[schemars(schema_with = "impedance::damping")]
+    damping: Impedance,
+}
+
+impl Default for Damper {
+    fn default() -> Self {
+        // Felt clearly in the hand, and far from the stability border at 1 kHz.
+        Self { damping: Impedance::Number(0.02) }
+    }
+}
+
+impl EffectKind for Damper {
+    const NAME: &'static str = "damper";
+
+    fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
+        let damping = self.damping.matrix(&join(path, "damping"), report)?;
+        effects::Damper::new(damping).map(Kind::Damper)
+    }
+}

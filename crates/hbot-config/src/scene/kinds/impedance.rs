@@ -1,0 +1,80 @@
+//! Stiffnesses and dampings: a number for every direction alike, or a matrix.
+
+use hbot_core::Mat3;
+use hbot_core::impedance::is_impedance;
+use schemars::{Schema, json_schema};
+use serde::{Deserialize, Serialize};
+
+use crate::document::Report;
+
+/// A number, or the rows of a symmetric positive semidefinite 3x3 matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Impedance {
+    Number(f64),
+    Rows([[f64; 3]; 3]),
+}
+
+impl Impedance {
+    /// The matrix; `None` where the report says why it is not legal.
+    pub(super) fn matrix(&self, path: &str, report: &mut Report) -> Option<Mat3> {
+        let rows = match self {
+            Self::Number(x) => return Some(Mat3::from_diagonal(hbot_core::Vec3::splat(*x))),
+            Self::Rows(rows) => rows,
+        };
+        // Symmetric, so rows do for columns.
+        let matrix = Mat3::from_cols_array_2d(rows);
+        if is_impedance(&matrix) {
+            return Some(matrix);
+        }
+        let pairs = [(0, 1), (0, 2), (1, 2)];
+        // To the rounding that the core grants.
+        let largest = rows.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let uneven =
+            |&(i, j): &(usize, usize)| (rows[i][j] - rows[j][i]).abs() > 64.0 * f64::EPSILON * largest;
+        let message = match pairs.iter().find(|pair| uneven(pair)) {
+            Some(&(i, j)) => format!(
+                "the matrix is not symmetric: row {}, column {} is {} and row {}, column {} is {}",
+                i + 1,
+                j + 1,
+                rows[i][j],
+                j + 1,
+                i + 1,
+                rows[j][i]
+            ),
+            None => {
+                "the matrix is not positive semidefinite: it would push away in some direction".to_owned()
+            }
+        };
+        report.push(path, message, "a symmetric positive semidefinite 3x3 matrix".to_owned());
+        None
+    }
+}
+
+/// The schema of a stiffness or damping up to `most`, in `unit`.
+fn schema(most: f64, unit: &str) -> Schema {
+    json_schema!({
+        "anyOf": [
+            { "type": "number", "minimum": 0.0, "maximum": most, "unit": unit },
+            {
+                "type": "array", "minItems": 3, "maxItems": 3,
+                "legal": "a symmetric positive semidefinite 3x3 matrix",
+                "items": {
+                    "type": "array", "minItems": 3, "maxItems": 3,
+                    "items": { "type": "number", "minimum": -most, "maximum": most, "unit": unit }
+                }
+            }
+        ],
+        "unit": unit
+    })
+}
+
+/// The schema of a stiffness.
+pub(super) fn stiffness(_: &mut schemars::SchemaGenerator) -> Schema {
+    schema(1000.0, "N m/rad")
+}
+
+/// The schema of a damping.
+pub(super) fn damping(_: &mut schemars::SchemaGenerator) -> Schema {
+    schema(100.0, "N m s/rad")
+}

@@ -1,0 +1,174 @@
+//! The scene that runs, as the outside of the loop knows it: what `set` changes, and where each effect's memory stands.
+
+use hbot_core::effects::Effect;
+use hbot_core::scene::CompiledScene;
+use serde_json::{Map, Value};
+
+use super::{KindEntry, SceneEffect, SceneFile};
+use crate::diagnostic::Diagnostics;
+use crate::document::Report;
+use crate::validate::validate;
+
+/// The scene that runs. Every change makes a new [`CompiledScene`] for the loop to take over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunningScene {
+    file: SceneFile,
+    /// One an effect; the slot is its position.
+    memories: Vec<Memory>,
+    revision: u64,
+    last_epoch: u32,
+}
+
+/// Which memory in the controller belongs to an effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Memory {
+    epoch: u32,
+    reference_revision: u32,
+}
+
+/// Where an effect's memory stands in the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EffectPlace {
+    /// Its slot, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
+    pub slot: u8,
+    /// Which effect it is in the life of the server; never 0.
+    pub epoch: u32,
+    /// Whether it has a reference that can be moved.
+    pub has_reference: bool,
+}
+
+/// Why parameters of an effect were not set. Nothing has changed then.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SetError {
+    /// No effect of the scene has this id.
+    #[error("no effect has the id {id:?}; legal: {}", if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
+    UnknownEffect {
+        /// What was asked for.
+        id: String,
+        /// The ids of the scene.
+        legal: Vec<String>,
+    },
+    /// Parameters that are not legal; paths are relative to the effect.
+    #[error(transparent)]
+    Invalid(#[from] Diagnostics),
+}
+
+impl Default for RunningScene {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl RunningScene {
+    /// No scene yet; [`CompiledScene::empty`] is what the loop runs.
+    #[must_use]
+    pub fn new() -> Self {
+        let file = SceneFile { name: "empty".to_owned(), effects: Vec::new(), simulate: None };
+        Self { file, memories: Vec::new(), revision: 0, last_epoch: 0 }
+    }
+
+    /// Takes `file` in place of the scene that runs, with fresh memories throughout.
+    pub fn load(&mut self, file: SceneFile) -> CompiledScene {
+        self.memories = file
+            .effects
+            .iter()
+            .map(|_| {
+                self.last_epoch = next(self.last_epoch);
+                Memory { epoch: self.last_epoch, reference_revision: 0 }
+            })
+            .collect();
+        self.file = file;
+        self.compile()
+    }
+
+    /// Sets the named parameters of an effect; the others, and its memory, stay. A `reference` or `anchor` becomes the new
+    /// goal of the memory's reference, even where it equals the scene's (a client may have moved it since).
+    ///
+    /// # Errors
+    /// No such effect, or everything that is wrong with the parameters; nothing changes then.
+    pub fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<CompiledScene, SetError> {
+        let Some(index) = self.index_of(effect) else {
+            let legal = self.file.effects.iter().map(|e| e.id.clone()).collect();
+            return Err(SetError::UnknownEffect { id: effect.to_owned(), legal });
+        };
+        self.file.effects[index] = self.file.effects[index].with(parameters)?;
+        if parameters.keys().any(|key| key == "reference" || key == "anchor") {
+            let memory = &mut self.memories[index];
+            memory.reference_revision = next(memory.reference_revision);
+        }
+        Ok(self.compile())
+    }
+
+    /// Where the memory of an effect stands; `None` where no effect has this id.
+    #[must_use]
+    pub fn slot_of(&self, effect: &str) -> Option<EffectPlace> {
+        let index = self.index_of(effect)?;
+        let has_reference = self.file.effects[index].kind.reference().is_some();
+        Some(EffectPlace { slot: index as u8, epoch: self.memories[index].epoch, has_reference })
+    }
+
+    /// The scene as it is now, with what was set.
+    #[must_use]
+    pub fn file(&self) -> &SceneFile {
+        &self.file
+    }
+
+    /// The revision of the last compiled scene; 0 before the first.
+    #[must_use]
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    fn index_of(&self, effect: &str) -> Option<usize> {
+        self.file.effects.iter().position(|e| e.id == effect)
+    }
+
+    fn compile(&mut self) -> CompiledScene {
+        self.revision += 1;
+        let effects: Vec<Effect> = self
+            .file
+            .effects
+            .iter()
+            .zip(&self.memories)
+            .enumerate()
+            .map(|(slot, (effect, memory))| Effect {
+                slot: slot as u8,
+                epoch: memory.epoch,
+                reference_revision: memory.reference_revision,
+                gain: effect.common.gain,
+                fade_s: effect.common.fade_s,
+                kind: effect.kind,
+            })
+            .collect();
+        CompiledScene::new(self.revision, &effects)
+            .unwrap_or_else(|error| unreachable!("a legal scene file fits a compiled scene: {error}"))
+    }
+}
+
+/// The number after `n`; never 0, which stands for none.
+fn next(n: u32) -> u32 {
+    n.wrapping_add(1).max(1)
+}
+
+impl SceneEffect {
+    /// This effect with some parameters changed.
+    fn with(&self, parameters: &Map<String, Value>) -> Result<Self, Diagnostics> {
+        let mut report = Report::default();
+        let mut all = self.settable();
+        for (key, value) in parameters {
+            if key == "id" || key == "kind" {
+                let legal = all.keys().cloned().collect::<Vec<_>>().join(", ");
+                report.push_key(key, "cannot be set while the scene runs", legal);
+            } else {
+                all.insert(key.clone(), value.clone());
+            }
+        }
+        let all = Value::Object(all);
+        let entry = KindEntry::named(self.kind_name)
+            .unwrap_or_else(|| unreachable!("effects are made of listed kinds alone"));
+        validate(&entry.schema, &all, "", &mut report);
+        let changed =
+            if report.clean_under("") { Self::compile(&self.id, entry, &all, "", &mut report) } else { None };
+        report.finish(changed)
+    }
+}

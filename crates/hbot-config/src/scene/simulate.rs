@@ -1,0 +1,48 @@
+//! What the simulated rig shows of a real one, on request of the scene.
+
+use std::sync::LazyLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::schema;
+
+/// The table `[simulate]`: the phenomena that are there. What is not named is not.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Simulate {
+    /// A person's hand that holds the sphere and turns it about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Hand")]
+    pub hand: Option<Hand>,
+}
+
+/// A person's hand that holds the sphere: a spring, a damper and a mass to a target that it moves about.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Hand {
+    /// Stiffness of its grip, N m/rad.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m/rad"))]
+    pub stiffness: f64,
+    /// Damping of its grip, N m s/rad.
+    #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m s/rad"))]
+    pub damping: f64,
+    /// Inertia that moves with the sphere, kg m².
+    #[schemars(range(min = 0.0, max = 1.0), extend("unit" = "kg m²"))]
+    pub inertia: f64,
+    /// How far its target goes from the middle, rad; 0 holds still.
+    #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
+    pub amplitude: f64,
+    /// How often its target goes there and back, Hz.
+    #[schemars(range(min = 0.0, max = 20.0), extend("unit" = "Hz"))]
+    pub rate: f64,
+}
+
+impl Default for Hand {
+    fn default() -> Self {
+        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.4, rate: 0.25 }
+    }
+}
+
+pub(super) static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<Simulate>);

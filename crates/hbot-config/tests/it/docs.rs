@@ -1,0 +1,158 @@
+//! docs/files.md and the files agree: every key has its row, made from the schema that the checks use.
+
+use std::fmt::Write;
+
+use hbot_config::RigConfig;
+use hbot_config::scene::{kinds, phenomena};
+use serde_json::Value;
+
+use crate::folder;
+
+/// What stands between the marks `<!-- NAME -->` and `<!-- end -->`, for each name.
+fn tables() -> Vec<(String, String)> {
+    let rig = RigConfig::schema();
+    let section = |name: &str| &rig["properties"][name];
+    let mut all = vec![
+        ("rig".to_owned(), rows(&rig)),
+        ("sphere".to_owned(), rows(section("sphere"))),
+        ("wheel".to_owned(), rows(&section("wheel")["items"])),
+        ("joint".to_owned(), rows(&section("wheel")["items"]["properties"]["steer"])),
+    ];
+    for name in ["loop", "link", "limits", "api"] {
+        all.push((name.to_owned(), rows(section(name))));
+    }
+    all.push(("traction".to_owned(), rows(&section("limits")["properties"]["traction"])));
+    for listed in kinds().into_iter().chain(phenomena()) {
+        all.push((listed.name.to_owned(), format!("{}\n\n{}", listed.description, rows(&listed.schema))));
+    }
+    all
+}
+
+/// A table of the properties of a schema.
+fn rows(schema: &Value) -> String {
+    let mut table = "| key | meaning | unit | range | default |\n|---|---|---|---|---|\n".to_owned();
+    let required = schema["required"].as_array().cloned().unwrap_or_default();
+    for (key, property) in schema["properties"].as_object().unwrap() {
+        let meaning = property["description"].as_str().unwrap().replace('\n', " ");
+        let unit = property["unit"].as_str().unwrap_or("");
+        let default = match &property["default"] {
+            Value::Null if required.contains(&Value::from(key.as_str())) => "required".to_owned(),
+            Value::Null => "absent".to_owned(),
+            Value::Object(_) => "its defaults".to_owned(),
+            Value::Array(a) if a.is_empty() => "none".to_owned(),
+            value => format!("`{}`", whole(value)),
+        };
+        writeln!(table, "| `{key}` | {meaning} | {unit} | {} | {default} |", range(property)).unwrap();
+    }
+    table
+}
+
+/// A number as a person writes it, anything else as JSON.
+fn whole(value: &Value) -> String {
+    match value {
+        Value::Array(a) => format!("[{}]", a.iter().map(whole).collect::<Vec<_>>().join(", ")),
+        _ => value.as_f64().map_or_else(|| value.to_string(), |x| x.to_string()),
+    }
+}
+
+/// What a property may be.
+fn range(property: &Value) -> String {
+    let bound = |key: &str| property.get(key).filter(|v| v.is_number()).map(angle);
+    if let Some(words) = property["legal"].as_str() {
+        return words.to_owned();
+    }
+    if let Some(names) = property["enum"].as_array() {
+        return names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+    }
+    let branches = property["oneOf"].as_array().or_else(|| property["anyOf"].as_array());
+    if let Some(branches) = branches {
+        let name = |b: &Value| match &b["const"] {
+            Value::Null if b["type"] == "object" => {
+                let keys: Vec<_> = b["properties"].as_object().unwrap().iter().collect();
+                keys.iter().map(|(k, p)| format!("{{ {k} = {} }}", range(p))).collect::<Vec<_>>().join(", ")
+            }
+            Value::Null => range(b),
+            name => format!("`{name}`"),
+        };
+        return branches.iter().map(name).collect::<Vec<_>>().join(", ");
+    }
+    let both = bound("minimum").zip(bound("maximum")).map(|(a, b)| format!("{a} to {b}"));
+    let parts = [
+        bound("minimum").map(|b| format!(">= {b}")),
+        bound("exclusiveMinimum").map(|b| format!("> {b}")),
+        bound("maximum").map(|b| format!("<= {b}")),
+        bound("exclusiveMaximum").map(|b| format!("< {b}")),
+    ];
+    let parts = both.unwrap_or_else(|| parts.into_iter().flatten().collect::<Vec<_>>().join(", "));
+    let count = |least: &str, most: &str| match (property[least].as_u64(), property[most].as_u64()) {
+        (Some(a), Some(b)) if a == b => format!("{a} "),
+        (Some(a), Some(b)) => format!("{a} to {b} "),
+        (Some(a), None) => format!("{a} or more "),
+        (None, Some(b)) => format!("up to {b} "),
+        (None, None) => String::new(),
+    };
+    match property["type"].as_str() {
+        Some("array") if property["items"]["type"] == "object" => count("minItems", "maxItems") + "tables",
+        Some("array") => {
+            format!("{}numbers, each {}", count("minItems", "maxItems"), range(&property["items"]))
+        }
+        Some("object") => "table".to_owned(),
+        Some("boolean") => "`true`, `false`".to_owned(),
+        Some("string") => match count("minLength", "maxLength") {
+            any if any.is_empty() => "string".to_owned(),
+            count => count + "characters",
+        },
+        Some("integer") => format!("whole, {parts}"),
+        _ => parts,
+    }
+}
+
+fn angle(bound: &Value) -> String {
+    let x = bound.as_f64().unwrap();
+    match x / std::f64::consts::PI {
+        1.0 => "pi".to_owned(),
+        0.5 => "pi/2".to_owned(),
+        -0.5 => "-pi/2".to_owned(),
+        _ => x.to_string(),
+    }
+}
+
+/// With HBOT_BLESS set the tables are written; without, they must be there already.
+#[test]
+fn every_key_stands_in_the_reference_as_the_checks_have_it() {
+    let path = folder("docs/files.md");
+    let old = std::fs::read_to_string(&path).unwrap();
+    let mut new = old.clone();
+    for (name, table) in tables() {
+        let open = format!("<!-- {name} -->\n");
+        let start = new.find(&open).unwrap_or_else(|| panic!("no mark for {name}")) + open.len();
+        let end = start + new[start..].find("<!-- end -->").unwrap_or_else(|| panic!("no end of {name}"));
+        new.replace_range(start..end, &table);
+    }
+    if std::env::var_os("HBOT_BLESS").is_some() {
+        std::fs::write(&path, &new).unwrap();
+    } else if let Some((have, want)) = old.lines().zip(new.lines()).find(|(a, b)| a != b) {
+        panic!(
+            "docs/files.md says\n{have}\nand the schema says\n{want}\n(HBOT_BLESS=1 writes the tables anew)"
+        );
+    } else {
+        assert_eq!(old, new);
+    }
+}
+
+/// The examples in the reference are legal.
+#[test]
+fn examples_load() {
+    let text = std::fs::read_to_string(folder("docs/files.md")).unwrap();
+    let examples: Vec<&str> =
+        text.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
+    assert!(examples.len() >= 2);
+    for example in examples {
+        if example.contains("[[wheel]]") {
+            RigConfig::from_toml(example, "docs/files.md").map(drop).unwrap_or_else(|e| panic!("{e}"));
+        } else {
+            let scene = hbot_config::SceneFile::from_toml(example, "docs/files.md");
+            scene.map(drop).unwrap_or_else(|e| panic!("{e}"));
+        }
+    }
+}

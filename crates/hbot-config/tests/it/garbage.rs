@@ -1,0 +1,90 @@
+//! Nothing that a file or a client says makes the reader panic.
+
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use proptest::prelude::*;
+use serde_json::{Map, Value};
+
+fn any_json() -> impl Strategy<Value = Value> {
+    let word = prop::sample::select(vec![
+        "id",
+        "kind",
+        "name",
+        "effect",
+        "simulate",
+        "hand",
+        "spring",
+        "damper",
+        "stiffness",
+        "damping",
+        "reference",
+        "gain",
+        "law",
+        "anchor",
+        "here",
+        "a.b[0]",
+        "",
+    ]);
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        any::<f64>().prop_map(Value::from),
+        word.clone().prop_map(Value::from),
+    ];
+    leaf.prop_recursive(5, 64, 6, move |inner| {
+        prop_oneof![
+            prop::collection::vec(inner.clone(), 0..5).prop_map(Value::from),
+            prop::collection::vec((word.clone(), inner), 0..6)
+                .prop_map(|entries| entries.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()),
+        ]
+    })
+}
+
+/// A legal file with a stretch of it replaced.
+fn damaged(text: &'static str) -> impl Strategy<Value = String> {
+    let chars: Vec<char> = text.chars().collect();
+    let piece = prop_oneof!["\\PC{0,12}", "[-0-9.einfa\\[\\]{}=,\"' \n]{0,12}"];
+    (0..chars.len(), 0..20_usize, piece).prop_map(move |(start, length, piece)| {
+        let end = (start + length).min(chars.len());
+        chars[..start].iter().copied().chain(piece.chars()).chain(chars[end..].iter().copied()).collect()
+    })
+}
+
+proptest! {
+    #[test]
+    fn text(text in "\\PC{0,200}|[-a-z0-9.=\\[\\]{}\"'#\n ]{0,200}") {
+        let _ = RigConfig::from_toml(&text, "x.toml").map_err(|e| e.to_string());
+        let _ = SceneFile::from_toml(&text, "x.toml").map_err(|e| e.to_string());
+    }
+
+    #[test]
+    fn damaged_files(
+        rig in damaged(include_str!("../../../../rigs/prototype.toml")),
+        scene in damaged(include_str!("../../../../scenes/uneven-spring.toml")),
+    ) {
+        let _ = RigConfig::from_toml(&rig, "x.toml").map_err(|e| e.to_string());
+        if let Ok(scene) = SceneFile::from_toml(&scene, "x.toml") {
+            prop_assert_eq!(SceneFile::from_json(scene.to_json()), Ok(scene));
+        }
+    }
+
+    #[test]
+    fn json(value in any_json(), parameters in any_json()) {
+        let _ = SceneFile::from_json(value).map_err(|e| e.to_string());
+        let mut running = RunningScene::new();
+        running.load(SceneFile::default_scene());
+        let parameters = parameters.as_object().cloned().unwrap_or_else(Map::new);
+        let before = running.clone();
+        if running.set("spring", &parameters).is_err() {
+            prop_assert_eq!(running, before);
+        }
+    }
+}
+
+#[test]
+fn deep_nesting_is_an_error_and_no_overflow() {
+    let text = format!("effect = {}", "[".repeat(100_000));
+    assert!(SceneFile::from_toml(&text, "x.toml").is_err());
+    let text = format!("effect = {}{}", "[".repeat(5000), "]".repeat(5000));
+    assert!(SceneFile::from_toml(&text, "x.toml").is_err());
+}

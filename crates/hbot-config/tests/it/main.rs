@@ -1,0 +1,25 @@
+//! What the outside sees of rig and scene files: what loads, and what is said of what does not.
+
+mod docs;
+mod garbage;
+mod ranges;
+mod rig;
+mod running;
+mod scene;
+
+use std::path::PathBuf;
+
+/// A folder at the top of the workspace.
+fn folder(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
+}
+
+/// All TOML files of a folder at the top of the workspace, at least one.
+fn toml_files(name: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder(name)).unwrap();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == "toml"));
+    assert!(!files.is_empty(), "no files in {name}/");
+    files.sort();
+    files
+}

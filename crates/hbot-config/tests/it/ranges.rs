@@ -1,0 +1,125 @@
+//! Every number of both files, pushed out of its range on each side.
+
+use hbot_config::scene::{kinds, phenomena};
+use hbot_config::{RigConfig, SceneFile};
+use serde_json::Value;
+
+/// Values outside the range of a number's schema, as TOML writes them.
+fn outside(schema: &Value) -> Vec<String> {
+    let bound = |key: &str| schema[key].as_f64();
+    let step = if schema["type"] == "integer" { 1.0 } else { 1.0e-9 };
+    let low = bound("minimum").map(|b| b - step).or(bound("exclusiveMinimum"));
+    let high = bound("maximum").map(|b| b + step * b.max(1.0)).or(bound("exclusiveMaximum"));
+    let (low, high) = (low.expect("a least value"), high.expect("a largest value"));
+    let beyond = [low, low - 1.0, low - 1.0e12, high, high + 1.0, high + 1.0e12];
+    if schema["type"] == "integer" {
+        let whole = beyond.iter().map(|x| x.to_string());
+        return whole.chain(["nan", "inf", "0.5", "1e300"].map(String::from)).collect();
+    }
+    let real = beyond.iter().map(|x| format!("{x:?}"));
+    real.chain(["nan", "inf", "-inf", "1e300", "-1e300"].map(String::from)).collect()
+}
+
+/// Every number in a schema with its path; of arrays the first wheel and element.
+fn numbers(schema: &Value, path: &str, found: &mut Vec<(String, Value)>) {
+    match schema["type"].as_str() {
+        Some("number" | "integer") if schema["enum"].is_null() => {
+            found.push((path.to_owned(), schema.clone()))
+        }
+        Some("object") => {
+            for (key, property) in schema["properties"].as_object().unwrap() {
+                let at = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                numbers(property, &at, found);
+            }
+        }
+        Some("array") => numbers(&schema["items"], &format!("{path}[0]"), found),
+        _ => {
+            for branch in schema["anyOf"].as_array().into_iter().flatten() {
+                numbers(branch, path, found);
+            }
+        }
+    }
+}
+
+/// `file` with `value`, as TOML writes it, at `path`.
+fn with(mut file: toml::Value, path: &str, value: &str) -> String {
+    const MARK: &str = "here";
+    let mut place = &mut file;
+    for key in path.split(['.', '[']) {
+        place = match key.strip_suffix(']') {
+            Some(index) => {
+                if !place.is_array() {
+                    // A number that may be a matrix too.
+                    *place = toml::Value::from(vec![
+                        vec![1.0, 0.0, 0.0],
+                        vec![0.0, 1.0, 0.0],
+                        vec![0.0, 0.0, 1.0],
+                    ]);
+                }
+                &mut place.as_array_mut().unwrap()[index.parse::<usize>().unwrap()]
+            }
+            None => place.as_table_mut().unwrap().entry(key).or_insert(toml::Value::Boolean(false)),
+        };
+    }
+    *place = toml::Value::String(MARK.to_owned());
+    toml::to_string(&file).unwrap().replace(&format!("{MARK:?}"), value)
+}
+
+/// Holds every number outside its range against a reader of texts, which must tell of it in one line.
+fn all_are_refused(
+    numbers: &[(String, Value)],
+    file: &toml::Value,
+    said: impl Fn(&str) -> Result<(), String>,
+) {
+    for (path, schema) in numbers {
+        for value in outside(schema) {
+            let text = with(file.clone(), path, &value);
+            let said = said(&text).expect_err(&format!("{path} = {value}"));
+            let place = format!(": {path}: ");
+            assert!(
+                said.starts_with("x.toml:") && said.contains(&place) && said.contains("; legal: "),
+                "{said}"
+            );
+            assert_eq!(said.lines().count(), 1, "{said}");
+            let kind =
+                ["is out of range", "is not a finite number", "found "].iter().any(|k| said.contains(k));
+            assert!(kind, "{said}");
+        }
+    }
+}
+
+#[test]
+fn of_the_rig_file() {
+    let mut all = Vec::new();
+    numbers(&RigConfig::schema(), "", &mut all);
+    assert_eq!(all.len(), 32, "{all:?}");
+    let file = toml::Value::Table(include_str!("../../../../rigs/prototype.toml").parse().unwrap());
+    all_are_refused(&all, &file, |text| {
+        RigConfig::from_toml(text, "x.toml").map(drop).map_err(|error| error.to_string())
+    });
+}
+
+#[test]
+fn of_scenes() {
+    let said = |text: &str| SceneFile::from_toml(text, "x.toml").map(drop).map_err(|error| error.to_string());
+    for kind in kinds() {
+        let mut all = Vec::new();
+        numbers(&kind.schema, "effect[0]", &mut all);
+        assert!(all.len() >= 3, "{all:?}");
+        let mut effect = toml::Table::new();
+        for (name, parameter) in kind.schema["properties"].as_object().unwrap() {
+            effect.insert(name.clone(), toml::Value::try_from(&parameter["default"]).unwrap());
+        }
+        effect.insert("id".to_owned(), "e".into());
+        effect.insert("kind".to_owned(), kind.name.into());
+        let file = toml::Table::from_iter([("effect".to_owned(), toml::Value::from(vec![effect]))]);
+        all_are_refused(&all, &toml::Value::Table(file), said);
+    }
+    for phenomenon in phenomena() {
+        let mut all = Vec::new();
+        numbers(&phenomenon.schema, &format!("simulate.{}", phenomenon.name), &mut all);
+        assert!(!all.is_empty());
+        let table = format!("[simulate.{}]", phenomenon.name).parse().unwrap();
+        all_are_refused(&all, &toml::Value::Table(table), said);
+    }
+}

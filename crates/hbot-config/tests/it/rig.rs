@@ -1,0 +1,297 @@
+//! Rig files: what the prototype says, defaults, and one case for each kind of mistake.
+
+use hbot_config::rig::{OnClientLost, Port, Protocol};
+use hbot_config::{LoadError, Override, RigConfig};
+use hbot_core::rig::{OdometryMethod, RateEstimate, Zero};
+use serde_json::json;
+
+use crate::{folder, toml_files};
+
+/// The least that a rig file can say.
+const LEAST: &str = r#"
+sphere = { radius = 0.1, mass = 0.5 }
+[[wheel]]
+axis = [1, 0, -1]
+cone = 0.17
+radius = 0.015
+steer = { counts_per_turn = 4096, peak = 1, continuous = 0.1 }
+drive = { counts_per_turn = 4096, peak = 1, continuous = 0.1 }
+[[wheel]]
+axis = [-1, 0, -1]
+cone = 0.17
+radius = 0.015
+steer = { counts_per_turn = 4096, peak = 1, continuous = 0.1 }
+drive = { counts_per_turn = 4096, motor = false }
+"#;
+
+/// What is said of the least rig file with one piece of its text replaced (the first of its kind).
+fn said(from: &str, to: &str) -> String {
+    assert!(LEAST.contains(from), "{from}");
+    said_of(&LEAST.replacen(from, to, 1))
+}
+
+fn said_of(text: &str) -> String {
+    RigConfig::from_toml(text, "x.toml").expect_err(text).to_string()
+}
+
+#[test]
+fn every_file_in_rigs_loads() {
+    for path in toml_files("rigs") {
+        RigConfig::from_path(&path).unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
+#[test]
+fn the_prototype_is_built_in_and_is_the_paper_s() {
+    let config = RigConfig::prototype();
+    assert_eq!(config, RigConfig::from_path(&folder("rigs/prototype.toml")).unwrap());
+    assert_eq!(config.name, "Hbot prototype");
+    assert_eq!(config.wheels, ["A", "B"]);
+    assert_eq!(config.controllers, [0, 1, 2, 3]);
+    let device = &config.rig.device;
+    assert_eq!((device.sphere_radius(), device.sphere_mass()), (0.102, 0.467));
+    for (wheel, side) in device.wheels().iter().zip([1.0, -1.0]) {
+        let spec = wheel.spec();
+        assert_eq!((spec.cone, spec.toe, spec.radius), (0.1745, 0.0, 0.0155));
+        assert_eq!((spec.steer_inertia, spec.drive_inertia, spec.axial_inertia), (2.7e-5, 3.5e-6, 0.0));
+        let axis = hbot_core::Vec3::new(side, 0.0, -1.0) * std::f64::consts::FRAC_1_SQRT_2;
+        // Two roundings of a unit vector.
+        assert!((spec.axis - axis).length() < 4.0 * f64::EPSILON);
+    }
+    for (i, joint) in config.rig.joints[..device.joints()].iter().enumerate() {
+        let steer = i % 2 == 0;
+        assert_eq!(joint.counts_per_turn, 16384);
+        assert_eq!(joint.gear, if steer { 1.0 } else { 17.0 });
+        assert_eq!((joint.peak, joint.continuous), if steer { (0.93, 0.073) } else { (0.14, 0.023) });
+        assert!(!joint.reversed && (!steer || joint.zero == Zero::Assume));
+    }
+    let traction = config.rig.limits.traction.unwrap();
+    assert_eq!((traction.mu, traction.normal_force), (0.8, 10.0));
+    assert_eq!((config.rig.timing.period_ns, config.rig.timing.timeout_ticks), (1_000_000, 20));
+    assert_eq!((config.link.port, config.link.watchdog_ms), (Port::Sim, 50));
+}
+
+#[test]
+fn what_a_file_leaves_out_has_the_documented_default() {
+    let config = RigConfig::from_toml(LEAST, "x.toml").unwrap();
+    assert_eq!(config.name, "Hbot");
+    assert_eq!(config.wheels, ["A", "B"]);
+    assert_eq!(config.controllers, [0, 1, 2, 3]);
+    assert_eq!((config.rate_hz, config.accuracy), (1000, "balanced"));
+    assert_eq!(config.rig.methods.odometry, OdometryMethod::Midpoint);
+    assert_eq!(config.rig.methods.rate, RateEstimate::Controller);
+    let joint = config.rig.joints[0];
+    assert_eq!((joint.gear, joint.reversed, joint.zero), (1.0, false, Zero::Calibrate));
+    assert_eq!(config.rig.joints[3].peak, 0.0, "no motor");
+    let dead = LEAST.replace("motor = false", "motor = false, peak = 1, continuous = 0.1, sign = -1");
+    let dead = RigConfig::from_toml(&dead, "x.toml").unwrap().rig.joints[3];
+    assert_eq!(
+        (dead.peak, dead.continuous, dead.reversed),
+        (0.0, 0.0, true),
+        "torques of a motor that is off"
+    );
+    let limits = config.rig.limits;
+    assert_eq!((limits.torque, limits.torque_rate, limits.speed, limits.slip), (0.9, 200.0, 30.0, 0.05));
+    assert_eq!((limits.enable_max_angle, limits.align_rate, limits.reference_rate), (0.5, 0.2, 2.0));
+    assert_eq!((limits.max_age_ticks, limits.traction), (100, None));
+    assert_eq!((config.link.protocol, config.link.baud), (Protocol::Hbot, 3_000_000));
+    assert_eq!((config.link.watchdog_ms, config.link.timeout_ticks), (50, 20));
+    assert_eq!(config.api.listen.to_string(), "127.0.0.1:4268");
+    assert_eq!((config.api.token_file.clone(), config.api.on_client_lost), (None, OnClientLost::Ramp));
+    assert!(!config.api.needs_token());
+}
+
+#[test]
+fn every_choice_of_methods_is_understood() {
+    for (accuracy, method, name) in [
+        ("'fast'", OdometryMethod::Euler, "fast"),
+        ("'balanced'", OdometryMethod::Midpoint, "balanced"),
+        ("'exact'", OdometryMethod::Magnus4, "exact"),
+        ("{ odometry = 'euler' }", OdometryMethod::Euler, "custom"),
+        ("{ odometry = 'magnus4' }", OdometryMethod::Magnus4, "custom"),
+        ("{}", OdometryMethod::Midpoint, "custom"),
+    ] {
+        let text =
+            format!("{LEAST}\n[loop]\naccuracy = {accuracy}\nrate_estimate = 'difference'\nrate_hz = 3000");
+        let config = RigConfig::from_toml(&text, "x.toml").unwrap();
+        assert_eq!((config.rig.methods.odometry, config.accuracy), (method, name));
+        assert_eq!(config.rig.methods.rate, RateEstimate::Difference);
+        assert_eq!(config.rig.timing.period_ns, 333_333);
+    }
+}
+
+#[test]
+fn types_names_and_keys() {
+    assert_eq!(
+        said("radius = 0.1,", "radius = '0.1',"),
+        r#"x.toml:2:21: sphere.radius: found the string "0.1"; legal: a number, 0.001 to 10 m"#
+    );
+    assert_eq!(
+        said("radius = 0.1,", "radius = 0.1, colour = 'red',"),
+        "x.toml:2:26: sphere.colour: unknown key; legal: radius, mass"
+    );
+    assert_eq!(
+        said("steer = { counts_per_turn = 4096", "steer = { geer = 17, counts_per_turn = 4096"),
+        "x.toml:7:11: wheel[0].steer.geer: unknown key (did you mean `gear`?); legal: controller, counts_per_turn, gear, \
+         sign, zero, inertia, peak, continuous, motor"
+    );
+    assert_eq!(
+        said("counts_per_turn = 4096", "counts_per_turn = 4096.5"),
+        "x.toml:7:29: wheel[0].steer.counts_per_turn: found 4096.5; legal: a whole number, 4 to 1073741824"
+    );
+    assert_eq!(
+        said("axis = [1, 0, -1]", "axis = [1, 0]"),
+        "x.toml:4:8: wheel[0].axis: found an array of 2 elements; legal: an array of 3 numbers"
+    );
+    assert_eq!(
+        said_of(&format!("{LEAST}[api]\non_client_lost = 'romp'")),
+        r#"x.toml:16:18: api.on_client_lost: "romp" is not known here (did you mean "ramp"?); legal: "ramp", "keep", "fault""#
+    );
+    assert_eq!(
+        said_of(&format!("{LEAST}[loop]\naccuracy = 3")),
+        r#"x.toml:16:12: loop.accuracy: found 3; legal: "fast", "balanced", "exact", or a table"#
+    );
+    assert_eq!(
+        said_of("sphere = 3"),
+        "x.toml: wheel: missing; legal: an array of 2 to 8 tables\nx.toml:1:10: sphere: found 3; legal: a table"
+    );
+}
+
+#[test]
+fn what_toml_can_say_and_no_key_takes() {
+    assert_eq!(
+        said("mass = 0.5", "mass = nan"),
+        "x.toml:2:33: sphere.mass: nan is not a finite number; legal: a number, 0.001 to 1000 kg"
+    );
+    assert_eq!(
+        said("[1, 0, -1]", "[1, 0, -inf]"),
+        "x.toml:4:15: wheel[0].axis[2]: -inf is not a finite number; legal: a number, -1000 to 1000"
+    );
+    assert_eq!(
+        said("mass = 0.5", "mass = 2020-01-01"),
+        "x.toml:2:33: sphere.mass: 2020-01-01 is a date; legal: a number, 0.001 to 1000 kg"
+    );
+    assert_eq!(
+        said("mass = 0.5", "mass = 99999999999999999999"),
+        "x.toml:2:33: sphere.mass: an integer of more than 64 bits; legal: a number, 0.001 to 1000 kg"
+    );
+    assert_eq!(said("mass = 0.5", "mass = "), "x.toml:2:34: not TOML: invalid literal string, expected `'`");
+}
+
+#[test]
+fn values_that_do_not_fit_each_other() {
+    assert_eq!(
+        said("continuous = 0.1", "continuous = 2"),
+        "x.toml:7:58: wheel[0].steer.continuous: 2 is more than peak; legal: > 0 and <= 1 N m"
+    );
+    assert_eq!(
+        said("motor = false", "sign = -1"),
+        "x.toml:14:9: wheel[1].drive.peak: missing; legal: a number, > 0 and <= 1000 N m; or motor = false\n\
+         x.toml:14:9: wheel[1].drive.continuous: missing; legal: a number, > 0 and <= 1000 N m; or motor = false"
+    );
+    assert_eq!(
+        said("motor = false", "motor = false, controller = 1"),
+        "x.toml:14:63: wheel[1].drive.controller: 1 is taken by another joint; legal: each of 0 to 3 once; the place of a \
+         joint that names none is its own, here 3"
+    );
+    assert_eq!(
+        said("motor = false", "motor = false, controller = 4"),
+        "x.toml:14:63: wheel[1].drive.controller: 4 is past the last of 4 joints; legal: each of 0 to 3 once; the place of a \
+         joint that names none is its own, here 3"
+    );
+    assert_eq!(
+        said("axis = [1,", "name = 'B'\naxis = [1,"),
+        "x.toml:10:1: wheel[1].name: \"B\" is the name of wheel[0] already; legal: names that differ"
+    );
+    assert_eq!(
+        said_of(&format!("{LEAST}[loop]\nrate_hz = 50\n[link]\nport = '/dev/ttyACM0'")),
+        "x.toml:17:1: link.watchdog_ms: 20 ms is less than two loop periods at 50 Hz; legal: 40 to 1000 ms"
+    );
+    assert_eq!(
+        said_of(&format!("{LEAST}[api]\nlisten = 'here'")),
+        "x.toml:16:10: api.listen: \"here\" is not an address with a port; legal: such as \"127.0.0.1:4268\" or \"[::1]:4268\""
+    );
+    assert_eq!(
+        said("counts_per_turn = 4096", "gear = 10000, counts_per_turn = 1000000000"),
+        "x.toml:7:18: wheel[0].steer.gear: 10000 times counts_per_turn is 10000000000000 counts a turn of the joint; legal: 4 \
+         to 2147483648 counts"
+    );
+}
+
+#[test]
+fn geometry_that_no_device_can_have() {
+    assert_eq!(
+        said("[1, 0, -1]", "[0, 0, 0.0]"),
+        "x.toml:4:8: wheel[0].axis: the axis has no direction; legal: [x, y, z], not all zero"
+    );
+    assert_eq!(
+        said("cone = 0.17", "cone = 1e-9"),
+        "x.toml:5:8: wheel[0].cone: wheel 1: singular by design: sin(cone) cos(toe) is 1e-9, at least 1e-6 is needed for \
+         steering and driving to be independent"
+    );
+    assert_eq!(
+        said("[-1, 0, -1]", "[1, 0, -1.1]"),
+        "x.toml:10:8: wheel[1].axis: wheels 1 and 2: their contact points can meet at one point at some steering angles, and \
+         no other wheel prevents the singularity; tilt an axis or change a cone angle"
+    );
+    let one = LEAST.split("[[wheel]]").take(2).collect::<Vec<_>>().join("[[wheel]]");
+    assert_eq!(
+        said_of(&one),
+        "x.toml:3:1: wheel: found an array of 1 element; legal: an array of 2 to 8 tables"
+    );
+}
+
+#[test]
+fn mistakes_are_told_all_at_once() {
+    let text = LEAST
+        .replace("mass = 0.5", "mass = -1")
+        .replace("cone = 0.17", "cone = 4")
+        .replace("4096", "0")
+        .replace("motor = false", "motor = 0");
+    let lines = said_of(&text);
+    assert_eq!(lines.lines().count(), 8, "{lines}");
+    assert_eq!(
+        lines.lines().next(),
+        Some("x.toml:2:33: sphere.mass: -1 is out of range; legal: 0.001 to 1000 kg")
+    );
+    // One wheel's disagreement is told beside the other's type error.
+    let text = LEAST.replacen("continuous = 0.1", "continuous = 2", 1).replace("motor = false", "motor = 0");
+    assert_eq!(
+        said_of(&text),
+        "x.toml:7:58: wheel[0].steer.continuous: 2 is more than peak; legal: > 0 and <= 1 N m\n\
+         x.toml:14:43: wheel[1].drive.motor: found 0; legal: true or false"
+    );
+}
+
+#[test]
+fn the_command_line_overrides_and_is_named_in_messages() {
+    let load = |path, value, from| RigConfig::load(None, &[Override { path, value, from }]);
+    let config = load("link.port", json!("/dev/ttyACM0"), "--port").unwrap();
+    assert_eq!(config.link.port, Port::Device("/dev/ttyACM0".to_owned()));
+    assert_eq!(config.link.watchdog_ms, 20, "the default follows the port");
+    assert_eq!(load("loop.accuracy", json!("exact"), "--accuracy").unwrap().accuracy, "exact");
+    let error = load("loop.rate_hz", json!(7), "--rate").unwrap_err();
+    assert_eq!(error.to_string(), "--rate: loop.rate_hz: 7 is out of range; legal: 50 to 20000 Hz");
+    // A table that the file does not have is made.
+    let over = [Override { path: "api.listen", value: json!("[::]:1"), from: "--listen" }];
+    assert!(RigConfig::from_toml_with(LEAST, "x.toml", &over).unwrap().api.needs_token());
+}
+
+#[test]
+fn a_token_file_stands_beside_its_rig_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.toml");
+    std::fs::write(&path, format!("{LEAST}[api]\ntoken_file = 'token'")).unwrap();
+    assert_eq!(RigConfig::from_path(&path).unwrap().api.token_file, Some(folder.path().join("token")));
+    let error = RigConfig::from_path(&folder.path().join("none.toml")).unwrap_err();
+    assert!(
+        matches!(error, LoadError::Read { .. }) && error.to_string().contains("none.toml: cannot be read: ")
+    );
+}
+
+#[test]
+fn the_share_of_a_line_that_frames_take() {
+    let link = RigConfig::prototype().link;
+    // 60 bytes of 10 bits, 1000 times a second, on 3 Mbaud.
+    assert_eq!(link.load(60, 1000), 0.2);
+}

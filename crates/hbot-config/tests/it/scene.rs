@@ -1,0 +1,221 @@
+//! Scene files: what loads, and one case for each kind of mistake.
+
+use hbot_config::SceneFile;
+use hbot_config::scene::{Hand, kinds, phenomena};
+use hbot_core::effects::{Anchor, Damper, Kind, Spring, SpringLaw};
+use hbot_core::{Mat3, Quat};
+use serde_json::json;
+
+use crate::{folder, toml_files};
+
+fn scene(text: &str) -> SceneFile {
+    SceneFile::from_toml(text, "x.toml").unwrap_or_else(|mistakes| panic!("{mistakes}"))
+}
+
+fn said(text: &str) -> String {
+    SceneFile::from_toml(text, "x.toml").expect_err(text).to_string()
+}
+
+/// What is said of a spring with one more line, its fourth.
+fn said_of_spring(line: &str) -> String {
+    said(&format!("[[effect]]\nid = 's'\nkind = 'spring'\n{line}"))
+}
+
+#[test]
+fn every_file_in_scenes_loads_and_comes_back_from_json() {
+    for path in toml_files("scenes") {
+        let scene = SceneFile::from_path(&path).unwrap_or_else(|error| panic!("{error}"));
+        let json = scene.to_json();
+        let text = serde_json::to_string(&json).unwrap();
+        let again = SceneFile::from_json(serde_json::from_str(&text).unwrap()).unwrap();
+        assert_eq!(again, scene, "{}", path.display());
+        assert_eq!(again.to_json(), json);
+    }
+}
+
+#[test]
+fn the_default_scene_is_built_in() {
+    let scene = SceneFile::default_scene();
+    assert_eq!(scene, SceneFile::from_path(&folder("scenes/spring.toml")).unwrap());
+    let spring = &scene.effects()[0];
+    assert_eq!((spring.id(), spring.kind_name()), ("spring", "spring"));
+    assert!(scene.simulate().is_none());
+}
+
+#[test]
+fn what_an_effect_leaves_out_has_the_documented_default() {
+    let scene = scene("[[effect]]\nid = 's'\nkind = 'spring'\n[[effect]]\nid = 'd'\nkind = 'damper'");
+    let [spring, damper] = scene.effects() else { panic!("two effects") };
+    assert_eq!((spring.gain(), spring.fade_s()), (1.0, 0.05));
+    let legal =
+        Spring::new(SpringLaw::Geodesic, Mat3::IDENTITY, Mat3::ZERO, Quat::IDENTITY, Anchor::Absolute)
+            .unwrap();
+    assert_eq!(*spring.kind(), Kind::Spring(legal));
+    assert_eq!(*damper.kind(), Kind::Damper(Damper::new(Mat3::IDENTITY * 0.02).unwrap()));
+    assert_eq!(scene.name(), "unnamed");
+    assert_eq!(SceneFile::from_json(json!({})).unwrap().effects(), []);
+}
+
+#[test]
+fn parameters_reach_the_core() {
+    let scene = scene(
+        "[[effect]]\nid = 's'\nkind = 'spring'\ngain = 0.5\nfade_s = 2\nlaw = 'quaternion'\nanchor = 'here'\n\
+         stiffness = [[4, 1, 0], [1, 3, 0], [0, 0, 2]]\ndamping = 0.5\nreference = [0, 0, 0, -2]",
+    );
+    let spring = &scene.effects()[0];
+    assert_eq!((spring.gain(), spring.fade_s()), (0.5, 2.0));
+    let stiffness = Mat3::from_cols_array(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0, 2.0]);
+    let reference = Quat::from_xyzw(0.0, 0.0, -1.0, 0.0);
+    let legal =
+        Spring::new(SpringLaw::Quaternion, stiffness, Mat3::IDENTITY * 0.5, reference, Anchor::Here).unwrap();
+    assert_eq!(*spring.kind(), Kind::Spring(legal));
+}
+
+#[test]
+fn ids_and_kinds() {
+    assert_eq!(
+        said("[[effect]]\nid = 's'\nkind = 'sprng'\ngain = -1"),
+        "x.toml:3:8: effect[0].kind: \"sprng\" is not known here (did you mean \"spring\"?); legal: \"spring\", \"damper\"\n\
+         x.toml:4:8: effect[0].gain: -1 is out of range; legal: 0 to 10"
+    );
+    assert_eq!(
+        said("[[effect]]"),
+        "x.toml:1:1: effect[0].id: missing; legal: a string\n\
+         x.toml:1:1: effect[0].kind: missing; legal: \"spring\", \"damper\""
+    );
+    assert_eq!(
+        said("[[effect]]\nid = 'a'\nkind = 'damper'\n[[effect]]\nid = 'a'\nkind = 'spring'"),
+        "x.toml:5:6: effect[1].id: \"a\" is the id of effect[0] already; legal: ids that differ"
+    );
+    assert_eq!(
+        said("[[effect]]\nid = 'a b'\nkind = 'damper'"),
+        "x.toml:2:6: effect[0].id: \"a b\" has other characters; legal: letters, digits, `_`, `-` and `.`"
+    );
+    assert_eq!(
+        said("[[effect]]\nid = ''\nkind = 'damper'"),
+        "x.toml:2:6: effect[0].id: found the string \"\"; legal: 1 to 64 characters"
+    );
+    assert_eq!(said("effect = [1]"), "x.toml:1:11: effect[0]: found 1; legal: a table");
+    let many: String = (0..33).map(|i| format!("[[effect]]\nid = 'e{i}'\nkind = 'damper'\n")).collect();
+    assert_eq!(
+        said(&many),
+        "x.toml:1:1: effect: found an array of 33 elements; legal: an array of at most 32 tables"
+    );
+}
+
+#[test]
+fn keys_and_types() {
+    assert_eq!(
+        said_of_spring("stifness = 3"),
+        "x.toml:4:1: effect[0].stifness: unknown key (did you mean `stiffness`?); legal: id, kind, gain, fade_s, law, \
+         stiffness, damping, reference, anchor"
+    );
+    assert_eq!(
+        said_of_spring("stiffness = 'soft'"),
+        "x.toml:4:13: effect[0].stiffness: found the string \"soft\"; legal: a number, 0 to 1000 N m/rad, or a symmetric \
+         positive semidefinite 3x3 matrix"
+    );
+    assert_eq!(
+        said_of_spring("law = 'hooke'"),
+        "x.toml:4:7: effect[0].law: \"hooke\" is not known here; legal: \"geodesic\", \"quaternion\""
+    );
+    assert_eq!(
+        said_of_spring("[effects]"),
+        "x.toml:4:2: effects: unknown key (did you mean `effect`?); legal: name, effect, simulate"
+    );
+}
+
+#[test]
+fn matrices_and_quaternions() {
+    assert_eq!(
+        said_of_spring("stiffness = [[1, 0.5, 0], [0.4, 1, 0], [0, 0, 1]]"),
+        "x.toml:4:13: effect[0].stiffness: the matrix is not symmetric: row 1, column 2 is 0.5 and row 2, column 1 is 0.4; \
+         legal: a symmetric positive semidefinite 3x3 matrix"
+    );
+    assert_eq!(
+        said_of_spring("damping = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]"),
+        "x.toml:4:11: effect[0].damping: the matrix is not positive semidefinite: it would push away in some direction; \
+         legal: a symmetric positive semidefinite 3x3 matrix"
+    );
+    assert_eq!(
+        said_of_spring("stiffness = [[1, 0, 0], [0, 1, 0]]"),
+        "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: a symmetric positive semidefinite 3x3 matrix"
+    );
+    assert_eq!(
+        said_of_spring("stiffness = [[1, 0, 0], [0, nan, 0], [0, 0, 2000]]"),
+        "x.toml:4:29: effect[0].stiffness[1][1]: nan is not a finite number; legal: a number, -1000 to 1000 N m/rad\n\
+         x.toml:4:45: effect[0].stiffness[2][2]: 2000 is out of range; legal: -1000 to 1000 N m/rad"
+    );
+    assert_eq!(
+        said_of_spring("reference = [0, 0, 0.0, 0]"),
+        "x.toml:4:13: effect[0].reference: the quaternion has no length; legal: [w, x, y, z], not all zero"
+    );
+    assert_eq!(
+        said_of_spring("reference = [1, 0, 0]"),
+        "x.toml:4:13: effect[0].reference: found an array of 3 elements; legal: an array of 4 numbers"
+    );
+    assert_eq!(
+        said_of_spring("reference = [nan, 0, 0, 0]"),
+        "x.toml:4:14: effect[0].reference[0]: nan is not a finite number; legal: a number, -1000 to 1000"
+    );
+}
+
+#[test]
+fn phenomena_are_there_where_they_are_named() {
+    assert!(scene("").simulate().is_none());
+    assert_eq!(scene("[simulate]").simulate().unwrap().hand, None);
+    assert_eq!(scene("[simulate]\nhand = {}").simulate().unwrap().hand, Some(Hand::default()));
+    let hand = scene("[simulate]\nhand = { rate = 1 }").simulate().unwrap().hand.unwrap();
+    assert_eq!(hand, Hand { rate: 1.0, ..Hand::default() });
+    assert_eq!(
+        said("[simulate]\nhands = {}"),
+        "x.toml:2:1: simulate.hands: unknown key (did you mean `hand`?); legal: hand"
+    );
+    assert_eq!(said("[simulate]\nhand = true"), "x.toml:2:8: simulate.hand: found true; legal: a table");
+}
+
+#[test]
+fn json_mistakes_have_paths_and_no_lines() {
+    let said = |value| SceneFile::from_json(value).unwrap_err().to_string();
+    assert_eq!(said(json!([])), "found an array of 0 elements; legal: a table");
+    assert_eq!(said(json!({"name": null})), "name: found null; legal: a string");
+    assert_eq!(
+        said(json!({"effect": [{"id": "d", "kind": "damper", "damping": -1, "\u{1b}[2J": 1}]})),
+        "effect[0].damping: -1 is out of range; legal: 0 to 100 N m s/rad\n\
+         effect[0].\"\\u{1b}[2J\": unknown key; legal: id, kind, gain, fade_s, damping"
+    );
+}
+
+#[test]
+fn what_there_is_to_choose_from_is_listed_with_what_a_panel_needs() {
+    let kinds = kinds();
+    assert_eq!(kinds.iter().map(|k| k.name).collect::<Vec<_>>(), ["spring", "damper"]);
+    for listed in kinds.iter().chain(&phenomena()) {
+        assert!(!listed.description.is_empty(), "{}", listed.name);
+        let properties = listed.schema["properties"].as_object().unwrap();
+        for (name, parameter) in properties {
+            assert!(!["id", "op", "effect", "kind"].contains(&name.as_str()), "{name} is a reserved name");
+            assert!(parameter["description"].is_string(), "{name}");
+            assert!(!parameter["default"].is_null(), "{name}");
+            if parameter["type"] == "number" {
+                assert!(parameter["minimum"].is_number() && parameter["maximum"].is_number(), "{name}");
+            }
+        }
+    }
+    let stiffness = &kinds[0].schema["properties"]["stiffness"];
+    assert_eq!(stiffness["anyOf"][0]["maximum"], 1000.0);
+    assert_eq!(stiffness["unit"], "N m/rad");
+    assert_eq!(phenomena()[0].name, "hand");
+}
+
+#[test]
+fn what_is_listed_as_default_is_what_absence_means() {
+    for kind in kinds() {
+        let mut written = json!({"id": "e", "kind": kind.name});
+        let bare = SceneFile::from_json(json!({"effect": [written.clone()]})).unwrap();
+        for (name, parameter) in kind.schema["properties"].as_object().unwrap() {
+            written[name] = parameter["default"].clone();
+        }
+        assert_eq!(SceneFile::from_json(json!({"effect": [written]})).unwrap(), bare);
+    }
+}

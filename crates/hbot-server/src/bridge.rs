@@ -1,0 +1,178 @@
+//! The way between the loop and the rest of the server: wait-free rings, and an event that wakes the other side.
+//!
+//! Orders and compiled scenes go in, samples and retired scenes come out. The loop never waits, allocates or frees; where a
+//! ring is full the other side is told so, or loses a sample that is counted.
+
+use std::io;
+use std::os::fd::OwnedFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use hbot_core::CompiledScene;
+use hbot_core::inputs::Command;
+use rtrb::{Consumer, Producer, RingBuffer};
+use rustix::event::{EventfdFlags, eventfd};
+use thiserror::Error;
+use tokio::io::unix::AsyncFd;
+
+use crate::sample::Sample;
+
+/// Samples between loop and service: half a second at 8 kHz, while the service is busy elsewhere.
+const SAMPLES: usize = 4096;
+const ORDERS: usize = 256;
+const SCENES: usize = 4;
+
+/// A command on its way to the loop, with the number under which it is answered.
+#[derive(Debug, Clone, Copy)]
+pub struct Order {
+    /// Comes back in [`Sample::answers`].
+    pub ticket: u64,
+    /// What to do.
+    pub command: Command,
+}
+
+/// The loop has not yet taken what it was given before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the loop has not yet taken what it was given before")]
+pub struct Busy;
+
+/// The loop's end.
+pub(crate) struct LoopEnd {
+    pub(crate) orders: Consumer<Order>,
+    pub(crate) scenes: Consumer<Box<CompiledScene>>,
+    pub(crate) retired: Producer<Box<CompiledScene>>,
+    samples: Producer<Sample>,
+    waker: Arc<Waker>,
+}
+
+/// The service's end. It belongs to a tokio runtime.
+pub struct ServiceEnd {
+    orders: Producer<Order>,
+    scenes: Producer<Box<CompiledScene>>,
+    retired: Consumer<Box<CompiledScene>>,
+    samples: Consumer<Sample>,
+    waker: Arc<Waker>,
+    event: AsyncFd<OwnedFd>,
+    next_ticket: u64,
+}
+
+/// Wakes the service only where it sleeps, so that a busy one costs the loop no system call.
+struct Waker {
+    asleep: AtomicBool,
+    /// The loop is over: no sample will come.
+    ended: AtomicBool,
+    event: OwnedFd,
+}
+
+/// Both ends of a new bridge.
+///
+/// # Errors
+/// The system gives no event descriptor, or there is no tokio runtime.
+pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
+    let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
+    let waker = Arc::new(Waker { asleep: AtomicBool::new(false), ended: AtomicBool::new(false), event: event.try_clone()? });
+    let (orders_in, orders_out) = RingBuffer::new(ORDERS);
+    let (scenes_in, scenes_out) = RingBuffer::new(SCENES);
+    // Room for every scene on its way and the running one: the loop can always give one back.
+    let (retired_in, retired_out) = RingBuffer::new(SCENES + 1);
+    let (samples_in, samples_out) = RingBuffer::new(SAMPLES);
+    let inner = LoopEnd {
+        orders: orders_out,
+        scenes: scenes_out,
+        retired: retired_in,
+        samples: samples_in,
+        waker: Arc::clone(&waker),
+    };
+    let outer = ServiceEnd {
+        orders: orders_in,
+        scenes: scenes_in,
+        retired: retired_out,
+        samples: samples_out,
+        waker,
+        event: AsyncFd::new(event)?,
+        next_ticket: 1,
+    };
+    Ok((inner, outer))
+}
+
+impl LoopEnd {
+    /// Publishes a sample: false where there was no place for it. At most one non-blocking write to the event.
+    #[inline]
+    pub(crate) fn publish(&mut self, sample: Sample) -> bool {
+        let placed = self.samples.push(sample).is_ok();
+        if self.waker.asleep.swap(false, Ordering::SeqCst) {
+            // A full counter has woken the service already.
+            let _ = rustix::io::write(&self.waker.event, &1_u64.to_ne_bytes());
+        }
+        placed
+    }
+
+    /// Whether the next sample will find no place.
+    pub(crate) fn is_full(&self) -> bool {
+        self.samples.is_full()
+    }
+}
+
+impl ServiceEnd {
+    /// Sends a command to the loop; its answer comes with a sample under the ticket.
+    ///
+    /// # Errors
+    /// The loop takes 8 commands a tick, and 256 wait already.
+    pub fn order(&mut self, command: Command) -> Result<u64, Busy> {
+        let ticket = self.next_ticket;
+        self.orders.push(Order { ticket, command }).map_err(|_| Busy)?;
+        self.next_ticket += 1;
+        Ok(ticket)
+    }
+
+    /// Whether a scene can be installed now. Frees the scenes that the loop has given back.
+    pub fn can_install(&mut self) -> bool {
+        while self.retired.pop().is_ok() {}
+        !self.scenes.is_full()
+    }
+
+    /// Hands a compiled scene to the loop, which takes it at its next tick.
+    ///
+    /// # Errors
+    /// Four scenes wait already.
+    pub fn install(&mut self, scene: Box<CompiledScene>) -> Result<(), Busy> {
+        if !self.can_install() {
+            return Err(Busy);
+        }
+        self.scenes.push(scene).map_err(|_| Busy)
+    }
+
+    /// The oldest sample that has not been fetched.
+    pub fn try_sample(&mut self) -> Option<Sample> {
+        self.samples.pop().ok()
+    }
+
+    /// Waits for the next sample; `None` once the loop has ended and all samples are fetched. Cancel safe.
+    pub async fn sample(&mut self) -> Option<Sample> {
+        loop {
+            if let Ok(sample) = self.samples.pop() {
+                return Some(sample);
+            }
+            if self.waker.ended.load(Ordering::SeqCst) {
+                return self.samples.pop().ok();
+            }
+            // Fall asleep first and look again after: a sample that comes in between wakes us.
+            self.waker.asleep.store(true, Ordering::SeqCst);
+            if !self.samples.is_empty() || self.waker.ended.load(Ordering::SeqCst) {
+                continue;
+            }
+            let Ok(mut guard) = self.event.readable().await else { return None };
+            let mut count = [0; 8];
+            let _ = rustix::io::read(guard.get_inner(), &mut count);
+            guard.clear_ready();
+        }
+    }
+}
+
+impl Drop for LoopEnd {
+    fn drop(&mut self) {
+        // Whoever waits for a sample learns that there will be none.
+        self.waker.ended.store(true, Ordering::SeqCst);
+        let _ = rustix::io::write(&self.waker.event, &1_u64.to_ne_bytes());
+    }
+}

@@ -1,0 +1,244 @@
+//! The flight log: what the loop did in the second before a fault and the 100 ms after it, as a file.
+//!
+//! Samples go into a ring that is there from the start. After a trigger the ring goes on for 100 ms and is then given out
+//! as a [`Flight`], which a blocking thread writes; whoever records never touches the disk.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use crate::sample::Sample;
+use crate::service::convert;
+
+/// How much of the time before a fault is kept.
+const BEFORE: Duration = Duration::from_secs(1);
+/// How much of the time after it.
+const AFTER: Duration = Duration::from_millis(100);
+/// The most files kept in the folder; the oldest go.
+pub const MAX_FILES: usize = 20;
+
+const PREFIX: &str = "flight-";
+const SUFFIX: &str = ".csv";
+
+/// Keeps the last second.
+pub struct FlightRecorder {
+    dir: PathBuf,
+    ring: Vec<Sample>,
+    capacity: usize,
+    /// Where the next sample goes, once the ring is full.
+    next: usize,
+    before_ticks: u64,
+    after_ticks: u64,
+    trigger: Option<Trigger>,
+    /// Logs begun so far, which tells files of one second apart.
+    begun: u64,
+}
+
+struct Trigger {
+    tick: u64,
+    path: PathBuf,
+}
+
+impl FlightRecorder {
+    /// A recorder for a loop of this period that has its files in `dir`. Takes all its memory now.
+    #[must_use]
+    pub fn new(dir: PathBuf, period_ns: u64) -> Self {
+        let ticks = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).div_ceil(period_ns.max(1));
+        let (before_ticks, after_ticks) = (ticks(BEFORE), ticks(AFTER));
+        let capacity = usize::try_from(before_ticks + after_ticks + 1).unwrap_or(usize::MAX);
+        Self {
+            dir,
+            ring: Vec::with_capacity(capacity),
+            capacity,
+            next: 0,
+            before_ticks,
+            after_ticks,
+            trigger: None,
+            begun: 0,
+        }
+    }
+
+    /// Takes the next sample; gives out the log that it completes, if it does.
+    #[inline]
+    pub fn push(&mut self, sample: &Sample) -> Option<Flight> {
+        if self.ring.len() < self.capacity {
+            self.ring.push(*sample);
+        } else {
+            self.ring[self.next] = *sample;
+            self.next = if self.next + 1 == self.capacity { 0 } else { self.next + 1 };
+        }
+        let done = self.trigger.as_ref().is_some_and(|t| sample.state.tick >= t.tick + self.after_ticks);
+        if done { self.finish() } else { None }
+    }
+
+    /// Begins a log of what has happened in `tick`, whose sample has been pushed, and says where it will be. One that has
+    /// been begun within the last 100 ms takes this one in.
+    pub fn trigger(&mut self, tick: u64, what: &str) -> &Path {
+        if self.trigger.is_none() {
+            self.begun += 1;
+            let name = format!("{PREFIX}{}-{:03}-{what}{SUFFIX}", utc(SystemTime::now()), self.begun % 1000);
+            self.trigger = Some(Trigger { tick, path: self.dir.join(name) });
+        }
+        self.trigger.as_ref().map_or(&self.dir, |trigger| &trigger.path)
+    }
+
+    /// Gives out a log that has been begun, complete or not.
+    pub fn finish(&mut self) -> Option<Flight> {
+        let trigger = self.trigger.take()?;
+        let first = trigger.tick.saturating_sub(self.before_ticks);
+        let (newer, older) = self.ring.split_at(self.next);
+        let samples = older.iter().chain(newer).filter(|s| s.state.tick >= first).copied().collect();
+        Some(Flight { path: trigger.path, samples })
+    }
+}
+
+/// A log that has not been written yet.
+pub struct Flight {
+    /// Where it belongs.
+    pub path: PathBuf,
+    /// In the order of time.
+    pub samples: Vec<Sample>,
+}
+
+impl Flight {
+    /// Writes the file, whole or not at all, and removes the oldest beyond [`MAX_FILES`]. Blocks.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn write(&self) -> io::Result<()> {
+        let dir = self.path.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(dir)?;
+        let part = self.path.with_extension("part");
+        let written = self.write_to(&part).and_then(|()| fs::rename(&part, &self.path));
+        if written.is_err() {
+            // What is left of it is of no use; that it could not be written is the error to tell.
+            let _ = fs::remove_file(&part);
+        }
+        written?;
+        prune(dir)
+    }
+
+    fn write_to(&self, path: &Path) -> io::Result<()> {
+        let mut table = csv::Writer::from_writer(BufWriter::new(File::create(path)?));
+        let joints = self.samples.first().map_or(0, |sample| sample.state.joints);
+        table.write_record(header(joints))?;
+        let mut row = Vec::new();
+        for sample in &self.samples {
+            row.clear();
+            fields(sample, joints, &mut row);
+            table.write_record(&row)?;
+        }
+        table.into_inner().map_err(|error| io::Error::other(error.to_string()))?.flush()
+    }
+}
+
+/// The names of the columns, with units; vectors in N.
+fn header(joints: usize) -> Vec<String> {
+    let names = |list: &str| list.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+    let mut all = names(
+        "tick t_s mode fault q_w q_x q_y q_z omega_x_rad_s omega_y_rad_s omega_z_rad_s torque_x_nm torque_y_nm torque_z_nm",
+    );
+    for joint in 1..=joints {
+        all.extend([
+            format!("joint{joint}_angle_rad"),
+            format!("joint{joint}_rate_rad_s"),
+            format!("joint{joint}_torque_nm"),
+        ]);
+    }
+    all.extend(names(
+        "slip_m_s scale deficient traction energy_j client_seq client_age_ticks fresh scene lateness_us compute_us link_us \
+         age_us late_ticks skipped_ticks missed_ticks corrupt_frames foreign_frames send_failures dropped_samples",
+    ));
+    all
+}
+
+fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
+    let Sample { state, timing, counters, .. } = sample;
+    let optional = |value: Option<u64>| value.map(|v| v.to_string()).unwrap_or_default();
+    let us = |ns: u64| (ns as f64 * 1.0e-3).to_string();
+    row.extend([state.tick.to_string(), (sample.t_ns as f64 * 1.0e-9).to_string()]);
+    row.push(convert::mode(state.mode).to_string());
+    row.push(state.cause.map(|cause| convert::fault(cause).to_string()).unwrap_or_default());
+    row.extend([state.q.w, state.q.x, state.q.y, state.q.z].map(|x| x.to_string()));
+    row.extend(state.omega.to_array().map(|x| x.to_string()));
+    row.extend(state.torque.to_array().map(|x| x.to_string()));
+    for j in 0..joints {
+        row.extend([state.angle[j], state.rate[j], state.joint_torque[j]].map(|x| x.to_string()));
+    }
+    row.extend([state.slip.to_string(), state.scale.to_string(), state.deficient.to_string()]);
+    row.extend([state.traction.to_string(), state.energy.to_string()]);
+    row.push(optional(state.client.and_then(|client| client.seq)));
+    row.push(optional(state.client.map(|client| client.age_ticks)));
+    row.extend([state.fresh.to_string(), sample.scene.to_string()]);
+    row.extend([us(timing.lateness_ns), us(timing.compute_ns), us(timing.link_ns)]);
+    row.push(timing.age_ns.map(us).unwrap_or_default());
+    row.extend(
+        [
+            counters.late,
+            counters.skipped,
+            counters.missed,
+            counters.corrupt_frames,
+            counters.foreign_frames,
+            counters.send_failures,
+            counters.dropped_samples,
+        ]
+        .map(|n| n.to_string()),
+    );
+}
+
+/// Removes the oldest logs beyond [`MAX_FILES`]; their names sort by time.
+fn prune(dir: &Path) -> io::Result<()> {
+    let mut logs: Vec<PathBuf> = fs::read_dir(dir)?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| {
+            path.file_name()
+                .and_then(|name| name.to_str())
+                .is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX))
+        })
+        .collect();
+    logs.sort();
+    let surplus = logs.len().saturating_sub(MAX_FILES);
+    logs[..surplus].iter().try_for_each(fs::remove_file)
+}
+
+/// A moment as `20260131T235959.123Z`.
+fn utc(time: SystemTime) -> String {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
+    let (days, s) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
+    let (year, month, day) = civil(days);
+    let (h, m, s, ms) = (s / 3600, s / 60 % 60, s % 60, since.subsec_millis());
+    format!("{year:04}{month:02}{day:02}T{h:02}{m:02}{s:02}.{ms:03}Z")
+}
+
+/// Year, month and day of a day counted from 1970-01-01, in the Gregorian calendar.
+///
+/// Source: Howard Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`, for days from 1970 on.
+fn civil(days: u64) -> (u64, u64, u64) {
+    // Days from 0000-03-01, so that a leap day is the last of its year.
+    let shifted = days + 719_468;
+    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
+    let year_of_era =
+        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    (year, month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_have_their_dates() {
+        assert_eq!(civil(0), (1970, 1, 1));
+        assert_eq!(civil(11_016), (2000, 2, 29));
+        assert_eq!(civil(11_017), (2000, 3, 1));
+        assert_eq!(civil(20_818), (2026, 12, 31));
+        let time = UNIX_EPOCH + Duration::from_millis(951_868_799_123);
+        assert_eq!(utc(time), "20000229T235959.123Z");
+    }
+}

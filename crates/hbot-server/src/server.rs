@@ -1,0 +1,258 @@
+//! A whole server: the line, the loop's thread and the service, put together and taken apart again.
+
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use hbot_config::rig::Port;
+use hbot_config::scene::Simulate;
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::Controller;
+use hbot_sim::hand::Hand;
+use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
+use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
+use thiserror::Error;
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc as async_mpsc, watch};
+
+use crate::bridge::{LoopEnd, ServiceEnd, bridge};
+use crate::engine::{Engine, Line, Recorder};
+use crate::handshake::{HandshakeError, handshake};
+use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
+use crate::run_loop::{Ended, StopFlag, lockstep, wall};
+use crate::service::{self, Control, Setup, Status, Summary};
+use crate::wire::{Memory, OpenError, Serial, SimulatorCall, Wire};
+
+/// What a server is to be.
+pub struct Options {
+    /// The rig, with its line and service.
+    pub rig: RigConfig,
+    /// The scene to begin with.
+    pub scene: SceneFile,
+    /// Wall-clock or virtual time.
+    pub time: Time,
+    /// End after this time of the loop.
+    pub duration: Option<Duration>,
+    /// What clients must know.
+    pub token: Option<String>,
+    /// Where flight logs go; none are written without it.
+    pub flight_dir: Option<PathBuf>,
+    /// Sees what goes into and comes out of every tick, in the loop's thread. For tests and replay.
+    pub recorder: Option<Recorder>,
+}
+
+/// Which time a loop runs in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Time {
+    /// The clock's.
+    Wall,
+    /// As fast as the machine goes, in lock-step with the simulated rig.
+    Virtual,
+}
+
+/// Why a server did not start.
+#[derive(Debug, Error)]
+pub enum StartError {
+    /// The serial port.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The motor controllers.
+    #[error(transparent)]
+    Handshake(#[from] HandshakeError),
+    /// The simulated rig.
+    #[error(transparent)]
+    Simulator(#[from] RigError),
+    /// Its pseudo-terminal.
+    #[error(transparent)]
+    Pty(#[from] PtyError),
+    /// Virtual time on a real rig.
+    #[error("virtual time needs the simulated rig: use `--port sim`, or `--time wall` for {0}")]
+    VirtualHardware(String),
+    /// The system gives no thread or no event descriptor.
+    #[error("the system refuses: {0}")]
+    System(#[from] std::io::Error),
+}
+
+/// A server whose loop runs.
+pub struct Server {
+    setup: Setup,
+    end: ServiceEnd,
+    stop: StopFlag,
+    thread: JoinHandle<Ended>,
+    /// Kept until the loop has said its last word.
+    pty: Option<Arc<PtyRig>>,
+    notices: Vec<String>,
+}
+
+/// How a server ended.
+#[derive(Debug)]
+pub struct Finished {
+    /// What the service counted and measured.
+    pub summary: Summary,
+    /// The loop ended by a fault of its own.
+    pub panicked: bool,
+}
+
+impl Server {
+    /// Opens the line, shakes hands and starts the loop. Call it on a tokio runtime.
+    ///
+    /// # Errors
+    /// The port, the controllers, or the system; nothing is left running.
+    pub fn start(options: Options) -> Result<Self, StartError> {
+        let Options { rig, scene, time, duration, token, flight_dir, recorder } = options;
+        let mut running = RunningScene::new();
+        let simulate = scene.simulate().copied();
+        let compiled = Box::new(running.load(scene));
+        let (loop_end, end) = bridge()?;
+        let stop = StopFlag::default();
+        let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
+        let period_ns = rig.rig.timing.period_ns;
+        let mut notices = Vec::new();
+        let simulated = rig.link.port == Port::Sim;
+        // The simulated controllers stand on their line in the order of the joints.
+        let places = if simulated { (0..rig.controllers.len()).collect() } else { rig.controllers.clone() };
+        let line = Line { places, watchdog_ms: rig.link.watchdog_ms };
+
+        let assemble = |wire, end: LoopEnd| Assembly { wire, end, line: line.clone() };
+        let controller = Controller::new(rig.rig);
+        let (thread, pty, phenomena): (_, _, Option<Phenomena>) = match (time, &rig.link.port) {
+            (Time::Virtual, Port::Device(device)) => return Err(StartError::VirtualHardware(device.clone())),
+            (Time::Virtual, Port::Sim) => {
+                let (calls, inbox) = mpsc::channel::<SimulatorCall>();
+                let mut wire = Memory::new(simulator(&rig, simulate)?, inbox);
+                handshake(&mut wire, "sim", &rig.rig, &line)?;
+                let engine = assemble(wire, loop_end).engine(controller, compiled, recorder);
+                let stop = stop.clone();
+                let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
+                let phenomena = move |simulate: &Simulate| {
+                    let hand = hand(Some(simulate));
+                    // A loop that has ended needs none.
+                    let _ = calls.send(Box::new(move |rig| rig.set_hand(hand)));
+                };
+                (thread, None, Some(Box::new(phenomena)))
+            }
+            (Time::Wall, port) => {
+                if let Err(reason) = lock_memory() {
+                    notices.push(format!("memory is not locked ({reason}): page faults may delay ticks; run as root, or raise the limit memlock"));
+                }
+                let (mut wire, pty, phenomena) = match port {
+                    Port::Sim => {
+                        let pty = Arc::new(serve_pty(simulator(&rig, simulate)?)?);
+                        let path = pty.path().display().to_string();
+                        let post = Arc::clone(&pty);
+                        let phenomena = move |simulate: &Simulate| {
+                            let hand = hand(Some(simulate));
+                            // A rig whose thread has ended shows in the loop as a lost link.
+                            let _ = post.post(move |rig| rig.set_hand(hand));
+                        };
+                        (Serial::open(&path, rig.link.baud)?, Some(pty), Some(Box::new(phenomena) as Phenomena))
+                    }
+                    Port::Device(device) => (Serial::open(device, rig.link.baud)?, None, None),
+                };
+                handshake(&mut wire, &port.to_string(), &rig.rig, &line)?;
+                let engine = assemble(wire, loop_end).engine(controller, compiled, recorder);
+                let stop = stop.clone();
+                let (refused, heard) = mpsc::sync_channel::<String>(1);
+                let thread = spawn(move || {
+                    wall(engine, period_ns, ticks, &stop, move |outcome| {
+                        let _ = refused.send(outcome);
+                    })
+                })?;
+                if let Ok(reason) = heard.recv() {
+                    notices.push(format!("no real-time priority ({reason}): other work may delay ticks; run as root, or raise the limit rtprio"));
+                }
+                (thread, pty, phenomena)
+            }
+        };
+        let setup = Setup { enable_at_start: simulated, rig, scene: running, phenomena, token, flight_dir };
+        Ok(Self { setup, end, stop, thread, pty, notices })
+    }
+
+    /// What a user should know about how it runs.
+    #[must_use]
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// Serves clients on `listener` until `shutdown`, or until the loop ends. Zero torque is on the line before it returns.
+    ///
+    /// # Errors
+    /// The service cannot go on.
+    pub async fn serve(
+        self,
+        listener: TcpListener,
+        control: async_mpsc::Receiver<Control>,
+        status: watch::Sender<Status>,
+        shutdown: impl Future<Output = ()>,
+    ) -> std::io::Result<Finished> {
+        let Self { setup, end, stop, thread, pty, .. } = self;
+        // Zero torque first: the loop stops before the clients are told.
+        let stopping = {
+            let stop = stop.clone();
+            async move {
+                shutdown.await;
+                stop.stop();
+            }
+        };
+        let summary = service::serve(listener, end, setup, control, status, stopping).await;
+        stop.stop();
+        let ended = thread.join().unwrap_or(Ended::Panicked);
+        // The simulated rig's thread ends with its last owner, after the loop's last word.
+        drop(pty);
+        Ok(Finished { summary, panicked: ended == Ended::Panicked })
+    }
+}
+
+type Phenomena = Box<dyn FnMut(&Simulate) + Send>;
+
+/// What an engine is made of besides the controller.
+struct Assembly<W> {
+    wire: W,
+    end: LoopEnd,
+    line: Line,
+}
+
+impl<W: Wire> Assembly<W> {
+    fn engine(
+        self,
+        controller: Controller,
+        scene: Box<hbot_core::CompiledScene>,
+        recorder: Option<Recorder>,
+    ) -> Engine<W> {
+        Engine::new(self.wire, self.line, controller, scene, self.end, recorder)
+    }
+}
+
+fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinHandle<Ended>> {
+    std::thread::Builder::new().name("hbot-loop".to_owned()).spawn(body)
+}
+
+/// The simulated rig: at the start ideal and in a hand that turns it about, unless the scene says otherwise.
+fn simulator(rig: &RigConfig, simulate: Option<Simulate>) -> Result<SimulatedRig, RigError> {
+    let simulate = simulate.unwrap_or(Simulate { hand: Some(hbot_config::scene::Hand::default()) });
+    let mut config = SimulatedConfig::new(&rig.rig);
+    config.hand = hand(Some(&simulate));
+    SimulatedRig::new(&config)
+}
+
+fn hand(simulate: Option<&Simulate>) -> Option<Hand> {
+    let h = simulate?.hand?;
+    Some(Hand {
+        stiffness: h.stiffness,
+        damping: h.damping,
+        inertia: h.inertia,
+        amplitude: h.amplitude,
+        rate: h.rate,
+    })
+}
+
+fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
+    let on_start = || {
+        // Without the right to it the loop has none either, and says so.
+        let _ = real_time(SIMULATOR_PRIORITY);
+    };
+    spawn_pty(rig, PtyOptions { on_start: Box::new(on_start), ..PtyOptions::default() })
+}

@@ -1,0 +1,108 @@
+//! From the core's types to those of the TCP messages.
+
+use hbot_api::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+use hbot_config::rig::OnClientLost;
+use hbot_core::inputs;
+use hbot_core::mode;
+use hbot_core::{Quat, Vec3};
+
+use crate::sample::Sample;
+
+pub(crate) fn mode(mode: mode::Mode) -> Mode {
+    match mode {
+        mode::Mode::Unreferenced => Mode::Unreferenced,
+        mode::Mode::Idle => Mode::Idle,
+        mode::Mode::Enabling => Mode::Enabling,
+        mode::Mode::Active => Mode::Active,
+        mode::Mode::Fault => Mode::Fault,
+        mode::Mode::Estop => Mode::Estop,
+    }
+}
+
+pub(crate) fn fault(cause: mode::Cause) -> Fault {
+    match cause {
+        mode::Cause::LinkLost => Fault::LinkLost,
+        mode::Cause::LinkCorrupt => Fault::LinkCorrupt,
+        mode::Cause::ControllerFault => Fault::ControllerFault,
+        mode::Cause::Overspeed => Fault::Overspeed,
+        mode::Cause::Overtorque => Fault::Overtorque,
+        mode::Cause::Slip => Fault::Slip,
+        mode::Cause::NonFinite => Fault::NonFinite,
+        mode::Cause::ImplausibleFeedback => Fault::ImplausibleFeedback,
+        mode::Cause::Deadline => Fault::Deadline,
+        mode::Cause::ClientLost => Fault::ClientLost,
+        mode::Cause::Thermal => Fault::Thermal,
+    }
+}
+
+pub(crate) fn client_lost(policy: OnClientLost) -> inputs::OnClientLost {
+    match policy {
+        OnClientLost::Ramp => inputs::OnClientLost::Ramp,
+        OnClientLost::Keep => inputs::OnClientLost::Keep,
+        OnClientLost::Fault => inputs::OnClientLost::Fault,
+    }
+}
+
+pub(super) fn vector([x, y, z]: [f64; 3]) -> Vec3 {
+    Vec3::new(x, y, z)
+}
+
+pub(super) fn quaternion([w, x, y, z]: [f64; 4]) -> Quat {
+    Quat::from_xyzw(x, y, z, w)
+}
+
+pub(super) fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1.0e-9
+}
+
+pub(super) fn microseconds(ns: u64) -> f64 {
+    ns as f64 * 1.0e-3
+}
+
+/// An event with nothing in it, to be filled by [`fill`].
+pub(super) fn blank() -> StateEvent {
+    StateEvent {
+        tick: 0,
+        t: 0.0,
+        mode: Mode::Unreferenced,
+        fault: None,
+        q: [1.0, 0.0, 0.0, 0.0],
+        omega: [0.0; 3],
+        torque: [0.0; 3],
+        joints: Vec::new(),
+        slip: 0.0,
+        scale: 1.0,
+        traction: 0.0,
+        energy: 0.0,
+        client: None,
+        timing: Timing::default(),
+    }
+}
+
+/// Makes `event` that of a sample; takes no memory after the first.
+pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
+    let state = &sample.state;
+    event.tick = state.tick;
+    event.t = seconds(sample.t_ns);
+    event.mode = mode(state.mode);
+    event.fault = state.cause.map(fault);
+    event.q = [state.q.w, state.q.x, state.q.y, state.q.z];
+    event.omega = state.omega.to_array();
+    event.torque = state.torque.to_array();
+    event.joints.resize(state.joints, JointState::default());
+    for (i, joint) in event.joints.iter_mut().enumerate() {
+        *joint = JointState { angle: state.angle[i], rate: state.rate[i], torque: state.joint_torque[i] };
+    }
+    event.slip = state.slip;
+    event.scale = state.scale;
+    event.traction = state.traction;
+    event.energy = state.energy;
+    event.client = state.client.map(|client| ClientStream { seq: client.seq, age_ticks: client.age_ticks });
+    event.timing = Timing {
+        lateness_us: microseconds(sample.timing.lateness_ns),
+        compute_us: microseconds(sample.timing.compute_ns),
+        link_us: microseconds(sample.timing.link_ns),
+        // Nothing has been read before the first reading, so nothing is old.
+        age_us: sample.timing.age_ns.map_or(0.0, microseconds),
+    };
+}

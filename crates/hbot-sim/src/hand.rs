@@ -1,0 +1,168 @@
+//! A person's hand on the sphere: a spring, a damper and a mass, to a target that moves about.
+//!
+//! The target is where the person would have the sphere. It starts at the orientation in which the hand takes hold,
+//! with no rate and no torque, so taking hold never jerks; then it wanders about all three axes with incommensurate
+//! sines, never quite repeating itself. It is a function of time alone: the same times give the same bits.
+
+use core::f64::consts::TAU;
+
+use hbot_core::{Quat, Vec3, rotation};
+
+use crate::plant::Load;
+
+/// Rates of the three axes relative to [`Hand::rate`]: 1, 1/sqrt 2 and the golden ratio's inverse have no common period.
+const RATIOS: [f64; 3] = [1.0, core::f64::consts::FRAC_1_SQRT_2, 0.618_033_988_749_894_9];
+
+/// How long the motion of the target takes to reach its full amplitude after taking hold, s.
+const FADE_S: f64 = 1.0;
+
+/// What a hand is like. Physics notes, section 8, give the defaults.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hand {
+    /// Stiffness K_h towards the target, N m/rad; default 3. The torque is K_h sin(angle): it gives way beyond a
+    /// quarter turn, as a grip does.
+    pub stiffness: f64,
+    /// Damping against the rate relative to the target's, N m s/rad; default 0.05.
+    pub damping: f64,
+    /// Inertia of the hand about any axis, which moves with the sphere, kg m²; default 2e-3.
+    pub inertia: f64,
+    /// How far the target swings about each axis of N, rad; default 0.4. Zero holds the sphere still.
+    pub amplitude: f64,
+    /// How often it swings about n1, Hz; a little slower about the others. Default 0.25.
+    pub rate: f64,
+}
+
+impl Default for Hand {
+    fn default() -> Self {
+        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.4, rate: 0.25 }
+    }
+}
+
+/// A hand that holds the sphere: the load on the plant. The inertia is the plant's to add
+/// ([`Plant::set_sphere_inertia`](crate::plant::Plant::set_sphere_inertia)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grip {
+    hand: Hand,
+    since: f64,
+    start: Quat,
+}
+
+/// Where the hand would have the sphere at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// Orientation, sphere axes to N, unit.
+    pub q: Quat,
+    /// Angular velocity in N, rad/s: exactly the rate of change of `q`.
+    pub omega: Vec3,
+}
+
+impl Grip {
+    /// `hand` takes hold at the time `since` (s) of a sphere with the orientation `q`.
+    #[must_use]
+    pub fn new(hand: Hand, since: f64, q: Quat) -> Self {
+        Self { hand, since, start: q }
+    }
+
+    /// The hand that holds.
+    #[must_use]
+    pub fn hand(&self) -> &Hand {
+        &self.hand
+    }
+
+    /// Where the hand would have the sphere at the time `t`, s; before it took hold, where it did.
+    #[must_use]
+    pub fn target(&self, t: f64) -> Target {
+        let age = t - self.since;
+        if !(age > 0.0) {
+            return Target { q: self.start, omega: Vec3::ZERO };
+        }
+        // Rises from 0 to 1 with no jump in rate or acceleration at either end.
+        let (fade, fade_rate) = if age < FADE_S {
+            let x = age / FADE_S;
+            (x * x * x * (10.0 - x * (15.0 - 6.0 * x)), 30.0 * x * x * (1.0 - x) * (1.0 - x) / FADE_S)
+        } else {
+            (1.0, 0.0)
+        };
+        let (mut p, mut p_rate) = ([0.0; 3], [0.0; 3]);
+        for (k, ratio) in RATIOS.into_iter().enumerate() {
+            let pace = TAU * self.hand.rate * ratio;
+            let (s, c) = libm::sincos(pace * age);
+            p[k] = self.hand.amplitude * fade * s;
+            p_rate[k] = self.hand.amplitude * (fade * pace * c + fade_rate * s);
+        }
+        // The turn as a vector of length 2 tan(angle/2): its rotation and its rate need no further sine.
+        let (g, g_rate) = (Vec3::from_array(p) * 0.5, Vec3::from_array(p_rate) * 0.5);
+        let size = 1.0 + g.length_squared();
+        let turn = rotation::from_parts(1.0, g) * (1.0 / libm::sqrt(size));
+        Target { q: turn * self.start, omega: (g_rate + g.cross(g_rate)) * (2.0 / size) }
+    }
+}
+
+impl Load for Grip {
+    type Instant = Target;
+
+    #[inline]
+    fn at(&self, t: f64) -> Target {
+        self.target(t)
+    }
+
+    /// The quaternion spring of the physics notes, section 6, for an isotropic stiffness, and its damper.
+    #[inline]
+    fn torque(&self, target: &Target, q: Quat, omega: Vec3) -> Vec3 {
+        let error = target.q * q.conjugate();
+        rotation::vector_part(error) * (2.0 * self.hand.stiffness * error.w)
+            - (omega - target.omega) * self.hand.damping
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taking_hold_gives_no_torque() {
+        let q = rotation::exp(Vec3::new(0.3, -2.0, 1.0));
+        let grip = Grip::new(Hand::default(), 5.0, q);
+        // q q⁻¹ is the identity to rounding.
+        assert!(grip.torque(&grip.at(5.0), q, Vec3::ZERO).length() < 1e-15);
+        // A fade that begins as t³ gives A 10 t³ w t = 4e-12 rad a millisecond later, and 2e-8 rad/s.
+        let soon = grip.torque(&grip.at(5.001), q, Vec3::ZERO);
+        assert!(soon.length() > 0.0 && soon.length() < 1e-8, "{soon}");
+    }
+
+    #[test]
+    fn the_target_s_rate_is_the_rate_of_its_orientation() {
+        let grip = Grip::new(Hand::default(), 1.0, rotation::exp(Vec3::new(1.0, 0.5, -0.2)));
+        for t in [1.2, 1.7, 1.999, 2.3, 7.0, 100.0] {
+            let h = 1e-4;
+            let turn = rotation::difference(grip.target(t + h).q, grip.target(t - h).q) / (2.0 * h);
+            let target = grip.target(t);
+            // Central differences: h² times a third derivative of order 10 (100 within the fade).
+            assert!((turn - target.omega).length() < 1e-6, "t = {t}: {turn} against {}", target.omega);
+            assert!((target.q.length() - 1.0).abs() < 4.0 * f64::EPSILON);
+        }
+    }
+
+    #[test]
+    fn the_target_stays_within_its_amplitude_and_uses_all_axes() {
+        let grip = Grip::new(Hand::default(), 0.0, Quat::IDENTITY);
+        let mut widest = Vec3::ZERO;
+        for i in 0..60_000 {
+            let turn = rotation::log(grip.target(f64::from(i) * 1e-3).q);
+            widest = widest.max(turn.abs());
+            assert!(turn.length() <= 0.4 * 3.0f64.sqrt());
+        }
+        assert!(widest.min_element() > 0.3, "{widest}");
+    }
+
+    #[test]
+    fn a_pull_away_from_the_target_is_pulled_back() {
+        let grip = Grip::new(Hand { amplitude: 0.0, ..Hand::default() }, 0.0, Quat::IDENTITY);
+        let now = grip.at(3.0);
+        for sign in [1.0, -1.0] {
+            let torque = grip.torque(&now, rotation::exp(Vec3::X * 0.1) * sign, Vec3::ZERO);
+            assert!((torque - Vec3::X * (-3.0 * 0.1f64.sin())).length() < 1e-15, "{torque}");
+        }
+        assert_eq!(grip.torque(&now, Quat::IDENTITY, Vec3::Y), Vec3::Y * -0.05);
+    }
+}

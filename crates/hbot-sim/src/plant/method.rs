@@ -1,0 +1,187 @@
+//! Fixed steps: what each costs and how its error falls.
+
+use hbot_core::{Quat, Vec3, rotation};
+
+use super::load::Load;
+use super::model::{Flow, Model, Push, quaternion_rate};
+use super::pair::Pair;
+use super::{State, gather, scatter};
+
+/// How a plant is moved on by one step of h seconds.
+///
+/// The error over a given time falls with h to the power of the order. A *look* is one evaluation of the plant and
+/// its load; looks are nearly all the cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Method {
+    /// Order 1, one look. New speeds from the accelerations here, then new angles from the new speeds. Its error of
+    /// energy stays bounded on a spring, where explicit Euler's grows.
+    SemiImplicitEuler,
+    /// Order 2, two looks. A half step to the middle, then the whole step by what holds there; orientation by the
+    /// exponential of the middle rate.
+    Midpoint,
+    /// Order 4, four looks. The classic rule of Runge and Kutta on the components of the quaternion, which is brought
+    /// back to unit norm at the end of the step.
+    #[default]
+    Rk4,
+    /// Order 4, four looks: the same rule in the coordinates of the exponential map (Munthe-Kaas 1999).
+    Rkmk4,
+}
+
+impl Method {
+    /// All methods, by rising order.
+    pub const ALL: [Self; 4] = [Self::SemiImplicitEuler, Self::Midpoint, Self::Rk4, Self::Rkmk4];
+
+    /// The power of the step with which the error falls.
+    #[must_use]
+    pub const fn order(self) -> u32 {
+        match self {
+            Self::SemiImplicitEuler => 1,
+            Self::Midpoint => 2,
+            Self::Rk4 | Self::Rkmk4 => 4,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn step<const P: usize, L: Load>(
+        self,
+        model: &Model,
+        state: &mut State,
+        t: f64,
+        h: f64,
+        push: &Push<P>,
+        load: &L,
+    ) {
+        match self {
+            Self::SemiImplicitEuler => semi_implicit_euler(model, state, t, h, push, load),
+            Self::Midpoint => midpoint(model, state, t, h, push, load),
+            Self::Rk4 => rk4(model, state, t, h, push, load),
+            Self::Rkmk4 => rkmk4(model, state, t, h, push, load),
+        }
+    }
+}
+
+#[inline]
+fn semi_implicit_euler<const P: usize, L: Load>(
+    model: &Model,
+    state: &mut State,
+    t: f64,
+    h: f64,
+    push: &Push<P>,
+    load: &L,
+) {
+    let steer: [Pair; P] = gather(&state.steer);
+    let rows = model.rows(&steer);
+    let external = load.torque(&load.at(t), state.q, state.omega);
+    let omega = state.omega + model.flow(&rows, state.omega, push, external).acceleration * h;
+    let (steer_rate, drive_rate) = model.rates(&rows, omega);
+    state.omega = omega;
+    state.q = turned(state.q, omega * h);
+    scatter(&along(&steer, &steer_rate, h), &mut state.steer);
+    scatter(&along(&gather(&state.drive), &drive_rate, h), &mut state.drive);
+}
+
+#[inline]
+fn midpoint<const P: usize, L: Load>(
+    model: &Model,
+    state: &mut State,
+    t: f64,
+    h: f64,
+    push: &Push<P>,
+    load: &L,
+) {
+    let half = 0.5 * h;
+    let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
+    let here = model.flow(&model.rows(&steer), omega, push, load.torque(&load.at(t), q, omega));
+    let middle = (turned(q, omega * half), omega + here.acceleration * half);
+    let rows = model.rows(&along(&steer, &here.steer, half));
+    let there = model.flow(&rows, middle.1, push, load.torque(&load.at(t + half), middle.0, middle.1));
+    state.q = turned(q, middle.1 * h);
+    state.omega = omega + there.acceleration * h;
+    scatter(&along(&steer, &there.steer, h), &mut state.steer);
+    scatter(&along(&gather(&state.drive), &there.drive, h), &mut state.drive);
+}
+
+#[inline]
+fn rk4<const P: usize, L: Load>(model: &Model, state: &mut State, t: f64, h: f64, push: &Push<P>, load: &L) {
+    let half = 0.5 * h;
+    let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
+    let look = |q: Quat, omega: Vec3, steer: &[Pair; P], now: &L::Instant| {
+        let flow = model.flow(&model.rows(steer), omega, push, load.torque(now, q, omega));
+        (quaternion_rate(q, omega), flow)
+    };
+    let stage = |k: &(Quat, Flow<P>), a: f64, now: &L::Instant| {
+        look(q + k.0 * a, omega + k.1.acceleration * a, &along(&steer, &k.1.steer, a), now)
+    };
+    let k1 = look(q, omega, &steer, &load.at(t));
+    let middle = load.at(t + half);
+    let k2 = stage(&k1, half, &middle);
+    let k3 = stage(&k2, half, &middle);
+    let k4 = stage(&k3, h, &load.at(t + h));
+
+    let sixth = h / 6.0;
+    state.q = rotation::renormalized(q + (k1.0 + (k2.0 + k3.0) * 2.0 + k4.0) * sixth);
+    finish(state, &steer, omega, &[k1.1, k2.1, k3.1, k4.1], sixth);
+}
+
+#[inline]
+fn rkmk4<const P: usize, L: Load>(
+    model: &Model,
+    state: &mut State,
+    t: f64,
+    h: f64,
+    push: &Push<P>,
+    load: &L,
+) {
+    let half = 0.5 * h;
+    let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
+    // u is the turn since the step's start: q = exp(u) q0, du/dt = w - 1/2 u x w + 1/12 u x (u x w) + O(u^4).
+    let look = |u: Vec3, q: Quat, omega: Vec3, steer: &[Pair; P], now: &L::Instant| {
+        let flow = model.flow(&model.rows(steer), omega, push, load.torque(now, q, omega));
+        let c = u.cross(omega);
+        (omega - c * 0.5 + u.cross(c) * (1.0 / 12.0), flow)
+    };
+    let stage = |k: &(Vec3, Flow<P>), a: f64, now: &L::Instant| {
+        let u = k.0 * a;
+        look(u, turned(q, u), omega + k.1.acceleration * a, &along(&steer, &k.1.steer, a), now)
+    };
+    let k1 = look(Vec3::ZERO, q, omega, &steer, &load.at(t));
+    let middle = load.at(t + half);
+    let k2 = stage(&k1, half, &middle);
+    let k3 = stage(&k2, half, &middle);
+    let k4 = stage(&k3, h, &load.at(t + h));
+
+    let sixth = h / 6.0;
+    state.q = turned(q, (k1.0 + (k2.0 + k3.0) * 2.0 + k4.0) * sixth);
+    finish(state, &steer, omega, &[k1.1, k2.1, k3.1, k4.1], sixth);
+}
+
+/// The end of a step of order 4, but for the orientation.
+#[inline(always)]
+fn finish<const P: usize>(
+    state: &mut State,
+    steer: &[Pair; P],
+    omega: Vec3,
+    [k1, k2, k3, k4]: &[Flow<P>; 4],
+    sixth: f64,
+) {
+    let two = Pair::splat(2.0);
+    state.omega = omega
+        + (k1.acceleration + (k2.acceleration + k3.acceleration) * 2.0 + k4.acceleration) * sixth;
+    let mean = |of: fn(&Flow<P>) -> &[Pair; P]| {
+        let (k1, k2, k3, k4) = (of(k1), of(k2), of(k3), of(k4));
+        core::array::from_fn(|p| k1[p] + (k2[p] + k3[p]) * two + k4[p])
+    };
+    scatter(&along(steer, &mean(|k| &k.steer), sixth), &mut state.steer);
+    scatter(&along(&gather(&state.drive), &mean(|k| &k.drive), sixth), &mut state.drive);
+}
+
+/// `q` turned by the vector `turn` in N, rad.
+#[inline(always)]
+fn turned(q: Quat, turn: Vec3) -> Quat {
+    rotation::renormalized(rotation::exp(turn) * q)
+}
+
+#[inline(always)]
+fn along<const P: usize>(from: &[Pair; P], rate: &[Pair; P], h: f64) -> [Pair; P] {
+    core::array::from_fn(|p| from[p] + rate[p] * Pair::splat(h))
+}

@@ -1,0 +1,304 @@
+//! The simulated rig at the far end of a pseudo-terminal: a serial port like any other, in wall time.
+//!
+//! A thread of its own owns the rig and one end of the line, answers as soon as bytes arrive, and moves the plant on
+//! between them. The other end is a path that a server opens like a real port. What else is to be done with the rig
+//! (set the hand, make trouble, read the truth) goes in as a closure and is run between two steps.
+
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
+use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
+use rustix::time::{ClockId, clock_gettime};
+
+use crate::rig::SimulatedRig;
+
+/// How the thread behaves.
+pub struct PtyOptions {
+    /// The longest that the plant stands still while no bytes arrive; default 2 ms.
+    pub idle: Duration,
+    /// What the thread does first, such as to set its scheduling priority; default nothing.
+    pub on_start: Box<dyn FnOnce() + Send>,
+}
+
+impl Default for PtyOptions {
+    fn default() -> Self {
+        Self { idle: Duration::from_millis(2), on_start: Box::new(|| ()) }
+    }
+}
+
+impl std::fmt::Debug for PtyOptions {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PtyOptions").field("idle", &self.idle).finish_non_exhaustive()
+    }
+}
+
+/// Why the simulated line does not work, or no longer.
+#[derive(Debug)]
+pub enum PtyError {
+    /// This machine gives no pseudo-terminal.
+    NoPty(io::Error),
+    /// The thread could not be started.
+    Thread(io::Error),
+    /// The line broke while the thread served it.
+    Line(io::Error),
+    /// The thread has ended, or a closure that it ran panicked.
+    Stopped,
+}
+
+impl std::fmt::Display for PtyError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoPty(error) => write!(
+                f,
+                "no pseudo-terminal for the simulated rig ({error}): /dev/ptmx and a mounted /dev/pts are needed; in \
+                 virtual time the rig needs neither"
+            ),
+            Self::Thread(error) => write!(f, "the simulated rig's thread does not start: {error}"),
+            Self::Line(error) => write!(f, "the simulated rig's pseudo-terminal broke: {error}"),
+            Self::Stopped => write!(f, "the simulated rig's thread has stopped"),
+        }
+    }
+}
+
+impl std::error::Error for PtyError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::NoPty(error) | Self::Thread(error) | Self::Line(error) => Some(error),
+            Self::Stopped => None,
+        }
+    }
+}
+
+enum Message {
+    Call(Box<dyn FnOnce(&mut SimulatedRig) + Send>),
+    Stop,
+}
+
+/// A simulated rig behind a pseudo-terminal. Dropping it stops its thread and takes the port away.
+#[derive(Debug)]
+pub struct PtyRig {
+    path: PathBuf,
+    messages: Sender<Message>,
+    wake: Arc<OwnedFd>,
+    thread: Option<JoinHandle<Result<SimulatedRig, PtyError>>>,
+}
+
+/// Puts `rig` behind a new pseudo-terminal and serves it from a thread named `hbot-sim` until told to stop.
+///
+/// # Errors
+/// Where the machine gives no pseudo-terminal or no thread.
+pub fn spawn_pty(rig: SimulatedRig, options: PtyOptions) -> Result<PtyRig, PtyError> {
+    let (line, path) = Line::open().map_err(|errno| PtyError::NoPty(errno.into()))?;
+    let wake = eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)
+        .map_err(|errno| PtyError::Thread(errno.into()))?;
+    let wake = Arc::new(wake);
+    let (messages, inbox) = channel();
+    let server = Server { rig, line, wake: Arc::clone(&wake), inbox, idle: options.idle };
+    let thread = std::thread::Builder::new()
+        .name("hbot-sim".into())
+        .spawn(move || {
+            (options.on_start)();
+            server.run()
+        })
+        .map_err(PtyError::Thread)?;
+    Ok(PtyRig { path, messages, wake, thread: Some(thread) })
+}
+
+impl PtyRig {
+    /// The device to open, such as `/dev/pts/3`. It may be closed and opened again.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Runs `call` on the rig between two steps, and waits for its result.
+    ///
+    /// # Errors
+    /// [`PtyError::Stopped`] where the thread has ended; [`stop`](Self::stop) says why.
+    pub fn call<R: Send + 'static>(
+        &self,
+        call: impl FnOnce(&mut SimulatedRig) -> R + Send + 'static,
+    ) -> Result<R, PtyError> {
+        let (result, answer): (SyncSender<R>, Receiver<R>) = sync_channel(1);
+        self.post(move |rig| {
+            // Nobody may be waiting any more.
+            let _ = result.send(call(rig));
+        })?;
+        answer.recv().map_err(|_| PtyError::Stopped)
+    }
+
+    /// Runs `call` on the rig between two steps, soon, without waiting.
+    ///
+    /// # Errors
+    /// [`PtyError::Stopped`] where the thread has ended.
+    pub fn post(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) -> Result<(), PtyError> {
+        self.send(Message::Call(Box::new(call)))
+    }
+
+    /// Whether the thread still serves the line.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Stops the thread and gives the rig back as it was last.
+    ///
+    /// # Errors
+    /// What ended the thread before.
+    pub fn stop(mut self) -> Result<SimulatedRig, PtyError> {
+        self.join()
+    }
+
+    fn join(&mut self) -> Result<SimulatedRig, PtyError> {
+        // A thread that has ended by itself hears nothing; its result says why.
+        let _ = self.send(Message::Stop);
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(result)) => result,
+            Some(Err(_)) | None => Err(PtyError::Stopped),
+        }
+    }
+
+    fn send(&self, message: Message) -> Result<(), PtyError> {
+        self.messages.send(message).map_err(|_| PtyError::Stopped)?;
+        // It fails only where 2^64 wakes are pending: the thread wakes all the same.
+        let _ = rustix::io::write(&self.wake, &1u64.to_ne_bytes());
+        Ok(())
+    }
+}
+
+impl Drop for PtyRig {
+    fn drop(&mut self) {
+        if self.thread.is_some() {
+            // Whoever wants to know what ended the thread calls `stop`.
+            let _ = self.join();
+        }
+    }
+}
+
+/// Both ends of a pseudo-terminal. The far one is kept open so that the near one hears no hang-up while nobody else
+/// has it open.
+struct Line {
+    near: OwnedFd,
+    far: OwnedFd,
+}
+
+impl Line {
+    fn open() -> Result<(Self, PathBuf), Errno> {
+        let near = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        grantpt(&near)?;
+        unlockpt(&near)?;
+        let path = ptsname(&near, Vec::new())?.into_string().map_err(|_| Errno::ILSEQ)?;
+        let far = rustix::fs::open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
+        // Bytes as they are: no echo, no lines, no signals, whether or not the one who opens it says so.
+        let mut settings = tcgetattr(&far)?;
+        settings.make_raw();
+        tcsetattr(&far, OptionalActions::Now, &settings)?;
+        rustix::io::ioctl_fionbio(&near, true)?;
+        Ok((Self { near, far }, path.into()))
+    }
+
+    /// Some bytes, if any have arrived.
+    fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
+        match rustix::io::read(&self.near, buffer) {
+            Ok(count) => Ok(count),
+            // Hung up (EIO): as good as silent until someone opens it again.
+            Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(0),
+            Err(errno) => Err(errno),
+        }
+    }
+
+    /// All bytes in one call, or as many as there is room for: a line that nobody reads loses bytes.
+    fn write(&self, bytes: &[u8]) -> Result<(), Errno> {
+        match rustix::io::write(&self.near, bytes) {
+            Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(()),
+            Err(errno) => Err(errno),
+        }
+    }
+
+    /// Lets others open the far end again. A program that opens a serial port for itself alone and then closes it
+    /// leaves it barred for as long as anyone has it open, which here is always.
+    fn unbar(&self) {
+        // Where it does not work, nothing was barred.
+        let _ = ioctl_tiocnxcl(&self.far);
+    }
+}
+
+struct Server {
+    rig: SimulatedRig,
+    line: Line,
+    wake: Arc<OwnedFd>,
+    inbox: Receiver<Message>,
+    idle: Duration,
+}
+
+impl Server {
+    fn run(mut self) -> Result<SimulatedRig, PtyError> {
+        self.serve().map_err(|errno| PtyError::Line(errno.into()))?;
+        Ok(self.rig)
+    }
+
+    fn serve(&mut self) -> Result<(), Errno> {
+        let mut bytes = [0; 4096];
+        let mut reply = Vec::with_capacity(16 * 1024);
+        let mut hung_up = false;
+        self.rig.set_clock(monotonic_ns());
+        loop {
+            let woken = self.wait(&mut hung_up)?;
+            let now_ns = monotonic_ns();
+            let count = self.line.read(&mut bytes)?;
+            if count > 0 {
+                self.rig.receive(now_ns, &bytes[..count], &mut reply);
+                if !reply.is_empty() {
+                    self.line.write(&reply)?;
+                    reply.clear();
+                }
+            } else {
+                self.rig.advance_to(now_ns);
+            }
+            if woken {
+                let _ = rustix::io::read(&self.wake, &mut [0; 8]);
+                for message in self.inbox.try_iter() {
+                    match message {
+                        Message::Call(call) => call(&mut self.rig),
+                        Message::Stop => return Ok(()),
+                    }
+                }
+            } else if count == 0 {
+                self.line.unbar();
+            }
+        }
+    }
+
+    /// Waits for bytes, for a message (then true), or until it is time to move the plant on. A line that is hung up is
+    /// always ready, so it is left out of one wait after each time that it says so.
+    fn wait(&self, hung_up: &mut bool) -> Result<bool, Errno> {
+        let mut fds = [
+            PollFd::from_borrowed_fd(self.wake.as_fd(), PollFlags::IN),
+            PollFd::from_borrowed_fd(self.line.near.as_fd(), PollFlags::IN),
+        ];
+        let watched = if *hung_up { 1 } else { 2 };
+        let timeout = Timespec::try_from(self.idle).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
+        match poll(&mut fds[..watched], Some(&timeout)) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(errno) => return Err(errno),
+        }
+        let line = fds[1].revents();
+        *hung_up = watched == 2 && line.contains(PollFlags::HUP) && !line.contains(PollFlags::IN);
+        Ok(fds[0].revents().contains(PollFlags::IN))
+    }
+}
+
+fn monotonic_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    // The clock counts from boot and is never negative.
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}

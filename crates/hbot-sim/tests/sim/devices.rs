@@ -1,0 +1,89 @@
+//! The devices that the tests use, and what acts on them.
+
+use hbot_core::device::{Device, WheelSpec};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Zero};
+use hbot_core::{Quat, Vec3};
+use hbot_sim::plant::{Load, Plant, Sine, SpringDamper, State, Sum};
+
+/// The prototype's geometry (physics notes, section 12) with these wheels.
+pub(crate) fn prototype(radius: f64, steer_inertia: f64, drive_inertia: f64) -> Device {
+    let s = core::f64::consts::FRAC_1_SQRT_2;
+    let wheel = |x: f64| WheelSpec {
+        axis: Vec3::new(x, 0.0, -s),
+        cone: 0.1745,
+        toe: 0.0,
+        radius,
+        steer_inertia,
+        drive_inertia,
+        axial_inertia: 0.0,
+    };
+    Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).unwrap()
+}
+
+/// Wheels with toe and with inertias that couple their joints; `count` of them.
+pub(crate) fn toed(count: usize) -> Device {
+    let wheel = |i: usize| {
+        let turn = 2.4 * i as f64;
+        WheelSpec {
+            axis: Vec3::new(turn.cos(), turn.sin(), -1.0 + 0.1 * i as f64),
+            cone: 0.25 + 0.02 * i as f64,
+            toe: 0.4 - 0.1 * i as f64,
+            radius: 0.02,
+            steer_inertia: 4.0e-5,
+            drive_inertia: 6.0e-6,
+            axial_inertia: 5.0e-6,
+        }
+    };
+    Device::new(0.1, 0.4, &(0..count).map(wheel).collect::<Vec<_>>()).unwrap()
+}
+
+/// The task of the speed comparison: a spring, a damper and two swinging torques on the prototype from rest.
+pub(crate) fn task() -> (Plant, impl Load) {
+    let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
+    let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
+    let swing = |axis: Vec3, hertz: f64| Sine { amplitude: axis, hertz };
+    (plant, Sum(spring, Sum(swing(Vec3::X * 0.5, 2.0), swing(Vec3::Y * 0.3, 3.0))))
+}
+
+/// A state with everything in motion.
+pub(crate) fn brisk() -> State {
+    State {
+        q: hbot_core::rotation::exp(Vec3::new(0.4, -1.1, 0.7)),
+        omega: Vec3::new(1.0, 2.0, 3.0),
+        steer: [0.3, -0.5, 1.1, -2.0, 0.9, 2.4, -0.2, 0.8],
+        ..State::default()
+    }
+}
+
+/// The prototype as a controller knows it: absolute steering, a gear and a reversed motor on each drive.
+pub(crate) fn rig() -> Rig {
+    let steer = Joint {
+        counts_per_turn: 16384,
+        gear: 1.0,
+        reversed: false,
+        zero: Zero::Absolute,
+        peak: 0.93,
+        continuous: 0.073,
+    };
+    let drive = Joint { gear: 17.0, reversed: true, zero: Zero::Assume, peak: 0.14, continuous: 0.023, ..steer };
+    let mut joints = [steer; 16];
+    joints[1] = drive;
+    joints[3] = drive;
+    Rig {
+        device: prototype(0.0155, 2.7e-5, 3.5e-6),
+        joints,
+        limits: Limits {
+            torque: 1.0,
+            torque_rate: 100.0,
+            speed: 20.0,
+            slip: 0.1,
+            traction: None,
+            enable_max_angle: 0.5,
+            align_rate: 0.1,
+            reference_rate: 1.0,
+            max_age_ticks: 20,
+        },
+        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
+        methods: Methods { odometry: OdometryMethod::Magnus4, rate: RateEstimate::Controller },
+    }
+}

@@ -1,0 +1,125 @@
+//! What holds of every motion: energy, power, unit norm, no slip.
+
+use hbot_core::kinematics::Posture;
+use hbot_core::{Mat3, Vec3};
+use hbot_sim::plant::{Method, Plant, State};
+
+use crate::devices::{brisk, prototype, toed};
+
+fn plants() -> Vec<(Plant, hbot_core::device::Device)> {
+    let devices = [prototype(0.0155, 2.7e-5, 3.5e-6), toed(2), toed(3), toed(5), toed(8)];
+    devices.into_iter().map(|device| (Plant::new(&device).unwrap(), device)).collect()
+}
+
+fn outer(a: Vec3, b: Vec3) -> Mat3 {
+    Mat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// The plant's own arrangement against the definition, with rows of G from the kinematics of the core.
+#[test]
+fn apparent_inertia_and_rates_are_those_of_the_definition() {
+    for (plant, device) in plants() {
+        let state = brisk();
+        let posture = Posture::new(&device, &state.steer);
+        let mut wanted = Mat3::from_diagonal(Vec3::splat(device.sphere_inertia()));
+        for (i, wheel) in device.wheels().iter().enumerate() {
+            let (spec, steer, drive) = (wheel.spec(), posture.rows()[2 * i], posture.rows()[2 * i + 1]);
+            let coupling = spec.axial_inertia * wheel.axis_along_axle();
+            wanted += outer(steer, steer) * spec.steer_inertia + outer(drive, drive) * spec.drive_inertia;
+            wanted += (outer(steer, drive) + outer(drive, steer)) * coupling;
+        }
+        let off = (plant.apparent_inertia(&state) - wanted).to_cols_array().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        assert!(off < 1e-14 * wanted.x_axis.x, "{} wheels: {off:e}", plant.wheels());
+        for (rate, wanted) in plant.joint_rates(&state).iter().zip(posture.inverse(state.omega)) {
+            assert!((rate - wanted).abs() < 1e-13 * wanted.abs().max(1.0), "{rate} {wanted}");
+        }
+    }
+}
+
+/// Without torque the energy stays: the reference keeps it to its tolerance, a method of order p to h^p.
+#[test]
+fn energy_stays_without_torque() {
+    for (plant, _) in plants() {
+        let energy = plant.energy(&brisk());
+        let mut exact = brisk();
+        plant.advance_exactly(&mut exact, 0.0, 1.0, &[0.0; 16], &Vec3::ZERO, 1e-13).unwrap();
+        let off = (plant.energy(&exact) / energy - 1.0).abs();
+        assert!(off < 1e-11, "{} wheels, reference: {off:e}", plant.wheels());
+        for method in Method::ALL {
+            let drift = |h: f64| {
+                let mut state = brisk();
+                let mut worst: f64 = 0.0;
+                for i in 0..(1.0 / h).round() as u32 {
+                    plant.step(method, &mut state, f64::from(i) * h, h, &[0.0; 16], &Vec3::ZERO);
+                    worst = worst.max((plant.energy(&state) / energy - 1.0).abs());
+                }
+                worst
+            };
+            // Steering turns at up to 50 rad/s, so (50 h)^p with h = 0.5 ms: 2.5e-2, 6e-4, 4e-7.
+            let off = drift(0.0005);
+            assert!(off < (50.0f64 * 0.0005).powi(method.order() as i32), "{} wheels, {method:?}: {off:e}", plant.wheels());
+        }
+    }
+}
+
+/// dE/dt = T.w + tau.zd, by central differences of the reference.
+#[test]
+fn power_in_is_energy_gained() {
+    for (plant, device) in plants() {
+        let state = brisk();
+        let torque = Vec3::new(0.2, -0.3, 0.1);
+        let mut tau = [0.0; 16];
+        for (j, tau) in tau.iter_mut().enumerate().take(device.joints()) {
+            *tau = 0.01 * (1.0 + j as f64) * if j % 3 == 0 { -1.0 } else { 1.0 };
+        }
+        let rates = plant.joint_rates(&state);
+        let power = torque.dot(state.omega) + tau.iter().zip(rates).map(|(tau, rate)| tau * rate).sum::<f64>();
+        // 1/2 d/dt (w.Mw) = w.(M dw/dt + 1/2 dM/dt w), and Gᵀ J dG/dt w is 1/2 dM/dt w along w.
+        let after = |h: f64| {
+            let mut state = state;
+            plant.step(Method::Rk4, &mut state, 0.0, h, &tau, &torque);
+            plant.energy(&state)
+        };
+        let h = 1e-5;
+        let gained = (after(h) - after(-h)) / (2.0 * h);
+        // h² times a third derivative of about (50 rad/s)² times the power; rounding 1e-16 E / h.
+        assert!((gained - power).abs() < 1e-5 * power.abs().max(0.1), "{} wheels: {gained} {power}", plant.wheels());
+    }
+}
+
+/// Every method keeps the quaternion unit, and each wheel's drive angle is what its rate adds up to.
+#[test]
+fn the_quaternion_stays_unit() {
+    let (plant, _) = plants().remove(0);
+    for method in Method::ALL {
+        let mut state = State { omega: Vec3::new(10.0, -20.0, 5.0), ..brisk() };
+        for i in 0..20_000 {
+            plant.step(method, &mut state, f64::from(i) * 1e-3, 1e-3, &[0.0; 16], &(Vec3::ZERO));
+            assert!((state.q.length() - 1.0).abs() < 1e-15 * 4.0, "{method:?}, step {i}: {}", state.q.length());
+        }
+    }
+}
+
+/// The steady pose of the notes' figures, in bits: a machine that rounds otherwise, or a change of order, shows here.
+#[test]
+fn the_same_bits_everywhere() {
+    let (plant, load) = crate::devices::task();
+    for (method, bits) in [
+        (Method::SemiImplicitEuler, 0),
+        (Method::Midpoint, 0),
+        (Method::Rk4, 0),
+        (Method::Rkmk4, 0),
+    ] {
+        let mut state = brisk();
+        for i in 0..1000 {
+            plant.step(method, &mut state, f64::from(i) * 1e-3, 1e-3, &[0.01; 16], &load);
+        }
+        let all = [state.q.x, state.q.y, state.q.z, state.q.w, state.omega.x, state.omega.y, state.omega.z];
+        let joints = state.joints();
+        let hash = all.iter().chain(&joints[..4]).fold(0xcbf2_9ce4_8422_2325_u64, |hash, x| {
+            x.to_bits().to_le_bytes().iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+        });
+        println!("{method:?} {hash:#018x}");
+        assert!(bits == 0 || hash == bits, "{method:?}: {hash:#x}");
+    }
+}

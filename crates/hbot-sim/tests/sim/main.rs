@@ -1,0 +1,9 @@
+//! Behaviour of the simulated rig: against goldens, by conservation laws, over the line, in wall time.
+
+mod devices;
+mod golden;
+mod laws;
+mod line;
+mod orders;
+mod pty;
+mod rig;

@@ -1,0 +1,53 @@
+//! `hbot estop`, `disable`, `enable`, `reset`: one order to a running server.
+
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use hbot_api::{Client, ConnectOptions};
+
+use super::ServerAddress;
+
+/// What to order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Order {
+    Estop,
+    Disable,
+    Enable,
+    Reset,
+}
+
+pub(crate) fn run(address: &ServerAddress, order: Order) -> anyhow::Result<ExitCode> {
+    let mut client = connect(address, "hbot command line")?;
+    let mode = match order {
+        Order::Estop => client.estop(),
+        Order::Disable => client.disable(),
+        Order::Enable => holding(&mut client, Client::enable),
+        Order::Reset => holding(&mut client, Client::reset),
+    }?;
+    anstream::println!("{}{mode}{}", super::style::of_mode(mode.as_str()), super::style::OFF);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A connection to the server, with the token where one is given.
+pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Client> {
+    let mut options = ConnectOptions::new(name);
+    if let Some(file) = &address.token_file {
+        let token = std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
+        options.token = Some(token.trim().into());
+    }
+    Ok(Client::connect_with(&address.server, &options)?)
+}
+
+/// Does `what` with the lease to command, and gives it back.
+pub(crate) fn holding<T>(
+    client: &mut Client,
+    what: impl FnOnce(&mut Client) -> Result<T, hbot_api::ClientError>,
+) -> Result<T, hbot_api::ClientError> {
+    client.acquire(false)?;
+    let result = what(client);
+    // A server that stops in between has taken the lease back itself.
+    let released = client.release();
+    let value = result?;
+    released?;
+    Ok(value)
+}

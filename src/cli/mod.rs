@@ -1,0 +1,76 @@
+//! The command line.
+
+mod commands;
+mod rig;
+mod scene;
+mod server;
+mod status;
+pub(crate) mod style;
+mod watch;
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+/// The server address that commands use where none is given.
+const SERVER: &str = "127.0.0.1:4268";
+
+/// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
+///
+/// `hbot server` runs the rig, a simulated one where there is none. The other commands are its clients, or check files.
+#[derive(Debug, Parser)]
+#[command(name = "hbot", version, propagate_version = true, max_term_width = 110)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the control loop and offer haptics over TCP
+    Server(server::ServerArgs),
+    /// Show the state of a running server, live
+    Watch(watch::WatchArgs),
+    /// Check scene files, or load one into a running server
+    #[command(subcommand)]
+    Scene(scene::SceneCommand),
+    /// Check rig files
+    #[command(subcommand)]
+    Rig(rig::RigCommand),
+    /// Stop a running server's motors at once (until `hbot reset`)
+    Estop(ServerAddress),
+    /// Let a running server's torque ramp down
+    Disable(ServerAddress),
+    /// Let a running server render: soft start over half a second
+    Enable(ServerAddress),
+    /// Leave a fault or an emergency stop, once its cause is gone
+    Reset(ServerAddress),
+}
+
+/// Which server.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ServerAddress {
+    /// Address and port of the server
+    #[arg(long, value_name = "ADDR", default_value = SERVER)]
+    server: String,
+    /// File with the token that the server asks for
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<std::path::PathBuf>,
+}
+
+impl Cli {
+    /// Does what the command line says. An exit code other than 0 without an error: what was asked was done, and
+    /// its result is bad.
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Server(args) => server::run(args),
+            Command::Watch(args) => watch::run(&args),
+            Command::Scene(command) => scene::run(command),
+            Command::Rig(command) => rig::run(command),
+            Command::Estop(address) => commands::run(&address, commands::Order::Estop),
+            Command::Disable(address) => commands::run(&address, commands::Order::Disable),
+            Command::Enable(address) => commands::run(&address, commands::Order::Enable),
+            Command::Reset(address) => commands::run(&address, commands::Order::Reset),
+        }
+    }
+}

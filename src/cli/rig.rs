@@ -1,0 +1,151 @@
+//! `hbot rig check`: a rig file's margins over all steering angles, what it can do, and whether its line is fast enough.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Subcommand;
+use hbot_config::RigConfig;
+use hbot_config::rig::Port;
+use hbot_core::allocation::{JointLimits, capability};
+use hbot_core::kinematics::Posture;
+use hbot_core::singularity::{
+    Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
+};
+use hbot_core::{Device, MAX_JOINTS, Vec3};
+use hbot_link::{command_frame_bytes, feedback_frame_bytes};
+
+use super::style;
+
+/// Steering angles looked at for each wheel; the torus of two wheels is sampled at their square.
+const SAMPLES: usize = 4096;
+
+/// What to do with a rig.
+#[derive(Debug, Subcommand)]
+pub(crate) enum RigCommand {
+    /// Check a rig file: margins over all steering angles, capability, indices, serial line
+    Check {
+        /// The rig file (TOML); the prototype where none is given
+        file: Option<PathBuf>,
+    },
+}
+
+pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
+    let RigCommand::Check { file } = command;
+    let config = RigConfig::load(file.as_deref(), &[])?;
+    anstream::println!("{}{}{}: a legal design", style::NAME, config.name, style::OFF);
+    geometry(&config);
+    abilities(&config);
+    Ok(if line(&config) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn geometry(config: &RigConfig) {
+    let device = &config.rig.device;
+    anstream::println!("\nmargins over all steering angles");
+    for (wheel, name) in device.wheels().iter().zip(&config.wheels) {
+        anstream::println!(
+            "  boundary   {name}: det H = {:.3e} m², sin(cone) cos(toe) = {:.4} (0 is singular)",
+            boundary_determinant(device, wheel),
+            wheel.axis_along_roll()
+        );
+    }
+    for (j, b) in device.wheels().iter().enumerate() {
+        for (i, a) in device.wheels()[..j].iter().enumerate() {
+            let (names, near) = ([&config.wheels[i], &config.wheels[j]], closest_approach(a, b, Meeting::Collocated));
+            let opposite = closest_approach(a, b, Meeting::Antipodal);
+            let [first, second] = names;
+            anstream::println!(
+                "  contacts   {first} and {second}: at least {:.2} deg apart, {:.2} deg from opposite",
+                near.to_degrees(),
+                opposite.to_degrees()
+            );
+            if near == 0.0 {
+                anstream::println!(
+                    "             {}warning:{} these wheels can collide; other wheels keep the sphere controlled",
+                    style::WARN,
+                    style::OFF
+                );
+            }
+        }
+    }
+    let bound = if device.wheels().len() == 2 { "" } else { "at least " };
+    anstream::println!("  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)", interior_margin_over_all(device));
+}
+
+fn abilities(config: &RigConfig) {
+    let rig = &config.rig;
+    let n = rig.device.joints();
+    let limits = |pick: fn(&hbot_core::rig::Joint) -> f64| {
+        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+        for i in 0..n {
+            limits.peak[i] = if rig.joints[i].peak > 0.0 { pick(&rig.joints[i]) } else { 0.0 };
+        }
+        limits
+    };
+    let (peak, continuous) = (limits(|j| j.peak), limits(|j| j.continuous));
+    let driven: Vec<bool> = (0..n).map(|i| rig.joints[i].peak > 0.0).collect();
+    let (mut least, mut mean) = (f64::INFINITY, 0.0);
+    let mut actuation = f64::INFINITY;
+    let mut capable = [[f64::INFINITY; 3]; 2];
+    let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+    for th in torus(&rig.device) {
+        let posture = Posture::new(&rig.device, &th);
+        let index = Indices::of(posture.rows()).spectral;
+        least = least.min(index);
+        mean += index / SAMPLES as f64;
+        actuation = actuation.min(actuation_margin(&posture, &driven));
+        for (row, limits) in capable.iter_mut().zip([&peak, &continuous]) {
+            for (value, axis) in row.iter_mut().zip(axes) {
+                *value = value.min(capability(posture.rows(), limits, axis));
+            }
+        }
+    }
+    anstream::println!("  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)");
+    if actuation < 0.05 {
+        anstream::println!(
+            "             {}warning:{} at some steering angles the motors can hardly make some torques",
+            style::WARN,
+            style::OFF
+        );
+    }
+    anstream::println!("\nover {SAMPLES} postures spread evenly over all steering angles");
+    anstream::println!("  spectral index, all joints: mean {mean:.3}, least {least:.3}");
+    for (name, [a, b, c]) in ["peak", "continuous"].iter().zip(capable) {
+        anstream::println!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m");
+    }
+}
+
+/// Steering angles spread evenly over the torus: a Kronecker sequence of the generalised golden ratio (Roberts 2018).
+fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
+    let n = device.wheels().len();
+    // The root of x^(n+1) = x + 1.
+    let g = (0..64).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
+    (0..SAMPLES).map(move |k| {
+        (1..=n)
+            .map(|i| (0.5 + k as f64 * g.powi(-(i as i32))).fract() * std::f64::consts::TAU)
+            .collect()
+    })
+}
+
+/// Whether a frame a tick each way fits on the line.
+fn line(config: &RigConfig) -> bool {
+    let joints = config.rig.device.joints();
+    anstream::println!("\nserial line at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz);
+    let mut fits = true;
+    for (name, bytes) in
+        [("commands", command_frame_bytes(joints)), ("feedback", feedback_frame_bytes(joints))]
+    {
+        let load = config.link.load(bytes, config.rate_hz);
+        // The simulated port and USB take bytes faster than any baud rate says.
+        let simulated = config.link.port == Port::Sim;
+        let verdict = if load <= 0.9 {
+            format!("{}fits{}", style::GOOD, style::OFF)
+        } else if simulated {
+            format!("{}would not fit on a real line{}", style::WARN, style::OFF)
+        } else {
+            fits = false;
+            format!("{}does not fit{}: raise link.baud or lower loop.rate_hz", style::BAD, style::OFF)
+        };
+        anstream::println!("  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}", 100.0 * load);
+    }
+    fits
+}

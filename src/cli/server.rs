@@ -1,0 +1,221 @@
+//! `hbot server`: run the loop and the TCP service until somebody stops them.
+
+use std::io::IsTerminal as _;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context as _, bail};
+use clap::{Args, ValueEnum};
+use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_server::server::{Options, Server, Time};
+use hbot_server::service::{Control, Status};
+use serde_json::json;
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::{status, style};
+
+/// Options of `hbot server`. What is not given comes from the rig file.
+#[derive(Debug, Args)]
+pub(crate) struct ServerArgs {
+    /// Rig file (TOML) [default: the prototype, built in]
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// Scene file (TOML) [default: a spring, built in]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// `sim` for the simulated rig, or a serial device
+    #[arg(long, value_name = "sim|DEVICE")]
+    port: Option<String>,
+    /// Address to listen on; another than loopback needs a token
+    #[arg(long, value_name = "ADDR:PORT")]
+    listen: Option<SocketAddr>,
+    /// Ticks a second
+    #[arg(long, value_name = "HZ")]
+    rate: Option<u32>,
+    /// Preset of methods
+    #[arg(long, value_enum)]
+    accuracy: Option<Accuracy>,
+    /// Real time, or as fast as the machine goes (simulated rig only)
+    #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
+    time: TimeArg,
+    /// End after this time of the loop
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    duration: Option<f64>,
+    /// File with the token that clients must know
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Accuracy {
+    /// Least time
+    Fast,
+    /// Accurate beyond the encoders, a microsecond a tick
+    Balanced,
+    /// The best there is
+    Exact,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TimeArg {
+    /// Absolute deadlines on the clock
+    Wall,
+    /// Lock-step with the simulated rig
+    Virtual,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
+        _ => Err("a number of seconds above 0, at most 1e9".to_owned()),
+    }
+}
+
+impl ServerArgs {
+    /// What the command line puts in place of the rig file's values.
+    fn overrides(&self) -> Vec<Override> {
+        let mut list = Vec::new();
+        let mut put = |path, from, value: Option<serde_json::Value>| {
+            list.extend(value.map(|value| Override { path, value, from }));
+        };
+        put("link.port", "--port", self.port.as_ref().map(|p| json!(p)));
+        put("api.listen", "--listen", self.listen.map(|a| json!(a.to_string())));
+        put("loop.rate_hz", "--rate", self.rate.map(|r| json!(r)));
+        let accuracy = self.accuracy.and_then(|a| a.to_possible_value()).map(|a| json!(a.get_name()));
+        put("loop.accuracy", "--accuracy", accuracy);
+        put("api.token_file", "--token-file", self.token_file.as_ref().map(|p| json!(p)));
+        list
+    }
+}
+
+pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
+    logging();
+    let rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
+    let scene = match &args.scene {
+        Some(path) => SceneFile::from_path(path)?,
+        None => SceneFile::default_scene(),
+    };
+    let token = token(&rig)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(serve(args, rig, scene, token))
+}
+
+async fn serve(
+    args: ServerArgs,
+    rig: RigConfig,
+    scene: SceneFile,
+    token: Option<String>,
+) -> anyhow::Result<ExitCode> {
+    let listen = rig.api.listen;
+    let listener = tokio::net::TcpListener::bind(listen).await.with_context(|| in_use(listen))?;
+    let address = listener.local_addr()?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut user = signal(SignalKind::user_defined1())?;
+
+    let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
+    let banner = banner(&rig, scene.name(), address, time);
+    let server = Server::start(Options {
+        rig,
+        scene,
+        time,
+        duration: args.duration.map(Duration::from_secs_f64),
+        token,
+        flight_dir: flight_dir(),
+        recorder: None,
+    })?;
+    anstream::println!("{banner}");
+    for notice in server.notices() {
+        anstream::println!("  {}note{}     {notice}", style::WARN, style::OFF);
+    }
+
+    let (control_in, control) = tokio::sync::mpsc::channel(8);
+    let (status_in, status) = tokio::sync::watch::channel(Status::default());
+    tokio::spawn(async move {
+        while user.recv().await.is_some() {
+            // A full queue holds an emergency stop already.
+            let _ = control_in.try_send(Control::Estop);
+        }
+    });
+    let line = std::io::stderr().is_terminal().then(|| tokio::spawn(status::show(status)));
+    let shutdown = async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    };
+    let finished = server.serve(listener, control, status_in, shutdown).await?;
+    if let Some(line) = line {
+        line.abort();
+        status::clear();
+    }
+    anstream::println!("{}", status::summary(&finished));
+    Ok(if finished.panicked { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// Log lines on standard error, by default warnings and what the service does; `HBOT_LOG` says otherwise.
+fn logging() {
+    let filter = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG")
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .init();
+}
+
+/// What the server says at start: rig, port, rate, address, scene.
+fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time) -> String {
+    let (name, off) = (style::NAME, style::OFF);
+    let how = match time {
+        Time::Wall => "wall-clock time",
+        Time::Virtual => "virtual time",
+    };
+    let wheels = rig.wheels.len();
+    format!(
+        "{name}hbot {}{off}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}, \
+         accuracy {}\n  scene    {scene}\n  listen   {name}{address}{off}",
+        env!("CARGO_PKG_VERSION"),
+        rig.name,
+        2 * wheels,
+        rig.link.port,
+        rig.link.baud,
+        rig.rate_hz,
+        rig.accuracy,
+    )
+}
+
+fn in_use(listen: SocketAddr) -> String {
+    format!(
+        "cannot listen on {listen}: is another hbot server running there? `--listen {}:0` takes a free port",
+        listen.ip()
+    )
+}
+
+/// The token from its file. Without one only this machine is let in.
+fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
+    let Some(file) = &rig.api.token_file else {
+        if rig.api.needs_token() {
+            bail!(
+                "listening on {} lets other machines in: name a file with a token by --token-file (or api.token_file)",
+                rig.api.listen
+            );
+        }
+        return Ok(None);
+    };
+    let text = std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
+    let token = text.trim();
+    if token.len() < 16 {
+        bail!("token file {}: a token has at least 16 characters; this one has {}", file.display(), token.len());
+    }
+    Ok(Some(token.to_owned()))
+}
+
+/// Where flight logs go: the user's state folder (XDG base directories).
+fn flight_dir() -> Option<PathBuf> {
+    let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+    let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
+    state.map(|dir| dir.join("hbot/flight"))
+}

@@ -1,0 +1,105 @@
+//! `hbot watch`: the state of a running server, live.
+
+use std::io::{IsTerminal as _, Write as _};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Args;
+use hbot_api::{Event, StateEvent};
+
+use super::{ServerAddress, commands, style};
+
+/// Options of `hbot watch`.
+#[derive(Debug, Args)]
+pub(crate) struct WatchArgs {
+    #[command(flatten)]
+    address: ServerAddress,
+    /// Print each sample as a line of JSON, for programs
+    #[arg(long)]
+    json: bool,
+    /// Take every N-th tick (default: ten samples a second)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    every: Option<u64>,
+}
+
+pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
+    let mut client = commands::connect(&args.address, "hbot watch")?;
+    let hello = client.hello().clone();
+    let every = args.every.unwrap_or(((hello.rate_hz / 10.0) as u64).max(1));
+    client.subscribe(every)?;
+    let screen = std::io::stdout().is_terminal() && !args.json;
+    if !args.json {
+        anstream::println!(
+            "{}{}{} on {} at {} Hz; Ctrl-C ends",
+            style::NAME,
+            hello.rig,
+            style::OFF,
+            args.address.server,
+            hello.rate_hz
+        );
+        anstream::println!("{}", header());
+    }
+    loop {
+        let Some(event) = client.next_event(Duration::from_secs(3600))? else { continue };
+        let line = match &event {
+            Event::State(state) if args.json => serde_json::to_string(state)?,
+            Event::State(state) => row(state),
+            Event::Stopping(_) => {
+                anstream::eprintln!("the server stops");
+                return Ok(ExitCode::SUCCESS);
+            }
+            Event::Fault(fault) if !args.json => {
+                format!("{}{}{} {}", style::of_mode(fault.mode.as_str()), fault.mode, style::OFF, fault.message)
+            }
+            Event::Scene(scene) if !args.json => format!("scene: {}", scene.name),
+            Event::Dropped(dropped) if !args.json => format!("{} samples lost: reading too slowly", dropped.count),
+            _ => continue,
+        };
+        // A reader that has gone away (`| head`) is no error.
+        if print(&line, screen && matches!(event, Event::State(_))).is_err() {
+            return Ok(ExitCode::SUCCESS);
+        }
+    }
+}
+
+/// Prints a line; on a terminal a state takes the place of the state before it.
+fn print(line: &str, again: bool) -> std::io::Result<()> {
+    let mut out = anstream::stdout().lock();
+    if again {
+        write!(out, "\r\x1b[2K{line}")?;
+    } else {
+        writeln!(out, "{line}")?;
+    }
+    out.flush()
+}
+
+fn header() -> String {
+    format!(
+        "{}{:>9}  {:12} {:^31}  {:^23}  {:^23}  {:>5} {:>8}{}",
+        style::DIM,
+        "t s",
+        "mode",
+        "orientation w x y z",
+        "rate rad/s",
+        "torque N m",
+        "scale",
+        "late us",
+        style::OFF
+    )
+}
+
+fn row(s: &StateEvent) -> String {
+    let mode = s.fault.map_or_else(|| s.mode.to_string(), |fault| fault.to_string());
+    let [w, x, y, z] = s.q;
+    let [o1, o2, o3] = s.omega;
+    let [t1, t2, t3] = s.torque;
+    format!(
+        "{:9.3}  {}{mode:12}{} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  {t1:7.4} {t2:7.4} {t3:7.4}  \
+         {:5.2} {:8.1}",
+        s.t,
+        style::of_mode(s.mode.as_str()),
+        style::OFF,
+        s.scale,
+        s.timing.lateness_us,
+    )
+}

@@ -1,0 +1,79 @@
+//! Joint torques within limits, and what the joints can make along the axes.
+
+use super::super::core::allocation::{JointLimits, allocate, capability};
+use super::super::core::device::MAX_JOINTS;
+use super::super::core::{Real, Vec3};
+use super::{EPS, GOLDEN, device, norm, posture, real, row_condition, vector, wide, worst};
+use crate::golden_support::sensitivity::{self, TORQUES};
+use crate::golden_support::{Ledger, double, vectors};
+
+/// What joint torques and cost are good to where there are more than two wheels (golden/README.md): a search among torques
+/// within the limits ends at a part of those limits.
+const SEARCHED: f64 = 1e-6;
+
+pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
+    let (device, exact) = match (device(&case.device), double::checks::device(&case.device)) {
+        (Ok(device), Ok(exact)) => (device, exact),
+        (Err(error), _) => return ledger.fail("device", error.to_string()),
+        (_, Err(error)) => return ledger.fail("device", error.to_string()),
+    };
+    let joints = device.joints();
+    if [&case.limits, &case.weights, &case.joint_torques].iter().any(|list| list.len() != joints) {
+        return ledger.fail("limits", format!("not one limit, weight and torque for each of {joints} joints"));
+    }
+    let posture = posture(&device, &case.theta);
+    let (rows, torque) = (posture.rows(), vector(case.torque));
+    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+    for j in 0..joints {
+        limits.peak[j] = real(case.limits[j]);
+        limits.weight[j] = real(case.weights[j]);
+    }
+    let got = allocate(rows, &limits, torque);
+    let tau: Vec<f64> = got.torque[..joints].iter().copied().map(wide).collect();
+
+    // What sixteen roundings of all inputs, the rows with their own condition, can do to the exact answer.
+    let (sensitivity, moment) = {
+        let posture = double::checks::posture(&exact, &case.theta);
+        let mut limits =
+            hbot_core::allocation::JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+        limits.peak[..joints].copy_from_slice(&case.limits);
+        limits.weight[..joints].copy_from_slice(&case.weights);
+        let torque = case.torque.into();
+        (
+            sensitivity::sensitivity(posture.rows(), &limits, torque),
+            sensitivity::moment_condition(posture.rows(), &limits),
+        )
+    };
+    let rounding = 16.0 * EPS * worst(&case.device, &case.theta, row_condition);
+    let searched = if case.device.wheels.len() > 2 { SEARCHED } else { GOLDEN };
+
+    // Least-cost torques are found from the moments sum g gᵀ / w, which have the condition of the rows squared: rounding of
+    // that size, once, in the torques and in what they make.
+    let moments = 16.0 * EPS * moment;
+
+    let within = |k: usize, good: f64, size: f64| good * size + rounding * (sensitivity[k] + size);
+    ledger.number("scale", &[], wide(got.scale), case.scale, within(0, GOLDEN, case.scale));
+    let cost = 0.5 * tau.iter().zip(&case.weights).map(|(t, w)| w * t * t).sum::<f64>();
+    ledger.number("cost", &[], cost, case.cost, within(1, searched, case.cost) + moments * case.cost);
+    for (k, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+        let want = case.capability[k];
+        let along = wide(capability(rows, &limits, axis));
+        ledger.number("capability", &[k], along, want, within(2 + k, GOLDEN, want));
+    }
+    let size = norm(&case.joint_torques);
+    let good = if searched > GOLDEN { searched * norm(&case.limits) } else { searched * size };
+    for (j, want) in case.joint_torques.iter().enumerate() {
+        let within = within(TORQUES + j, 0.0, size) + moments * size + good;
+        ledger.number("joint_torques", &[j], tau[j], *want, within);
+    }
+
+    // Whatever the vectors say: inside the limits to the last bit, and Gᵀ tau = s T to rounding.
+    for j in 0..joints {
+        let over = wide((got.torque[j].abs() - limits.peak[j]).max(0.0));
+        ledger.number("joint torque over its limit", &[j], over, 0.0, 0.0);
+    }
+    let made = posture.torque_on_sphere(&got.torque[..joints]);
+    let terms: Real = rows.iter().zip(&got.torque).map(|(row, tau)| row.length() * tau.abs()).sum();
+    let off = wide((made - torque * got.scale).length());
+    ledger.number("torque less scale x torque", &[], off, 0.0, 16.0 * EPS * (1.0 + moment) * wide(terms));
+}

@@ -1,0 +1,73 @@
+//! Hopf coordinates, the error vectors of two orientations, and the laws of springs and damper.
+
+use super::super::core::impedance::{damper, geodesic_law, quaternion_law, rotation_vector};
+use super::super::core::rotation::{error_eq24, from_hopf};
+use super::super::core::Vec3;
+use super::{EPS, array, matrix, norm, quaternion, real, tolerance, vector, wide, wxyz};
+use crate::golden_support::{Ledger, vectors};
+
+pub fn hopf(case: &vectors::Hopf, ledger: &mut Ledger) {
+    let q = from_hopf(real(case.theta), real(case.phi), real(case.psi));
+    // Sines of angles that are rounded in proportion to their size.
+    let condition = 1.0 + case.theta.abs() + case.phi.abs() + case.psi.abs();
+    ledger.numbers("q", &[], &wxyz(q), &case.q, tolerance(1.0, condition));
+}
+
+pub fn impedance(case: &vectors::Impedance, ledger: &mut Ledger) {
+    let (desired, actual) = (quaternion(case.q_desired), quaternion(case.q_actual));
+    let (stiffness, damping) = (matrix(&case.stiffness), matrix(&case.damping));
+
+    // The four products of q_d⁻¹ q are of order 1 however small the angle is, so its error is absolute: a part of 1. log
+    // turns it into 2 of the angle (towards a half turn too, by atan2) and pi/2 of the direction of a half turn.
+    let angle_error = 64.0 * EPS;
+    let angle = norm(&case.rotation_vector);
+    let vector_error = angle_error + tolerance(angle, 0.0);
+    ledger.numbers("error_eq24", &[], &array(error_eq24(desired, actual)), &case.error_eq24, vector_error);
+    let p = rotation_vector(desired, actual);
+    ledger.numbers("rotation_vector", &[], &array(p), &case.rotation_vector, vector_error);
+
+    let k = norm(case.stiffness.as_flattened());
+    let quaternion_law = quaternion_law(desired, actual, &stiffness);
+    // |2 Eᵀ| <= 2 and e is half the angle at most; both carry the error of the product.
+    let within = tolerance(norm(&case.quaternion_law.torque), 0.0) + 2.0 * k * angle_error;
+    ledger.numbers(
+        "quaternion_law.torque",
+        &[],
+        &array(quaternion_law.torque),
+        &case.quaternion_law.torque,
+        within,
+    );
+    // d(2 eᵀ K e) = 4 |K e| de; with e itself no better than its error.
+    let energy = |energy: f64| tolerance(energy, 1.0) + 2.0 * k * (angle + angle_error) * angle_error;
+    ledger.number(
+        "quaternion_law.energy",
+        &[],
+        wide(quaternion_law.energy),
+        case.quaternion_law.energy,
+        energy(case.quaternion_law.energy),
+    );
+
+    // |Mᵀ| <= 1 + pi/2 + 1, and its derivative adds |K p| times (1/2 + 2 t c) <= 2.
+    let (geodesic_law, _) = geodesic_law(desired, actual, &stiffness, Vec3::ZERO);
+    let within = tolerance(norm(&case.geodesic_law.torque), 0.0) + k * (3.6 + 2.0 * angle) * angle_error;
+    ledger.numbers(
+        "geodesic_law.torque",
+        &[],
+        &array(geodesic_law.torque),
+        &case.geodesic_law.torque,
+        within,
+    );
+    ledger.number(
+        "geodesic_law.energy",
+        &[],
+        wide(geodesic_law.energy),
+        case.geodesic_law.energy,
+        energy(case.geodesic_law.energy),
+    );
+
+    let (omega, omega_d) = (vector(case.omega_actual), vector(case.omega_desired));
+    let got = damper(desired, &damping, omega, omega_d);
+    // Products of D, two rotations and the rates, which may nearly cancel.
+    let scale = norm(case.damping.as_flattened()) * (norm(&case.omega_actual) + norm(&case.omega_desired));
+    ledger.numbers("damper_torque", &[], &array(got), &case.damper_torque, tolerance(scale, 1.0));
+}

@@ -1,0 +1,120 @@
+//! Motion without slip, by the simulated rig's plant; in f64 alone, as it is.
+
+use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
+use hbot_core::singularity::singular_values;
+use hbot_core::{Device, Vec3};
+use hbot_sim::plant::{Method, Plant, Sine, SpringDamper, State, Sum};
+
+use super::double::checks::{array, device, norm, quaternion, row_condition, tolerance, vector, worst, wxyz};
+use super::{Ledger, vectors};
+
+/// What the samples of a trajectory are compared to: golden/README.md says 1e-10 for them, and the reference, at 1e-13 a
+/// step, adds about as much over the few thousand steps of two seconds.
+const TRAJECTORY: f64 = 1e-9;
+
+fn plant(of: &vectors::Device, ledger: &mut Ledger) -> Option<(Device, Plant)> {
+    let device = device(of).map_err(|error| ledger.fail("device", error.to_string())).ok()?;
+    let plant = Plant::new(&device).map_err(|error| ledger.fail("device", error.to_string())).ok()?;
+    Some((device, plant))
+}
+
+fn steer(theta: &[f64]) -> [f64; MAX_WHEELS] {
+    core::array::from_fn(|i| theta.get(i).copied().unwrap_or(0.0))
+}
+
+pub fn dynamics(case: &vectors::Dynamics, ledger: &mut Ledger) {
+    let Some((device, plant)) = plant(&case.device, ledger) else { return };
+    if case.joint_torques.len() != device.joints() {
+        return ledger.fail("joint_torques", format!("not one for each of {} joints", device.joints()));
+    }
+    let mut tau = [0.0; MAX_JOINTS];
+    tau[..device.joints()].copy_from_slice(&case.joint_torques);
+    let state = State { omega: vector(case.omega), steer: steer(&case.theta), ..State::default() };
+
+    let inertia = plant.apparent_inertia(&state);
+    let [largest, _, least] = singular_values(&[inertia.x_axis, inertia.y_axis, inertia.z_axis]);
+    let rows = worst(&case.device, &case.theta, row_condition);
+    // Torques in and gyroscopic torques, J |g|³ w², which rounding of the rows moves in proportion to their size; then one
+    // solution with the apparent inertia.
+    let posture = super::double::checks::posture(&device, &case.theta);
+    let mut terms = norm(&case.torque);
+    for (j, row) in posture.rows().iter().enumerate() {
+        let wheel = &case.device.wheels[j / 2];
+        let joint = if j % 2 == 0 { wheel.steer_inertia } else { wheel.drive_inertia };
+        let steering = posture.rows()[j - j % 2].length();
+        let omega = norm(&case.omega);
+        terms += row.length() * (tau[j].abs() + joint * steering * row.length() * omega * omega);
+    }
+    let within = tolerance(terms / least, rows * largest / least);
+    let got = plant.acceleration(&state, vector(case.torque), &tau);
+    ledger.numbers("acceleration", &[], &array(got), &case.acceleration, within);
+    // A sum of squares of rates: no cancellation but in the rates themselves.
+    let scale = 0.5 * largest * norm(&case.omega).powi(2);
+    ledger.number("energy", &[], plant.energy(&state), case.energy, tolerance(scale, rows));
+}
+
+/// The state at a sample, by `step` from the start; all samples in turn.
+fn compare(ledger: &mut Ledger, index: usize, sample: &vectors::Sample, state: &State, wheels: usize, within: f64) {
+    ledger.rotation("samples.q", &[index], wxyz(state.q), sample.q, within);
+    let joints = &state.joints()[..2 * wheels];
+    for (j, (got, want)) in joints.iter().zip(&sample.joints).enumerate() {
+        // The joints turn up to |G| times as far as the sphere.
+        ledger.number("samples.joints", &[index, j], *got, *want, within * (1.0 + want.abs()) * 10.0);
+    }
+    if sample.joints.len() != joints.len() {
+        ledger.fail("samples.joints", format!("{} of them for {wheels} wheels", sample.joints.len()));
+    }
+    ledger.numbers("samples.omega", &[index], &array(state.omega), &sample.omega, 10.0 * within);
+}
+
+pub fn trajectory(case: &vectors::Trajectory, ledger: &mut Ledger) {
+    let Some((device, plant)) = plant(&case.device, ledger) else { return };
+    let wheels = device.wheels().len();
+    let spring = SpringDamper {
+        stiffness: case.spring.stiffness,
+        damping: case.spring.damping,
+        reference: quaternion(case.spring.q_desired),
+    };
+    let sines: Vec<Sine> = case
+        .drive
+        .iter()
+        .map(|sine| Sine { amplitude: vector(sine.axis) * sine.amplitude, hertz: sine.hertz })
+        .collect();
+    let drive = |t: f64, _, _| {
+        sines.iter().fold(Vec3::ZERO, |sum, sine| {
+            sum + sine.amplitude * libm::sin(core::f64::consts::TAU * sine.hertz * t)
+        })
+    };
+    let load = Sum(spring, drive);
+    let start = State {
+        q: quaternion(case.q0),
+        omega: vector(case.omega0),
+        steer: steer(&case.theta0),
+        ..State::default()
+    };
+    let free = [0.0; MAX_JOINTS];
+
+    let (mut state, mut t) = (start, 0.0);
+    for (k, sample) in case.samples.iter().enumerate() {
+        if sample.t > t {
+            if let Err(error) = plant.advance_exactly(&mut state, t, sample.t - t, &free, &load, 1e-13) {
+                return ledger.fail("samples.t", error.to_string());
+            }
+            t = sample.t;
+        }
+        compare(ledger, k, sample, &state, wheels, TRAJECTORY);
+    }
+
+    // RK4 to its order at the first sample after the start: half the step leaves a sixteenth of the error, or what the
+    // vectors are good to; half as much again is for the next order.
+    let Some(sample) = case.samples.iter().find(|sample| sample.t > 0.0) else { return };
+    let [coarse, fine] = [200, 400].map(|steps| {
+        let h = sample.t / f64::from(steps);
+        let mut state = start;
+        for k in 0..steps {
+            plant.step(Method::Rk4, &mut state, f64::from(k) * h, h, &free, &load);
+        }
+        norm(&(state.omega - vector(sample.omega)).to_array())
+    });
+    ledger.number("omega by RK4 at half the step", &[], fine, 0.0, 1.5 * coarse / 16.0 + TRAJECTORY);
+}
