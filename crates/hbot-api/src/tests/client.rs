@@ -151,7 +151,8 @@ fn a_late_answer_is_passed_over() {
         peer.send(&Response::ok(second.id, &json!({"mode": "idle"})).unwrap());
     });
     let short = Duration::from_millis(50);
-    let mut client = Client::connect_with(&address, &options(Encoding::Json, short)).unwrap();
+    let mut client = Client::connect(&address, "tester").unwrap();
+    client.set_timeout(short);
     let error = client.enable().unwrap_err();
     assert_eq!(error.to_string(), "no answer to enable within 0.05 s");
     client.set_timeout(SOON);
@@ -193,7 +194,8 @@ fn a_flood_of_events_does_not_put_off_a_timeout() {
         while peer.stream.write_all(&event).is_ok() {}
     });
     let short = Duration::from_millis(50);
-    let mut client = Client::connect_with(&address, &options(Encoding::Json, short)).unwrap();
+    let mut client = Client::connect(&address, "tester").unwrap();
+    client.set_timeout(short);
     assert!(matches!(client.stats(), Err(ClientError::Timeout { what: "stats", .. })));
     drop(client);
     server.join().unwrap();
