@@ -18,6 +18,7 @@ use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
 
+use crate::clock::now_ns;
 use crate::bridge::{LoopEnd, ServiceEnd, bridge};
 use crate::engine::{Engine, Line, Recorder};
 use crate::handshake::{HandshakeError, handshake};
@@ -85,6 +86,9 @@ pub struct Server {
     /// Kept until the loop has said its last word.
     pty: Option<Arc<PtyRig>>,
     notices: Vec<String>,
+    period_ns: u64,
+    time: Time,
+    started_ns: u64,
 }
 
 /// How a server ended.
@@ -94,6 +98,8 @@ pub struct Finished {
     pub summary: Summary,
     /// The loop ended by a fault of its own.
     pub panicked: bool,
+    /// In virtual time: how many times faster than the clock it ran.
+    pub speed: Option<f64>,
 }
 
 impl Server {
@@ -168,7 +174,8 @@ impl Server {
             }
         };
         let setup = Setup { enable_at_start: simulated, rig, scene: running, phenomena, token, flight_dir };
-        Ok(Self { setup, end, stop, thread, pty, notices })
+        let started_ns = now_ns();
+        Ok(Self { setup, end, stop, thread, pty, notices, period_ns, time, started_ns })
     }
 
     /// What a user should know about how it runs.
@@ -188,7 +195,7 @@ impl Server {
         status: watch::Sender<Status>,
         shutdown: impl Future<Output = ()>,
     ) -> std::io::Result<Finished> {
-        let Self { setup, end, stop, thread, pty, .. } = self;
+        let Self { setup, end, stop, thread, pty, notices: _, period_ns, time, started_ns } = self;
         // Zero torque first: the loop stops before the clients are told.
         let stopping = {
             let stop = stop.clone();
@@ -202,7 +209,9 @@ impl Server {
         let ended = thread.join().unwrap_or(Ended::Panicked);
         // The simulated rig's thread ends with its last owner, after the loop's last word.
         drop(pty);
-        Ok(Finished { summary, panicked: ended == Ended::Panicked })
+        let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
+        let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
+        Ok(Finished { summary, panicked: ended == Ended::Panicked, speed })
     }
 }
 

@@ -8,7 +8,8 @@ use core::f64::consts::TAU;
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::rig::{Joint, Zero};
 use hbot_link::{
-    Command, ControllerFlags, Description, Feedback, JointDescription, JointFlags, JointReading, PROTOCOL_VERSION,
+    Command, ControllerFlags, Description, Feedback, JointDescription, JointFlags, JointReading,
+    PROTOCOL_VERSION,
 };
 
 use crate::plant::JointTorques;

@@ -98,6 +98,10 @@ pub struct PtyRig {
 /// Where the machine gives no pseudo-terminal or no thread.
 pub fn spawn_pty(rig: SimulatedRig, options: PtyOptions) -> Result<PtyRig, PtyError> {
     let (line, path) = Line::open().map_err(|errno| PtyError::NoPty(errno.into()))?;
+    serve(rig, line, path, options)
+}
+
+fn serve(rig: SimulatedRig, line: Line, path: PathBuf, options: PtyOptions) -> Result<PtyRig, PtyError> {
     let wake = eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)
         .map_err(|errno| PtyError::Thread(errno.into()))?;
     let wake = Arc::new(wake);
@@ -301,4 +305,68 @@ fn monotonic_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     // The clock counts from boot and is never negative.
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::{Encoder, SimulatedJoint};
+    use crate::plant::{Method, State};
+    use crate::rig::RigConfig;
+    use hbot_core::Vec3;
+    use hbot_core::device::{Device, WheelSpec};
+
+    fn rig() -> SimulatedRig {
+        let wheel = |x: f64| WheelSpec {
+            axis: Vec3::new(x, 0.0, -1.0),
+            cone: 0.17,
+            toe: 0.0,
+            radius: 0.015,
+            steer_inertia: 3e-5,
+            drive_inertia: 4e-6,
+            axial_inertia: 0.0,
+        };
+        let joint = SimulatedJoint {
+            counts_per_turn: 4096,
+            gear: 1.0,
+            reversed: false,
+            peak: 0.1,
+            encoder: Encoder::Absolute,
+        };
+        let config = RigConfig {
+            device: Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)]).unwrap(),
+            joints: vec![joint; 4],
+            start: State::default(),
+            hand: None,
+            method: Method::default(),
+            max_step_ns: 1_000_000,
+            max_jump_ns: 100_000_000,
+        };
+        SimulatedRig::new(&config).unwrap()
+    }
+
+    /// With the far end not kept open the line hangs up whenever nobody has it open: the thread neither ends nor spins,
+    /// and whoever opens it again is served.
+    #[test]
+    fn a_line_that_hangs_up_is_served_again() {
+        let (mut line, path) = Line::open().unwrap();
+        line.far = rustix::fs::open("/dev/null", OFlags::RDWR, Mode::empty()).unwrap();
+        let rig = serve(rig(), line, path, PtyOptions::default()).unwrap();
+        for opened in 0..3 {
+            let busy = || rig.call(|_| clock_gettime(ClockId::ThreadCPUTime)).unwrap();
+            let before = busy();
+            std::thread::sleep(Duration::from_millis(100));
+            let spent = busy() - before;
+            assert!(spent.tv_sec == 0 && spent.tv_nsec < 50_000_000, "{spent:?} of 100 ms");
+
+            let far = rustix::fs::open(rig.path(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap();
+            // Two zeros and a byte: an empty frame, and one that is refused.
+            rustix::io::write(&far, &[0, 1, 0]).unwrap();
+            let start = std::time::Instant::now();
+            while rig.call(|rig| rig.refused_frames()).unwrap() == opened {
+                assert!(start.elapsed() < Duration::from_secs(10));
+            }
+        }
+        rig.stop().unwrap();
+    }
 }

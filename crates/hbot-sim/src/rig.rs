@@ -71,7 +71,10 @@ impl fmt::Display for RigError {
         match self {
             Self::Inertia(error) => write!(f, "simulated rig: {error}"),
             Self::Joints { given, wanted } => {
-                write!(f, "simulated rig: {given} joints; its device has {wanted}, steer and drive of each wheel")
+                write!(
+                    f,
+                    "simulated rig: {given} joints; its device has {wanted}, steer and drive of each wheel"
+                )
             }
         }
     }
@@ -183,7 +186,7 @@ impl SimulatedRig {
             return;
         }
         let steps = ns.div_ceil(self.max_step_ns);
-        let h = ns as f64 * 1.0e-9 / steps as f64;
+        let h = ns as f64 / 1.0e9 / steps as f64;
         let start = self.simulated_s();
         let tau = *self.controllers.torque();
         for i in 0..steps {
@@ -202,7 +205,7 @@ impl SimulatedRig {
     /// How long the plant has moved, s: the time of its loads.
     #[must_use]
     pub fn simulated_s(&self) -> f64 {
-        self.simulated_ns as f64 * 1.0e-9
+        self.simulated_ns as f64 / 1.0e9
     }
 
     /// The truth: orientation, angular velocity, joint angles.

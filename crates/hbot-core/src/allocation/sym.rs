@@ -106,13 +106,14 @@ impl Sym3 {
 }
 
 impl Adjugate {
-    /// Whether the least eigenvalue is surely above `ratio` times the largest (and surely not a product of rounding).
+    /// Whether the least eigenvalue is surely above `ratio` times the largest, and not by rounding.
     ///
-    /// det / (pairs sum) is at most that ratio and at least a ninth of it; where it is above `ratio`, pairs / sum² is at
-    /// least ratio / 9.
+    /// det / (pairs sum) is at most that ratio and at least a ninth of it. Where it is above `ratio`, pairs / sum² is above
+    /// ratio / 9; and the rounding of det, some units of sum³, is below what is asked of det only if it is above the second bound.
     #[inline]
     pub(super) fn rank_above(&self, ratio: Real) -> bool {
-        self.det > ratio * self.pairs * self.sum && self.pairs > (ratio / 9.0) * self.sum * self.sum
+        let flat = Real::max(ratio / 9.0, 8.0 * Real::EPSILON / ratio);
+        self.det > ratio * self.pairs * self.sum && self.pairs > flat * self.sum * self.sum
     }
 
     /// The solution of M x = v.

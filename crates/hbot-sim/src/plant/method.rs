@@ -165,8 +165,8 @@ fn finish<const P: usize>(
     sixth: f64,
 ) {
     let two = Pair::splat(2.0);
-    state.omega = omega
-        + (k1.acceleration + (k2.acceleration + k3.acceleration) * 2.0 + k4.acceleration) * sixth;
+    state.omega =
+        omega + (k1.acceleration + (k2.acceleration + k3.acceleration) * 2.0 + k4.acceleration) * sixth;
     let mean = |of: fn(&Flow<P>) -> &[Pair; P]| {
         let (k1, k2, k3, k4) = (of(k1), of(k2), of(k3), of(k4));
         core::array::from_fn(|p| k1[p] + (k2[p] + k3[p]) * two + k4[p])

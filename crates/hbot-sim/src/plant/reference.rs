@@ -28,15 +28,8 @@ const FROM: [&[f64]; 7] = [
 ];
 
 /// The result of order 5 less that of order 4.
-const ERROR: [f64; 7] = [
-    71.0 / 57600.0,
-    0.0,
-    -71.0 / 16695.0,
-    71.0 / 1920.0,
-    -17253.0 / 339200.0,
-    22.0 / 525.0,
-    -1.0 / 40.0,
-];
+const ERROR: [f64; 7] =
+    [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
 /// The reference could not go on: the tolerance is below what rounding allows, or the load is not smooth or not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,7 +13,11 @@ const FAR: f64 = 1.0e6;
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// A quarter turn in three parts; the first two have 33 bits, so that their products with a quadrant are exact.
-const QUARTER: [f64; 3] = [f64::from_bits(0x3FF9_21FB_5440_0000), f64::from_bits(0x3DD0_B461_1A60_0000), f64::from_bits(0x3BA3_198A_2E03_7073)];
+const QUARTER: [f64; 3] = [
+    f64::from_bits(0x3FF9_21FB_5440_0000),
+    f64::from_bits(0x3DD0_B461_1A60_0000),
+    f64::from_bits(0x3BA3_198A_2E03_7073),
+];
 
 /// (sin, cos) of two angles, rad, within an ulp or so of 1.
 #[inline(always)]
@@ -36,7 +40,8 @@ fn near(angle: Pair) -> (Pair, Pair) {
     let y = angle - k * Pair::splat(QUARTER[0]) - k * Pair::splat(QUARTER[1]) - k * Pair::splat(QUARTER[2]);
 
     let z = y * y;
-    let poly = |start: f64, rest: [f64; 5]| rest.iter().fold(Pair::splat(start), |p, c| p * z + Pair::splat(*c));
+    let poly =
+        |start: f64, rest: [f64; 5]| rest.iter().fold(Pair::splat(start), |p, c| p * z + Pair::splat(*c));
     let s = poly(SIN[0], [SIN[1], SIN[2], SIN[3], SIN[4], SIN[5]]);
     let c = poly(COS[0], [COS[1], COS[2], COS[3], COS[4], COS[5]]);
     let s = y + y * z * s;

@@ -65,7 +65,8 @@ pub(crate) fn rig() -> Rig {
         peak: 0.93,
         continuous: 0.073,
     };
-    let drive = Joint { gear: 17.0, reversed: true, zero: Zero::Assume, peak: 0.14, continuous: 0.023, ..steer };
+    let drive =
+        Joint { gear: 17.0, reversed: true, zero: Zero::Assume, peak: 0.14, continuous: 0.023, ..steer };
     let mut joints = [steer; 16];
     joints[1] = drive;
     joints[3] = drive;

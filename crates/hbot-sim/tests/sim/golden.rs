@@ -43,7 +43,8 @@ fn device(value: &Value) -> Device {
         }
     };
     let wheels: Vec<_> = value["wheels"].as_array().unwrap().iter().map(wheel).collect();
-    Device::new(value["sphere_radius"].as_f64().unwrap(), value["sphere_mass"].as_f64().unwrap(), &wheels).unwrap()
+    Device::new(value["sphere_radius"].as_f64().unwrap(), value["sphere_mass"].as_f64().unwrap(), &wheels)
+        .unwrap()
 }
 
 fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
@@ -138,11 +139,17 @@ fn trajectories_by_the_reference() {
         let trajectory = Trajectory::new(case);
         let (mut state, mut t) = (trajectory.start, 0.0);
         for (at, wanted) in &trajectory.samples {
-            trajectory.plant.advance_exactly(&mut state, t, at - t, &[0.0; 16], &trajectory.load(), 1e-13).unwrap();
+            trajectory
+                .plant
+                .advance_exactly(&mut state, t, at - t, &[0.0; 16], &trajectory.load(), 1e-13)
+                .unwrap();
             t = *at;
             let off = distance(&state, wanted);
             worst = worst.max(off);
-            assert!(off < 1e-9, "trajectories.json, case {i}, t = {t}: off by {off:e}: {state:?}, wanted {wanted:?}");
+            assert!(
+                off < 1e-9,
+                "trajectories.json, case {i}, t = {t}: off by {off:e}: {state:?}, wanted {wanted:?}"
+            );
         }
     }
     println!("reference within {worst:.1e}");
@@ -161,13 +168,24 @@ fn trajectories_by_each_method() {
                 let h = end / steps as f64;
                 let mut state = trajectory.start;
                 for k in 0..steps {
-                    trajectory.plant.step(method, &mut state, k as f64 * h, h, &[0.0; 16], &trajectory.load());
+                    trajectory.plant.step(
+                        method,
+                        &mut state,
+                        k as f64 * h,
+                        h,
+                        &[0.0; 16],
+                        &trajectory.load(),
+                    );
                 }
                 distance(&state, wanted)
             });
             println!("{method:?}, case {i}: off by {:.1e} at 4 kHz, {:.1e} at 8 kHz", off[0], off[1]);
             if method.order() == 4 {
-                assert!(off[1] < 1e-8, "trajectories.json, case {i}, {method:?}: off by {:e} at 8 kHz", off[1]);
+                assert!(
+                    off[1] < 1e-8,
+                    "trajectories.json, case {i}, {method:?}: off by {:e} at 8 kHz",
+                    off[1]
+                );
             }
             // Nearer than this the vectors' own error shows.
             if off[1] > 2e-10 {
@@ -176,7 +194,10 @@ fn trajectories_by_each_method() {
         }
         ratios.sort_by(f64::total_cmp);
         if let Some(order) = ratios.get(ratios.len() / 2) {
-            assert!((order - f64::from(method.order())).abs() < 0.3, "{method:?}: order {order:.2}, of {ratios:.2?}");
+            assert!(
+                (order - f64::from(method.order())).abs() < 0.3,
+                "{method:?}: order {order:.2}, of {ratios:.2?}"
+            );
         }
     }
 }

@@ -1,0 +1,394 @@
+//! The one owner of what clients share, and its loop.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::future::Future;
+use std::io;
+use std::net::SocketAddr;
+use std::pin::pin;
+use std::time::Duration;
+
+use hbot_api::{ErrorBody, ErrorCode, Event, LeaseCause, LeaseEvent, Response, StoppingEvent};
+use hbot_core::inputs::{Command, OnClientLost};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{mpsc, watch};
+use tokio::task::{JoinError, JoinSet};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
+
+use super::connection::{self, FromClient};
+use super::info::Info;
+use super::orders::{Asker, Orders};
+use super::outbox::outbox;
+use super::peer::{Peer, frame};
+use super::samples::{Publisher, Watch};
+use super::scenes::{Loading, Measured};
+use super::stats::{Stats, Summary};
+use super::{Bounds, Control, Setup, Status, convert};
+use crate::bridge::ServiceEnd;
+use crate::flight::{Flight, FlightRecorder};
+use crate::sample::Sample;
+
+/// Samples taken before clients have their turn again.
+const SAMPLES_A_TURN: usize = 512;
+/// Requests taken before samples have their turn again.
+const REQUESTS_A_TURN: usize = 64;
+/// Requests of all clients that wait for the hub.
+const REQUESTS: usize = 256;
+/// How often what nobody else brings up is looked at.
+const HEARTBEAT: Duration = Duration::from_millis(50);
+/// How long nothing is accepted after the system has refused to.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
+/// How long messages may take to leave at the end.
+const FLUSH: Duration = Duration::from_millis(200);
+
+/// The one owner of what clients share.
+pub(super) struct Hub {
+    pub(super) bounds: Bounds,
+    pub(super) setup: Setup,
+    pub(super) end: ServiceEnd,
+    pub(super) info: Info,
+    pub(super) stats: Stats,
+    pub(super) peers: BTreeMap<u64, Peer>,
+    /// The session that holds the lease.
+    pub(super) holder: Option<u64>,
+    pub(super) orders: Orders,
+    pub(super) loading: VecDeque<Loading>,
+    pub(super) measuring: JoinSet<Measured>,
+    pub(super) recorder: Option<FlightRecorder>,
+    pub(super) writing: JoinSet<(Flight, io::Result<()>)>,
+    pub(super) publisher: Publisher,
+    pub(super) watch: Watch,
+    pub(super) latest: Option<Sample>,
+    pub(super) scratch: Vec<u8>,
+    /// Clients to be cut at the end of the turn.
+    doomed: Vec<u64>,
+    connections: JoinSet<()>,
+    /// Which client a connection's task belongs to.
+    tasks: HashMap<tokio::task::Id, u64>,
+    turned_away: JoinSet<()>,
+    next_session: u64,
+    status: watch::Sender<Status>,
+    to_hub: mpsc::Sender<FromClient>,
+    from_clients: Option<mpsc::Receiver<FromClient>>,
+}
+
+/// What woke the hub.
+enum Wake {
+    Shutdown,
+    Control(Option<Control>),
+    Accepted(io::Result<(TcpStream, SocketAddr)>),
+    Message(Option<FromClient>),
+    Ended(Option<Result<(tokio::task::Id, ()), JoinError>>),
+    TurnedAway,
+    Measured(Option<Result<Measured, JoinError>>),
+    Written(Option<Result<(Flight, io::Result<()>), JoinError>>),
+    Sample(Option<Sample>),
+    Heartbeat,
+}
+
+impl Hub {
+    pub(super) fn new(bounds: Bounds, end: ServiceEnd, setup: Setup, status: watch::Sender<Status>) -> Self {
+        let (to_hub, from_clients) = mpsc::channel(REQUESTS);
+        let period_ns = setup.rig.rig.timing.period_ns;
+        let simulated = setup.phenomena.is_some();
+        Self {
+            bounds,
+            end,
+            info: Info::new(&setup.rig, &setup.accuracy, simulated),
+            stats: Stats::new(),
+            peers: BTreeMap::new(),
+            holder: None,
+            orders: Orders::default(),
+            loading: VecDeque::new(),
+            measuring: JoinSet::new(),
+            recorder: setup.flight_dir.clone().map(|dir| FlightRecorder::new(dir, period_ns)),
+            writing: JoinSet::new(),
+            publisher: Publisher::new(),
+            watch: Watch::new(setup.enable_at_start),
+            latest: None,
+            scratch: Vec::new(),
+            doomed: Vec::new(),
+            connections: JoinSet::new(),
+            tasks: HashMap::new(),
+            turned_away: JoinSet::new(),
+            next_session: 1,
+            status,
+            to_hub,
+            from_clients: Some(from_clients),
+            setup,
+        }
+    }
+
+    /// Serves until `shutdown`, or until the loop has ended.
+    pub(super) async fn run(
+        mut self,
+        listener: TcpListener,
+        mut control: mpsc::Receiver<Control>,
+        shutdown: impl Future<Output = ()>,
+    ) -> Summary {
+        let mut shutdown = pin!(shutdown);
+        let Some(mut from_clients) = self.from_clients.take() else { return self.stats.summary() };
+        let mut heartbeat = interval(HEARTBEAT);
+        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut controlled = true;
+        let mut accept_after = None;
+        self.tell_status();
+        let why = loop {
+            if self.drain() {
+                // There are more: connections have their turn between.
+                tokio::task::yield_now().await;
+            }
+            let wake = tokio::select! {
+                biased;
+                () = &mut shutdown => Wake::Shutdown,
+                wanted = control.recv(), if controlled => Wake::Control(wanted),
+                message = from_clients.recv() => Wake::Message(message),
+                accepted = accept(&listener, accept_after) => Wake::Accepted(accepted),
+                ended = self.connections.join_next_with_id(), if !self.connections.is_empty() => Wake::Ended(ended),
+                _ = self.turned_away.join_next(), if !self.turned_away.is_empty() => Wake::TurnedAway,
+                measured = self.measuring.join_next(), if !self.measuring.is_empty() => Wake::Measured(measured),
+                written = self.writing.join_next(), if !self.writing.is_empty() => Wake::Written(written),
+                _ = heartbeat.tick() => Wake::Heartbeat,
+                sample = self.end.sample() => Wake::Sample(sample),
+            };
+            match wake {
+                Wake::Shutdown => break "the server stops",
+                Wake::Sample(None) => break "the loop has ended",
+                Wake::Control(Some(Control::Estop)) => self.order_internally("estop by signal", Command::Estop),
+                Wake::Control(None) => controlled = false,
+                Wake::Message(Some(message)) => {
+                    self.message(message);
+                    for _ in 1..REQUESTS_A_TURN {
+                        let Ok(message) = from_clients.try_recv() else { break };
+                        self.message(message);
+                    }
+                }
+                // The hub itself keeps a sender.
+                Wake::Message(None) | Wake::TurnedAway => {}
+                Wake::Accepted(Ok((stream, address))) => {
+                    accept_after = None;
+                    self.accept(stream, address);
+                }
+                Wake::Accepted(Err(error)) => {
+                    // Out of descriptors or memory: trying again at once would only spin.
+                    tracing::warn!(%error, "a connection could not be accepted");
+                    accept_after = Some(Instant::now() + ACCEPT_PAUSE);
+                }
+                Wake::Ended(ended) => self.ended(ended),
+                Wake::Measured(measured) => self.measured(measured),
+                Wake::Written(written) => self.written(written),
+                Wake::Sample(Some(sample)) => self.take(&sample),
+                Wake::Heartbeat => self.heartbeat(),
+            }
+            self.bury();
+        };
+        self.close(why).await
+    }
+
+    /// Takes the samples that are there; true where there may be more.
+    fn drain(&mut self) -> bool {
+        let mut more = true;
+        for _ in 0..SAMPLES_A_TURN {
+            let Some(sample) = self.end.try_sample() else {
+                more = false;
+                break;
+            };
+            self.take(&sample);
+        }
+        self.orders.retry(&mut self.end);
+        more
+    }
+
+    fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
+        if self.peers.len() >= self.bounds.connections {
+            self.stats.events.turned_away += 1;
+            tracing::warn!(%address, "turned away: {} connections already", self.peers.len());
+            // Those who come even faster get no answer at all.
+            if self.turned_away.len() < self.bounds.connections {
+                let message = format!("{} connections already; try again later", self.peers.len());
+                let error = ErrorBody::new(ErrorCode::Busy, message);
+                self.turned_away.spawn(connection::turn_away(stream, error));
+            }
+            return;
+        }
+        // Without it a small answer may wait for the acknowledgement of the one before; a connection works all the same.
+        let _ = stream.set_nodelay(true);
+        let session = self.next_session;
+        self.next_session += 1;
+        self.stats.events.connections += 1;
+        tracing::debug!(session, %address, "connected");
+        let (outbox, inbox) = outbox(self.bounds.outgoing);
+        let task = self.connections.spawn(connection::serve(
+            stream,
+            session,
+            self.to_hub.clone(),
+            inbox,
+            self.bounds,
+        ));
+        self.tasks.insert(task.id(), session);
+        self.peers.insert(session, Peer::new(outbox, task));
+    }
+
+    /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.
+    fn ended(&mut self, ended: Option<Result<(tokio::task::Id, ()), JoinError>>) {
+        let id = match &ended {
+            Some(Ok((id, ()))) => *id,
+            Some(Err(error)) => error.id(),
+            None => return,
+        };
+        let Some(session) = self.tasks.remove(&id) else { return };
+        if let Some(Err(error)) = ended
+            && error.is_panic()
+        {
+            tracing::error!(session, "the task of a connection has panicked");
+            self.gone(session);
+        }
+    }
+
+    /// The client says no more. It stays as long as answers are owed to it.
+    pub(super) fn gone(&mut self, session: u64) {
+        let Some(peer) = self.peers.get_mut(&session) else { return };
+        let name = peer.name.clone();
+        peer.every = 0;
+        peer.gone = true;
+        if peer.owed == 0 {
+            self.peers.remove(&session);
+        }
+        self.count_subscribers();
+        if let Some(name) = &name {
+            tracing::info!(session, name, "disconnected");
+        }
+        if self.holder == Some(session) {
+            let policy = convert::client_lost(self.setup.rig.api.on_client_lost);
+            self.order_internally("client lost", Command::ClientLost(policy));
+            self.lease(None, LeaseCause::Disconnected);
+        }
+        self.tell_status();
+    }
+
+    /// An answer that was owed has been given.
+    pub(super) fn paid(&mut self, session: u64) {
+        if let Some(peer) = self.peers.get_mut(&session) {
+            peer.owed = peer.owed.saturating_sub(1);
+            if peer.gone && peer.owed == 0 {
+                self.peers.remove(&session);
+            }
+        }
+    }
+
+    /// Gives the lease to a session, or to nobody, and tells all.
+    pub(super) fn lease(&mut self, holder: Option<u64>, cause: LeaseCause) {
+        if cause == LeaseCause::Stolen {
+            // The loser's stream must not go on beneath the new holder's.
+            self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
+        }
+        self.holder = holder;
+        let name = self.holder_name();
+        tracing::info!(holder = name.as_deref().unwrap_or("nobody"), ?cause, "lease");
+        self.broadcast(&Event::Lease(LeaseEvent { holder: name, session: holder, cause }));
+        self.tell_status();
+    }
+
+    pub(super) fn holder_name(&self) -> Option<String> {
+        self.holder.and_then(|session| self.peers.get(&session)?.name.clone())
+    }
+
+    pub(super) fn order_internally(&mut self, what: &'static str, command: Command) {
+        self.orders.insist(&mut self.end, Asker::Service(what), command);
+    }
+
+    /// Sends an answer.
+    pub(super) fn respond(&mut self, session: u64, response: &Response) {
+        if let Err(error) = &response.result {
+            self.stats.refused(error.code);
+        }
+        let Some(peer) = self.peers.get(&session) else { return };
+        if !peer.send(response, &mut self.scratch) {
+            self.doomed.push(session);
+        }
+    }
+
+    /// Sends an event to one client.
+    pub(super) fn tell(&mut self, session: u64, event: &Event) {
+        let Some(peer) = self.peers.get(&session) else { return };
+        if !peer.send(event, &mut self.scratch) {
+            self.doomed.push(session);
+        }
+    }
+
+    /// Sends an event to all who have said hello.
+    pub(super) fn broadcast(&mut self, event: &Event) {
+        let mut frames = [None, None];
+        for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
+            let slot = &mut frames[peer.encoding as usize];
+            let made = slot.get_or_insert_with(|| frame(peer.encoding, event, &mut self.scratch));
+            if made.as_ref().is_some_and(|frame| !peer.outbox.send(frame.clone())) {
+                self.doomed.push(*session);
+            }
+        }
+    }
+
+    /// Cuts the connections of those who do not read. Each may set off events that doom others.
+    fn bury(&mut self) {
+        while let Some(session) = self.doomed.pop() {
+            let Some(peer) = self.peers.get_mut(&session) else { continue };
+            // One whose task is over has left; only one that stays on does not read.
+            if !peer.task.is_finished() && !peer.gone {
+                self.stats.events.cut += 1;
+                tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
+            }
+            peer.task.abort();
+            peer.owed = 0;
+            self.gone(session);
+        }
+    }
+
+    fn heartbeat(&mut self) {
+        let now = Instant::now();
+        let mut events = Vec::new();
+        for (session, peer) in self.peers.iter_mut().filter(|(_, peer)| peer.listens()) {
+            events.extend(peer.dropped_event().map(|event| (*session, event)));
+            events.extend(peer.refused_event(now).map(|event| (*session, event)));
+        }
+        for (session, event) in events {
+            self.tell(session, &event);
+        }
+        self.status.send_modify(|status| status.sample = self.latest);
+    }
+
+    pub(super) fn tell_status(&self) {
+        self.status.send_modify(|status| {
+            status.sample = self.latest;
+            status.clients = self.peers.values().filter(|peer| peer.listens()).count();
+            status.holder = self.holder_name();
+            self.setup.scene.file().name().clone_into(&mut status.scene);
+        });
+    }
+
+    /// Says goodbye and lets everything go.
+    async fn close(mut self, why: &str) -> Summary {
+        self.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
+        // Connections end once all that waits for their clients has been sent.
+        self.peers.clear();
+        let Self { mut connections, mut writing, recorder, mut stats, .. } = self;
+        let _ = timeout(FLUSH, async { while connections.join_next().await.is_some() {} }).await;
+        connections.shutdown().await;
+        if let Some(flight) = recorder.and_then(|mut recorder| recorder.finish()) {
+            writing.spawn_blocking(move || {
+                let result = flight.write();
+                (flight, result)
+            });
+        }
+        while let Some(written) = writing.join_next().await {
+            stats.written(written);
+        }
+        stats.summary()
+    }
+}
+
+/// The next connection, not before `after`. Cancel safe.
+async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(TcpStream, SocketAddr)> {
+    if let Some(after) = after {
+        sleep_until(after).await;
+    }
+    listener.accept().await
+}

@@ -1,0 +1,138 @@
+//! The TCP service: clients on one side, the loop's rings on the other.
+//!
+//! One task, the [`hub`], owns everything that clients share: the way to the loop, the scene, the lease, subscriptions,
+//! statistics, the flight recorder. It never waits for a client. Each [`connection`] has a task that turns bytes into
+//! requests and messages into bytes, and talks to the hub through bounded queues:
+//!
+//! ```text
+//! socket -> connection -> requests (all clients, 256) -> hub -> orders, scenes -> loop
+//! socket <- connection <- outbox   (each client, 256) <- hub <- samples        <- loop
+//! ```
+//!
+//! Where a client asks faster than the hub answers, its connection reads no further. Where it reads slower than the hub
+//! writes, it loses states first ([`outbox`]), which a `dropped` event counts; when an answer finds no place either, or
+//! nothing has moved for seconds, it loses its connection. Blocking work (measuring what effects cost, writing flight
+//! logs) is done on other threads.
+
+mod connection;
+pub(crate) mod convert;
+mod cost;
+mod hub;
+mod info;
+mod orders;
+mod outbox;
+mod peer;
+mod requests;
+mod samples;
+mod scenes;
+mod stats;
+
+#[cfg(test)]
+mod tests;
+
+use std::future::Future;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use hbot_config::scene::Simulate;
+use hbot_config::{RigConfig, RunningScene};
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc, watch};
+
+pub use self::stats::{Distribution, Events, Summary};
+use crate::bridge::ServiceEnd;
+use crate::sample::Sample;
+
+/// Gives the simulated rig other phenomena.
+pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
+
+/// What the service needs to know.
+pub struct Setup {
+    /// The rig that the loop drives.
+    pub rig: RigConfig,
+    /// The scene that the loop already runs.
+    pub scene: RunningScene,
+    /// Called where a scene that is loaded names phenomena; `None` with a real port, where they are ignored.
+    pub phenomena: Option<SetPhenomena>,
+    /// Enable once, when the loop first reports idle.
+    pub enable_at_start: bool,
+    /// The secret that clients must show; `None` where none is asked for.
+    pub token: Option<String>,
+    /// Where flight logs go; `None` for none.
+    pub flight_dir: Option<PathBuf>,
+    /// What people call the methods in use, for `info`.
+    pub accuracy: String,
+}
+
+/// What others than clients ask of the service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Control {
+    /// Stop the rig, as SIGUSR1 asks.
+    Estop,
+}
+
+/// What is going on, for a line in a terminal.
+#[derive(Debug, Clone, Default)]
+pub struct Status {
+    /// The newest sample; `None` before the first.
+    pub sample: Option<Sample>,
+    /// Clients that have said hello.
+    pub clients: usize,
+    /// The name of who holds the lease.
+    pub holder: Option<String>,
+    /// The name of the scene.
+    pub scene: String,
+}
+
+/// How much of everything a service bears.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    /// Connections at a time.
+    pub(crate) connections: usize,
+    /// How long a client may take to say hello.
+    pub(crate) hello: Duration,
+    /// How long a client may take no byte before it counts as gone.
+    pub(crate) stuck: Duration,
+    /// Messages on their way to one client.
+    pub(crate) outgoing: usize,
+    /// Ordinary requests a second of one client; those that take longer count as several.
+    pub(crate) requests_per_s: u32,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self {
+            connections: 64,
+            hello: Duration::from_secs(2),
+            stuck: Duration::from_secs(5),
+            outgoing: 256,
+            requests_per_s: 20_000,
+        }
+    }
+}
+
+/// Serves clients of `listener` until `shutdown` is ready, or until the loop has ended and its samples are fetched. Clients
+/// are then told so, which takes at most 200 ms. Needs a tokio runtime with I/O and time; one thread is enough.
+pub async fn serve(
+    listener: TcpListener,
+    end: ServiceEnd,
+    setup: Setup,
+    control: mpsc::Receiver<Control>,
+    status: watch::Sender<Status>,
+    shutdown: impl Future<Output = ()>,
+) -> Summary {
+    serve_within(Bounds::default(), listener, end, setup, control, status, shutdown).await
+}
+
+/// The same within other bounds.
+pub(crate) async fn serve_within(
+    bounds: Bounds,
+    listener: TcpListener,
+    end: ServiceEnd,
+    setup: Setup,
+    control: mpsc::Receiver<Control>,
+    status: watch::Sender<Status>,
+    shutdown: impl Future<Output = ()>,
+) -> Summary {
+    hub::Hub::new(bounds, end, setup, status).run(listener, control, shutdown).await
+}

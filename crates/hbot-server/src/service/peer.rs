@@ -1,0 +1,140 @@
+//! One client as the hub knows it.
+
+use std::time::Duration;
+
+use hbot_api::{DroppedEvent, Encoding, ErrorBody, Event, RefusedEvent};
+use tokio::task::AbortHandle;
+use tokio::time::Instant;
+
+use super::outbox::{Frame, Outbox};
+
+/// `refused` events come at most this often.
+const REFUSED_EVERY: Duration = Duration::from_secs(1);
+
+/// One client.
+pub(super) struct Peer {
+    /// What it calls itself; `None` until it has said hello.
+    pub(super) name: Option<String>,
+    pub(super) encoding: Encoding,
+    pub(super) outbox: Outbox,
+    pub(super) task: AbortHandle,
+    /// Ticks a state; 0 for none.
+    pub(super) every: u64,
+    /// Answers that are still to come from elsewhere than the hub.
+    pub(super) owed: u32,
+    /// The client says no more: only what is owed keeps it.
+    pub(super) gone: bool,
+    dropped: Tally,
+    refused: Tally,
+    last_refused: Option<Refused>,
+    refused_told: Option<Instant>,
+}
+
+/// The last refusal that has not been told.
+struct Refused {
+    op: Option<&'static str>,
+    error: ErrorBody,
+}
+
+/// How often something happened: since it was last told, and in all.
+#[derive(Default)]
+struct Tally {
+    untold: u64,
+    total: u64,
+}
+
+impl Tally {
+    fn add(&mut self) {
+        self.untold += 1;
+        self.total += 1;
+    }
+}
+
+impl Peer {
+    pub(super) fn new(outbox: Outbox, task: AbortHandle) -> Self {
+        Self {
+            name: None,
+            encoding: Encoding::Json,
+            outbox,
+            task,
+            every: 0,
+            owed: 0,
+            gone: false,
+            dropped: Tally::default(),
+            refused: Tally::default(),
+            last_refused: None,
+            refused_told: None,
+        }
+    }
+
+    /// Whether it has said hello and still listens.
+    pub(super) fn listens(&self) -> bool {
+        self.name.is_some() && !self.gone
+    }
+
+    pub(super) fn wants(&self, tick: u64) -> bool {
+        self.every != 0 && tick.is_multiple_of(self.every)
+    }
+
+    /// Counts a state that it does not get.
+    pub(super) fn drop_state(&mut self) {
+        self.dropped.add();
+    }
+
+    /// The event that tells of lost states, where some were lost and the client reads again.
+    pub(super) fn dropped_event(&mut self) -> Option<Event> {
+        if self.dropped.untold == 0 || !self.outbox.takes_samples() {
+            return None;
+        }
+        let count = std::mem::take(&mut self.dropped.untold);
+        Some(Event::Dropped(DroppedEvent { count, total: self.dropped.total }))
+    }
+
+    /// Counts a stream message refused.
+    pub(super) fn refuse(&mut self, op: Option<&'static str>, error: ErrorBody) {
+        self.refused.add();
+        self.last_refused = Some(Refused { op, error });
+    }
+
+    /// The event that tells of refused stream messages, where there were some and the last such event is a second ago.
+    pub(super) fn refused_event(&mut self, now: Instant) -> Option<Event> {
+        if self.refused_told.is_some_and(|told| now < told + REFUSED_EVERY) {
+            return None;
+        }
+        let Refused { op, error } = self.last_refused.take()?;
+        self.refused_told = Some(now);
+        Some(Event::Refused(RefusedEvent {
+            count: std::mem::take(&mut self.refused.untold),
+            total: self.refused.total,
+            op: op.map(str::to_owned),
+            code: error.code,
+            message: error.message,
+        }))
+    }
+
+    /// Queues a message in this client's encoding; false where it finds no place.
+    #[must_use]
+    pub(super) fn send(&self, message: &impl serde::Serialize, scratch: &mut Vec<u8>) -> bool {
+        match frame(self.encoding, message, scratch) {
+            Some(frame) => self.outbox.send(frame),
+            // What cannot be said is not said; the connection is none the worse.
+            None => true,
+        }
+    }
+}
+
+/// A message as it goes over the wire; `None` where it holds a number that is not finite.
+pub(super) fn frame(
+    encoding: Encoding,
+    message: &(impl serde::Serialize + ?Sized),
+    scratch: &mut Vec<u8>,
+) -> Option<Frame> {
+    scratch.clear();
+    match encoding.encode(message, scratch) {
+        Ok(()) => Some(scratch.as_slice().into()),
+        Err(error) => {
+            tracing::debug!(%error, "a message was not sent");
+            None
+        }
+    }
+}

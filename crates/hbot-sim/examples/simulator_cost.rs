@@ -1,0 +1,122 @@
+//! What the plant's methods and a tick of the whole rig cost and how exact they are; `docs/simulator.md` has the
+//! table that this prints.
+
+use std::time::Instant;
+
+use hbot_core::device::{Device, WheelSpec};
+use hbot_core::rig::{Joint, Zero};
+use hbot_core::{Quat, Vec3, rotation};
+use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
+use hbot_sim::controller::SimulatedJoint;
+use hbot_sim::hand::Hand;
+use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::rig::{RigConfig, SimulatedRig};
+
+/// Runs of each measurement, of which the quickest counts: the others were disturbed.
+const RUNS: usize = 15;
+
+fn main() {
+    let device = prototype();
+    let plant = Plant::new(&device).expect("the prototype is a legal plant");
+    let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
+    let about_n1 = Sine { amplitude: Vec3::X * 0.5, hertz: 2.0 };
+    let about_n2 = Sine { amplitude: Vec3::Y * 0.3, hertz: 3.0 };
+    let load = Sum(spring, Sum(about_n1, about_n2));
+
+    let mut exact = State::default();
+    plant.advance_exactly(&mut exact, 0.0, 2.0, &[0.0; 16], &load, 1e-13).expect("a smooth load");
+    println!(
+        "two wheels, spring and two swinging torques, 2 s from rest; error of orientation + steering angles\n"
+    );
+    println!(
+        "| method | order | ns a step | error, 4 ms | 2 ms | 1 ms | 0.5 ms |\n|---|---|---|---|---|---|---|"
+    );
+    for method in Method::ALL {
+        let errors = [500, 1000, 2000, 4000].map(|steps| {
+            let end = run(&plant, method, steps, 2.0, &load);
+            let steering = end.steer.iter().zip(&exact.steer).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            format!("{:.1e}", rotation::angle_between(end.q, exact.q) + steering)
+        });
+        let ns = quickest(20_000, || {
+            std::hint::black_box(run(&plant, method, 20_000, 20.0, &load));
+        });
+        println!("| {method:?} | {} | {ns:.0} | {} |", method.order(), errors.join(" | "));
+    }
+
+    println!("\n| one tick of 1 ms: command in, step, feedback out | ns |\n|---|---|");
+    for (name, hand) in [("nobody's hand", None), ("the default hand", Some(Hand::default()))] {
+        println!("| {name} | {:.0} |", tick(&device, hand));
+    }
+}
+
+/// The prototype with the inertias of the comparison task.
+fn prototype() -> Device {
+    let s = core::f64::consts::FRAC_1_SQRT_2;
+    let wheel = |x: f64| WheelSpec {
+        axis: Vec3::new(x, 0.0, -s),
+        cone: 0.1745,
+        toe: 0.0,
+        radius: 0.0102,
+        steer_inertia: 3.105_468_222_7e-5,
+        drive_inertia: 3.5202e-6,
+        axial_inertia: 0.0,
+    };
+    Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).expect("a legal device")
+}
+
+/// The state after `duration` seconds in `steps` steps from rest.
+fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Load) -> State {
+    let h = duration / f64::from(steps);
+    let mut state = State::default();
+    for i in 0..steps {
+        plant.step(method, &mut state, f64::from(i) * h, h, &[0.0; 16], load);
+    }
+    state
+}
+
+/// Nanoseconds of one tick of the rig.
+fn tick(device: &Device, hand: Option<Hand>) -> f64 {
+    let joint = Joint {
+        counts_per_turn: 16384,
+        gear: 17.0,
+        reversed: false,
+        zero: Zero::Assume,
+        peak: 0.2,
+        continuous: 0.02,
+    };
+    let config = RigConfig {
+        device: *device,
+        joints: vec![SimulatedJoint::from(&joint); device.joints()],
+        start: State::default(),
+        hand,
+        method: Method::Rk4,
+        max_step_ns: 1_000_000,
+        max_jump_ns: 100_000_000,
+    };
+    let mut rig = SimulatedRig::new(&config).expect("a legal rig");
+    let torque = [0.01, 0.0, -0.01, 0.0].into_iter().collect();
+    let command = ToController::Command(Command { sequence: 1 << 20, enable: true, watchdog_ms: 50, torque });
+    let mut frame = [0; MAX_COMMAND_FRAME];
+    let length = encode(&command, &mut frame).expect("a buffer of the largest size");
+    let mut reply = Vec::with_capacity(1024);
+    let mut now_ns = 0;
+    quickest(20_000, || {
+        for _ in 0..20_000 {
+            now_ns += 1_000_000;
+            reply.clear();
+            rig.receive(now_ns, &frame[..length], &mut reply);
+            std::hint::black_box(&reply);
+        }
+    })
+}
+
+/// Nanoseconds of one of `count` parts of the quickest of several runs.
+fn quickest(count: u32, mut run: impl FnMut()) -> f64 {
+    let mut least = f64::INFINITY;
+    for _ in 0..RUNS {
+        let start = Instant::now();
+        run();
+        least = least.min(start.elapsed().as_secs_f64());
+    }
+    least * 1e9 / f64::from(count)
+}

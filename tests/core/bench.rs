@@ -1,0 +1,253 @@
+//! A rig on the bench: a sphere that turns as it is told, encoders that read it, and a controller.
+
+use crate::designs;
+use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
+use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
+use hbot_core::kinematics::Posture;
+use hbot_core::mode::Mode;
+use hbot_core::outputs::{Outputs, Reply};
+use hbot_core::rig::{
+    Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero,
+};
+use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
+
+/// The loop's period, s.
+pub const DT: f64 = 1e-3;
+/// The slope that torque may have in [`rig`], N m/s.
+pub const TORQUE_RATE: f64 = 200.0;
+
+/// The prototype's rig, with motors that take a torque of 1 N m about any axis.
+pub fn rig() -> Rig {
+    let joint = |peak| Joint {
+        counts_per_turn: 16384,
+        gear: 1.0,
+        reversed: false,
+        zero: Zero::Assume,
+        peak,
+        continuous: peak,
+    };
+    let mut joints = [joint(2.0); MAX_JOINTS];
+    for drive in joints.iter_mut().skip(1).step_by(2) {
+        *drive = Joint { gear: 17.0, ..joint(0.5) };
+    }
+    Rig {
+        device: designs::prototype(),
+        joints,
+        limits: Limits {
+            torque: 2.0,
+            torque_rate: TORQUE_RATE,
+            speed: 30.0,
+            slip: 0.05,
+            traction: None,
+            enable_max_angle: 0.5,
+            align_rate: 0.5,
+            reference_rate: 5.0,
+            max_age_ticks: 50,
+        },
+        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
+        methods: Methods { odometry: OdometryMethod::Magnus4, rate: RateEstimate::Controller },
+    }
+}
+
+/// [`rig`] with contacts that hold `grip` newton.
+pub fn rig_with_grip(grip: f64) -> Rig {
+    let mut rig = rig();
+    rig.limits.traction = Some(Traction { mu: 1.0, normal_force: grip });
+    rig
+}
+
+/// An effect in `slot` that begins with its full torque.
+pub fn effect(slot: u8, epoch: u32, kind: Kind) -> Effect {
+    Effect { slot, epoch, reference_revision: 0, gain: 1.0, fade_s: 0.0, kind }
+}
+
+/// A geodesic spring of `stiffness` and `damping` towards `reference`.
+pub fn spring(stiffness: f64, damping: f64, reference: Quat, anchor: Anchor) -> Kind {
+    let [k, d] = [stiffness, damping].map(|x| Mat3::from_diagonal(Vec3::splat(x)));
+    Kind::Spring(Spring::new(SpringLaw::Geodesic, k, d, reference, anchor).unwrap())
+}
+
+/// A scene of one such spring in slot 0, epoch 1; the sphere at the identity is `turn` away from its reference.
+pub fn spring_scene(revision: u64, stiffness: f64, turn: Vec3) -> CompiledScene {
+    let kind = spring(stiffness, 0.0, rotation::exp(turn), Anchor::Absolute);
+    CompiledScene::new(revision, &[effect(0, revision as u32, kind)]).unwrap()
+}
+
+/// A sphere and its wheels, turned without slip.
+#[derive(Clone)]
+pub struct Sphere {
+    device: Device,
+    pub q: Quat,
+    pub omega: Vec3,
+    angle: [f64; MAX_JOINTS],
+}
+
+impl Sphere {
+    pub fn new(device: Device) -> Self {
+        Self { device, q: Quat::IDENTITY, omega: Vec3::ZERO, angle: [0.0; MAX_JOINTS] }
+    }
+
+    /// Turns it with the angular velocity `omega` (N, rad/s) for `time` seconds.
+    pub fn turn(&mut self, omega: Vec3, time: f64) {
+        // Midpoint in sixteenths: steering at 100 rad/s is then followed to 1e-6 rad over a tick of 1 ms.
+        let h = time / 16.0;
+        for _ in 0..16 {
+            let half = self.moved(&self.rates(omega), 0.5 * h);
+            let rates = Posture::new(&self.device, &half.steering()).inverse(omega);
+            let q = rotation::renormalized(rotation::exp(omega * h) * self.q);
+            *self = Self { q, ..self.moved(&rates, h) };
+        }
+        self.omega = omega;
+    }
+
+    pub fn rates(&self, omega: Vec3) -> [f64; MAX_JOINTS] {
+        Posture::new(&self.device, &self.steering()).inverse(omega)
+    }
+
+    pub fn steering(&self) -> [f64; MAX_WHEELS] {
+        core::array::from_fn(|i| self.angle[2 * i])
+    }
+
+    fn moved(&self, rates: &[f64; MAX_JOINTS], time: f64) -> Self {
+        Self { angle: core::array::from_fn(|j| self.angle[j] + rates[j] * time), ..self.clone() }
+    }
+}
+
+pub struct Bench {
+    pub controller: Controller,
+    pub scene: CompiledScene,
+    pub sphere: Sphere,
+    /// The next tick.
+    pub tick: u64,
+    /// Counts that the encoders stood at when the bench began.
+    pub offset: [i32; MAX_JOINTS],
+    rig: Rig,
+}
+
+impl Bench {
+    pub fn new(rig: Rig) -> Self {
+        Self {
+            controller: Controller::new(rig),
+            scene: CompiledScene::empty(),
+            sphere: Sphere::new(rig.device),
+            tick: 1,
+            offset: [0; MAX_JOINTS],
+            rig,
+        }
+    }
+
+    /// A bench that renders `scene` at full torque.
+    pub fn active(rig: Rig, scene: CompiledScene) -> Self {
+        let mut bench = Self::new(rig);
+        bench.scene = scene;
+        bench.step();
+        assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+        // Half a second, and a tick for the sum of five hundred roundings.
+        for _ in 0..501 {
+            bench.step();
+        }
+        assert_eq!(bench.step().state.mode, Mode::Active);
+        bench
+    }
+
+    pub fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// What the encoders read now, in answer to the command of the tick before.
+    pub fn feedback(&self) -> JointFeedback {
+        let mut counts = [0; MAX_JOINTS];
+        for j in 0..self.rig.device.joints() {
+            let joint = &self.rig.joints[j];
+            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
+            // What wraps in the encoder wraps here.
+            counts[j] = self.offset[j].wrapping_add((self.sphere.angle[j] * unit).round() as i64 as i32);
+        }
+        JointFeedback {
+            sequence: (self.tick as u32).wrapping_sub(1),
+            counts,
+            rates: self.sphere.rates(self.sphere.omega),
+            index_seen: 0,
+            complaints: Complaints::default(),
+        }
+    }
+
+    /// The inputs of an ordinary tick.
+    pub fn inputs(&self) -> Inputs {
+        Inputs { feedback: Some(self.feedback()), ..Inputs::quiet(self.tick) }
+    }
+
+    /// An ordinary tick.
+    pub fn step(&mut self) -> Outputs {
+        self.step_with(|_| {})
+    }
+
+    /// A tick whose inputs `alter` changes.
+    pub fn step_with(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
+        let mut inputs = self.inputs();
+        alter(&mut inputs);
+        let outputs = self.controller.tick(&self.scene, &inputs);
+        self.tick = inputs.tick + 1;
+        assert_finite(&outputs);
+        outputs
+    }
+
+    /// An ordinary tick with one command.
+    pub fn command(&mut self, command: Command) -> Outputs {
+        self.step_with(|inputs| inputs.commands.push(command).unwrap())
+    }
+
+    /// A tick in which nothing is heard.
+    pub fn deaf(&mut self) -> Outputs {
+        self.step_with(|inputs| inputs.feedback = None)
+    }
+
+    /// Turns the sphere for a tick, and ticks.
+    pub fn turn(&mut self, omega: Vec3) -> Outputs {
+        self.sphere.turn(omega, DT);
+        self.step()
+    }
+
+    /// So many ordinary ticks; the last one's outputs.
+    pub fn run(&mut self, ticks: u32) -> Outputs {
+        (1..ticks).for_each(|_| drop(self.step()));
+        self.step()
+    }
+}
+
+/// The answer to the first command.
+pub trait FirstReply {
+    fn reply(&self) -> Reply;
+}
+
+impl FirstReply for Outputs {
+    fn reply(&self) -> Reply {
+        self.replies[0].expect("a tick with a command has a reply")
+    }
+}
+
+/// A stream of `torque` for `valid_ticks`.
+pub fn stream(torque: Vec3, valid_ticks: u32) -> Command {
+    Command::Stream { torque, valid_ticks, stamp: Stamp::default() }
+}
+
+/// Every number that a tick gives out is finite, and no torque leaves while the motors are not enabled.
+pub fn assert_finite(outputs: &Outputs) {
+    let s = &outputs.state;
+    let all = s.q.is_finite()
+        && s.omega.is_finite()
+        && s.torque.is_finite()
+        && s.angle.iter().chain(&s.rate).chain(&s.joint_torque).all(|x| x.is_finite())
+        && outputs.drive.torque.iter().all(|x| x.is_finite())
+        && [s.slip, s.scale, s.traction, s.energy].iter().all(|x| x.is_finite());
+    assert!(all, "a number is not finite: {outputs:?}");
+    assert!((s.q.length_squared() - 1.0).abs() < 1e-12, "the orientation is unit to rounding");
+    assert!((0.0..=1.0).contains(&s.scale), "scale {}", s.scale);
+    if !outputs.drive.enable {
+        assert!(
+            s.torque == Vec3::ZERO && outputs.drive.torque == [0.0; MAX_JOINTS],
+            "torque without enable: {outputs:?}"
+        );
+    }
+}

@@ -1,0 +1,19 @@
+//! The behaviour of the core: what a rig feels, does and refuses. One binary, a module for each subject.
+
+#![allow(unreachable_pub, reason = "a test has no outside")]
+
+mod bench;
+mod determinism;
+mod designs;
+mod energy;
+mod faults;
+mod geometry;
+mod hostile;
+mod laws;
+mod motion;
+mod odometry;
+mod references;
+mod rng;
+mod shaping;
+mod singularity;
+mod states;

@@ -1,0 +1,7 @@
+//! The program as its users meet it: the binary, its serial line, its TCP port, its files.
+
+mod by_hand;
+mod process;
+mod refusals;
+mod replay;
+mod wall;

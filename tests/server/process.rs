@@ -1,0 +1,146 @@
+//! A running `hbot server`, and the raw lines of a client that sends JSON by hand.
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+/// As long as the slowest machine may need for what takes no time.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The program under test.
+pub(crate) fn hbot() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hbot"))
+}
+
+/// Whether this machine has pseudo-terminals, without which the simulated rig runs in virtual time only.
+pub(crate) fn has_pty() -> bool {
+    let there = serialport::TTYPort::pair().is_ok();
+    if !there {
+        println!("no pseudo-terminal on this machine: what needs one is not tested here");
+    }
+    there
+}
+
+/// A server process; killed at the end of a test that has not stopped it.
+pub(crate) struct Process {
+    child: Child,
+    out: BufReader<ChildStdout>,
+    pub(crate) banner: String,
+    pub(crate) address: String,
+}
+
+impl Process {
+    /// Starts a server on a free port with its flight logs in `state`, and reads what it says at start.
+    pub(crate) fn start(args: &[&str], state: &std::path::Path) -> Self {
+        let mut child = hbot()
+            .args(["server", "--listen", "127.0.0.1:0"])
+            .args(args)
+            .env("XDG_STATE_HOME", state)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary runs");
+        let mut out = BufReader::new(child.stdout.take().expect("piped"));
+        let mut banner = String::new();
+        while !banner.contains("listen") {
+            let n = out.read_line(&mut banner).expect("readable");
+            assert!(n > 0, "the server ended at start:\n{banner}");
+        }
+        let address = banner.split_whitespace().last().expect("an address").to_owned();
+        Self { child, out, banner, address }
+    }
+
+    pub(crate) fn signal(&self, signal: rustix::process::Signal) {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, signal).expect("the server is there");
+    }
+
+    /// Waits for its end: what it said last, and its exit status.
+    pub(crate) fn end(mut self) -> (String, ExitStatus) {
+        let mut rest = String::new();
+        self.out.read_to_string(&mut rest).expect("readable");
+        (rest, self.child.wait().expect("it ends"))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It has ended already where the test went well.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A connection over which lines are sent as they stand.
+pub(crate) struct Lines {
+    stream: TcpStream,
+    reader: BufReader<TcpStream>,
+}
+
+impl Lines {
+    pub(crate) fn connect(address: &str) -> Self {
+        let stream = TcpStream::connect(address).expect("the server listens");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
+        let reader = BufReader::new(stream.try_clone().expect("a socket"));
+        Self { stream, reader }
+    }
+
+    /// The same, with hello said.
+    pub(crate) fn greeted(address: &str) -> Self {
+        let mut lines = Self::connect(address);
+        let hello = lines.ask(r#"{"id": 0, "op": "hello", "version": 1, "name": "a test"}"#);
+        assert!(hello["ok"]["server"].as_str().is_some_and(|s| s.starts_with("hbot")), "{hello}");
+        lines
+    }
+
+    pub(crate) fn send(&mut self, line: &str) {
+        self.stream.write_all(line.as_bytes()).expect("sent");
+    }
+
+    /// The next line, `None` where the server has closed the connection.
+    pub(crate) fn next(&mut self) -> Option<Value> {
+        let mut line = String::new();
+        match self.reader.read_line(&mut line) {
+            Ok(0) => None,
+            Ok(_) => Some(serde_json::from_str(&line).expect("the server sends JSON")),
+            Err(e) if e.kind() == std::io::ErrorKind::ConnectionReset => None,
+            Err(e) => panic!("no line within {PATIENCE:?}: {e}"),
+        }
+    }
+
+    /// Sends a request and waits for its answer; events in between are dropped.
+    pub(crate) fn ask(&mut self, line: &str) -> Value {
+        self.send(line);
+        self.send("\n");
+        self.until(|value| value.get("id").is_some())
+    }
+
+    /// The next state event for which `ready` holds.
+    pub(crate) fn state(&mut self, mut ready: impl FnMut(&Value) -> bool) -> Value {
+        self.until(|value| value["event"] == "state" && ready(value))
+    }
+
+    pub(crate) fn until(&mut self, mut found: impl FnMut(&Value) -> bool) -> Value {
+        let start = std::time::Instant::now();
+        while start.elapsed() < PATIENCE {
+            let value = self.next().expect("the connection stays");
+            if found(&value) {
+                return value;
+            }
+        }
+        panic!("it did not come within {PATIENCE:?}");
+    }
+}
+
+/// Three numbers of a state.
+pub(crate) fn vector(value: &Value) -> [f64; 3] {
+    std::array::from_fn(|i| value[i].as_f64().expect("a number"))
+}
+
+/// Their length.
+pub(crate) fn norm(value: &Value) -> f64 {
+    vector(value).iter().map(|x| x * x).sum::<f64>().sqrt()
+}

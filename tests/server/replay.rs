@@ -1,0 +1,84 @@
+//! A run of the whole server in virtual time, recorded at the controller's door and replayed bit for bit.
+
+use std::sync::mpsc;
+use std::time::Duration;
+
+use hbot_config::{RigConfig, SceneFile};
+use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
+use hbot_server::server::{Options, Server, Time};
+use hbot_server::service::Status;
+use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
+use tokio::net::{TcpListener, TcpStream};
+
+struct Tick {
+    scene: CompiledScene,
+    inputs: Inputs,
+    outputs: Outputs,
+}
+
+/// A client that changes what it can while the loop runs.
+async fn meddle(address: std::net::SocketAddr) {
+    let mut stream = TcpStream::connect(address).await.expect("the server listens");
+    let lines = [
+        r#"{"id": 1, "op": "hello", "version": 1, "name": "a test"}"#,
+        r#"{"id": 2, "op": "acquire"}"#,
+        r#"{"id": 3, "op": "set", "effect": "spring", "stiffness": 3}"#,
+        r#"{"op": "torque", "torque": [0.1, 0, 0.05], "valid_ms": 500, "seq": 1}"#,
+        r#"{"id": 4, "op": "load_scene", "scene": {"name": "two", "effect": [{"id": "a", "kind": "spring", "stiffness": [[2, 0, 0], [0, 3, 0], [0, 0, 1]], "law": "quaternion"}, {"id": "b", "kind": "damper", "damping": 0.03}]}}"#,
+        r#"{"id": 5, "op": "reference", "effect": "a", "q": [0.98, 0.2, 0, 0], "omega": [0.1, 0, 0], "valid_ms": 300}"#,
+        r#"{"id": 6, "op": "disable"}"#,
+        r#"{"id": 7, "op": "enable"}"#,
+    ];
+    let (reader, mut writer) = stream.split();
+    let mut answers = BufReader::new(reader).lines();
+    for line in lines {
+        writer.write_all(line.as_bytes()).await.expect("sent");
+        writer.write_all(b"\n").await.expect("sent");
+        if line.contains("\"id\"") {
+            // One after the other, so that each meets the loop at a tick of its own.
+            answers.next_line().await.expect("an answer").expect("an answer");
+        }
+    }
+}
+
+#[test]
+fn a_recorded_run_replays_bit_for_bit() {
+    let (into, recorded) = mpsc::channel();
+    let options = Options {
+        rig: RigConfig::prototype(),
+        scene: SceneFile::default_scene(),
+        time: Time::Virtual,
+        duration: Some(Duration::from_secs(20)),
+        token: None,
+        flight_dir: None,
+        recorder: Some(Box::new(move |scene: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {
+            into.send(Tick { scene: scene.clone(), inputs: *inputs, outputs: *outputs }).expect("somebody listens");
+        })),
+    };
+    let rig = options.rig.rig;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    runtime.block_on(async {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let server = Server::start(options).expect("it starts");
+        let (_control, control) = tokio::sync::mpsc::channel(1);
+        let (status, _status) = tokio::sync::watch::channel(Status::default());
+        let client = tokio::spawn(meddle(address));
+        server.serve(listener, control, status, std::future::pending()).await.expect("it serves");
+        client.await.expect("the client got its answers");
+    });
+
+    let mut again = Controller::new(rig);
+    let (mut ticks, mut commands, mut scenes) = (0_u64, 0, std::collections::BTreeSet::new());
+    for Tick { scene, inputs, outputs } in recorded {
+        let replayed = again.tick(&scene, &inputs);
+        // The debug text tells floats apart by their bits, the sign of zero included.
+        assert_eq!(format!("{replayed:?}"), format!("{outputs:?}"), "tick {}", inputs.tick);
+        ticks += 1;
+        commands += inputs.commands.len();
+        scenes.insert(scene.revision());
+    }
+    assert_eq!(ticks, 20_000);
+    assert!(commands >= 4, "enable at start, torque, reference, disable, enable: {commands}");
+    assert!(scenes.len() >= 3, "the scenes have changed: {scenes:?}");
+}

@@ -1,0 +1,113 @@
+//! End to end in wall-clock time: loop, pseudo-terminal, simulated rig, TCP.
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::process::{Lines, Process, has_pty, norm, vector};
+
+#[test]
+fn the_server_starts_active_and_the_sphere_moves() {
+    if !has_pty() {
+        return;
+    }
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&[], state.path());
+    for word in ["Hbot prototype", "sim", "1000 Hz", "127.0.0.1:"] {
+        assert!(server.banner.contains(word), "{word} in:\n{}", server.banner);
+    }
+    let mut client = Lines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
+    let first = client.state(|s| s["mode"] == "active");
+    let later = client.state(|s| s["t"].as_f64() > first["t"].as_f64().map(|t| t + 0.5));
+    assert_ne!(first["q"], later["q"], "the hand turns the sphere");
+    assert!(norm(&later["torque"]) > 0.0, "the spring pulls");
+    let q: f64 = (0..4).map(|i| later["q"][i].as_f64().expect("a number").powi(2)).sum();
+    assert!((q - 1.0).abs() < 1e-12, "unit: {q}");
+    assert_eq!(later["joints"].as_array().map(Vec::len), Some(4));
+}
+
+#[test]
+fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
+    if !has_pty() {
+        return;
+    }
+    for signal in [Signal::INT, Signal::TERM] {
+        let state = tempfile::tempdir().expect("a folder");
+        let server = Process::start(&[], state.path());
+        let mut client = Lines::greeted(&server.address);
+        server.signal(signal);
+        client.until(|event| event["event"] == "stopping");
+        let (last_words, status) = server.end();
+        assert_eq!(status.code(), Some(0), "{signal:?}: {last_words}");
+    }
+}
+
+#[test]
+fn sigusr1_is_an_emergency_stop_until_reset() {
+    if !has_pty() {
+        return;
+    }
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&[], state.path());
+    let mut client = Lines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
+    client.state(|s| s["mode"] == "active");
+    server.signal(Signal::USR1);
+    let stopped = client.state(|s| s["mode"] == "estop");
+    assert_eq!(norm(&stopped["torque"]), 0.0, "zero torque in the same tick: {stopped}");
+    for joint in stopped["joints"].as_array().expect("joints") {
+        assert_eq!(joint["torque"].as_f64(), Some(0.0));
+    }
+    client.ask(r#"{"id": 2, "op": "acquire"}"#);
+    let refused = client.ask(r#"{"id": 3, "op": "enable"}"#);
+    assert_eq!(refused["error"]["code"], "faulted", "{refused}");
+    let reset = client.ask(r#"{"id": 4, "op": "reset"}"#);
+    assert_eq!(reset["ok"]["mode"], "idle", "{reset}");
+}
+
+#[test]
+fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
+    if !has_pty() {
+        return;
+    }
+    for rate in ["1000", "2000", "4000"] {
+        let state = tempfile::tempdir().expect("a folder");
+        let server = Process::start(&["--rate", rate, "--duration", "1"], state.path());
+        let address = server.address.clone();
+        let mut client = Lines::greeted(&address);
+        client.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
+        let stats = client.ask(r#"{"id": 2, "op": "stats"}"#);
+        let counters: &Value = &stats["ok"]["counters"];
+        for name in ["late", "skipped", "missed"] {
+            assert!(counters[name].is_u64(), "{name} is counted apart: {stats}");
+        }
+        let (last_words, status) = server.end();
+        assert_eq!(status.code(), Some(0), "at {rate} Hz: {last_words}");
+    }
+}
+
+#[test]
+fn a_client_renders_for_itself_and_its_torque_ends_when_it_falls_silent() {
+    if !has_pty() {
+        return;
+    }
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&[], state.path());
+    let mut client = Lines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "acquire"}"#);
+    client.ask(r#"{"id": 2, "op": "load_scene", "scene": {"name": "nothing", "effect": [], "simulate": {"hand": {"stiffness": 50, "damping": 1, "amplitude": 0}}}}"#);
+    client.ask(r#"{"id": 3, "op": "subscribe", "every": 1}"#);
+    let active = client.state(|s| s["mode"] == "active");
+    let from = active["tick"].as_u64().expect("a tick") + 100;
+    client.state(|s| s["tick"].as_u64() >= Some(from));
+    client.send("{\"op\": \"torque\", \"torque\": [0.1, 0.02, -0.05], \"valid_ms\": 100, \"seq\": 7}\n");
+    let pushed = client.state(|s| s["client"]["seq"] == 7 && norm(&s["torque"]) > 0.11);
+    let torque = vector(&pushed["torque"]);
+    for (got, sent) in torque.iter().zip([0.1, 0.02, -0.05]) {
+        assert!((got - sent).abs() < 1e-9, "{torque:?}");
+    }
+    let start = pushed["tick"].as_u64().expect("a tick");
+    let over = client.state(|s| norm(&s["torque"]) == 0.0)["tick"].as_u64().expect("a tick");
+    // 100 ms valid, 20 ms ramp; the slew limit of 200 N m/s takes a tick at each end.
+    assert!((115..=125).contains(&(over - start)), "{} ticks", over - start);
+}
