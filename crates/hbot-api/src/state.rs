@@ -34,13 +34,13 @@ pub struct StateEvent {
     /// The share of the torque wanted that the limits left, from 0 to 1.
     #[serde(serialize_with = "finite::scalar")]
     pub scale: f64,
-    /// The largest tangential force at a contact over what friction holds there, >= 0; above 1 the wheel slips.
+    /// The largest tangential force at a contact over what friction holds there, 0 to 1; 1 where this limits the torque.
     #[serde(serialize_with = "finite::scalar")]
     pub traction: f64,
-    /// Energy that the passivity observer has seen go into the rig and not yet come out, J.
+    /// Energy given out to the hand since the start, by the passivity observer, J; negative where more came in.
     #[serde(serialize_with = "finite::scalar")]
     pub energy: f64,
-    /// The stream of a client that renders for itself; `None` where there is none in force.
+    /// The last stream message that was taken; `None` before the first.
     pub client: Option<ClientStream>,
     /// How punctual the tick was.
     pub timing: Timing,
@@ -49,7 +49,7 @@ pub struct StateEvent {
 /// A joint in a [`StateEvent`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
-    /// Angle since the zero, rad; grows without bound.
+    /// Angle from the zero, within a turn, rad, 0 to 2 pi.
     #[serde(serialize_with = "finite::scalar")]
     pub angle: f64,
     /// Its rate, rad/s.
@@ -60,12 +60,12 @@ pub struct JointState {
     pub torque: f64,
 }
 
-/// The stream message that was in force in a tick.
+/// The last stream message that was taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClientStream {
     /// The `seq` of it; `None` where the client gave none.
     pub seq: Option<u64>,
-    /// Ticks since it was taken.
+    /// Ticks since the tick that it named, or else since it was taken.
     pub age_ticks: u64,
 }
 
@@ -75,13 +75,14 @@ pub struct Timing {
     /// From the deadline of the tick to its start.
     #[serde(serialize_with = "finite::scalar")]
     pub lateness_us: f64,
-    /// From the feedback drained to the command ready.
+    /// In the controller: from the feedback decoded to the torques ready.
     #[serde(serialize_with = "finite::scalar")]
     pub compute_us: f64,
-    /// From a command sent to its feedback received.
+    /// On the serial line: reading, decoding, encoding, writing.
     #[serde(serialize_with = "finite::scalar")]
     pub link_us: f64,
-    /// From the reading of the joints to the torque on the wire that was computed from it.
+    /// From the reading of the joints (taken when the command that it answers went out) to the torque on the wire that
+    /// was computed from it.
     #[serde(serialize_with = "finite::scalar")]
     pub age_us: f64,
 }

@@ -335,7 +335,8 @@ impl Controller {
         } else if wanted != Vec3::ZERO {
             let mut allocation = allocation::allocate(self.joints.posture.rows(), &self.limits, wanted);
             if let Some(grip) = self.rig.limits.traction {
-                traction = allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force);
+                // What is sent loads no contact beyond its grip.
+                traction = allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force).min(1.0);
             }
             torque = self.joints.posture.torque_on_sphere(&allocation.torque[..n]);
             scale = allocation.scale;

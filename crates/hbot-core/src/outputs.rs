@@ -93,7 +93,8 @@ pub struct State {
     pub scale: Real,
     /// The motors cannot make a part of the torque that was wanted, whatever its size.
     pub deficient: bool,
-    /// The largest |f| / (mu N) of a contact; 0 where the rig's traction is not known.
+    /// The largest |f| / (mu N) of a contact under the torques sent, 0 to 1; 1 where it limits them; 0 where the rig's
+    /// traction is not known.
     pub traction: Real,
     /// Energy given out, J (passivity observer).
     pub energy: Real,

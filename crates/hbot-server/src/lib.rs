@@ -13,10 +13,14 @@
 pub mod bridge;
 pub mod clock;
 pub mod engine;
+#[cfg(test)]
+mod engine_tests;
+pub mod flight;
 pub mod handshake;
 pub mod pace;
 pub mod realtime;
 pub mod run_loop;
 pub mod sample;
 pub mod server;
+pub mod service;
 pub mod wire;

@@ -34,7 +34,11 @@ pub(super) enum FromClient {
     /// A later message.
     Message { session: u64, message: Result<Request, Refusal> },
     /// The connection has ended, or the client will say no more.
-    Gone { session: u64 },
+    Gone {
+        session: u64,
+        /// It was given up because the client has not read.
+        stuck: bool,
+    },
 }
 
 /// Serves one connection until either side ends it.
@@ -49,16 +53,16 @@ pub(super) async fn serve(
         let (reader, writer) = stream.split();
         let mut reading = pin!(read(reader, session, &hub, &bounds));
         let mut writing = pin!(write(writer, inbox, bounds.stuck));
-        let gone = FromClient::Gone { session };
         // The hub outlives its connections; where it does not, nobody is left to be told.
         tokio::select! {
             ended = &mut reading => {
-                let _ = hub.send(gone).await;
+                let _ = hub.send(FromClient::Gone { session, stuck: false }).await;
                 // What has been asked for is answered, even to a client that has closed its own direction.
                 if writing.await.is_ok() { ended } else { Ended::Broken }
             }
             written = &mut writing => {
-                let _ = hub.send(gone).await;
+                let stuck = written.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::TimedOut);
+                let _ = hub.send(FromClient::Gone { session, stuck }).await;
                 if written.is_ok() { Ended::ByServer } else { Ended::Broken }
             }
         }

@@ -93,7 +93,7 @@ impl Hub {
         Self {
             bounds,
             end,
-            info: Info::new(&setup.rig, &setup.accuracy, simulated),
+            info: Info::new(&setup.rig, simulated),
             stats: Stats::new(),
             peers: BTreeMap::new(),
             holder: None,
@@ -138,7 +138,6 @@ impl Hub {
                 tokio::task::yield_now().await;
             }
             let wake = tokio::select! {
-                biased;
                 () = &mut shutdown => Wake::Shutdown,
                 wanted = control.recv(), if controlled => Wake::Control(wanted),
                 message = from_clients.recv() => Wake::Message(message),
@@ -181,6 +180,8 @@ impl Hub {
             }
             self.bury();
         };
+        // Connections that have more to say learn that nobody listens.
+        drop(from_clients);
         self.close(why).await
     }
 
@@ -247,11 +248,14 @@ impl Hub {
     /// The client says no more. It stays as long as answers are owed to it.
     pub(super) fn gone(&mut self, session: u64) {
         let Some(peer) = self.peers.get_mut(&session) else { return };
+        let again = std::mem::replace(&mut peer.gone, true);
         let name = peer.name.clone();
         peer.every = 0;
-        peer.gone = true;
         if peer.owed == 0 {
             self.peers.remove(&session);
+        }
+        if again {
+            return;
         }
         self.count_subscribers();
         if let Some(name) = &name {
@@ -331,11 +335,12 @@ impl Hub {
     fn bury(&mut self) {
         while let Some(session) = self.doomed.pop() {
             let Some(peer) = self.peers.get_mut(&session) else { continue };
-            // One whose task is over has left; only one that stays on does not read.
-            if !peer.task.is_finished() && !peer.gone {
-                self.stats.events.cut += 1;
-                tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
+            if peer.outbox.is_closed() {
+                // It has ended by itself and is about to say so.
+                continue;
             }
+            self.stats.events.cut += 1;
+            tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
             peer.task.abort();
             peer.owed = 0;
             self.gone(session);

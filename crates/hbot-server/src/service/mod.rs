@@ -60,8 +60,6 @@ pub struct Setup {
     pub token: Option<String>,
     /// Where flight logs go; `None` for none.
     pub flight_dir: Option<PathBuf>,
-    /// What people call the methods in use, for `info`.
-    pub accuracy: String,
 }
 
 /// What others than clients ask of the service.

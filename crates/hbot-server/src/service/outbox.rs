@@ -47,6 +47,11 @@ impl Outbox {
         placed
     }
 
+    /// Whether the connection has ended by itself.
+    pub(super) fn is_closed(&self) -> bool {
+        self.queue.is_closed()
+    }
+
     /// Whether a sample may be queued. Samples take at most half of the queue, so answers find a place; once they have
     /// been refused one, they are until three quarters of it are free.
     pub(super) fn takes_samples(&mut self) -> bool {

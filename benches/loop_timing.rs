@@ -1,0 +1,111 @@
+//! How well the wall-clock loop keeps its time over the pseudo-terminal, beside a bare absolute-sleep loop at the same priority: pairs,
+//! interleaved, at 1, 2 and 4 kHz.
+//!
+//! `cargo bench --bench loop_timing`; with `-- SECONDS` each run takes so long (default 3).
+
+use std::time::Duration;
+
+use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_server::clock::{now_ns, sleep_until_ns};
+use hbot_server::pace::Pace;
+use hbot_server::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
+use hbot_server::server::{Options, Server, Time};
+use hbot_server::service::{Status, Summary};
+use hdrhistogram::Histogram;
+use serde_json::json;
+
+const PAIRS: usize = 5;
+
+/// Lateness of a loop that does nothing but sleep to absolute deadlines: median and 99 % in us, and late ticks of how many.
+fn bare(rate: u32, seconds: f64) -> [f64; 4] {
+    let body = move || {
+        let _ = real_time(LOOP_PRIORITY);
+        touch_stack();
+        let period_ns = 1_000_000_000 / u64::from(rate);
+        let mut lateness = Histogram::<u64>::new_with_bounds(1, 10_000_000_000, 3).expect("legal bounds");
+        let mut pace = Pace::new(now_ns() + period_ns, period_ns);
+        let end = now_ns() + (seconds * 1e9) as u64;
+        let mut late = 0;
+        while pace.deadline_ns() < end {
+            sleep_until_ns(pace.deadline_ns());
+            let beat = pace.beat(now_ns());
+            lateness.saturating_record(beat.lateness_ns);
+            late += u64::from(beat.late);
+            pace.end(now_ns());
+        }
+        let us = |q| lateness.value_at_quantile(q) as f64 * 1e-3;
+        [us(0.5), us(0.99), late as f64, lateness.len() as f64]
+    };
+    std::thread::spawn(body).join().expect("it ends")
+}
+
+/// The server, its simulated rig at the other end of a pseudo-terminal, nobody connected.
+fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
+    let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
+    let options = Options {
+        rig: RigConfig::load(None, &[rate])?,
+        scene: SceneFile::default_scene(),
+        time: Time::Wall,
+        duration: Some(Duration::from_secs_f64(seconds)),
+        token: None,
+        flight_dir: None,
+        recorder: None,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;
+        let (_control, control) = tokio::sync::mpsc::channel(1);
+        let (status, _status) = tokio::sync::watch::channel(Status::default());
+        let server = Server::start(options)?;
+        Ok(server.serve(listener, control, status, std::future::pending()).await?.summary)
+    })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() {
+    let mut args: Vec<_> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let smoke = args.iter().any(|a| a == "--test");
+    args.retain(|a| !a.starts_with("--"));
+    let seconds = if smoke { 0.2 } else { args.first().and_then(|s| s.parse().ok()).unwrap_or(3.0) };
+    let pairs = if smoke { 1 } else { PAIRS };
+    // In a thread of its own: the service runs in this one and must not have the loop's priority.
+    let priority = std::thread::spawn(|| real_time(LOOP_PRIORITY)).join().expect("it ends");
+    for refused in [lock_memory(), priority].into_iter().filter_map(Result::err) {
+        println!("not in real time: {refused}");
+    }
+    println!("{pairs} pairs of {seconds} s; lateness in us: median (99 %)\n");
+    println!("| rate | bare loop | hbot | ratio of medians, median of pairs | ticks | late (bare) | skipped | missed | torque age, us |");
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for rate in [1000, 2000, 4000] {
+        let (mut bares, mut hbots) = (Vec::new(), Vec::new());
+        for _ in 0..pairs {
+            bares.push(bare(rate, seconds));
+            match server(rate, seconds) {
+                Ok(summary) => hbots.push(summary),
+                Err(error) => return println!("not measured: {error}"),
+            }
+        }
+        let of = |k: usize| median(bares.iter().map(|b| b[k]).collect());
+        let ours = |pick: fn(&Summary) -> f64| median(hbots.iter().map(pick).collect());
+        let ratio = median(bares.iter().zip(&hbots).map(|(b, h)| h.lateness_us.p50 / b[0]).collect());
+        let sum = |pick: fn(&Summary) -> u64| hbots.iter().map(pick).sum::<u64>();
+        println!(
+            "| {rate} Hz | {:.1} ({:.1}) | {:.1} ({:.1}) | {ratio:.2} | {} | {} ({}) | {} | {} | {:.0} ({:.0}) |",
+            of(0),
+            of(1),
+            ours(|h| h.lateness_us.p50),
+            ours(|h| h.lateness_us.p99),
+            sum(|h| h.ticks),
+            sum(|h| h.counters.late),
+            bares.iter().map(|b| b[2]).sum::<f64>(),
+            sum(|h| h.counters.skipped),
+            sum(|h| h.counters.missed),
+            ours(|h| h.age_us.p50),
+            ours(|h| h.age_us.p99),
+        );
+    }
+}

@@ -1,0 +1,121 @@
+//! The tick under a counting allocator, in memory and over a pseudo-terminal.
+
+use std::sync::mpsc;
+
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::inputs::{Command, Stamp};
+use hbot_core::mode::Mode;
+use hbot_core::{CompiledScene, Controller, Vec3};
+use hbot_sim::pty::{PtyOptions, spawn_pty};
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use serde_json::{Map, json};
+
+use crate::bridge::{ServiceEnd, bridge};
+use crate::engine::{Engine, Line, Moment};
+use crate::handshake::handshake;
+use crate::wire::{Memory, Serial, Wire};
+
+const TICKS: u64 = 10_000;
+
+struct Bench<W> {
+    engine: Engine<W>,
+    end: ServiceEnd,
+    scenes: Vec<Box<CompiledScene>>,
+    mode: Mode,
+    seen: u64,
+}
+
+fn simulated() -> (RigConfig, SimulatedRig) {
+    let rig = RigConfig::prototype();
+    let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("the prototype can be simulated");
+    (rig, simulated)
+}
+
+impl<W: Wire> Bench<W> {
+    /// Call it on a tokio runtime.
+    fn new(rig: &RigConfig, mut wire: W) -> Self {
+        let line = Line { places: (0..4).collect(), watchdog_ms: rig.link.watchdog_ms };
+        handshake(&mut wire, "sim", &rig.rig, &line).expect("the simulated rig answers");
+        let (inner, end) = bridge().expect("a bridge");
+        let mut running = RunningScene::new();
+        let first = Box::new(running.load(SceneFile::default_scene()));
+        let scenes = (0..100_u32)
+            .map(|i| {
+                let stiffness = Map::from_iter([("stiffness".to_owned(), json!(1.0 + 0.02 * f64::from(i)))]);
+                Box::new(running.set("spring", &stiffness).expect("a legal stiffness"))
+            })
+            .collect();
+        let engine = Engine::new(wire, line, Controller::new(rig.rig), first, inner, None);
+        Self { engine, end, scenes, mode: Mode::Unreferenced, seen: 0 }
+    }
+
+    /// Orders, scenes and samples go to and fro as they do in service, but for the boxes, which are made beforehand.
+    fn outside(&mut self, tick: u64) {
+        let stamp = Stamp { seq: Some(tick), tick: Some(tick) };
+        match tick % 100 {
+            5 if self.mode == Mode::Idle => _ = self.end.order(Command::Enable).expect("a place"),
+            20 => {
+                let torque = Vec3::new(0.1, 0.05, -0.02);
+                self.end.order(Command::Stream { torque, valid_ticks: 20, stamp }).expect("a place");
+            }
+            50 => self.end.install(self.scenes.pop().expect("enough scenes")).expect("a place"),
+            _ => {}
+        }
+        while let Some(sample) = self.end.try_sample() {
+            self.mode = sample.state.mode;
+            self.seen += 1;
+        }
+    }
+}
+
+fn moment(tick: u64) -> Moment {
+    Moment { tick, t_ns: tick * 1_000_000, lateness_ns: 0, late: false, skipped: 0 }
+}
+
+fn runtime() -> tokio::runtime::Runtime {
+    tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime")
+}
+
+/// Ticks, of which nothing but `outside` may allocate or free.
+fn allocations<W: Wire>(bench: &mut Bench<W>, mut between: impl FnMut(&mut Engine<W>, u64)) -> u64 {
+    let mut found = 0;
+    for tick in 0..TICKS {
+        bench.outside(tick);
+        between(&mut bench.engine, tick);
+        let info = allocation_counter::measure(|| bench.engine.tick(&moment(tick)));
+        found += info.count_total + info.count_current.unsigned_abs();
+    }
+    bench.outside(TICKS);
+    found
+}
+
+#[test]
+fn ten_thousand_ticks_allocate_and_free_nothing_in_memory() {
+    let runtime = runtime();
+    let _entered = runtime.enter();
+    let (rig, simulated) = simulated();
+    let (_calls, inbox) = mpsc::channel();
+    let mut bench = Bench::new(&rig, Memory::new(simulated, inbox));
+    let found = allocations(&mut bench, |engine, tick| engine.wire().set_time(tick * 1_000_000));
+    assert_eq!(found, 0, "allocations in the tick");
+    assert_eq!((bench.mode, bench.seen), (Mode::Active, TICKS));
+    let counted = allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1))));
+    assert_eq!(counted.count_total, 1, "the counter counts");
+}
+
+#[test]
+fn ten_thousand_ticks_allocate_and_free_nothing_over_a_pseudo_terminal() {
+    let runtime = runtime();
+    let _entered = runtime.enter();
+    let (rig, simulated) = simulated();
+    let Ok(pty) = spawn_pty(simulated, PtyOptions::default()) else {
+        println!("no pseudo-terminal on this machine: not tested here");
+        return;
+    };
+    let serial = Serial::open(&pty.path().display().to_string(), rig.link.baud).expect("it opens");
+    let mut bench = Bench::new(&rig, serial);
+    // As fast as the line answers, so not in step with any clock.
+    let found = allocations(&mut bench, |_, _| std::thread::sleep(std::time::Duration::from_micros(50)));
+    assert_eq!(found, 0, "allocations in the tick");
+    assert_eq!(bench.seen, TICKS);
+}

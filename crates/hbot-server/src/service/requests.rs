@@ -1,0 +1,269 @@
+//! What each request does.
+
+use hbot_api::{
+    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Op, PROTOCOL_VERSION, PingOk, ReferenceCommand,
+    Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
+};
+use hbot_core::Vec3;
+use hbot_core::inputs::{Command, Stamp};
+use serde::Serialize;
+use subtle::ConstantTimeEq as _;
+use tokio::time::Instant;
+
+use super::connection::FromClient;
+use super::convert;
+use super::hub::Hub;
+use super::orders::OrderKind;
+
+impl Hub {
+    /// Takes what a connection has to say.
+    pub(super) fn message(&mut self, message: FromClient) {
+        match message {
+            FromClient::First { session, message, verdict } => {
+                let encoding = self.first(session, message);
+                if encoding.is_none() {
+                    // The connection ends once the answer has left.
+                    self.peers.remove(&session);
+                }
+                // Where it has ended meanwhile, it says so in its next message.
+                let _ = verdict.send(encoding);
+            }
+            FromClient::Message { session, message: Ok(request) } => self.request(session, request),
+            FromClient::Message { session, message: Err(Refusal { id, op, error }) } => {
+                self.stats.events.requests += 1;
+                self.refuse(session, id, op.unwrap_or_default(), error);
+            }
+            FromClient::Gone { session, stuck } => {
+                if stuck {
+                    self.stats.events.cut += 1;
+                    tracing::warn!(session, "cut: the client has read nothing for {:?}", self.bounds.stuck);
+                }
+                self.gone(session);
+            }
+        }
+    }
+
+    /// The first message of a connection: how it goes on, if it does.
+    fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
+        self.stats.events.requests += 1;
+        let (id, result) = match message {
+            Ok(Request { id, op: Op::Hello(hello) }) => (id, self.authorize(&hello).map(|()| hello)),
+            Ok(Request { id, op }) => {
+                let message = format!("op {} before hello; legal: hello first", op.name());
+                (id, Err(ErrorBody::new(ErrorCode::BadRequest, message)))
+            }
+            Err(refusal) => (refusal.id, Err(refusal.error)),
+        };
+        let hello = match result {
+            Ok(hello) => hello,
+            Err(error) => {
+                tracing::info!(session, code = %error.code, "no hello");
+                self.respond(session, &Response::error(id, error));
+                return None;
+            }
+        };
+        let answer = HelloOk {
+            server: concat!("hbot ", env!("CARGO_PKG_VERSION")).to_owned(),
+            version: PROTOCOL_VERSION,
+            rig: self.setup.rig.name.clone(),
+            rate_hz: f64::from(self.setup.rig.rate_hz),
+            session,
+        };
+        self.answer_with(session, id, &answer);
+        let peer = self.peers.get_mut(&session)?;
+        peer.encoding = hello.encoding;
+        tracing::info!(session, name = hello.name, encoding = %hello.encoding, "hello");
+        peer.name = Some(hello.name);
+        self.tell_status();
+        Some(hello.encoding)
+    }
+
+    fn authorize(&self, hello: &Hello) -> Result<(), ErrorBody> {
+        let Some(secret) = &self.setup.token else { return Ok(()) };
+        let shown = hello.token.as_ref().map_or("", |token| token.reveal());
+        // How long it takes tells the token's length at most.
+        if bool::from(secret.as_bytes().ct_eq(shown.as_bytes())) {
+            return Ok(());
+        }
+        let what = if hello.token.is_some() { "is wrong" } else { "is missing" };
+        Err(ErrorBody::new(ErrorCode::Unauthorized, format!("field \"token\" {what}; see the server's token file")))
+    }
+
+    fn request(&mut self, session: u64, Request { id, op }: Request) {
+        self.stats.events.requests += 1;
+        let name = op.name();
+        if let Err(error) = self.allowed(session, &op).and_then(|()| self.obey(session, id.clone(), op)) {
+            self.refuse(session, id, name, error);
+        }
+    }
+
+    fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
+        match op.who() {
+            Who::Any => Ok(()),
+            Who::First => Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first")),
+            Who::Holder if self.holder == Some(session) => Ok(()),
+            Who::Holder => {
+                let holder = self.holder_name();
+                let held = holder.as_ref().map(|name| format!(", which {name:?} holds")).unwrap_or_default();
+                let message = format!("op {} needs the lease{held}: acquire first", op.name());
+                Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
+            }
+        }
+    }
+
+    /// Does what is asked and answers, or has it answered later.
+    fn obey(&mut self, session: u64, id: Option<Id>, op: Op) -> Result<(), ErrorBody> {
+        let name = op.name();
+        match op {
+            Op::Hello(_) => {}
+            Op::Info => {
+                let answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref());
+                self.respond(session, &Response { id, result: Ok(answer) });
+            }
+            Op::Stats => self.respond(session, &Response { id, result: Ok(self.stats.summary().to_json()) }),
+            Op::Subscribe { every } => {
+                self.subscribe(session, every);
+                self.answer_with(session, id, &SubscribeOk { every });
+            }
+            Op::Unsubscribe => {
+                self.subscribe(session, 0);
+                self.respond(session, &Response::done(id));
+            }
+            Op::Acquire { steal } => {
+                self.acquire(session, steal)?;
+                self.respond(session, &Response::done(id));
+            }
+            Op::Release => {
+                if self.holder == Some(session) {
+                    self.lease(None, LeaseCause::Released);
+                }
+                self.respond(session, &Response::done(id));
+            }
+            Op::LoadScene { scene } => self.load_scene(session, id, scene)?,
+            Op::Set { effect, parameters } => {
+                self.set(&effect, &parameters)?;
+                self.respond(session, &Response::done(id));
+            }
+            Op::Torque(torque) => {
+                let command = self.torque(&torque);
+                self.order(session, id, name, OrderKind::Stream, command)?;
+            }
+            Op::Reference(reference) => {
+                let command = self.reference(&reference)?;
+                self.order(session, id, name, OrderKind::Stream, command)?;
+            }
+            Op::Align(align) => {
+                let command = self.align(&align);
+                self.order(session, id, name, OrderKind::Stream, command)?;
+            }
+            Op::Enable => self.order(session, id, name, OrderKind::Mode, Command::Enable)?,
+            Op::Reset => self.order(session, id, name, OrderKind::Mode, Command::Reset)?,
+            Op::Disable => self.order(session, id, name, OrderKind::Stop, Command::Disable)?,
+            Op::Estop => {
+                tracing::warn!(session, "estop");
+                self.order(session, id, name, OrderKind::Stop, Command::Estop)?;
+            }
+            Op::Ping { data } => {
+                let (tick, t_ns) = self.latest.map_or((0, 0), |sample| (sample.state.tick, sample.t_ns));
+                self.answer_with(session, id, &PingOk { data, tick, t: convert::seconds(t_ns) });
+            }
+        }
+        Ok(())
+    }
+
+    fn subscribe(&mut self, session: u64, every: u64) {
+        if let Some(peer) = self.peers.get_mut(&session) {
+            peer.every = every;
+        }
+        self.count_subscribers();
+    }
+
+    fn acquire(&mut self, session: u64, steal: bool) -> Result<(), ErrorBody> {
+        match self.holder {
+            Some(holder) if holder == session => {}
+            None => self.lease(Some(session), LeaseCause::Acquired),
+            Some(_) if steal => self.lease(Some(session), LeaseCause::Stolen),
+            Some(_) => {
+                let holder = self.holder_name();
+                let message = format!("{:?} holds the lease; steal takes it", holder.as_deref().unwrap_or_default());
+                return Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::Busy, message) });
+            }
+        }
+        Ok(())
+    }
+
+    fn torque(&self, torque: &TorqueCommand) -> Command {
+        Command::Stream {
+            torque: convert::vector(torque.torque),
+            valid_ticks: self.ticks(torque.valid_ms),
+            stamp: Stamp { seq: torque.seq, tick: torque.tick },
+        }
+    }
+
+    fn reference(&self, reference: &ReferenceCommand) -> Result<Command, ErrorBody> {
+        let id = &reference.effect;
+        let place = self.setup.scene.slot_of(id);
+        let Some(place) = place.filter(|place| place.has_reference) else {
+            let scene = &self.setup.scene;
+            let legal: Vec<&str> = scene
+                .file()
+                .effects()
+                .iter()
+                .map(|effect| effect.id())
+                .filter(|id| scene.slot_of(id).is_some_and(|place| place.has_reference))
+                .collect();
+            let what = if place.is_some() { "has no reference" } else { "is not in the scene" };
+            let legal = if legal.is_empty() { "none, no effect has one".to_owned() } else { legal.join(", ") };
+            return Err(ErrorBody::new(ErrorCode::UnknownEffect, format!("effect {id:?} {what}; legal: {legal}")));
+        };
+        Ok(Command::Reference {
+            slot: place.slot,
+            epoch: place.epoch,
+            q: convert::quaternion(reference.q),
+            omega: reference.omega.map_or(Vec3::ZERO, convert::vector),
+            valid_ticks: self.ticks(reference.valid_ms),
+            stamp: Stamp { seq: reference.seq, tick: reference.tick },
+        })
+    }
+
+    fn align(&self, align: &Align) -> Command {
+        let period_ns = self.setup.rig.rig.timing.period_ns;
+        let tick = match align.t {
+            // To the nearest tick; what is beyond all ticks ends up at the last one and is not in the history.
+            Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
+            None => self.latest.map_or(0, |sample| sample.state.tick),
+        };
+        Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
+    }
+
+    /// A time in ticks, at least one.
+    fn ticks(&self, ms: u64) -> u32 {
+        let ticks = (ms * u64::from(self.setup.rig.rate_hz)).div_ceil(1000).max(1);
+        u32::try_from(ticks).unwrap_or(u32::MAX)
+    }
+
+    /// Answers a request with a body.
+    pub(super) fn answer_with(&mut self, session: u64, id: Option<Id>, body: &impl Serialize) {
+        let response = Response::ok(id.clone(), body).unwrap_or_else(|error| {
+            Response::error(id, ErrorBody::new(ErrorCode::OutOfRange, format!("no answer: {error}")))
+        });
+        self.respond(session, &response);
+    }
+
+    /// Refuses a request: with an answer, or for a stream message without an id in a count.
+    pub(super) fn refuse(&mut self, session: u64, id: Option<Id>, op: &'static str, error: ErrorBody) {
+        let stream = matches!(op, "torque" | "reference" | "align");
+        self.stats.events.refused_streams += u64::from(stream);
+        if !stream || id.is_some() {
+            self.respond(session, &Response::error(id, error));
+            return;
+        }
+        self.stats.refused(error.code);
+        let Some(peer) = self.peers.get_mut(&session) else { return };
+        peer.refuse(Some(op), error);
+        if let Some(event) = peer.refused_event(Instant::now()) {
+            self.tell(session, &event);
+        }
+    }
+}
+

@@ -1,0 +1,229 @@
+//! What a sample sets off: states to subscribers, answers, fault events, the flight log.
+
+use std::io;
+
+use hbot_api::{Event, FaultEvent};
+use hbot_core::inputs::Command;
+use hbot_core::mode::{Cause, Mode};
+use tokio::task::JoinError;
+
+use super::convert;
+use super::hub::Hub;
+use super::peer::frame;
+use super::stats::Stats;
+use crate::flight::Flight;
+use crate::sample::Sample;
+
+/// Flight logs being written at a time; a further one is given up.
+const MAX_WRITING: usize = 2;
+
+pub(super) const ENABLE_AT_START: &str = "enable at start";
+
+/// Makes one message of a sample for all who want it.
+pub(super) struct Publisher {
+    /// Reused, so that a sample takes no memory but that of its messages.
+    event: Event,
+    subscribers: usize,
+}
+
+/// What is looked for in samples.
+pub(super) struct Watch {
+    /// Of the last sample.
+    mode: Option<(Mode, Option<Cause>)>,
+    enable_at_idle: bool,
+}
+
+impl Publisher {
+    pub(super) fn new() -> Self {
+        Self { event: Event::State(convert::blank()), subscribers: 0 }
+    }
+}
+
+impl Watch {
+    pub(super) fn new(enable_at_idle: bool) -> Self {
+        Self { mode: None, enable_at_idle }
+    }
+}
+
+impl Hub {
+    /// Takes a sample in. This runs for every tick, and in virtual time as fast as the loop goes.
+    #[inline]
+    pub(super) fn take(&mut self, sample: &Sample) {
+        self.stats.record(sample);
+        self.latest = Some(*sample);
+        if !self.orders.is_empty() {
+            self.answers(sample);
+        }
+        if !self.loading.is_empty() {
+            self.rendered(sample);
+        }
+        if let Some(flight) = self.recorder.as_mut().and_then(|recorder| recorder.push(sample)) {
+            self.write(flight);
+        }
+        let mode = Some((sample.state.mode, sample.state.cause));
+        if mode != self.watch.mode {
+            let before = std::mem::replace(&mut self.watch.mode, mode);
+            self.mode_changed(before.map(|(mode, _)| mode), sample);
+        }
+        if self.publisher.subscribers > 0 {
+            self.publish(sample);
+        }
+    }
+
+    /// Whether anybody is to get states has changed.
+    pub(super) fn count_subscribers(&mut self) {
+        self.publisher.subscribers = self.peers.values().filter(|peer| peer.every != 0).count();
+    }
+
+    /// Sends a state to those who want one of this tick.
+    fn publish(&mut self, sample: &Sample) {
+        let (mut frames, mut filled) = ([None, None], false);
+        let Self { peers, publisher, scratch, stats, .. } = self;
+        for peer in peers.values_mut().filter(|peer| peer.wants(sample.state.tick)) {
+            if !peer.outbox.takes_samples() {
+                peer.drop_state();
+                stats.events.dropped_states += 1;
+                continue;
+            }
+            if !filled {
+                filled = true;
+                if let Event::State(event) = &mut publisher.event {
+                    convert::fill(event, sample);
+                }
+            }
+            if let Some(event) = peer.dropped_event() {
+                // There is room for samples, so there is for this.
+                let _ = peer.send(&event, scratch);
+            }
+            let made = frames[peer.encoding as usize]
+                .get_or_insert_with(|| frame(peer.encoding, &publisher.event, scratch));
+            if let Some(frame) = made {
+                // The same; and one whose connection has just broken will say so itself.
+                let _ = peer.outbox.send(frame.clone());
+            }
+        }
+    }
+
+    fn mode_changed(&mut self, before: Option<Mode>, sample: &Sample) {
+        let state = &sample.state;
+        let tick = state.tick;
+        if state.mode == Mode::Idle && std::mem::take(&mut self.watch.enable_at_idle) {
+            self.order_internally(ENABLE_AT_START, Command::Enable);
+        }
+        let mut message = match (state.mode, state.cause) {
+            (Mode::Fault, Some(cause)) => {
+                self.stats.fault(cause);
+                self.explain(cause, sample)
+            }
+            (Mode::Fault, None) => "a fault of unknown cause".to_owned(),
+            (Mode::Estop, _) => {
+                self.stats.events.estops += 1;
+                "stopped; reset to go on".to_owned()
+            }
+            (mode, _) if matches!(before, Some(Mode::Fault | Mode::Estop)) => {
+                let mode = convert::mode(mode);
+                tracing::info!(tick, %mode, "reset");
+                self.broadcast_fault(sample, "reset".to_owned());
+                return;
+            }
+            _ => return,
+        };
+        let fault = state.cause.map(convert::fault);
+        let what = fault.map_or("estop", |fault| fault.as_str());
+        if let Some(recorder) = &mut self.recorder {
+            let path = recorder.trigger(tick, what).display();
+            message = format!("{message}; flight log: {path}");
+        }
+        tracing::warn!(tick, "{what}: {message}");
+        self.broadcast_fault(sample, message);
+    }
+
+    fn broadcast_fault(&mut self, sample: &Sample, message: String) {
+        let state = &sample.state;
+        self.broadcast(&Event::Fault(FaultEvent {
+            tick: state.tick,
+            t: convert::seconds(sample.t_ns),
+            mode: convert::mode(state.mode),
+            fault: state.cause.map(convert::fault),
+            message,
+        }));
+    }
+
+    /// What was seen, against which limit, and what to do.
+    fn explain(&self, cause: Cause, sample: &Sample) -> String {
+        let (state, rig) = (&sample.state, &self.setup.rig.rig);
+        match cause {
+            Cause::LinkLost => format!(
+                "the motor controllers have not answered for {} ticks (link.timeout_ticks), or ran out of their watchdog \
+                 time: check power and cable",
+                rig.timing.timeout_ticks
+            ),
+            Cause::LinkCorrupt => format!(
+                "too many frames on the serial line are damaged ({} so far): check cable, shield and baud rate",
+                sample.counters.corrupt_frames
+            ),
+            Cause::ControllerFault => "a motor controller reports a fault, or has rebooted: see its own display".to_owned(),
+            Cause::Overspeed => format!(
+                "the sphere turned at {:.2} rad/s; the limit is {} (limits.speed)",
+                state.omega.length(),
+                rig.limits.speed
+            ),
+            Cause::Overtorque => "a motor controller reports more current than its motor may have".to_owned(),
+            Cause::Slip => format!(
+                "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force",
+                state.slip, rig.limits.slip
+            ),
+            Cause::NonFinite => "a number is not finite, in what the encoders say or in a torque".to_owned(),
+            Cause::ImplausibleFeedback => {
+                "a joint moved more than half a turn between two readings: check its encoder".to_owned()
+            }
+            Cause::Deadline => format!(
+                "a tick came {:.1} ms late, or 10 in a row were skipped: see `hbot doctor`",
+                convert::seconds(sample.timing.lateness_ns) * 1.0e3
+            ),
+            Cause::ClientLost => {
+                "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
+            }
+            Cause::Thermal => "a motor or its controller is too hot: let it cool".to_owned(),
+        }
+    }
+
+    /// Has a flight log written on another thread.
+    fn write(&mut self, flight: Flight) {
+        if self.writing.len() >= MAX_WRITING {
+            self.stats.events.flight_logs_failed += 1;
+            tracing::warn!(path = %flight.path.display(), "no flight log: {MAX_WRITING} are still being written");
+            return;
+        }
+        self.writing.spawn_blocking(move || {
+            let result = flight.write();
+            (flight, result)
+        });
+    }
+
+    pub(super) fn written(&mut self, written: Option<Result<(Flight, io::Result<()>), JoinError>>) {
+        if let Some(written) = written {
+            self.stats.written(written);
+        }
+    }
+}
+
+impl Stats {
+    /// Notes how writing a flight log went.
+    pub(super) fn written(&mut self, written: Result<(Flight, io::Result<()>), JoinError>) {
+        match written {
+            Ok((flight, Ok(()))) => {
+                self.events.flight_logs += 1;
+                tracing::info!(path = %flight.path.display(), ticks = flight.samples.len(), "flight log written");
+            }
+            Ok((flight, Err(error))) => {
+                self.events.flight_logs_failed += 1;
+                tracing::warn!(path = %flight.path.display(), %error, "the flight log could not be written");
+            }
+            Err(error) => {
+                self.events.flight_logs_failed += 1;
+                tracing::error!(%error, "the flight log could not be written");
+            }
+        }
+    }
+}
