@@ -7,7 +7,8 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_api::{ClientStream, Encoding, Event, JointState, Mode, Request, StateEvent, Timing};
 use hbot_link::{
-    Command, Decoder, Feedback, FromController, JointReading, MAX_COMMAND_FRAME, MAX_FEEDBACK_FRAME, ToController, encode,
+    Command, Decoder, Feedback, FromController, JointReading, MAX_COMMAND_FRAME, MAX_FEEDBACK_FRAME,
+    ToController, encode,
 };
 
 fn link(c: &mut Criterion) {
@@ -16,8 +17,13 @@ fn link(c: &mut Criterion) {
     let command = ToController::Command(command);
     let mut feedback = Feedback { sequence: 123_456, ..Feedback::default() };
     for i in 0..4 {
-        let reading =
-            JointReading { count: 40_000 * (i - 2), rate: 1.5, current: 0.2, temperature: 31.5, ..Default::default() };
+        let reading = JointReading {
+            count: 40_000 * (i - 2),
+            rate: 1.5,
+            current: 0.2,
+            temperature: 31.5,
+            ..Default::default()
+        };
         feedback.joints.push(reading).expect("four fit");
     }
     let feedback = FromController::Feedback(feedback);

@@ -28,9 +28,7 @@ fn rings(c: &mut Criterion) {
     let mut group = c.benchmark_group("handover");
     group.bench_function("push_and_pop", |b| {
         let (mut into, mut out) = RingBuffer::new(4096);
-        b.iter(|| {
-            into.push(black_box(sample)).is_ok() && out.pop().is_ok()
-        });
+        b.iter(|| into.push(black_box(sample)).is_ok() && out.pop().is_ok());
     });
     group.bench_function("to_another_thread_and_back", |b| {
         let (mut there, mut far) = RingBuffer::<Sample>::new(16);

@@ -78,7 +78,9 @@ fn main() {
         println!("not in real time: {refused}");
     }
     println!("{pairs} pairs of {seconds} s; lateness in us: median (99 %)\n");
-    println!("| rate | bare loop | hbot | ratio of medians, median of pairs | ticks | late (bare) | skipped | missed | torque age, us |");
+    println!(
+        "| rate | bare loop | hbot | ratio of medians, median of pairs | ticks | late (bare) | skipped | missed | torque age, us |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|");
     for rate in [1000, 2000, 4000] {
         let (mut bares, mut hbots) = (Vec::new(), Vec::new());

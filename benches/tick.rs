@@ -8,14 +8,19 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 macro_rules! width {
     ($name:ident, $core:ident, $real:ty) => {
         mod $name {
+            use std::hint::black_box;
             use $core::allocation::{JointLimits, allocate};
             use $core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
             use $core::impedance::{geodesic_law, quaternion_law};
             use $core::inputs::{Command, Complaints, Inputs, JointFeedback};
             use $core::kinematics::Posture;
-            use $core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero};
-            use $core::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry, rotation};
-            use std::hint::black_box;
+            use $core::rig::{
+                Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero,
+            };
+            use $core::{
+                CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry,
+                rotation,
+            };
 
             use super::*;
 
@@ -67,7 +72,14 @@ macro_rules! width {
             }
 
             fn scene() -> CompiledScene {
-                let effect = |slot, kind| Effect { slot, epoch: 1, reference_revision: 0, gain: 1.0, fade_s: 0.0, kind };
+                let effect = |slot, kind| Effect {
+                    slot,
+                    epoch: 1,
+                    reference_revision: 0,
+                    gain: 1.0,
+                    fade_s: 0.0,
+                    kind,
+                };
                 let spring = Spring::new(
                     SpringLaw::Geodesic,
                     Mat3::from_diagonal(Vec3::splat(4.0)),
@@ -162,7 +174,10 @@ macro_rules! width {
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
                             let mut q = Quat::IDENTITY;
                             b.iter(|| {
-                                q = odometry::advance(q, odometry::turn(&device, method, black_box(&th), black_box(&delta)));
+                                q = odometry::advance(
+                                    q,
+                                    odometry::turn(&device, method, black_box(&th), black_box(&delta)),
+                                );
                                 q
                             });
                         });

@@ -32,8 +32,9 @@ pub(crate) fn run(address: &ServerAddress, order: Order) -> anyhow::Result<ExitC
 pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Client> {
     let mut options = ConnectOptions::new(name);
     if let Some(file) = &address.token_file {
-        let token = std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
-        options.token = Some(token.trim().into());
+        let token =
+            std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
+        options.token = Some(token.trim().to_owned().into());
     }
     Ok(Client::connect_with(&address.server, &options)?)
 }

@@ -50,7 +50,8 @@ fn geometry(config: &RigConfig) {
     }
     for (j, b) in device.wheels().iter().enumerate() {
         for (i, a) in device.wheels()[..j].iter().enumerate() {
-            let (names, near) = ([&config.wheels[i], &config.wheels[j]], closest_approach(a, b, Meeting::Collocated));
+            let (names, near) =
+                ([&config.wheels[i], &config.wheels[j]], closest_approach(a, b, Meeting::Collocated));
             let opposite = closest_approach(a, b, Meeting::Antipodal);
             let [first, second] = names;
             anstream::println!(
@@ -68,7 +69,10 @@ fn geometry(config: &RigConfig) {
         }
     }
     let bound = if device.wheels().len() == 2 { "" } else { "at least " };
-    anstream::println!("  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)", interior_margin_over_all(device));
+    anstream::println!(
+        "  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)",
+        interior_margin_over_all(device)
+    );
 }
 
 fn abilities(config: &RigConfig) {
@@ -99,7 +103,9 @@ fn abilities(config: &RigConfig) {
             }
         }
     }
-    anstream::println!("  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)");
+    anstream::println!(
+        "  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)"
+    );
     if actuation < 0.05 {
         anstream::println!(
             "             {}warning:{} at some steering angles the motors can hardly make some torques",
@@ -120,9 +126,7 @@ fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
     // The root of x^(n+1) = x + 1.
     let g = (0..64).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..SAMPLES).map(move |k| {
-        (1..=n)
-            .map(|i| (0.5 + k as f64 * g.powi(-(i as i32))).fract() * std::f64::consts::TAU)
-            .collect()
+        (1..=n).map(|i| (0.5 + k as f64 * g.powi(-(i as i32))).fract() * std::f64::consts::TAU).collect()
     })
 }
 
@@ -145,7 +149,10 @@ fn line(config: &RigConfig) -> bool {
             fits = false;
             format!("{}does not fit{}: raise link.baud or lower loop.rate_hz", style::BAD, style::OFF)
         };
-        anstream::println!("  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}", 100.0 * load);
+        anstream::println!(
+            "  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}",
+            100.0 * load
+        );
     }
     fits
 }

@@ -208,7 +208,11 @@ fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
     let text = std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
     let token = text.trim();
     if token.len() < 16 {
-        bail!("token file {}: a token has at least 16 characters; this one has {}", file.display(), token.len());
+        bail!(
+            "token file {}: a token has at least 16 characters; this one has {}",
+            file.display(),
+            token.len()
+        );
     }
     Ok(Some(token.to_owned()))
 }

@@ -29,7 +29,7 @@ pub(crate) fn clear() {
 fn line(status: &Status) -> String {
     let Some(sample) = &status.sample else { return "waiting for the first tick".to_owned() };
     let (state, counters) = (&sample.state, &sample.counters);
-    let mode = hbot_server::service::mode_name(state);
+    let mode = status.mode();
     let mut line = String::new();
     let angle = 2.0 * state.q.w.abs().min(1.0).acos();
     let _ = write!(
@@ -75,7 +75,12 @@ pub(crate) fn summary(finished: &Finished) -> String {
         let _ = write!(text, "\n  {ratio:.0} times real time");
     }
     if finished.panicked {
-        let _ = write!(text, "\n  {}the loop ended by a fault of its own{}: motors were switched off", style::BAD, style::OFF);
+        let _ = write!(
+            text,
+            "\n  {}the loop ended by a fault of its own{}: motors were switched off",
+            style::BAD,
+            style::OFF
+        );
     }
     text
 }

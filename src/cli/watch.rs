@@ -49,10 +49,18 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
                 return Ok(ExitCode::SUCCESS);
             }
             Event::Fault(fault) if !args.json => {
-                format!("{}{}{} {}", style::of_mode(fault.mode.as_str()), fault.mode, style::OFF, fault.message)
+                format!(
+                    "{}{}{} {}",
+                    style::of_mode(fault.mode.as_str()),
+                    fault.mode,
+                    style::OFF,
+                    fault.message
+                )
             }
             Event::Scene(scene) if !args.json => format!("scene: {}", scene.name),
-            Event::Dropped(dropped) if !args.json => format!("{} samples lost: reading too slowly", dropped.count),
+            Event::Dropped(dropped) if !args.json => {
+                format!("{} samples lost: reading too slowly", dropped.count)
+            }
             _ => continue,
         };
         // A reader that has gone away (`| head`) is no error.

@@ -7,9 +7,7 @@ use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Reply};
-use hbot_core::rig::{
-    Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero,
-};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero};
 use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
 
 /// The loop's period, s.
@@ -122,6 +120,8 @@ pub struct Bench {
     pub tick: u64,
     /// Counts that the encoders stood at when the bench began.
     pub offset: [i32; MAX_JOINTS],
+    /// The last tick whose command has arrived at the controllers.
+    sent: u64,
     rig: Rig,
 }
 
@@ -133,8 +133,14 @@ impl Bench {
             sphere: Sphere::new(rig.device),
             tick: 1,
             offset: [0; MAX_JOINTS],
+            sent: 0,
             rig,
         }
+    }
+
+    /// A bench whose first tick is `tick`.
+    pub fn from_tick(rig: Rig, tick: u64) -> Self {
+        Self { tick, sent: tick - 1, ..Self::new(rig) }
     }
 
     /// A bench that renders `scene` at full torque.
@@ -155,7 +161,12 @@ impl Bench {
         &self.rig
     }
 
-    /// What the encoders read now, in answer to the command of the tick before.
+    /// The number of the last command, as feedback repeats it.
+    pub fn sent(&self) -> u32 {
+        self.sent as u32
+    }
+
+    /// What the encoders read now, in answer to the last command.
     pub fn feedback(&self) -> JointFeedback {
         let mut counts = [0; MAX_JOINTS];
         for j in 0..self.rig.device.joints() {
@@ -165,7 +176,7 @@ impl Bench {
             counts[j] = self.offset[j].wrapping_add((self.sphere.angle[j] * unit).round() as i64 as i32);
         }
         JointFeedback {
-            sequence: (self.tick as u32).wrapping_sub(1),
+            sequence: self.sent as u32,
             counts,
             rates: self.sphere.rates(self.sphere.omega),
             index_seen: 0,
@@ -188,7 +199,8 @@ impl Bench {
         let mut inputs = self.inputs();
         alter(&mut inputs);
         let outputs = self.controller.tick(&self.scene, &inputs);
-        self.tick = inputs.tick + 1;
+        self.sent = inputs.tick;
+        self.tick = inputs.tick.saturating_add(1);
         assert_finite(&outputs);
         outputs
     }
@@ -203,15 +215,19 @@ impl Bench {
         self.step_with(|inputs| inputs.feedback = None)
     }
 
-    /// Turns the sphere for a tick, and ticks.
+    /// Turns the sphere for a tick, and ticks. As on the line, the reading is of the moment when the last command arrived,
+    /// before the turn that was made while its torque was held.
     pub fn turn(&mut self, omega: Vec3) -> Outputs {
+        let reading = self.feedback();
         self.sphere.turn(omega, DT);
-        self.step()
+        self.step_with(|inputs| inputs.feedback = Some(reading))
     }
 
     /// So many ordinary ticks; the last one's outputs.
     pub fn run(&mut self, ticks: u32) -> Outputs {
-        (1..ticks).for_each(|_| drop(self.step()));
+        for _ in 1..ticks {
+            self.step();
+        }
         self.step()
     }
 }

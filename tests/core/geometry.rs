@@ -69,7 +69,7 @@ fn an_axis_near_straight_down_still_makes_contact_frames() {
                 (f.c1.length() - 1.0).abs(),
                 (f.c2.length() - 1.0).abs(),
             ];
-            assert!(off.iter().all(|x| *x < 16.0 * f64::EPSILON), "{axis:?}, {theta}: {off:e?}");
+            assert!(off.iter().all(|x| *x < 16.0 * f64::EPSILON), "{axis:?}, {theta}: {off:?}");
         }
     }
 }
@@ -97,7 +97,7 @@ fn an_axis_near_straight_down_still_makes_contact_frames_in_32_bits() {
             (f.c1.cross(f.c2) - f.c3).length(),
             (f.c1.length() - 1.0).abs(),
         ];
-        assert!(off.iter().all(|x| *x < 16.0 * f32::EPSILON), "{axis:?}: {off:e?}");
+        assert!(off.iter().all(|x| *x < 16.0 * f32::EPSILON), "{axis:?}: {off:?}");
     }
 }
 

@@ -3,8 +3,8 @@
 #![allow(unreachable_pub, reason = "a test has no outside")]
 
 mod bench;
-mod determinism;
 mod designs;
+mod determinism;
 mod energy;
 mod faults;
 mod geometry;

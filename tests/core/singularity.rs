@@ -3,7 +3,7 @@
 use crate::designs::prototype_wheels;
 use crate::rng::Rng;
 use hbot_core::device::DeviceError;
-use hbot_core::singularity::{interior_margin_over_all, Meeting, closest_approach};
+use hbot_core::singularity::{Meeting, closest_approach, interior_margin_over_all};
 use hbot_core::{Device, Vec3, WheelSpec};
 
 /// A contact circle: the points at `cone` from `axis`.
@@ -23,7 +23,10 @@ impl Circle {
 
     /// How far the line through `u` and the centre is from this circle, rad.
     fn off(&self, u: Vec3) -> f64 {
-        [u, -u].map(|u| (u.dot(self.axis).clamp(-1.0, 1.0).acos() - self.cone).abs()).into_iter().fold(9.0, f64::min)
+        [u, -u]
+            .map(|u| (u.dot(self.axis).clamp(-1.0, 1.0).acos() - self.cone).abs())
+            .into_iter()
+            .fold(9.0, f64::min)
     }
 
     fn wheel(&self) -> WheelSpec {
@@ -93,12 +96,14 @@ fn wheels_that_can_all_reach_one_line_are_refused() {
         let u = direction(&mut rng);
         // Each circle through u or through -u.
         let circles: Vec<Circle> = (0..wheels)
-            .map(|_| loop {
-                let axis = direction(&mut rng);
-                let cone = axis.dot(u).acos();
-                if (0.1..core::f64::consts::PI - 0.1).contains(&cone) {
-                    let cone = if rng.once_in(2) { cone } else { core::f64::consts::PI - cone };
-                    break Circle { axis, cone };
+            .map(|_| {
+                loop {
+                    let axis = direction(&mut rng);
+                    let cone = axis.dot(u).acos();
+                    if (0.1..core::f64::consts::PI - 0.1).contains(&cone) {
+                        let cone = if rng.once_in(2) { cone } else { core::f64::consts::PI - cone };
+                        break Circle { axis, cone };
+                    }
                 }
             })
             .collect();

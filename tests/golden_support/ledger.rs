@@ -76,7 +76,14 @@ impl Ledger {
     }
 
     /// Compares figures one by one, and how many there are.
-    pub fn numbers(&mut self, field: &'static str, index: &[usize], got: &[f64], want: &[f64], tolerance: f64) {
+    pub fn numbers(
+        &mut self,
+        field: &'static str,
+        index: &[usize],
+        got: &[f64],
+        want: &[f64],
+        tolerance: f64,
+    ) {
         if got.len() != want.len() {
             self.fail(field, format!("got {} figures, expected {}", got.len(), want.len()));
             return;
@@ -88,7 +95,14 @@ impl Ledger {
     }
 
     /// Compares unit quaternions that may come with either sign.
-    pub fn rotation(&mut self, field: &'static str, index: &[usize], got: [f64; 4], want: [f64; 4], tolerance: f64) {
+    pub fn rotation(
+        &mut self,
+        field: &'static str,
+        index: &[usize],
+        got: [f64; 4],
+        want: [f64; 4],
+        tolerance: f64,
+    ) {
         let dot: f64 = got.iter().zip(want).map(|(a, b)| a * b).sum();
         let sign = if dot < 0.0 { -1.0 } else { 1.0 };
         self.numbers(field, index, &got.map(|x| sign * x), &want, tolerance);

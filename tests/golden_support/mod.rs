@@ -38,7 +38,8 @@ type Check<Case> = fn(&Case, &mut Ledger);
 /// # Errors
 /// Where there is nothing to read, or a file that is not one of the known ones.
 pub fn check_folder(folder: &Path) -> Result<Vec<Ledger>, String> {
-    let listing = std::fs::read_dir(folder).map_err(|e| format!("no golden vectors in {}: {e}", folder.display()))?;
+    let listing =
+        std::fs::read_dir(folder).map_err(|e| format!("no golden vectors in {}: {e}", folder.display()))?;
     let mut names = Vec::new();
     for entry in listing {
         let entry = entry.map_err(|e| format!("{}: {e}", folder.display()))?;

@@ -54,7 +54,14 @@ pub fn dynamics(case: &vectors::Dynamics, ledger: &mut Ledger) {
 }
 
 /// The state at a sample, by `step` from the start; all samples in turn.
-fn compare(ledger: &mut Ledger, index: usize, sample: &vectors::Sample, state: &State, wheels: usize, within: f64) {
+fn compare(
+    ledger: &mut Ledger,
+    index: usize,
+    sample: &vectors::Sample,
+    state: &State,
+    wheels: usize,
+    within: f64,
+) {
     ledger.rotation("samples.q", &[index], wxyz(state.q), sample.q, within);
     let joints = &state.joints()[..2 * wheels];
     for (j, (got, want)) in joints.iter().zip(&sample.joints).enumerate() {

@@ -27,7 +27,10 @@ fn hello_acquire_set_subscribe_and_the_torque_changes() {
         client.state(|s| s["t"].as_f64().is_some_and(|t| t > from + 5.0))
     };
     let soft = norm(&settled(&mut client)["torque"]);
-    assert_eq!(client.ask(r#"{"id": 4, "op": "set", "effect": "spring", "stiffness": 2}"#)["ok"], serde_json::json!({}));
+    assert_eq!(
+        client.ask(r#"{"id": 4, "op": "set", "effect": "spring", "stiffness": 2}"#)["ok"],
+        serde_json::json!({})
+    );
     let stiff = norm(&settled(&mut client)["torque"]);
     // The hand (50 N m/rad) gives way a little more to the stiffer spring: 2 * 51/52 times the torque.
     let expected = 2.0 * 51.0 / 52.0;

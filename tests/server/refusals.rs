@@ -30,7 +30,9 @@ fn a_port_that_is_not_there() {
 fn an_address_in_use() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = taken.local_addr().expect("an address").to_string();
-    run(&["server", "--listen", &address]).failure().stderr(contains(&address).and(contains("another hbot server")));
+    run(&["server", "--listen", &address])
+        .failure()
+        .stderr(contains(&address).and(contains("another hbot server")));
 }
 
 #[test]
@@ -83,7 +85,9 @@ fn an_option_out_of_range_is_named() {
 fn a_client_command_without_a_server_says_how_to_start_one() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
     for command in ["watch", "estop", "enable"] {
-        run(&[command, "--server", &free.to_string()]).failure().stderr(contains("hbot server").or(contains("cargo run server")));
+        run(&[command, "--server", &free.to_string()])
+            .failure()
+            .stderr(contains("hbot server").or(contains("cargo run server")));
     }
 }
 

@@ -52,7 +52,8 @@ fn a_recorded_run_replays_bit_for_bit() {
         token: None,
         flight_dir: None,
         recorder: Some(Box::new(move |scene: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {
-            into.send(Tick { scene: scene.clone(), inputs: *inputs, outputs: *outputs }).expect("somebody listens");
+            into.send(Tick { scene: scene.clone(), inputs: *inputs, outputs: *outputs })
+                .expect("somebody listens");
         })),
     };
     let rig = options.rig.rig;

@@ -228,16 +228,20 @@ impl Controller {
                     return Reply::Refused(Refusal::NotFinite);
                 }
                 self.stamped(tick, stamp, |this| {
-                    this.stream.set(torque, tick + u64::from(valid_ticks.max(1)) - 1);
+                    this.stream.set(torque, tick.saturating_add(u64::from(valid_ticks.max(1)) - 1));
                     true
                 })
             }
             Command::Reference { slot, epoch, q, omega, valid_ticks, stamp } => {
-                if !(is_unit(q) && omega.is_finite()) {
+                let Some(goal) = rotation::from_wxyz(rotation::to_wxyz(q)).filter(|_| is_unit(q)) else {
+                    return Reply::Refused(Refusal::NotFinite);
+                };
+                if !omega.is_finite() {
                     return Reply::Refused(Refusal::NotFinite);
                 }
+                let until = tick.saturating_add(u64::from(valid_ticks));
                 self.stamped(tick, stamp, |this| {
-                    this.renderer.refer(scene, (slot, epoch), q, omega, tick + u64::from(valid_ticks))
+                    this.renderer.refer(scene, (slot, epoch), goal, omega, until)
                 })
             }
             Command::Align { q, weight, tick: seen } => self.align(q, weight, seen),
@@ -336,7 +340,8 @@ impl Controller {
             let mut allocation = allocation::allocate(self.joints.posture.rows(), &self.limits, wanted);
             if let Some(grip) = self.rig.limits.traction {
                 // What is sent loads no contact beyond its grip.
-                traction = allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force).min(1.0);
+                traction =
+                    allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force).min(1.0);
             }
             torque = self.joints.posture.torque_on_sphere(&allocation.torque[..n]);
             scale = allocation.scale;

@@ -296,13 +296,22 @@ fn positive(x: Real) -> bool {
     x > 0.0 && x.is_finite()
 }
 
+/// 1 + l3 up to which an axis counts as straight down: there it rounds to nothing in 64 bits. The same in 32 bits, so
+/// that both widths mean the same by a steering angle of zero.
+const STRAIGHT_DOWN: Real = 1.0e-15;
+
 /// The first two columns of A0, the least rotation taking n3 to `l`; the third is `l` itself.
 fn least_rotation(l: Vec3) -> [Vec3; 2] {
     // 1 + l3 without cancellation where l points down.
     let flat = l.x * l.x + l.y * l.y;
     let sum = if l.z < 0.0 { flat / (1.0 - l.z) } else { 1.0 + l.z };
-    if sum <= 4.0 * Real::EPSILON {
-        return [Vec3::X, -Vec3::Y];
+    if sum <= STRAIGHT_DOWN {
+        // A half turn about n1, then the least rotation that takes -n3 the rest of the way to l.
+        let f = 1.0 / (1.0 - l.z);
+        return [
+            Vec3::new(1.0 - f * l.x * l.x, -f * l.x * l.y, l.x),
+            Vec3::new(f * l.x * l.y, f * l.y * l.y - 1.0, -l.y),
+        ];
     }
     let f = 1.0 / sum;
     [

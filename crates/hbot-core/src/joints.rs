@@ -81,11 +81,20 @@ impl Joints {
         let n = rig.device.joints();
         let mut delta = [0.0; MAX_JOINTS];
         let mut start = [0.0; MAX_WHEELS];
+        let mut plausible = true;
         for i in 0..n {
             delta[i] = self.encoders[i].peek(feedback.counts[i]);
-            if !(fabs(delta[i]) < PI) {
-                return Err(Cause::ImplausibleFeedback);
+            plausible &= fabs(delta[i]) < PI;
+        }
+        if !plausible {
+            // Which way the sphere went is lost, but not where the joints are: the next reading is held against this one.
+            for i in 0..n {
+                self.encoders[i].advance(feedback.counts[i]);
             }
+            self.sequence = Some(feedback.sequence);
+            self.rates(rig, feedback, None)?;
+            self.locate(rig);
+            return Err(Cause::ImplausibleFeedback);
         }
         for i in 0..n / 2 {
             start[i] = self.angle[2 * i];

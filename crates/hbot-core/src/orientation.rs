@@ -30,7 +30,8 @@ impl Orientation {
             integral: Quat::IDENTITY,
             correction: Quat::IDENTITY,
             pending: Vec3::ZERO,
-            history: [(u64::MAX, Quat::IDENTITY); HISTORY],
+            // A tick that can't stand in its place is no tick at all.
+            history: core::array::from_fn(|i| (i as u64 + 1, Quat::IDENTITY)),
         }
     }
 

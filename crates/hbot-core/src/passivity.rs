@@ -13,14 +13,24 @@ const DEPTH: usize = 64;
 pub(crate) struct Observer {
     energy: Real,
     torques: [Vec3; DEPTH],
+    /// The last command.
+    newest: u32,
 }
 
 impl Observer {
-    pub(crate) const START: Self = Self { energy: 0.0, torques: [Vec3::ZERO; DEPTH] };
+    pub(crate) const START: Self = Self { energy: 0.0, torques: [Vec3::ZERO; DEPTH], newest: 0 };
 
-    /// The torque that command `sequence` asks for.
+    /// The torque that command `sequence` asks for. In ticks that were skipped since the last one, its torque was held on.
     #[inline]
     pub(crate) fn sent(&mut self, sequence: u32, torque: Vec3) {
+        let ahead = sequence.wrapping_sub(self.newest) as i32;
+        if ahead > 1 {
+            let held = self.torques[self.newest as usize % DEPTH];
+            for k in 1..(ahead as u32).min(DEPTH as u32) {
+                self.torques[self.newest.wrapping_add(k) as usize % DEPTH] = held;
+            }
+        }
+        self.newest = sequence;
         self.torques[sequence as usize % DEPTH] = torque;
     }
 

@@ -73,7 +73,15 @@ impl Stream {
 #[inline]
 pub(crate) fn limited(v: Vec3, limit: Real) -> Vec3 {
     let length2 = v.length_squared();
-    if length2 > limit * limit { v * (limit / sqrt(length2)) } else { v }
+    if !(length2 > limit * limit) {
+        v
+    } else if length2 < Real::INFINITY {
+        v * (limit / sqrt(length2))
+    } else {
+        // Too long to square. What is not finite stays so.
+        let unit = v / v.abs().max_element();
+        unit * (limit / sqrt(unit.length_squared()))
+    }
 }
 
 /// `to`, or as far from `from` towards it as `step` reaches.

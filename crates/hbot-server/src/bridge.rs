@@ -70,7 +70,11 @@ struct Waker {
 /// The system gives no event descriptor, or there is no tokio runtime.
 pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
-    let waker = Arc::new(Waker { asleep: AtomicBool::new(false), ended: AtomicBool::new(false), event: event.try_clone()? });
+    let waker = Arc::new(Waker {
+        asleep: AtomicBool::new(false),
+        ended: AtomicBool::new(false),
+        event: event.try_clone()?,
+    });
     let (orders_in, orders_out) = RingBuffer::new(ORDERS);
     let (scenes_in, scenes_out) = RingBuffer::new(SCENES);
     // Room for every scene on its way and the running one: the loop can always give one back.
@@ -83,13 +87,19 @@ pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
         samples: samples_in,
         waker: Arc::clone(&waker),
     };
+    // Its successor is an unsafe function, because other types than OwnedFd may change or close their descriptor.
+    #[expect(
+        deprecated,
+        reason = "an OwnedFd always gives the same open descriptor, which is all that new() asks"
+    )]
+    let event = AsyncFd::new(event)?;
     let outer = ServiceEnd {
         orders: orders_in,
         scenes: scenes_in,
         retired: retired_out,
         samples: samples_out,
         waker,
-        event: AsyncFd::new(event)?,
+        event,
         next_ticket: 1,
     };
     Ok((inner, outer))

@@ -16,7 +16,10 @@ pub fn now_ns() -> u64 {
 
 /// Sleeps until `deadline_ns` on CLOCK_MONOTONIC; returns at once where it has passed.
 pub fn sleep_until_ns(deadline_ns: u64) {
-    let request = Timespec { tv_sec: (deadline_ns / NS).cast_signed(), tv_nsec: (deadline_ns % NS).cast_signed() };
+    let request =
+        Timespec { tv_sec: (deadline_ns / NS).cast_signed(), tv_nsec: (deadline_ns % NS).cast_signed() };
     // A signal wakes it early; the deadline is absolute, so asking again does no harm.
-    while clock_nanosleep_absolute(ClockId::Monotonic, &request).is_err_and(|e| e == rustix::io::Errno::INTR) {}
+    while clock_nanosleep_absolute(ClockId::Monotonic, &request).is_err_and(|e| e == rustix::io::Errno::INTR)
+    {
+    }
 }

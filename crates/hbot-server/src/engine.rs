@@ -4,7 +4,8 @@ use hbot_core::inputs::{Commands, Complaints, Inputs, JointFeedback, MAX_COMMAND
 use hbot_core::outputs::Drive;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME, ToController, encode,
+    Command, ControllerFlags, Decoder, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME, ToController,
+    encode,
 };
 
 use crate::bridge::LoopEnd;
@@ -206,8 +207,12 @@ impl<W: Wire> Engine<W> {
     }
 
     fn send(&mut self, sequence: u32, drive: &Drive) {
-        let mut command =
-            Command { sequence, enable: drive.enable, watchdog_ms: self.line.watchdog_ms, ..Command::default() };
+        let mut command = Command {
+            sequence,
+            enable: drive.enable,
+            watchdog_ms: self.line.watchdog_ms,
+            ..Command::default()
+        };
         let mut torque = [0.0_f32; MAX_JOINTS];
         for (joint, place) in self.line.places.iter().enumerate() {
             torque[*place] = drive.torque[joint] as f32;

@@ -27,7 +27,8 @@ struct Bench<W> {
 
 fn simulated() -> (RigConfig, SimulatedRig) {
     let rig = RigConfig::prototype();
-    let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("the prototype can be simulated");
+    let simulated =
+        SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("the prototype can be simulated");
     (rig, simulated)
 }
 

@@ -44,7 +44,8 @@ impl FlightRecorder {
     /// A recorder for a loop of this period that has its files in `dir`. Takes all its memory now.
     #[must_use]
     pub fn new(dir: PathBuf, period_ns: u64) -> Self {
-        let ticks = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).div_ceil(period_ns.max(1));
+        let ticks =
+            |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).div_ceil(period_ns.max(1));
         let (before_ticks, after_ticks) = (ticks(BEFORE), ticks(AFTER));
         let capacity = usize::try_from(before_ticks + after_ticks + 1).unwrap_or(usize::MAX);
         Self {
@@ -218,8 +219,7 @@ fn civil(days: u64) -> (u64, u64, u64) {
     // Days from 0000-03-01, so that a leap day is the last of its year.
     let shifted = days + 719_468;
     let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month_from_march = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;

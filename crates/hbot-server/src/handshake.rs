@@ -34,7 +34,9 @@ pub enum HandshakeError {
         error: io::Error,
     },
     /// Another protocol.
-    #[error("controllers speak version {theirs} of the link protocol, this server {PROTOCOL_VERSION}: update the older one")]
+    #[error(
+        "controllers speak version {theirs} of the link protocol, this server {PROTOCOL_VERSION}: update the older one"
+    )]
     Protocol {
         /// The controllers' version.
         theirs: u16,
@@ -68,7 +70,12 @@ pub enum HandshakeError {
 ///
 /// # Errors
 /// They do not answer, or are not those of the rig.
-pub fn handshake(wire: &mut dyn Wire, port: &str, rig: &Rig, line: &Line) -> Result<Description, HandshakeError> {
+pub fn handshake(
+    wire: &mut dyn Wire,
+    port: &str,
+    rig: &Rig,
+    line: &Line,
+) -> Result<Description, HandshakeError> {
     let failed = |error| HandshakeError::Line { port: port.to_owned(), error };
     let mut decoder = Decoder::<FromController>::new();
     let mut buffer = [0; 512];

@@ -37,17 +37,15 @@ pub enum Ended {
 }
 
 /// Ticks at absolute deadlines every `period_ns` until stopped, or for `ticks` periods. Zero torque is sent at the end, whatever ends it.
-/// `refused` hears why the thread has no real-time priority, if it has none.
+/// `settled` hears whether the thread has its real-time priority, or why not, before the first tick.
 pub(crate) fn wall<W: Wire>(
     mut engine: Engine<W>,
     period_ns: u64,
     ticks: Option<u64>,
     stop: &StopFlag,
-    refused: impl FnOnce(String),
+    settled: impl FnOnce(Result<(), String>),
 ) -> Ended {
-    if let Err(reason) = real_time(LOOP_PRIORITY) {
-        refused(reason);
-    }
+    settled(real_time(LOOP_PRIORITY));
     touch_stack();
     let mut pace = Pace::new(now_ns() + period_ns, period_ns);
     let mut tick = 0;
@@ -68,7 +66,12 @@ pub(crate) fn wall<W: Wire>(
 
 /// Ticks as fast as the machine goes, in lock-step with a simulated rig at the other end of the line. It waits only for
 /// somebody to fetch its samples, so none is lost.
-pub(crate) fn lockstep<W: Wire>(mut engine: Engine<W>, period_ns: u64, ticks: Option<u64>, stop: &StopFlag) -> Ended {
+pub(crate) fn lockstep<W: Wire>(
+    mut engine: Engine<W>,
+    period_ns: u64,
+    ticks: Option<u64>,
+    stop: &StopFlag,
+) -> Ended {
     let mut tick = 0;
     guarded(&mut engine, |engine| {
         while !stop.is_set() && ticks.is_none_or(|n| tick < n) {

@@ -18,14 +18,14 @@ use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
 
+use crate::bridge::{ServiceEnd, bridge};
 use crate::clock::now_ns;
-use crate::bridge::{LoopEnd, ServiceEnd, bridge};
 use crate::engine::{Engine, Line, Recorder};
 use crate::handshake::{HandshakeError, handshake};
 use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
 use crate::run_loop::{Ended, StopFlag, lockstep, wall};
-use crate::service::{self, Control, Setup, Status, Summary};
-use crate::wire::{Memory, OpenError, Serial, SimulatorCall, Wire};
+use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
+use crate::wire::{Memory, OpenError, Serial, SimulatorCall};
 
 /// What a server is to be.
 pub struct Options {
@@ -122,15 +122,14 @@ impl Server {
         let places = if simulated { (0..rig.controllers.len()).collect() } else { rig.controllers.clone() };
         let line = Line { places, watchdog_ms: rig.link.watchdog_ms };
 
-        let assemble = |wire, end: LoopEnd| Assembly { wire, end, line: line.clone() };
         let controller = Controller::new(rig.rig);
-        let (thread, pty, phenomena): (_, _, Option<Phenomena>) = match (time, &rig.link.port) {
+        let (thread, pty, phenomena): (_, _, Option<SetPhenomena>) = match (time, &rig.link.port) {
             (Time::Virtual, Port::Device(device)) => return Err(StartError::VirtualHardware(device.clone())),
             (Time::Virtual, Port::Sim) => {
                 let (calls, inbox) = mpsc::channel::<SimulatorCall>();
                 let mut wire = Memory::new(simulator(&rig, simulate)?, inbox);
                 handshake(&mut wire, "sim", &rig.rig, &line)?;
-                let engine = assemble(wire, loop_end).engine(controller, compiled, recorder);
+                let engine = Engine::new(wire, line, controller, compiled, loop_end, recorder);
                 let stop = stop.clone();
                 let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
                 let phenomena = move |simulate: &Simulate| {
@@ -154,26 +153,32 @@ impl Server {
                             // A rig whose thread has ended shows in the loop as a lost link.
                             let _ = post.post(move |rig| rig.set_hand(hand));
                         };
-                        (Serial::open(&path, rig.link.baud)?, Some(pty), Some(Box::new(phenomena) as Phenomena))
+                        (
+                            Serial::open(&path, rig.link.baud)?,
+                            Some(pty),
+                            Some(Box::new(phenomena) as SetPhenomena),
+                        )
                     }
                     Port::Device(device) => (Serial::open(device, rig.link.baud)?, None, None),
                 };
                 handshake(&mut wire, &port.to_string(), &rig.rig, &line)?;
-                let engine = assemble(wire, loop_end).engine(controller, compiled, recorder);
+                let engine = Engine::new(wire, line, controller, compiled, loop_end, recorder);
                 let stop = stop.clone();
-                let (refused, heard) = mpsc::sync_channel::<String>(1);
+                let (settled, heard) = mpsc::sync_channel(1);
                 let thread = spawn(move || {
                     wall(engine, period_ns, ticks, &stop, move |outcome| {
-                        let _ = refused.send(outcome);
+                        let _ = settled.send(outcome);
                     })
                 })?;
-                if let Ok(reason) = heard.recv() {
+                if let Ok(Err(reason)) = heard.recv() {
                     notices.push(format!("no real-time priority ({reason}): other work may delay ticks; run as root, or raise the limit rtprio"));
                 }
                 (thread, pty, phenomena)
             }
         };
-        let setup = Setup { enable_at_start: simulated, rig, scene: running, phenomena, token, flight_dir };
+        let accuracy = rig.accuracy.to_owned();
+        let setup =
+            Setup { enable_at_start: simulated, rig, scene: running, phenomena, token, flight_dir, accuracy };
         let started_ns = now_ns();
         Ok(Self { setup, end, stop, thread, pty, notices, period_ns, time, started_ns })
     }
@@ -212,26 +217,6 @@ impl Server {
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
         Ok(Finished { summary, panicked: ended == Ended::Panicked, speed })
-    }
-}
-
-type Phenomena = Box<dyn FnMut(&Simulate) + Send>;
-
-/// What an engine is made of besides the controller.
-struct Assembly<W> {
-    wire: W,
-    end: LoopEnd,
-    line: Line,
-}
-
-impl<W: Wire> Assembly<W> {
-    fn engine(
-        self,
-        controller: Controller,
-        scene: Box<hbot_core::CompiledScene>,
-        recorder: Option<Recorder>,
-    ) -> Engine<W> {
-        Engine::new(self.wire, self.line, controller, scene, self.end, recorder)
     }
 }
 

@@ -164,5 +164,10 @@ mod tests {
             assert!((torque - Vec3::X * (-3.0 * 0.1f64.sin())).length() < 1e-15, "{torque}");
         }
         assert_eq!(grip.torque(&now, Quat::IDENTITY, Vec3::Y), Vec3::Y * -0.05);
+        // A sphere that goes along with a moving target feels nothing.
+        let moving = Grip::new(Hand::default(), 0.0, Quat::IDENTITY);
+        let target = moving.target(3.0);
+        assert!(target.omega.length() > 0.1);
+        assert!(moving.torque(&target, target.q, target.omega).length() < 1e-15);
     }
 }

@@ -19,7 +19,8 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     };
     let joints = device.joints();
     if [&case.limits, &case.weights, &case.joint_torques].iter().any(|list| list.len() != joints) {
-        return ledger.fail("limits", format!("not one limit, weight and torque for each of {joints} joints"));
+        return ledger
+            .fail("limits", format!("not one limit, weight and torque for each of {joints} joints"));
     }
     let posture = posture(&device, &case.theta);
     let (rows, torque) = (posture.rows(), vector(case.torque));
@@ -47,8 +48,7 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     let rounding = 16.0 * EPS * worst(&case.device, &case.theta, row_condition);
     let searched = if case.device.wheels.len() > 2 { SEARCHED } else { GOLDEN };
 
-    // Least-cost torques are found from the moments sum g gᵀ / w, which have the condition of the rows squared: rounding of
-    // that size, once, in the torques and in what they make.
+    // Least-cost torques are found from the moments sum g gᵀ / w, whose condition is the square of the rows'.
     let moments = 16.0 * EPS * moment;
 
     let within = |k: usize, good: f64, size: f64| good * size + rounding * (sensitivity[k] + size);

@@ -32,7 +32,13 @@ pub fn kinematics(case: &vectors::Kinematics, ledger: &mut Ledger) {
 
     // A singular value moves by no more than the matrix, whose 2n rows are unit vectors.
     let z = (2.0 * wheels as f64).sqrt();
-    ledger.number("sigma_min_z", &[], wide(interior_margin(&posture)), case.sigma_min_z, tolerance(z, frames));
+    ledger.number(
+        "sigma_min_z",
+        &[],
+        wide(interior_margin(&posture)),
+        case.sigma_min_z,
+        tolerance(z, frames),
+    );
 
     if posture.rows().len() != case.g.len() {
         ledger.fail("g", format!("got {} rows, expected {}", posture.rows().len(), case.g.len()));

@@ -52,7 +52,8 @@ fn rounding(case: &vectors::Odometry, device: &Device, steps: usize) -> f64 {
     for segment in &case.segments {
         let steer = |k: usize| segment.joint_rates[2 * k];
         for part in [0.0, 0.5, 1.0] {
-            let at: Vec<f64> = (0..theta.len()).map(|k| theta[k] + part * segment.duration * steer(k)).collect();
+            let at: Vec<f64> =
+                (0..theta.len()).map(|k| theta[k] + part * segment.duration * steer(k)).collect();
             let posture = posture(device, &at);
             condition = condition.max(1.0 / wide(interior_margin(&posture)).powi(2));
             let omega = posture.forward(device, &reals(&segment.joint_rates)).omega;

@@ -10,7 +10,7 @@ use super::sym::Sym3;
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
 
-/// More than ten times what was ever seen in random problems, degenerate ones among them.
+/// Random problems take 2 to 9, degenerate ones up to 20. Where that is not enough, the best so far gets its last steps.
 const MAX_STEPS: usize = 32;
 
 /// What may be left over at the end, beside the terms that it is the difference of: half the digits. Only rows that are
@@ -36,7 +36,12 @@ pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
 }
 
 /// The torques of `size` times y, if none is over its limit and they do make `size` times `direction`.
-pub(super) fn unsaturated(problem: &Problem, y: Vec3, direction: Vec3, size: Real) -> Option<[Real; MAX_JOINTS]> {
+pub(super) fn unsaturated(
+    problem: &Problem,
+    y: Vec3,
+    direction: Vec3,
+    size: Real,
+) -> Option<[Real; MAX_JOINTS]> {
     let mut x = [0.0; MAX_JOINTS];
     let mut left = direction;
     let mut terms = direction.abs();

@@ -117,7 +117,13 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
         }
         if least.sound && largest > 0.0 {
             let reached = Real::min(size, 1.0 / largest);
-            let torque = least.tau.map(|tau| tau * reached);
+            let mut torque = [0.0; MAX_JOINTS];
+            for k in 0..rows.len() {
+                // Not above the limit by rounding either. A joint that gives nothing has 0 here, whatever its peak.
+                let tau = least.tau[k] * reached;
+                torque[k] =
+                    if tau == 0.0 { 0.0 } else { Real::max(-limits.peak[k], Real::min(limits.peak[k], tau)) };
+            }
             return Allocation { torque, scale: reached / size, deficient: false };
         }
     }
@@ -158,7 +164,7 @@ impl LeastCost {
     fn of(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
         // Ratio of det to spread below which one step of refinement is worth its time, and below which rounding spoils all.
         const ROUGH: Real = if Real::EPSILON < 1.0e-10 { 1.0e-4 } else { 1.0 };
-        const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-8 } else { 1.0e-4 };
+        const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-6 } else { 1.0e-4 };
         let mut give = [0.0; MAX_JOINTS];
         let (mut moment, mut peaks) = (Sym3::ZERO, Sym3::ZERO);
         for (k, g) in rows.iter().enumerate() {
@@ -174,16 +180,17 @@ impl LeastCost {
         let mut tau = [0.0; MAX_JOINTS];
         let y = inverse.solve(u);
         for (k, g) in rows.iter().enumerate() {
-            tau[k] = give[k] * g.dot(y);
+            // The row of a joint that gives nothing may be anything.
+            tau[k] = if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
         }
         if !inverse.rank_above(ROUGH) {
             let mut left = u;
             for (k, g) in rows.iter().enumerate() {
-                left -= *g * tau[k];
+                left -= if give[k] > 0.0 { *g * tau[k] } else { Vec3::ZERO };
             }
             let y = inverse.solve(left);
             for (k, g) in rows.iter().enumerate() {
-                tau[k] += give[k] * g.dot(y);
+                tau[k] += if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
             }
         }
         Self { tau, sound }
@@ -217,8 +224,9 @@ fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, want
     if within {
         return Allocation { torque, scale: 1.0, deficient: false };
     }
-    let Ok(four) = <&[Vec3; 4]>::try_from(rows) else {
-        return allocate_any(rows, limits, u, size);
+    let four = match <&[Vec3; 4]>::try_from(rows) {
+        Ok(four) if four.iter().all(|g| g.is_finite()) => four,
+        _ => return allocate_any(rows, limits, u, size),
     };
     let peak = [0, 1, 2, 3].map(|k| if limits.driven(k) { limits.peak[k] } else { 0.0 });
     let tau = [least.tau[0], least.tau[1], least.tau[2], least.tau[3]];
@@ -249,3 +257,8 @@ fn allocate_any(rows: &[Vec3], limits: &JointLimits, u: Vec3, size: Real) -> All
     let deficient = reach::loses(reach.parts(u), shares);
     Allocation { torque: reach.scatter(&x, limits), scale: Real::min(1.0, scale), deficient }
 }
+
+#[cfg(test)]
+mod reference;
+#[cfg(test)]
+mod tests;

@@ -101,7 +101,8 @@ impl Reach {
     /// axes alone; each as a part of its peak, in the order of the driven joints, and what part of `size` was reached.
     pub(super) fn solve(&self, rank: usize, u: Vec3, size: Real) -> ([Real; MAX_JOINTS], Real) {
         let (problem, direction) = self.within(rank, u);
-        let wanted = size / self.unit;
+        // Finite, so that zero times it is zero.
+        let wanted = Real::min(size / self.unit, Real::MAX);
         let y = dual::unlimited(&problem, direction);
         if let Some(x) = dual::unsaturated(&problem, y, direction, wanted) {
             return (x, 1.0);
@@ -109,10 +110,10 @@ impl Reach {
         let facet = facets::nearest(&problem, direction);
         let (reached, scale) =
             if facet.reach < wanted { (facet.reach, facet.reach * self.unit / size) } else { (wanted, 1.0) };
-        if scale < 1.0 {
-            if let Some(x) = facets::on_facet(&problem, &facet, direction * reached) {
-                return (x, scale);
-            }
+        if scale < 1.0
+            && let Some(x) = facets::on_facet(&problem, &facet, direction * reached)
+        {
+            return (x, scale);
         }
         if let Some(x) = dual::clipped(&problem, direction * reached, y * reached) {
             return (x, scale);

@@ -109,7 +109,8 @@ impl Adjugate {
     /// Whether the least eigenvalue is surely above `ratio` times the largest, and not by rounding.
     ///
     /// det / (pairs sum) is at most that ratio and at least a ninth of it. Where it is above `ratio`, pairs / sum² is above
-    /// ratio / 9; and the rounding of det, some units of sum³, is below what is asked of det only if it is above the second bound.
+    /// ratio / 9; and the rounding of det, some units of sum³, is below what is asked of det only where it is above the
+    /// second bound.
     #[inline]
     pub(super) fn rank_above(&self, ratio: Real) -> bool {
         let flat = Real::max(ratio / 9.0, 8.0 * Real::EPSILON / ratio);
@@ -174,5 +175,18 @@ mod tests {
         }
         let ratio = values[2] / values[0];
         assert!(m.adjugate().rank_above(ratio / 9.1) && !m.adjugate().rank_above(ratio));
+    }
+
+    #[test]
+    fn rounding_is_not_rank() {
+        for k in 1..200 {
+            let x = k as Real;
+            let (a, b) = (Vec3::new(1.0 / x, 0.3 * x, 0.7), Vec3::new(0.2, 1.0 - 0.01 * x, 1.0 / (1.0 + x)));
+            let mut m = Sym3::ZERO;
+            m.add(a, 0.46);
+            assert!(!m.adjugate().rank_above(1.0e-4), "one row: {a}");
+            m.add(b, 1.7);
+            assert!(!m.adjugate().rank_above(1.0e-4), "two rows: {a}, {b}");
+        }
     }
 }

@@ -26,11 +26,7 @@ const LINGER_BYTES: usize = 4 << 20;
 /// What a connection tells the hub.
 pub(super) enum FromClient {
     /// The first message, hello or not. What comes back decides whether there will be others, and in which encoding.
-    First {
-        session: u64,
-        message: Result<Request, Refusal>,
-        verdict: oneshot::Sender<Option<Encoding>>,
-    },
+    First { session: u64, message: Result<Request, Refusal>, verdict: oneshot::Sender<Option<Encoding>> },
     /// A later message.
     Message { session: u64, message: Result<Request, Refusal> },
     /// The connection has ended, or the client will say no more.

@@ -87,7 +87,8 @@ fn inputs(rig: &Rig) -> Vec<Inputs> {
                 angles[j] += rates[j] * rig.timing.period_s();
                 let joint = &rig.joints[j];
                 let sign = if joint.reversed { -1.0 } else { 1.0 };
-                let counts = angles[j] * joint.gear * Real::from(joint.counts_per_turn) / std::f64::consts::TAU;
+                let counts =
+                    angles[j] * joint.gear * Real::from(joint.counts_per_turn) / std::f64::consts::TAU;
                 feedback.counts[j] = (sign * counts) as i32;
                 feedback.rates[j] = sign * rates[j];
             }

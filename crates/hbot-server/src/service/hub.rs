@@ -7,22 +7,21 @@ use std::net::SocketAddr;
 use std::pin::pin;
 use std::time::Duration;
 
-use hbot_api::{ErrorBody, ErrorCode, Event, LeaseCause, LeaseEvent, Response, StoppingEvent};
-use hbot_core::inputs::{Command, OnClientLost};
+use hbot_api::{Event, StoppingEvent};
+use hbot_core::inputs::Command;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{mpsc, watch};
 use tokio::task::{JoinError, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
 
-use super::connection::{self, FromClient};
+use super::connection::FromClient;
 use super::info::Info;
 use super::orders::{Asker, Orders};
-use super::outbox::outbox;
-use super::peer::{Peer, frame};
+use super::peer::Peer;
 use super::samples::{Publisher, Watch};
 use super::scenes::{Loading, Measured};
 use super::stats::{Stats, Summary};
-use super::{Bounds, Control, Setup, Status, convert};
+use super::{Bounds, Control, Setup, Status};
 use crate::bridge::ServiceEnd;
 use crate::flight::{Flight, FlightRecorder};
 use crate::sample::Sample;
@@ -60,18 +59,22 @@ pub(super) struct Hub {
     pub(super) latest: Option<Sample>,
     pub(super) scratch: Vec<u8>,
     /// Clients to be cut at the end of the turn.
-    doomed: Vec<u64>,
-    connections: JoinSet<()>,
+    pub(super) doomed: Vec<u64>,
+    pub(super) connections: JoinSet<()>,
     /// Which client a connection's task belongs to.
-    tasks: HashMap<tokio::task::Id, u64>,
-    turned_away: JoinSet<()>,
-    next_session: u64,
+    pub(super) tasks: HashMap<tokio::task::Id, u64>,
+    pub(super) turned_away: JoinSet<()>,
+    pub(super) next_session: u64,
     status: watch::Sender<Status>,
-    to_hub: mpsc::Sender<FromClient>,
+    pub(super) to_hub: mpsc::Sender<FromClient>,
     from_clients: Option<mpsc::Receiver<FromClient>>,
 }
 
 /// What woke the hub.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one at a time, on the stack; a box would take memory for each sample"
+)]
 enum Wake {
     Shutdown,
     Control(Option<Control>),
@@ -93,7 +96,7 @@ impl Hub {
         Self {
             bounds,
             end,
-            info: Info::new(&setup.rig, simulated),
+            info: Info::new(&setup.rig, &setup.accuracy, simulated),
             stats: Stats::new(),
             peers: BTreeMap::new(),
             holder: None,
@@ -152,7 +155,13 @@ impl Hub {
             match wake {
                 Wake::Shutdown => break "the server stops",
                 Wake::Sample(None) => break "the loop has ended",
-                Wake::Control(Some(Control::Estop)) => self.order_internally("estop by signal", Command::Estop),
+                Wake::Control(Some(Control::Estop)) => {
+                    self.order_internally("estop by signal", Command::Estop)
+                }
+                Wake::Control(Some(Control::Summarize(wanted))) => {
+                    // Who no longer waits for it needs none.
+                    let _ = wanted.send(Box::new(self.stats.summary()));
+                }
                 Wake::Control(None) => controlled = false,
                 Wake::Message(Some(message)) => {
                     self.message(message);
@@ -199,152 +208,8 @@ impl Hub {
         more
     }
 
-    fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
-        if self.peers.len() >= self.bounds.connections {
-            self.stats.events.turned_away += 1;
-            tracing::warn!(%address, "turned away: {} connections already", self.peers.len());
-            // Those who come even faster get no answer at all.
-            if self.turned_away.len() < self.bounds.connections {
-                let message = format!("{} connections already; try again later", self.peers.len());
-                let error = ErrorBody::new(ErrorCode::Busy, message);
-                self.turned_away.spawn(connection::turn_away(stream, error));
-            }
-            return;
-        }
-        // Without it a small answer may wait for the acknowledgement of the one before; a connection works all the same.
-        let _ = stream.set_nodelay(true);
-        let session = self.next_session;
-        self.next_session += 1;
-        self.stats.events.connections += 1;
-        tracing::debug!(session, %address, "connected");
-        let (outbox, inbox) = outbox(self.bounds.outgoing);
-        let task = self.connections.spawn(connection::serve(
-            stream,
-            session,
-            self.to_hub.clone(),
-            inbox,
-            self.bounds,
-        ));
-        self.tasks.insert(task.id(), session);
-        self.peers.insert(session, Peer::new(outbox, task));
-    }
-
-    /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.
-    fn ended(&mut self, ended: Option<Result<(tokio::task::Id, ()), JoinError>>) {
-        let id = match &ended {
-            Some(Ok((id, ()))) => *id,
-            Some(Err(error)) => error.id(),
-            None => return,
-        };
-        let Some(session) = self.tasks.remove(&id) else { return };
-        if let Some(Err(error)) = ended
-            && error.is_panic()
-        {
-            tracing::error!(session, "the task of a connection has panicked");
-            self.gone(session);
-        }
-    }
-
-    /// The client says no more. It stays as long as answers are owed to it.
-    pub(super) fn gone(&mut self, session: u64) {
-        let Some(peer) = self.peers.get_mut(&session) else { return };
-        let again = std::mem::replace(&mut peer.gone, true);
-        let name = peer.name.clone();
-        peer.every = 0;
-        if peer.owed == 0 {
-            self.peers.remove(&session);
-        }
-        if again {
-            return;
-        }
-        self.count_subscribers();
-        if let Some(name) = &name {
-            tracing::info!(session, name, "disconnected");
-        }
-        if self.holder == Some(session) {
-            let policy = convert::client_lost(self.setup.rig.api.on_client_lost);
-            self.order_internally("client lost", Command::ClientLost(policy));
-            self.lease(None, LeaseCause::Disconnected);
-        }
-        self.tell_status();
-    }
-
-    /// An answer that was owed has been given.
-    pub(super) fn paid(&mut self, session: u64) {
-        if let Some(peer) = self.peers.get_mut(&session) {
-            peer.owed = peer.owed.saturating_sub(1);
-            if peer.gone && peer.owed == 0 {
-                self.peers.remove(&session);
-            }
-        }
-    }
-
-    /// Gives the lease to a session, or to nobody, and tells all.
-    pub(super) fn lease(&mut self, holder: Option<u64>, cause: LeaseCause) {
-        if cause == LeaseCause::Stolen {
-            // The loser's stream must not go on beneath the new holder's.
-            self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
-        }
-        self.holder = holder;
-        let name = self.holder_name();
-        tracing::info!(holder = name.as_deref().unwrap_or("nobody"), ?cause, "lease");
-        self.broadcast(&Event::Lease(LeaseEvent { holder: name, session: holder, cause }));
-        self.tell_status();
-    }
-
-    pub(super) fn holder_name(&self) -> Option<String> {
-        self.holder.and_then(|session| self.peers.get(&session)?.name.clone())
-    }
-
     pub(super) fn order_internally(&mut self, what: &'static str, command: Command) {
         self.orders.insist(&mut self.end, Asker::Service(what), command);
-    }
-
-    /// Sends an answer.
-    pub(super) fn respond(&mut self, session: u64, response: &Response) {
-        if let Err(error) = &response.result {
-            self.stats.refused(error.code);
-        }
-        let Some(peer) = self.peers.get(&session) else { return };
-        if !peer.send(response, &mut self.scratch) {
-            self.doomed.push(session);
-        }
-    }
-
-    /// Sends an event to one client.
-    pub(super) fn tell(&mut self, session: u64, event: &Event) {
-        let Some(peer) = self.peers.get(&session) else { return };
-        if !peer.send(event, &mut self.scratch) {
-            self.doomed.push(session);
-        }
-    }
-
-    /// Sends an event to all who have said hello.
-    pub(super) fn broadcast(&mut self, event: &Event) {
-        let mut frames = [None, None];
-        for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
-            let slot = &mut frames[peer.encoding as usize];
-            let made = slot.get_or_insert_with(|| frame(peer.encoding, event, &mut self.scratch));
-            if made.as_ref().is_some_and(|frame| !peer.outbox.send(frame.clone())) {
-                self.doomed.push(*session);
-            }
-        }
-    }
-
-    /// Cuts the connections of those who do not read. Each may set off events that doom others.
-    fn bury(&mut self) {
-        while let Some(session) = self.doomed.pop() {
-            let Some(peer) = self.peers.get_mut(&session) else { continue };
-            if peer.outbox.is_closed() {
-                // It has ended by itself and is about to say so.
-                continue;
-            }
-            self.stats.events.cut += 1;
-            tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
-            peer.task.abort();
-            peer.owed = 0;
-            self.gone(session);
-        }
     }
 
     fn heartbeat(&mut self) {

@@ -16,7 +16,7 @@ pub(super) struct Info {
 }
 
 impl Info {
-    pub(super) fn new(config: &RigConfig, simulated: bool) -> Self {
+    pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool) -> Self {
         let rig = &config.rig;
         let device = &rig.device;
         let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
@@ -66,7 +66,7 @@ impl Info {
                 "reference_rate": limit.reference_rate,
                 "max_age_ticks": limit.max_age_ticks,
             },
-            "accuracy": config.accuracy,
+            "accuracy": accuracy,
             "on_client_lost": match config.api.on_client_lost {
                 OnClientLost::Ramp => "ramp",
                 OnClientLost::Keep => "keep",

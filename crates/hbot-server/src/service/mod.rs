@@ -1,7 +1,7 @@
 //! The TCP service: clients on one side, the loop's rings on the other.
 //!
-//! One task, the [`hub`], owns everything that clients share: the way to the loop, the scene, the lease, subscriptions,
-//! statistics, the flight recorder. It never waits for a client. Each [`connection`] has a task that turns bytes into
+//! One task, the `hub`, owns everything that clients share: the way to the loop, the scene, the lease, subscriptions,
+//! statistics, the flight recorder. It never waits for a client. Each `connection` has a task that turns bytes into
 //! requests and messages into bytes, and talks to the hub through bounded queues:
 //!
 //! ```text
@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Where a client asks faster than the hub answers, its connection reads no further. Where it reads slower than the hub
-//! writes, it loses states first ([`outbox`]), which a `dropped` event counts; when an answer finds no place either, or
+//! writes, it loses states first (`outbox`), which a `dropped` event counts; when an answer finds no place either, or
 //! nothing has moved for seconds, it loses its connection. Blocking work (measuring what effects cost, writing flight
 //! logs) is done on other threads.
 
@@ -22,6 +22,7 @@ mod info;
 mod orders;
 mod outbox;
 mod peer;
+mod peers;
 mod requests;
 mod samples;
 mod scenes;
@@ -37,7 +38,7 @@ use std::time::Duration;
 use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{mpsc, oneshot, watch};
 
 pub use self::stats::{Distribution, Events, Summary};
 use crate::bridge::ServiceEnd;
@@ -60,13 +61,17 @@ pub struct Setup {
     pub token: Option<String>,
     /// Where flight logs go; `None` for none.
     pub flight_dir: Option<PathBuf>,
+    /// What people call the methods in use, for `info`.
+    pub accuracy: String,
 }
 
 /// What others than clients ask of the service.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug)]
 pub enum Control {
     /// Stop the rig, as SIGUSR1 asks.
     Estop,
+    /// Tell how the run goes.
+    Summarize(oneshot::Sender<Box<Summary>>),
 }
 
 /// What is going on, for a line in a terminal.
@@ -80,6 +85,18 @@ pub struct Status {
     pub holder: Option<String>,
     /// The name of the scene.
     pub scene: String,
+}
+
+impl Status {
+    /// What the rig does, as messages say it; the cause where it is in fault.
+    #[must_use]
+    pub fn mode(&self) -> &'static str {
+        let Some(sample) = &self.sample else { return "starting" };
+        match sample.state.cause {
+            Some(cause) => convert::fault(cause).as_str(),
+            None => convert::mode(sample.state.mode).as_str(),
+        }
+    }
 }
 
 /// How much of everything a service bears.

@@ -29,7 +29,12 @@ pub(super) struct Orders {
 /// Who wants an answer.
 #[derive(Debug, Clone)]
 pub(super) enum Asker {
-    Client { session: u64, id: Option<Id>, op: &'static str, kind: OrderKind },
+    Client {
+        session: u64,
+        id: Option<Id>,
+        op: &'static str,
+        kind: OrderKind,
+    },
     /// The service itself; what for.
     Service(&'static str),
 }
@@ -47,7 +52,13 @@ pub(super) enum OrderKind {
 
 impl Orders {
     /// Sends a client's order to the loop.
-    fn place(&mut self, end: &mut ServiceEnd, asker: Asker, kind: OrderKind, command: Command) -> Result<(), Busy> {
+    fn place(
+        &mut self,
+        end: &mut ServiceEnd,
+        asker: Asker,
+        kind: OrderKind,
+        command: Command,
+    ) -> Result<(), Busy> {
         let most = match kind {
             OrderKind::Stream => MAX_STREAMS,
             OrderKind::Mode => MAX_ORDERS,
@@ -107,7 +118,10 @@ impl Hub {
     ) -> Result<(), ErrorBody> {
         let asker = Asker::Client { session, id, op, kind };
         self.orders.place(&mut self.end, asker, kind, command).map_err(|_| {
-            ErrorBody::new(ErrorCode::Busy, format!("op {op}: the loop has not yet taken what it was given before"))
+            ErrorBody::new(
+                ErrorCode::Busy,
+                format!("op {op}: the loop has not yet taken what it was given before"),
+            )
         })?;
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.owed += 1;
@@ -153,9 +167,13 @@ impl Hub {
             _ if kind == OrderKind::Stream && id.is_none() => {}
             Some(Reply::Aligned { angle }) => hub.answer_with(session, id, &AlignOk { angle }),
             Some(Reply::Done) if kind == OrderKind::Stream => hub.respond(session, &Response::done(id)),
-            Some(Reply::Done) => hub.answer_with(session, id, &ModeOk { mode: convert::mode(sample.state.mode) }),
+            Some(Reply::Done) => {
+                hub.answer_with(session, id, &ModeOk { mode: convert::mode(sample.state.mode) })
+            }
             None => {
-                let message = format!("op {op}: the loop's answer was lost because the server fell behind; see the state");
+                let message = format!(
+                    "op {op}: the loop's answer was lost because the server fell behind; see the state"
+                );
                 hub.refuse(session, id, op, ErrorBody::new(ErrorCode::Busy, message));
             }
         });
@@ -185,7 +203,9 @@ impl Hub {
             }
             Refusal::Mode(Obstacle::Unreferenced) => (
                 ErrorCode::Faulted,
-                format!("op {op}: a steering zero is not known: turn the wheels past their index, or calibrate"),
+                format!(
+                    "op {op}: a steering zero is not known: turn the wheels past their index, or calibrate"
+                ),
             ),
             Refusal::TooFar { slot, angle } => {
                 let effects = self.setup.scene.file().effects();
@@ -197,9 +217,10 @@ impl Hub {
                 );
                 return ErrorBody { angle: Some(angle), ..ErrorBody::new(ErrorCode::OutOfRange, message) };
             }
-            Refusal::NoReference => {
-                (ErrorCode::UnknownEffect, format!("op {op}: the effect is no longer there, or has no reference"))
-            }
+            Refusal::NoReference => (
+                ErrorCode::UnknownEffect,
+                format!("op {op}: the effect is no longer there, or has no reference"),
+            ),
             Refusal::TooOld { age_ticks } => (
                 ErrorCode::OutOfRange,
                 format!(
@@ -209,7 +230,8 @@ impl Hub {
             ),
             Refusal::NotInHistory => (
                 ErrorCode::OutOfRange,
-                "field \"t\" is not (or no longer) in the history; legal: a moment of about the last second".to_owned(),
+                "field \"t\" is not (or no longer) in the history; legal: a moment of about the last second"
+                    .to_owned(),
             ),
             Refusal::NotFinite => (
                 ErrorCode::BadRequest,

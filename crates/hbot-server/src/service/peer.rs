@@ -138,3 +138,47 @@ pub(super) fn frame(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use hbot_api::ErrorCode;
+
+    use super::super::outbox::outbox;
+    use super::*;
+
+    #[tokio::test]
+    async fn refusals_are_told_at_most_once_a_second() {
+        let (out, _inbox) = outbox(8);
+        let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle());
+        let error = || ErrorBody::new(ErrorCode::NotHolder, "no");
+        let counts = |event: Option<Event>| match event {
+            Some(Event::Refused(refused)) => Some((refused.count, refused.total)),
+            _ => None,
+        };
+        let start = Instant::now();
+        assert_eq!(counts(peer.refused_event(start)), None, "nothing to tell");
+        peer.refuse(Some("torque"), error());
+        assert_eq!(counts(peer.refused_event(start)), Some((1, 1)));
+        peer.refuse(Some("torque"), error());
+        peer.refuse(Some("torque"), error());
+        assert_eq!(counts(peer.refused_event(start + REFUSED_EVERY / 2)), None);
+        assert_eq!(counts(peer.refused_event(start + REFUSED_EVERY)), Some((2, 3)));
+        assert_eq!(counts(peer.refused_event(start + 2 * REFUSED_EVERY)), None, "told already");
+    }
+
+    #[tokio::test]
+    async fn lost_states_are_told_once_the_client_reads_again() {
+        let (out, mut inbox) = outbox(4);
+        let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle());
+        while peer.outbox.takes_samples() {
+            assert!(peer.outbox.send(vec![0].into()));
+        }
+        peer.drop_state();
+        peer.drop_state();
+        assert_eq!(peer.dropped_event(), None);
+        while inbox.try_next().is_some() {}
+        let told = Event::Dropped(DroppedEvent { count: 2, total: 2 });
+        assert_eq!(peer.dropped_event(), Some(told));
+        assert_eq!(peer.dropped_event(), None);
+    }
+}

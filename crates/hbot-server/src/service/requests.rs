@@ -1,8 +1,8 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Op, PROTOCOL_VERSION, PingOk, ReferenceCommand,
-    Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
+    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Op, PROTOCOL_VERSION, PingOk,
+    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
@@ -86,7 +86,10 @@ impl Hub {
             return Ok(());
         }
         let what = if hello.token.is_some() { "is wrong" } else { "is missing" };
-        Err(ErrorBody::new(ErrorCode::Unauthorized, format!("field \"token\" {what}; see the server's token file")))
+        Err(ErrorBody::new(
+            ErrorCode::Unauthorized,
+            format!("field \"token\" {what}; see the server's token file"),
+        ))
     }
 
     fn request(&mut self, session: u64, Request { id, op }: Request) {
@@ -100,7 +103,9 @@ impl Hub {
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
         match op.who() {
             Who::Any => Ok(()),
-            Who::First => Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first")),
+            Who::First => {
+                Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first"))
+            }
             Who::Holder if self.holder == Some(session) => Ok(()),
             Who::Holder => {
                 let holder = self.holder_name();
@@ -185,7 +190,8 @@ impl Hub {
             Some(_) if steal => self.lease(Some(session), LeaseCause::Stolen),
             Some(_) => {
                 let holder = self.holder_name();
-                let message = format!("{:?} holds the lease; steal takes it", holder.as_deref().unwrap_or_default());
+                let message =
+                    format!("{:?} holds the lease; steal takes it", holder.as_deref().unwrap_or_default());
                 return Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::Busy, message) });
             }
         }
@@ -213,8 +219,12 @@ impl Hub {
                 .filter(|id| scene.slot_of(id).is_some_and(|place| place.has_reference))
                 .collect();
             let what = if place.is_some() { "has no reference" } else { "is not in the scene" };
-            let legal = if legal.is_empty() { "none, no effect has one".to_owned() } else { legal.join(", ") };
-            return Err(ErrorBody::new(ErrorCode::UnknownEffect, format!("effect {id:?} {what}; legal: {legal}")));
+            let legal =
+                if legal.is_empty() { "none, no effect has one".to_owned() } else { legal.join(", ") };
+            return Err(ErrorBody::new(
+                ErrorCode::UnknownEffect,
+                format!("effect {id:?} {what}; legal: {legal}"),
+            ));
         };
         Ok(Command::Reference {
             slot: place.slot,
@@ -266,4 +276,3 @@ impl Hub {
         }
     }
 }
-

@@ -162,7 +162,9 @@ impl Hub {
                 "too many frames on the serial line are damaged ({} so far): check cable, shield and baud rate",
                 sample.counters.corrupt_frames
             ),
-            Cause::ControllerFault => "a motor controller reports a fault, or has rebooted: see its own display".to_owned(),
+            Cause::ControllerFault => {
+                "a motor controller reports a fault, or has rebooted: see its own display".to_owned()
+            }
             Cause::Overspeed => format!(
                 "the sphere turned at {:.2} rad/s; the limit is {} (limits.speed)",
                 state.omega.length(),

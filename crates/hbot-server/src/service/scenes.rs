@@ -1,8 +1,8 @@
 //! Loading and changing the scene.
 
 use hbot_api::{EffectCost, ErrorBody, ErrorCode, Event, Id, LoadSceneOk, SceneEvent};
-use hbot_config::scene::SetError;
 use hbot_config::SceneFile;
+use hbot_config::scene::SetError;
 use serde_json::{Map, Value, json};
 use tokio::task::JoinError;
 
@@ -62,7 +62,16 @@ impl Hub {
         });
         let (name, effects) = (file.name().to_owned(), effects.collect());
         tracing::info!(session, name, "scene loaded");
-        self.loading.push_back(Loading { revision, session, id, name, effects, ignored, measured: false, tick: None });
+        self.loading.push_back(Loading {
+            revision,
+            session,
+            id,
+            name,
+            effects,
+            ignored,
+            measured: false,
+            tick: None,
+        });
         self.measuring.spawn_blocking(move || Measured { revision, costs: cost::measure(&rig, &parts) });
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.owed += 1;
@@ -148,7 +157,10 @@ impl Hub {
 }
 
 fn busy(op: &str) -> ErrorBody {
-    ErrorBody::new(ErrorCode::Busy, format!("op {op}: the loop has not yet taken the scenes it was given before"))
+    ErrorBody::new(
+        ErrorCode::Busy,
+        format!("op {op}: the loop has not yet taken the scenes it was given before"),
+    )
 }
 
 fn names(table: &Value) -> Vec<String> {

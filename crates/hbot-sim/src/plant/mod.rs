@@ -25,7 +25,8 @@ pub use reference::StepTooSmall;
 use model::{Model, Push, Rows, Symmetric};
 use pair::Pair;
 
-/// Torques at the joints in the order steer, drive of each wheel, N m; entries past the device's joints are not read.
+/// Torques at the joints in the order steer, drive of each wheel, N m; entries past the device's joints have no
+/// effect as long as they are finite.
 pub type JointTorques = [f64; MAX_JOINTS];
 
 /// The constants of a device that moves without slip.

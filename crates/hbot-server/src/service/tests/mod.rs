@@ -1,1 +1,324 @@
+//! The service over real sockets, with the real loop and the simulated rig in virtual time.
 
+mod commands;
+mod faults;
+mod framing;
+mod hello;
+mod lease;
+mod overload;
+mod scenes;
+
+use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::mpsc as blocking;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hbot_api::{Client, ClientError, ErrorBody, Event, Mode, Op};
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::Controller;
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use serde_json::{Value, json};
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc, oneshot, watch};
+
+use super::{Bounds, Control, SetPhenomena, Setup, Status, Summary, serve_within};
+use crate::bridge::bridge;
+use crate::engine::{Engine, Line};
+use crate::run_loop::{StopFlag, lockstep};
+use crate::wire::{Memory, SimulatorCall, Wire};
+
+/// How long a test waits for what must come. It never says how fast anything is.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// What a bench is to be.
+struct Options {
+    rig: RigConfig,
+    scene: SceneFile,
+    token: Option<String>,
+    enable_at_start: bool,
+    flight_dir: Option<std::path::PathBuf>,
+    phenomena: Option<SetPhenomena>,
+    bounds: Bounds,
+    /// The loop ends after so many ticks.
+    ticks: Option<u64>,
+    /// How long a tick takes; zero for as fast as it goes.
+    breath: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            rig: RigConfig::prototype(),
+            scene: SceneFile::default_scene(),
+            token: None,
+            enable_at_start: false,
+            flight_dir: None,
+            phenomena: None,
+            bounds: Bounds::default(),
+            ticks: None,
+            breath: Duration::from_micros(50),
+        }
+    }
+}
+
+/// A service with its loop and its simulated rig.
+struct Bench {
+    address: SocketAddr,
+    rig: blocking::Sender<SimulatorCall>,
+    control: mpsc::Sender<Control>,
+    status: watch::Receiver<Status>,
+    shutdown: Option<oneshot::Sender<()>>,
+    stop: StopFlag,
+    threads: Option<(JoinHandle<Summary>, JoinHandle<()>)>,
+}
+
+/// A line that leaves the other threads some of the machine.
+struct Breathing(Memory, Duration);
+
+impl Wire for Breathing {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read(buffer)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !self.1.is_zero() {
+            std::thread::sleep(self.1);
+        }
+        self.0.write(bytes)
+    }
+
+    fn set_time(&mut self, now_ns: u64) {
+        self.0.set_time(now_ns);
+    }
+}
+
+fn bench() -> Bench {
+    Bench::start(Options::default())
+}
+
+impl Bench {
+    fn start(options: Options) -> Self {
+        let (rig, calls) = blocking::channel();
+        let (control, controlled) = mpsc::channel(4);
+        let (status, watched) = watch::channel(Status::default());
+        let (shutdown, stopped) = oneshot::channel();
+        let (ready, started) = blocking::channel();
+        let stop = StopFlag::default();
+        let stop_loop = stop.clone();
+        let service = std::thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+            runtime.block_on(async move {
+                let Options {
+                    rig,
+                    scene,
+                    token,
+                    enable_at_start,
+                    flight_dir,
+                    phenomena,
+                    bounds,
+                    ticks,
+                    breath,
+                } = options;
+                let (loop_end, end) = bridge().unwrap();
+                let mut running = RunningScene::new();
+                let compiled = Box::new(running.load(scene));
+                let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
+                // As a handshake does.
+                let mut ask = [0; 64];
+                let n = hbot_link::encode(&hbot_link::ToController::Describe, &mut ask).unwrap();
+                simulated.receive(0, &ask[..n], &mut Vec::new());
+                let wire = Breathing(Memory::new(simulated, calls), breath);
+                let line = Line { places: rig.controllers.clone(), watchdog_ms: rig.link.watchdog_ms };
+                let engine = Engine::new(wire, line, Controller::new(rig.rig), compiled, loop_end, None);
+                let period_ns = rig.rig.timing.period_ns;
+                let ticking = std::thread::spawn(move || {
+                    lockstep(engine, period_ns, ticks, &stop_loop);
+                });
+                let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+                ready.send((listener.local_addr().unwrap(), ticking)).unwrap();
+                let accuracy = rig.accuracy.to_owned();
+                let setup =
+                    Setup { accuracy, rig, scene: running, phenomena, enable_at_start, token, flight_dir };
+                serve_within(bounds, listener, end, setup, controlled, status, async {
+                    let _ = stopped.await;
+                })
+                .await
+            })
+        });
+        let (address, ticking) = started.recv().unwrap();
+        let threads = Some((service, ticking));
+        Self { address, rig, control, status: watched, shutdown: Some(shutdown), stop, threads }
+    }
+
+    fn client(&self, name: &str) -> Client {
+        Client::connect(&self.address.to_string(), name).unwrap()
+    }
+
+    /// A client that holds the lease.
+    fn holder(&self) -> Client {
+        let mut client = self.client("holder");
+        client.call(Op::Acquire { steal: false }).unwrap();
+        client
+    }
+
+    /// A client that holds the lease of an active rig.
+    fn active(&self) -> Client {
+        let mut client = self.holder();
+        self.wait_for(Mode::Idle);
+        client.call(Op::Enable).unwrap();
+        self.wait_for(Mode::Active);
+        client
+    }
+
+    fn raw(&self) -> Raw {
+        Raw::new(self.address)
+    }
+
+    /// Does something with the simulated rig.
+    fn with_rig(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) {
+        self.rig.send(Box::new(call)).unwrap();
+    }
+
+    fn wait_for(&self, mode: Mode) {
+        self.wait_until(&format!("mode {mode}"), |status| {
+            status.sample.is_some_and(|sample| super::convert::mode(sample.state.mode) == mode)
+        });
+    }
+
+    fn wait_until(&self, what: &str, condition: impl Fn(&Status) -> bool) {
+        eventually(what, || condition(&self.status.borrow()));
+    }
+
+    /// Waits until the loop has gone on by so many ticks.
+    fn wait_ticks(&self, ticks: u64) {
+        let now = |status: &Status| status.sample.map_or(0, |sample| sample.state.tick);
+        let until = now(&self.status.borrow()) + ticks;
+        self.wait_until(&format!("tick {until}"), |status| now(status) >= until);
+    }
+
+    fn finish(mut self) -> Summary {
+        self.end().unwrap()
+    }
+
+    fn end(&mut self) -> Option<Summary> {
+        if let Some(shutdown) = self.shutdown.take() {
+            // One that has ended by itself does not hear it.
+            let _ = shutdown.send(());
+        }
+        let (service, ticking) = self.threads.take()?;
+        let summary = service.join();
+        self.stop.stop();
+        ticking.join().unwrap();
+        summary.ok()
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+fn eventually(what: &str, condition: impl Fn() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !condition() {
+        assert!(Instant::now() < deadline, "{what} has not come about");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// A connection without the client library: lines of text.
+struct Raw {
+    stream: TcpStream,
+    reader: BufReader<TcpStream>,
+}
+
+impl Raw {
+    fn new(address: SocketAddr) -> Self {
+        let stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_nodelay(true).unwrap();
+        let reader = BufReader::new(stream.try_clone().unwrap());
+        Self { stream, reader }
+    }
+
+    /// A connection that has said hello.
+    fn greeted(bench: &Bench) -> Self {
+        let mut raw = bench.raw();
+        raw.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "raw"}"#);
+        assert_eq!(raw.line()["id"], 0);
+        raw
+    }
+
+    fn send(&mut self, line: &str) {
+        self.bytes(format!("{line}\n").as_bytes());
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.stream.write_all(bytes).unwrap();
+    }
+
+    fn line(&mut self) -> Value {
+        let mut line = String::new();
+        self.reader.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or_else(|error| panic!("{line:?}: {error}"))
+    }
+
+    /// The next answer; events are passed over.
+    fn answer(&mut self) -> Value {
+        loop {
+            let line = self.line();
+            if line.get("event").is_none() {
+                return line;
+            }
+        }
+    }
+
+    fn ask(&mut self, line: &str) -> Value {
+        self.send(line);
+        self.answer()
+    }
+
+    /// Everything until the server closes.
+    fn rest(&mut self) -> String {
+        let mut rest = Vec::new();
+        // A reset is an end as well.
+        let _ = self.reader.read_to_end(&mut rest);
+        String::from_utf8(rest).unwrap()
+    }
+}
+
+fn refused(result: Result<Value, ClientError>) -> ErrorBody {
+    match result {
+        Err(ClientError::Server(error)) => error,
+        other => panic!("not refused: {other:?}"),
+    }
+}
+
+/// The first event for which `pick` gives something.
+fn event<T>(client: &mut Client, what: &str, pick: impl Fn(&Event) -> Option<T>) -> T {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let left = deadline.saturating_duration_since(Instant::now());
+        let event = client.next_event(left).unwrap().unwrap_or_else(|| panic!("no {what}"));
+        if let Some(found) = pick(&event) {
+            return found;
+        }
+    }
+}
+
+fn fault_event(client: &mut Client) -> hbot_api::FaultEvent {
+    event(client, "fault event", |event| match event {
+        Event::Fault(fault) => Some(fault.clone()),
+        _ => None,
+    })
+}
+
+fn scene(value: Value) -> Op {
+    Op::LoadScene { scene: value }
+}
+
+fn spring(id: &str) -> Value {
+    json!({"id": id, "kind": "spring", "stiffness": 1, "anchor": "here"})
+}

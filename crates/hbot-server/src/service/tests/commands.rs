@@ -1,0 +1,315 @@
+//! What each op does and to whom it is allowed; the table of states, over the wire.
+
+use hbot_api::{Align, ErrorCode, ReferenceCommand, TorqueCommand};
+
+use super::*;
+
+fn torque(torque: [f64; 3], valid_ms: u64) -> TorqueCommand {
+    TorqueCommand { torque, valid_ms, tick: None, seq: None }
+}
+
+fn reference(effect: &str) -> ReferenceCommand {
+    let q = [1.0, 0.0, 0.0, 0.0];
+    ReferenceCommand { effect: effect.to_owned(), q, omega: None, valid_ms: 100, tick: None, seq: None }
+}
+
+fn align(q: [f64; 4], weight: f64, t: Option<f64>) -> Op {
+    Op::Align(Align { q, weight, t })
+}
+
+fn mode(result: Result<Value, ClientError>) -> String {
+    result.unwrap()["mode"].as_str().unwrap().to_owned()
+}
+
+/// One state that satisfies `found`.
+fn state(
+    client: &mut Client,
+    what: &str,
+    found: impl Fn(&hbot_api::StateEvent) -> bool,
+) -> hbot_api::StateEvent {
+    event(client, what, |event| match event {
+        Event::State(state) if found(state) => Some(state.clone()),
+        _ => None,
+    })
+}
+
+#[test]
+fn the_table_of_states_over_the_wire() {
+    let bench = bench();
+    let mut client = bench.holder();
+    bench.wait_for(Mode::Idle);
+    assert_eq!(mode(client.call(Op::Reset)), "idle", "reset when idle changes nothing");
+    assert_eq!(mode(client.call(Op::Disable)), "idle");
+    assert_eq!(mode(client.call(Op::Enable)), "enabling");
+    bench.wait_for(Mode::Active);
+    assert_eq!(mode(client.call(Op::Enable)), "active", "enable when active changes nothing");
+    assert_eq!(mode(client.call(Op::Disable)), "idle");
+    assert_eq!(mode(client.call(Op::Enable)), "enabling");
+    assert_eq!(mode(client.call(Op::Estop)), "estop");
+    let told = fault_event(&mut client);
+    assert_eq!((told.mode, told.fault), (Mode::Estop, None));
+    assert_eq!(refused(client.call(Op::Enable)).code, ErrorCode::Faulted);
+    assert_eq!(mode(client.call(Op::Disable)), "estop");
+    assert_eq!(mode(client.call(Op::Reset)), "idle");
+    assert_eq!(fault_event(&mut client).mode, Mode::Idle);
+
+    bench.with_rig(|rig| rig.inject(hbot_sim::controller::Fault::Failed(true)));
+    let told = fault_event(&mut client);
+    assert_eq!((told.mode, told.fault), (Mode::Fault, Some(hbot_api::Fault::ControllerFault)));
+    let error = refused(client.call(Op::Enable));
+    assert_eq!(error.code, ErrorCode::Faulted);
+    assert!(error.message.contains("controller_fault"), "{error}");
+    assert!(refused(client.call(Op::Reset)).message.contains("still there"));
+    assert_eq!(mode(client.call(Op::Estop)), "estop", "a fault can be stopped as well");
+    bench.with_rig(|rig| rig.inject(hbot_sim::controller::Fault::Failed(false)));
+    bench.wait_ticks(5);
+    assert_eq!(mode(client.call(Op::Reset)), "idle");
+    let summary = bench.finish();
+    assert_eq!((summary.events.estops, summary.events.faults.iter().sum::<u64>()), (2, 1));
+}
+
+#[test]
+fn a_rig_without_its_zeros_cannot_be_enabled() {
+    let mut rig = RigConfig::prototype();
+    for joint in &mut rig.rig.joints {
+        joint.zero = hbot_core::rig::Zero::Calibrate;
+    }
+    let bench = Bench::start(Options { rig, enable_at_start: true, ..Options::default() });
+    let mut client = bench.holder();
+    bench.wait_ticks(50);
+    let error = refused(client.call(Op::Enable));
+    assert_eq!(error.code, ErrorCode::Faulted);
+    assert!(error.message.contains("zero"), "{error}");
+    assert_eq!(mode(client.call(Op::Reset)), "unreferenced");
+}
+
+#[test]
+fn a_rig_that_is_to_be_enabled_at_the_start_is() {
+    let bench = Bench::start(Options { enable_at_start: true, ..Options::default() });
+    bench.wait_for(Mode::Active);
+    // Once: who disables it finds it idle.
+    let mut client = bench.client("anybody");
+    assert_eq!(mode(client.call(Op::Disable)), "idle");
+    bench.wait_ticks(100);
+    bench.wait_for(Mode::Idle);
+}
+
+#[test]
+fn a_signal_stops_the_rig() {
+    let bench = bench();
+    let mut client = bench.client("watcher");
+    bench.control.blocking_send(Control::Estop).unwrap();
+    assert_eq!(fault_event(&mut client).mode, Mode::Estop);
+}
+
+#[test]
+fn others_than_clients_can_ask_how_it_goes() {
+    let bench = bench();
+    bench.wait_ticks(10);
+    let (wanted, summary) = oneshot::channel();
+    bench.control.blocking_send(Control::Summarize(wanted)).unwrap();
+    let summary = summary.blocking_recv().unwrap();
+    assert!(summary.ticks >= 10 && summary.compute_us.count == summary.ticks);
+}
+
+#[test]
+fn what_moves_the_rig_needs_the_lease_and_what_stops_it_does_not() {
+    let bench = bench();
+    let mut holder = bench.holder();
+    let mut other = bench.client("other");
+    for op in [
+        Op::Enable,
+        Op::Reset,
+        Op::Torque(torque([0.0; 3], 10)),
+        Op::Reference(reference("spring")),
+        align([1.0, 0.0, 0.0, 0.0], 0.0, None),
+        scene(json!({})),
+        Op::Set { effect: "spring".to_owned(), parameters: json!({"gain": 0}).as_object().unwrap().clone() },
+    ] {
+        let what = op.name();
+        let error = refused(other.call(op));
+        assert_eq!((error.code, error.holder.as_deref()), (ErrorCode::NotHolder, Some("holder")), "{what}");
+    }
+    for op in [
+        Op::Info,
+        Op::Stats,
+        Op::Subscribe { every: 100 },
+        Op::Unsubscribe,
+        Op::Release,
+        Op::Disable,
+        Op::Estop,
+        Op::Ping { data: Value::Null },
+    ] {
+        other.call(op).unwrap();
+    }
+    // The release of one who does not hold it takes nothing from the holder.
+    assert_eq!(mode(holder.call(Op::Reset)), "idle");
+    let summary = bench.finish();
+    assert_eq!(summary.events.refused_streams, 3);
+    assert_eq!(summary.events.refused.iter().sum::<u64>(), 7);
+}
+
+#[test]
+fn ping_repeats_and_tells_the_time() {
+    let bench = bench();
+    bench.wait_ticks(10);
+    let mut client = bench.client("c");
+    let data = json!({"a": [1, 2.5, "x", null]});
+    let answer = client.call(Op::Ping { data: data.clone() }).unwrap();
+    assert_eq!(answer["data"], data);
+    let (tick, t) = (answer["tick"].as_u64().unwrap(), answer["t"].as_f64().unwrap());
+    // The period is a whole number of nanoseconds: exact but for the rounding of t itself.
+    assert!(tick >= 10 && (t - tick as f64 * 1e-3).abs() < 1e-9);
+}
+
+#[test]
+fn states_come_every_n_ticks_until_unsubscribed() {
+    let bench = bench();
+    let mut client = bench.client("c");
+    client.subscribe(7).unwrap();
+    let first = state(&mut client, "state", |_| true);
+    let second = state(&mut client, "state", |_| true);
+    assert_eq!((first.tick % 7, second.tick), (0, first.tick + 7));
+    client.subscribe(3).unwrap();
+    state(&mut client, "state of the new subscription", |state| state.tick % 7 != 0 && state.tick % 3 == 0);
+    client.unsubscribe().unwrap();
+    while client.next_event(Duration::ZERO).unwrap().is_some() {}
+    bench.wait_ticks(50);
+    assert_eq!(client.next_event(Duration::ZERO).unwrap(), None);
+}
+
+#[test]
+fn a_torque_is_rendered_and_ends() {
+    let bench = bench();
+    let mut client = bench.active();
+    client.subscribe(1).unwrap();
+    let command = TorqueCommand { seq: Some(42), ..torque([0.03, 0.0, 0.0], 20) };
+    client.call(Op::Torque(command)).unwrap();
+    let seen = state(&mut client, "torque", |state| state.torque[0] > 0.02);
+    assert_eq!(seen.client.unwrap().seq, Some(42));
+    // 20 ticks, and 20 ms of ramp; a spring of 1 N m/rad about the sphere then turns it back.
+    state(&mut client, "end of the torque", |state| state.tick > seen.tick + 40 && state.torque[0] < 0.02);
+}
+
+#[test]
+fn a_stream_that_is_refused_is_counted_and_told_once_a_second() {
+    let bench = bench();
+    let mut client = bench.client("c");
+    for _ in 0..50 {
+        client.send(Op::Torque(torque([0.1, 0.0, 0.0], 10))).unwrap();
+    }
+    // All are told of, the first at once, the others together (or in as many events as sending them takes seconds).
+    let (mut told, mut first) = (0, true);
+    while told < 50 {
+        let refused = event(&mut client, "refused event", |event| match event {
+            Event::Refused(refused) => Some(refused.clone()),
+            _ => None,
+        });
+        told += refused.count;
+        assert_eq!(
+            (refused.total, refused.code, refused.op.as_deref()),
+            (told, ErrorCode::NotHolder, Some("torque"))
+        );
+        assert!(refused.count == 1 || !first);
+        first = false;
+    }
+    // A stream message that cannot be read is one of a stream still; with an id it is answered.
+    let mut raw = Raw::greeted(&bench);
+    raw.send(r#"{"op": "torque", "torque": [1, 2], "valid_ms": 10}"#);
+    let told = raw.line();
+    assert_eq!((&told["event"], &told["code"]), (&json!("refused"), &json!("bad_request")));
+    let answer = raw.ask(r#"{"id": 5, "op": "torque", "torque": [1, 2], "valid_ms": 10}"#);
+    assert_eq!((&answer["id"], &answer["error"]["code"]), (&json!(5), &json!("bad_request")));
+    assert_eq!(bench.finish().events.refused_streams, 52);
+}
+
+#[test]
+fn stream_messages_of_long_ago_are_refused() {
+    let bench = bench();
+    let mut client = bench.active();
+    let old = TorqueCommand { tick: Some(1), ..torque([0.0; 3], 10) };
+    let error = refused(client.call(Op::Torque(old)));
+    assert_eq!(error.code, ErrorCode::OutOfRange);
+    assert!(error.message.contains("max_age_ticks"), "{error}");
+    let old = ReferenceCommand { tick: Some(1), ..reference("spring") };
+    assert_eq!(refused(client.call(Op::Reference(old))).code, ErrorCode::OutOfRange);
+}
+
+#[test]
+fn references_move_effects_that_have_one() {
+    let bench = bench();
+    let mut client = bench.holder();
+    client
+        .call(scene(json!({"effect": [spring("a"), {"id": "b", "kind": "damper", "damping": 0.1}]})))
+        .unwrap();
+    client.call(Op::Reference(reference("a"))).unwrap();
+    for (id, what) in [("b", "has no reference"), ("c", "is not in the scene")] {
+        let error = refused(client.call(Op::Reference(reference(id))));
+        assert_eq!(error.code, ErrorCode::UnknownEffect);
+        assert!(error.message.contains(what) && error.message.ends_with("legal: a"), "{error}");
+    }
+}
+
+#[test]
+fn align_records_corrects_and_refuses() {
+    let bench = bench();
+    let mut client = bench.holder();
+    bench.wait_for(Mode::Idle);
+    bench.wait_ticks(20);
+    let half = 0.1_f64;
+    let turned = [half.cos(), half.sin(), 0.0, 0.0];
+    let angle = |answer: Value| answer["angle"].as_f64().unwrap();
+    // The sphere stands still in nobody's hand, so the angle is that of the quaternion, to its rounding.
+    for _ in 0..2 {
+        let seen = angle(client.call(align(turned, 0.0, None)).unwrap());
+        assert!((seen - 0.2).abs() < 1e-9, "recorded only: {seen}");
+    }
+    client.call(align(turned, 1.0, None)).unwrap();
+    bench.wait_ticks(5);
+    let t = client.call(Op::Ping { data: Value::Null }).unwrap()["t"].as_f64();
+    let seen = angle(client.call(align(turned, 0.0, t)).unwrap());
+    assert!(seen < 1e-9, "idle, so corrected at once: {seen}");
+    for t in [1e9, 1e300] {
+        let error = refused(client.call(align(turned, 0.0, Some(t))));
+        assert_eq!(error.code, ErrorCode::OutOfRange, "{t}");
+    }
+}
+
+#[test]
+fn enable_far_from_a_reference_says_which_and_how_far() {
+    let bench = bench();
+    let mut client = bench.holder();
+    bench.wait_for(Mode::Idle);
+    let half = 0.5_f64;
+    let far = json!([half.cos(), 0.0, half.sin(), 0.0]);
+    client
+        .call(scene(json!({"effect": [
+            {"id": "air", "kind": "damper", "damping": 0.01},
+            {"id": "far", "kind": "spring", "stiffness": 1, "reference": far},
+        ]})))
+        .unwrap();
+    let error = refused(client.call(Op::Enable));
+    assert_eq!(error.code, ErrorCode::OutOfRange);
+    assert!((error.angle.unwrap() - 1.0).abs() < 1e-9, "{error:?}");
+    assert!(error.message.contains("\"far\"") && error.message.contains("0.5"), "{error}");
+    bench.wait_for(Mode::Idle);
+}
+
+#[test]
+fn info_and_stats_have_their_shape() {
+    let bench = bench();
+    bench.wait_for(Mode::Idle);
+    let mut client = bench.client("c");
+    let info = client.info().unwrap();
+    assert_eq!(info["rig"]["wheels"].as_array().unwrap().len(), 2);
+    assert_eq!((&info["rig"]["simulated"], &info["accuracy"]), (&json!(false), &json!("balanced")));
+    assert_eq!(info["limits"]["traction"], json!({"mu": 0.8, "normal_force": 10.0}));
+    assert!(info["capability"].as_array().unwrap().iter().all(|t| t.as_f64().unwrap() > 0.0), "{info}");
+    assert!(info["effects"].as_array().unwrap().iter().any(|kind| kind["name"] == "spring"));
+    assert_eq!(info["scene"]["name"], "Spring");
+    let stats = client.stats().unwrap();
+    assert!(stats["ticks"].as_u64().unwrap() > 0);
+    assert_eq!(stats["compute_us"]["count"], stats["ticks"]);
+    assert!(stats["compute_us"]["p50"].as_f64().unwrap() <= stats["compute_us"]["max"].as_f64().unwrap());
+    assert_eq!((&stats["faults"]["slip"], &stats["dropped_samples"]), (&json!(0), &json!(0)));
+}

@@ -1,0 +1,93 @@
+//! Who commands, and what becomes of the rig when that one is gone.
+
+use hbot_api::{ErrorCode, Fault, LeaseCause, LeaseEvent, TorqueCommand};
+use hbot_config::rig::OnClientLost;
+
+use super::*;
+
+fn lease(client: &mut Client) -> LeaseEvent {
+    event(client, "lease event", |event| match event {
+        Event::Lease(lease) => Some(lease.clone()),
+        _ => None,
+    })
+}
+
+fn held(lease: &LeaseEvent) -> (Option<&str>, Option<u64>, LeaseCause) {
+    (lease.holder.as_deref(), lease.session, lease.cause)
+}
+
+#[test]
+fn the_lease_has_one_holder_and_everybody_knows() {
+    let bench = bench();
+    let (mut a, mut b, mut watcher) = (bench.client("a"), bench.client("b"), bench.client("watcher"));
+    let (at, bt) = (Some(a.hello().session), Some(b.hello().session));
+    a.call(Op::Acquire { steal: false }).unwrap();
+    a.call(Op::Acquire { steal: false }).unwrap();
+    let error = refused(b.call(Op::Acquire { steal: false }));
+    assert_eq!((error.code, error.holder.as_deref()), (ErrorCode::Busy, Some("a")));
+    b.call(Op::Acquire { steal: true }).unwrap();
+    assert_eq!(refused(a.call(Op::Enable)).holder.as_deref(), Some("b"));
+    b.call(Op::Release).unwrap();
+    assert_eq!(refused(a.call(Op::Enable)).holder, None);
+    a.call(Op::Acquire { steal: true }).unwrap();
+    drop(a);
+    for (holder, session, cause) in [
+        (Some("a"), at, LeaseCause::Acquired),
+        (Some("b"), bt, LeaseCause::Stolen),
+        (None, None, LeaseCause::Released),
+        (Some("a"), at, LeaseCause::Acquired),
+        (None, None, LeaseCause::Disconnected),
+    ] {
+        assert_eq!(held(&lease(&mut watcher)), (holder, session, cause));
+    }
+    bench.wait_until("a free lease", |status| status.holder.is_none());
+}
+
+/// A rig under a holder's torque of a second, whose holder is then lost: the client that watches.
+fn lost(policy: OnClientLost) -> (Bench, Client) {
+    let mut rig = RigConfig::prototype();
+    rig.api.on_client_lost = policy;
+    let bench = Bench::start(Options { rig, ..Options::default() });
+    let mut holder = bench.active();
+    let mut watcher = bench.client("watcher");
+    watcher.subscribe(1).unwrap();
+    let torque = TorqueCommand { torque: [0.05, 0.0, 0.0], valid_ms: 1000, tick: None, seq: None };
+    holder.call(Op::Torque(torque)).unwrap();
+    drop(holder);
+    assert_eq!(lease(&mut watcher).cause, LeaseCause::Disconnected);
+    (bench, watcher)
+}
+
+#[test]
+fn a_lost_holder_is_a_fault_where_the_rig_says_so() {
+    let (bench, mut watcher) = lost(OnClientLost::Fault);
+    assert_eq!(fault_event(&mut watcher).fault, Some(Fault::ClientLost));
+    bench.wait_for(Mode::Fault);
+}
+
+#[test]
+fn otherwise_the_scene_stays() {
+    for policy in [OnClientLost::Ramp, OnClientLost::Keep] {
+        let (bench, _watcher) = lost(policy);
+        bench.wait_ticks(300);
+        bench.wait_for(Mode::Active);
+    }
+}
+
+#[test]
+fn answers_still_come_to_a_client_that_says_no_more() {
+    let bench = bench();
+    bench.wait_for(Mode::Idle);
+    let mut raw = bench.raw();
+    raw.bytes(
+        b"{\"id\":1,\"op\":\"hello\",\"version\":1,\"name\":\"pipe\"}\n{\"id\":2,\"op\":\"acquire\"}\n\
+          {\"id\":3,\"op\":\"load_scene\",\"scene\":{}}\n{\"id\":4,\"op\":\"estop\"}\n",
+    );
+    raw.stream.shutdown(std::net::Shutdown::Write).unwrap();
+    let rest = raw.rest();
+    let lines: Vec<Value> = rest.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    for id in 1..=4 {
+        assert!(lines.iter().any(|line| line["id"] == id && line.get("ok").is_some()), "{id}: {rest}");
+    }
+    assert!(lines.iter().any(|line| line["ok"]["mode"] == "estop"), "{rest}");
+}

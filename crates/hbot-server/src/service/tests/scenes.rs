@@ -1,0 +1,97 @@
+//! Loading and changing scenes.
+
+use std::sync::{Arc, Mutex};
+
+use hbot_api::{ErrorCode, LoadSceneOk};
+
+use super::*;
+
+fn set(effect: &str, parameters: Value) -> Op {
+    Op::Set { effect: effect.to_owned(), parameters: parameters.as_object().unwrap().clone() }
+}
+
+#[test]
+fn a_scene_is_loaded_answered_and_told_to_all() {
+    let bench = bench();
+    let (mut client, mut watcher) = (bench.holder(), bench.client("watcher"));
+    let wanted =
+        json!({"name": "Two", "effect": [spring("a"), {"id": "b", "kind": "damper", "damping": 0.1}]});
+    let answer: LoadSceneOk = serde_json::from_value(client.call(scene(wanted)).unwrap()).unwrap();
+    let ids: Vec<_> = answer.effects.iter().map(|e| (e.id.as_str(), e.kind.as_str())).collect();
+    assert_eq!((ids, answer.ignored.len()), (vec![("a", "spring"), ("b", "damper")], 0));
+    let told = event(&mut watcher, "scene event", |event| match event {
+        Event::Scene(scene) => Some(scene.clone()),
+        _ => None,
+    });
+    assert_eq!((told.name.as_str(), &told.effects), ("Two", &answer.effects));
+    assert_eq!(client.info().unwrap()["scene"]["name"], "Two");
+    bench.wait_until("the scene in the status", |status| status.scene == "Two");
+}
+
+#[test]
+fn a_scene_with_mistakes_changes_nothing_and_all_are_told() {
+    let bench = bench();
+    let mut client = bench.holder();
+    let before = client.info().unwrap()["scene"].clone();
+    let error = refused(client.call(scene(json!({"effect": [
+        {"id": "a", "kind": "sprng"},
+        {"id": "b", "kind": "damper", "damping": -1},
+        {"id": "c", "kind": "spring", "stifness": 1},
+    ]}))));
+    assert_eq!(error.code, ErrorCode::BadRequest);
+    for part in ["effect[0]", "sprng", "effect[1].damping", "effect[2]", "stifness"] {
+        assert!(error.message.contains(part), "{part}: {error}");
+    }
+    assert_eq!(client.info().unwrap()["scene"], before);
+}
+
+#[test]
+fn an_endless_list_of_mistakes_is_cut_short() {
+    let bench = bench();
+    let mut client = bench.holder();
+    let unknown: serde_json::Map<_, _> = (0..4000).map(|i| (format!("ä{i}"), json!(0))).collect();
+    let error = refused(client.call(scene(Value::Object(unknown))));
+    assert!(error.message.len() < 9000 && error.message.ends_with("and more"), "{}", error.message.len());
+}
+
+#[test]
+fn parameters_are_set_while_the_scene_runs() {
+    let bench = bench();
+    let mut client = bench.holder();
+    client.call(set("spring", json!({"stiffness": 0.5, "gain": 2}))).unwrap();
+    let effect = client.info().unwrap()["scene"]["effect"][0].clone();
+    assert_eq!((&effect["stiffness"], &effect["gain"]), (&json!(0.5), &json!(2.0)));
+    let cases = [
+        (set("sprig", json!({"gain": 1})), ErrorCode::UnknownEffect, "spring"),
+        (
+            set("spring", json!({"gain": 11})),
+            ErrorCode::OutOfRange,
+            "gain: 11 is out of range; legal: 0 to 10",
+        ),
+        (set("spring", json!({"gian": 1})), ErrorCode::BadRequest, "gain"),
+    ];
+    for (op, code, part) in cases {
+        let error = refused(client.call(op));
+        assert!(error.code == code && error.message.contains(part), "{error}");
+    }
+    assert_eq!(client.info().unwrap()["scene"]["effect"][0], effect);
+}
+
+#[test]
+fn phenomena_go_to_the_simulated_rig_and_a_real_one_has_its_own() {
+    let wanted = json!({"name": "held", "simulate": {"hand": {"amplitude": 0.1}}});
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let called = Arc::clone(&seen);
+    let phenomena: SetPhenomena = Box::new(move |simulate| called.lock().unwrap().push(*simulate));
+    let simulated = Bench::start(Options { phenomena: Some(phenomena), ..Options::default() });
+    let mut client = simulated.holder();
+    assert_eq!(client.call(scene(wanted.clone())).unwrap()["ignored"], json!([]));
+    client.call(scene(json!({}))).unwrap();
+    let called: Vec<_> = seen.lock().unwrap().iter().map(|s| s.hand.map(|hand| hand.amplitude)).collect();
+    assert_eq!(called, [Some(0.1)], "a scene that names no phenomena leaves them");
+    assert!(client.info().unwrap()["phenomena"].is_array());
+
+    let real = bench();
+    let mut client = real.holder();
+    assert_eq!(client.call(scene(wanted)).unwrap()["ignored"], json!(["hand"]));
+}

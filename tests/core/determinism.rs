@@ -1,0 +1,230 @@
+//! Same inputs, same bits: over a hundred thousand ticks of everything that can happen, in debug and in release.
+
+use crate::bench::{assert_finite, effect, rig, spring};
+use crate::rng::Rng;
+use hbot_core::device::MAX_JOINTS;
+use hbot_core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, OnClientLost, Stamp};
+use hbot_core::mode::Mode;
+use hbot_core::outputs::{Outputs, Refusal, Reply};
+use hbot_core::rig::{OdometryMethod, RateEstimate, Rig, Traction};
+use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3, rotation};
+
+const TICKS: u64 = 100_000;
+
+/// The hash of all outputs, for every machine and every profile. It changes when what the core computes does; the test
+/// then prints the new one. Two builds that differ in it do not compute the same.
+const GOLDEN: u64 = 0;
+
+/// FNV-1a, over words (Fowler, Noll and Vo).
+struct Hash(u64);
+
+impl Hash {
+    fn word(&mut self, x: u64) {
+        for byte in x.to_le_bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
+        }
+    }
+
+    fn reals(&mut self, x: &[f64]) {
+        x.iter().for_each(|x| self.word(x.to_bits()));
+    }
+
+    fn reply(&mut self, reply: &Reply) {
+        match *reply {
+            Reply::Done => self.word(1),
+            Reply::Aligned { angle } => self.reals(&[2.0, angle]),
+            Reply::Refused(Refusal::TooFar { slot, angle }) => self.reals(&[3.0, f64::from(slot), angle]),
+            Reply::Refused(Refusal::TooOld { age_ticks }) => self.word(age_ticks),
+            Reply::Refused(Refusal::Mode(_)) => self.word(4),
+            Reply::Refused(Refusal::NoReference) => self.word(5),
+            Reply::Refused(Refusal::NotInHistory) => self.word(6),
+            Reply::Refused(Refusal::NotFinite) => self.word(7),
+        }
+    }
+
+    fn outputs(&mut self, outputs: &Outputs) {
+        let s = &outputs.state;
+        self.word(s.tick);
+        self.word(s.mode as u64);
+        self.word(s.cause.map_or(99, |cause| cause as u64));
+        self.reals(&s.q.to_array());
+        self.reals(&s.omega.to_array());
+        self.reals(&s.torque.to_array());
+        self.reals(&s.angle);
+        self.reals(&s.rate);
+        self.reals(&s.joint_torque);
+        self.reals(&[s.slip, s.scale, s.traction, s.energy]);
+        self.word(u64::from(s.deficient) << 1 | u64::from(s.fresh));
+        self.word(s.client.map_or(u64::MAX, |client| client.age_ticks));
+        self.word(u64::from(outputs.drive.enable));
+        self.reals(&outputs.drive.torque);
+        outputs.replies.iter().flatten().for_each(|reply| self.reply(reply));
+    }
+}
+
+/// Joints that turn as they please, and a server that does as it likes.
+struct Weather {
+    rng: Rng,
+    counts: [i32; MAX_JOINTS],
+    rates: [f64; MAX_JOINTS],
+    tick: u64,
+    scene: usize,
+}
+
+impl Weather {
+    fn next(&mut self) -> (usize, Inputs) {
+        let Self { rng, counts, rates, tick, scene } = self;
+        *tick += if rng.once_in(500) { 1 + rng.below(5) } else { 1 };
+        if rng.once_in(700) {
+            *scene = rng.below(4) as usize;
+        }
+        for j in 0..MAX_JOINTS {
+            // Rates walk at random; a small force keeps them small.
+            rates[j] = 0.98 * rates[j] + rng.between(-0.3, 0.3);
+            counts[j] = counts[j].wrapping_add((rates[j] * if j % 2 == 0 { 2.6 } else { 44.3 }) as i32);
+        }
+        let mut inputs = Inputs::quiet(*tick);
+        if !rng.once_in(50) {
+            inputs.feedback = Some(JointFeedback {
+                sequence: (*tick as u32).wrapping_sub(1 + rng.once_in(30) as u32),
+                counts: *counts,
+                rates: *rates,
+                index_seen: 0,
+                complaints: Complaints { overtemperature: rng.once_in(20_000), ..Complaints::default() },
+            });
+        } else if rng.once_in(2) {
+            inputs.corrupt_frames = rng.below(3) as u16;
+        }
+        inputs.lateness_ns = if rng.once_in(20_000) { 30_000_000 } else { rng.below(300_000) };
+        while rng.once_in(12) {
+            let _ = inputs.commands.push(Self::command(rng, *tick));
+        }
+        (*scene, inputs)
+    }
+
+    fn command(rng: &mut Rng, tick: u64) -> Command {
+        let stamp = Stamp { seq: Some(rng.below(1000)), tick: Some(tick.saturating_sub(rng.below(60))) };
+        match rng.below(40) {
+            0..12 => Command::Enable,
+            12..16 => Command::Reset,
+            16 => Command::Disable,
+            17 if rng.once_in(10) => Command::Estop,
+            18 if rng.once_in(10) => Command::ClientLost(OnClientLost::Fault),
+            19 => Command::ClientLost(OnClientLost::Ramp),
+            20..28 => Command::Stream { torque: rng.vector(1.5), valid_ticks: rng.below(80) as u32, stamp },
+            28..34 => {
+                let q = rotation::exp(rng.vector(1.5));
+                let (omega, valid_ticks) = (rng.vector(1.0), rng.below(50) as u32);
+                let slot = rng.below(3) as u8;
+                Command::Reference { slot, epoch: u32::from(slot) + 1, q, omega, valid_ticks, stamp }
+            }
+            _ => Command::Align {
+                q: rotation::exp(rng.vector(0.8)),
+                weight: rng.between(0.0, 1.0),
+                tick: tick.saturating_sub(rng.below(1200)),
+            },
+        }
+    }
+}
+
+fn scenes() -> [CompiledScene; 4] {
+    let uneven = |x, y, z| {
+        let m = Mat3::from_diagonal(Vec3::new(x, y, z));
+        let r = Mat3::from_quat(rotation::exp(Vec3::new(0.3, 0.5, -0.2)));
+        let m = r * m * r.transpose();
+        (m + m.transpose()) * 0.5
+    };
+    let law = |law, anchor| {
+        let reference = rotation::exp(Vec3::new(0.1, 0.2, 0.3));
+        Kind::Spring(
+            Spring::new(law, uneven(1.0, 4.0, 9.0), uneven(0.01, 0.02, 0.03), reference, anchor).unwrap(),
+        )
+    };
+    let here = effect(0, 1, spring(3.0, 0.02, Quat::IDENTITY, Anchor::Here));
+    let uneven_here = Effect { fade_s: 0.1, ..effect(1, 2, law(SpringLaw::Geodesic, Anchor::Here)) };
+    let absolute = Effect { gain: 0.5, ..effect(2, 3, law(SpringLaw::Quaternion, Anchor::Absolute)) };
+    let damper = effect(3, 4, Kind::Damper(Damper::new(uneven(0.02, 0.01, 0.03)).unwrap()));
+    let scene = |revision, effects: &[Effect]| CompiledScene::new(revision, effects).unwrap();
+    [
+        scene(1, &[here, damper]),
+        scene(2, &[uneven_here, here]),
+        scene(3, &[absolute, damper]),
+        scene(4, &[uneven_here, absolute, damper, here]),
+    ]
+}
+
+fn rigs() -> [Rig; 3] {
+    let mut plain = rig();
+    plain.limits.speed = 60.0;
+    plain.limits.slip = 0.3;
+    plain.limits.enable_max_angle = 1.5;
+    plain.joints[2].reversed = true;
+    let mut weak = plain;
+    weak.joints.iter_mut().for_each(|joint| joint.peak *= 0.2);
+    (weak.methods.odometry, weak.methods.rate) = (OdometryMethod::Midpoint, RateEstimate::Difference);
+    let mut slippery = plain;
+    slippery.limits.traction = Some(Traction { mu: 0.8, normal_force: 10.0 });
+    slippery.methods.odometry = OdometryMethod::Euler;
+    [plain, weak, slippery]
+}
+
+/// Drives a controller through the weather of `seed`; what came in, and the hash of what came out.
+fn run(rig: Rig, seed: u64, ticks: u64, hash: &mut Hash) -> (Vec<(usize, Inputs)>, [u64; 6]) {
+    let scenes = scenes();
+    let mut weather =
+        Weather { rng: Rng(seed), counts: [0; MAX_JOINTS], rates: [0.0; MAX_JOINTS], tick: 0, scene: 0 };
+    let mut controller = Controller::new(rig);
+    let mut seen = [0; 6];
+    let inputs = (0..ticks)
+        .map(|_| {
+            let (scene, inputs) = weather.next();
+            let outputs = controller.tick(&scenes[scene], &inputs);
+            assert_finite(&outputs);
+            hash.outputs(&outputs);
+            seen[outputs.state.mode as usize] += 1;
+            (scene, inputs)
+        })
+        .collect();
+    (inputs, seen)
+}
+
+#[test]
+fn a_hundred_thousand_ticks_give_the_same_bits_on_every_machine() {
+    let mut hash = Hash(0xCBF2_9CE4_8422_2325);
+    let mut seen = [0; 6];
+    for (seed, rig) in rigs().into_iter().enumerate() {
+        let (_, modes) = run(rig, seed as u64, TICKS.div_ceil(3), &mut hash);
+        (0..6).for_each(|k| seen[k] += modes[k]);
+    }
+    // The weather is varied enough to mean something.
+    for mode in [Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop] {
+        assert!(seen[mode as usize] > 1000, "{mode:?} in {} ticks only: {seen:?}", seen[mode as usize]);
+    }
+    assert_eq!(hash.0, GOLDEN, "the outputs hash to 0x{:016X}", hash.0);
+}
+
+#[test]
+fn a_recording_of_inputs_replays_to_the_same_bits() {
+    let (scenes, rig) = (scenes(), rigs()[0]);
+    let mut hash = Hash(1);
+    let (recording, _) = run(rig, 77, 20_000, &mut hash);
+    let mut replayed = Hash(1);
+    let mut controller = Controller::new(rig);
+    for (scene, inputs) in &recording {
+        replayed.outputs(&controller.tick(&scenes[*scene], inputs));
+    }
+    assert_eq!(replayed.0, hash.0);
+
+    // And one bit of one input is enough to tell.
+    let mut altered = Hash(1);
+    let mut controller = Controller::new(rig);
+    for (k, (scene, inputs)) in recording.iter().enumerate() {
+        let mut inputs = *inputs;
+        if k == 10_000 {
+            inputs.feedback.iter_mut().for_each(|f| f.rates[0] = f64::from_bits(f.rates[0].to_bits() ^ 1));
+        }
+        altered.outputs(&controller.tick(&scenes[*scene], &inputs));
+    }
+    assert_ne!(altered.0, hash.0);
+}

@@ -1,0 +1,276 @@
+//! When a link, a clock or an encoder is bad enough to stop, and when it is not.
+
+use crate::bench::{Bench, DT, FirstReply, rig, spring_scene};
+use crate::rng::Rng;
+use hbot_core::inputs::Command;
+use hbot_core::mode::{Cause, Mode};
+use hbot_core::outputs::Reply;
+use hbot_core::{CompiledScene, Vec3, rotation};
+
+fn active() -> Bench {
+    Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.1))
+}
+
+#[test]
+fn a_tick_is_too_late_above_20_ms_and_not_before() {
+    let late = |ns: u64| active().step_with(|inputs| inputs.lateness_ns = ns).state.cause;
+    assert_eq!(late(20_000_000), None);
+    assert_eq!(late(20_000_001), Some(Cause::Deadline));
+    assert_eq!(late(u64::MAX), Some(Cause::Deadline));
+}
+
+#[test]
+fn ten_skipped_ticks_in_a_row_are_a_fault_and_nine_are_not() {
+    let skip = |n: u64| {
+        let mut bench = active();
+        bench.tick += n;
+        bench.step().state.cause
+    };
+    assert_eq!(skip(9), None);
+    assert_eq!(skip(10), Some(Cause::Deadline));
+    assert_eq!(skip(u64::MAX / 2), Some(Cause::Deadline));
+}
+
+#[test]
+fn nine_skipped_ticks_again_and_again_ride_through() {
+    let mut bench = active();
+    for _ in 0..100 {
+        bench.tick += 9;
+        assert_eq!(bench.step().state.mode, Mode::Active);
+    }
+}
+
+#[test]
+fn a_link_is_lost_after_its_time_out_and_not_before() {
+    for timeout in [1, 20, 100] {
+        let mut rig = rig();
+        rig.timing.timeout_ticks = timeout;
+        let mut bench = Bench::active(rig, CompiledScene::empty());
+        // So many ticks may miss their feedback; one more, and the link is lost.
+        for k in 1..=timeout {
+            assert_eq!(bench.deaf().state.cause, None, "{k} of {timeout} ticks without feedback");
+        }
+        assert_eq!(bench.deaf().state.cause, Some(Cause::LinkLost));
+        assert!(matches!(bench.command(Command::Reset).reply(), Reply::Done), "feedback is back");
+    }
+}
+
+#[test]
+fn skipped_ticks_count_as_ticks_without_feedback() {
+    let mut bench = active();
+    bench.deaf();
+    bench.tick += 9;
+    assert_eq!(bench.deaf().state.cause, None);
+    bench.tick += 9;
+    assert_eq!(bench.deaf().state.cause, Some(Cause::LinkLost), "21 ticks");
+}
+
+#[test]
+fn a_rig_that_never_answers_is_a_lost_link_too() {
+    let mut bench = Bench::new(rig());
+    let last = (0..25).map(|_| bench.deaf()).last().unwrap();
+    assert_eq!(last.state.cause, Some(Cause::LinkLost));
+    assert_eq!(bench.command(Command::Reset).state.mode, Mode::Unreferenced);
+    assert_eq!(bench.step().state.mode, Mode::Idle);
+}
+
+#[test]
+fn one_frame_in_a_hundred_may_be_damaged_and_every_second_one_may_not() {
+    let mut rng = Rng(21);
+    // 100 s at 1 kHz. A damaged frame is also one that is missing.
+    let mut bench = active();
+    for _ in 0..100_000 {
+        let damaged = rng.once_in(100);
+        let state = bench
+            .step_with(|inputs| {
+                if damaged {
+                    (inputs.corrupt_frames, inputs.feedback) = (1, None);
+                }
+            })
+            .state;
+        assert_eq!(state.mode, Mode::Active);
+    }
+    let mut bench = active();
+    let stopped = (0..200).find(|_| {
+        let damaged = rng.once_in(2);
+        let outputs = bench.step_with(|inputs| {
+            if damaged {
+                (inputs.corrupt_frames, inputs.feedback) = (1, None);
+            }
+        });
+        outputs.state.cause == Some(Cause::LinkCorrupt)
+    });
+    assert!(stopped.is_some_and(|tick| tick < 60), "{stopped:?}");
+    // Any number of damaged frames at once is forgiven within half a second.
+    bench.step_with(|inputs| inputs.corrupt_frames = u16::MAX);
+    bench.run(400);
+    assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
+}
+
+#[test]
+fn more_than_half_a_turn_between_readings_is_not_believed() {
+    for (joint, half) in [(0, 8192), (1, 139_264), (2, 8192), (3, 139_264)] {
+        for sign in [1, -1] {
+            let jump = |counts: i32| {
+                let mut bench = active();
+                bench
+                    .step_with(|inputs| inputs.feedback.as_mut().unwrap().counts[joint] += sign * counts)
+                    .state
+                    .cause
+            };
+            assert_eq!(jump(half - 1), None, "joint {joint}");
+            assert_eq!(jump(half), Some(Cause::ImplausibleFeedback), "joint {joint}");
+            assert_eq!(jump(half + 1), Some(Cause::ImplausibleFeedback), "joint {joint}");
+        }
+    }
+}
+
+#[test]
+fn after_a_reading_that_was_not_believed_the_rig_works_again() {
+    // One reading alone, and joints that were turned far while nobody looked.
+    for stays in [false, true] {
+        let mut bench = active();
+        let before = bench.step().state;
+        let jump = |bench: &mut Bench| bench.offset[0] = bench.offset[0].wrapping_add(10_000);
+        jump(&mut bench);
+        assert_eq!(bench.step().state.cause, Some(Cause::ImplausibleFeedback));
+        if !stays {
+            bench.offset[0] -= 10_000;
+        }
+        bench.run(2);
+        assert_eq!(bench.command(Command::Reset).reply(), Reply::Done, "stays: {stays}");
+        let after = bench.step().state;
+        // Which way the sphere went is not known, so no turn is made of it; the steering angle is what is read now.
+        assert!(rotation::angle_between(after.q, before.q) < 1e-12);
+        let steering = if stays { core::f64::consts::TAU * 10_000.0 / 16384.0 } else { 0.0 };
+        let off = rotation::wrap_angle(after.angle[0] - before.angle[0] - steering);
+        assert!(off.abs() < 1e-12, "stays: {stays}, {off}");
+        assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+        assert_eq!(bench.run(510).state.mode, Mode::Active);
+    }
+}
+
+#[test]
+fn joints_turned_far_during_a_lost_link_do_not_keep_it_from_being_reset() {
+    let mut bench = active();
+    for _ in 0..30 {
+        bench.deaf();
+    }
+    for _ in 0..1000 {
+        bench.sphere.turn(Vec3::new(3.0, -2.0, 1.0), DT);
+    }
+    bench.sphere.omega = Vec3::ZERO;
+    let state = bench.run(3).state;
+    assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::LinkLost)), "the first cause stands");
+    assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
+}
+
+#[test]
+fn counts_that_wrap_at_32_bits_change_nothing() {
+    // As many whole turns of each encoder as there are below 2^31, so that the angles are the same.
+    let whole = |turn: i32| i32::MAX / turn * turn;
+    for sign in [1, -1] {
+        let mut plain = Bench::new(rig());
+        let mut wrapping = Bench::new(rig());
+        for (j, offset) in wrapping.offset[..4].iter_mut().enumerate() {
+            *offset = sign * whole(if j % 2 == 0 { 16384 } else { 278_528 });
+        }
+        let mut wrapped = 0;
+        for k in 0..4000 {
+            let t = f64::from(k) * DT;
+            let omega = Vec3::new(8.0, 3.0 * (2.0 * t).sin(), 6.0 * (0.3 * t).cos());
+            let [a, b] = [&mut plain, &mut wrapping].map(|bench| bench.turn(omega).state);
+            assert_eq!(a, b, "tick {k}");
+            let counts = wrapping.feedback().counts;
+            wrapped += usize::from(counts[..4].iter().any(|count| count.signum() == -sign));
+        }
+        assert!(wrapped > 100, "some joint did pass 2^31");
+    }
+}
+
+#[test]
+fn odometry_follows_a_sphere_that_turns() {
+    let mut bench = Bench::new(rig());
+    for k in 0..3000 {
+        let t = f64::from(k) * DT;
+        bench.turn(Vec3::new(2.0 * (3.0 * t).cos(), 1.5, -2.0 * (2.0 * t).sin()));
+    }
+    let state = bench.step().state;
+    // 16384 counts a turn and straight joint paths between readings 1 ms apart: 1e-4 rad over 3 s at the most (physics notes,
+    // section 4: 2.6e-5 in 2 s).
+    let drift = rotation::angle_between(state.q, bench.sphere.q);
+    assert!(drift < 1e-4, "{drift:e} rad");
+    assert!((state.omega - bench.sphere.omega).length() < 1e-2);
+}
+
+#[test]
+fn feedback_that_is_old_or_comes_twice_is_left_out() {
+    let mut bench = active();
+    bench.sphere.turn(Vec3::X, DT);
+    let first = bench.feedback();
+    assert!(bench.step().state.fresh);
+    bench.sphere.turn(Vec3::X, DT);
+    let newest = bench.step();
+    assert!(newest.state.fresh);
+    for stale in [first, hbot_core::inputs::JointFeedback { counts: [7; 16], ..first }] {
+        let outputs = bench.step_with(|inputs| inputs.feedback = Some(stale));
+        let (got, want) = (outputs.state, newest.state);
+        assert!(!got.fresh);
+        assert_eq!((got.q, got.omega, got.angle), (want.q, want.omega, want.angle));
+    }
+    // And does not keep a dead link alive.
+    for _ in 0..20 {
+        bench.step_with(|inputs| inputs.feedback = Some(first));
+    }
+    assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(first)).state.cause, Some(Cause::LinkLost));
+}
+
+#[test]
+fn feedback_whose_number_wraps_is_still_the_newest() {
+    let mut bench = Bench::from_tick(rig(), u64::from(u32::MAX) - 50);
+    bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);
+    bench.step();
+    for k in 0..100 {
+        let state = bench.turn(Vec3::Y).state;
+        assert!(state.fresh && state.cause.is_none(), "tick {k}");
+    }
+}
+
+#[test]
+fn a_tick_that_comes_twice_or_is_of_the_past_takes_no_time() {
+    let mut bench = Bench::new(rig());
+    bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);
+    bench.step();
+    bench.command(Command::Enable);
+    bench.run(200);
+    let now = bench.step().state;
+    for tick in [now.tick, now.tick, now.tick - 100, now.tick - 100, 0, 0] {
+        let state = bench.step_with(|inputs| inputs.tick = tick).state;
+        assert_eq!(state.mode, Mode::Enabling);
+        assert!((state.torque - now.torque).length() < 1e-14, "no time, no ramp: tick {tick}");
+    }
+    // Time goes on from there.
+    assert!(bench.step().state.torque.x > now.torque.x);
+}
+
+#[test]
+fn the_end_of_all_ticks_is_no_danger() {
+    let mut bench = Bench::from_tick(rig(), u64::MAX - 40);
+    bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);
+    bench.step();
+    bench.command(Command::Enable);
+    for _ in 0..30 {
+        bench.command(crate::bench::stream(Vec3::X * 0.1, u32::MAX));
+        bench.command(Command::Reference {
+            slot: 0,
+            epoch: 1,
+            q: hbot_core::Quat::IDENTITY,
+            omega: Vec3::ZERO,
+            valid_ticks: u32::MAX,
+            stamp: hbot_core::inputs::Stamp::default(),
+        });
+        if bench.tick > u64::MAX - 4 {
+            break;
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! Springs are gradients of their energies, dampers take energy out, and no law sees the sign of a quaternion
+//! (physics notes, section 6).
+
+use crate::designs::{impedance, orientation, vector};
+use hbot_core::impedance::{Elastic, damper, geodesic_law, quaternion_law, rotation_vector};
+use hbot_core::{Mat3, Quat, Vec3, rotation};
+use proptest::prelude::*;
+
+type Law = fn(Quat, Quat, &Mat3) -> Elastic;
+
+fn geodesic(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic {
+    geodesic_law(desired, actual, stiffness, Vec3::ZERO).0
+}
+
+const LAWS: [(&str, Law); 2] = [("quaternion", quaternion_law), ("geodesic", geodesic)];
+
+/// The largest entry: what torques and energies scale with.
+fn size(m: &Mat3) -> f64 {
+    m.to_cols_array().iter().fold(0.0, |a: f64, x| a.max(x.abs()))
+}
+
+/// The work that a torque does on the sphere around a closed path, by the midpoint rule in `n` steps.
+fn loop_work(path: impl Fn(f64) -> Quat, n: u32, torque: impl Fn(Quat) -> Vec3) -> f64 {
+    let at = |k: f64| path(k / f64::from(n));
+    (0..n)
+        .map(|k| {
+            let k = f64::from(k);
+            torque(at(k + 0.5)).dot(rotation::difference(at(k + 1.0), at(k)))
+        })
+        .sum()
+}
+
+/// A loop through orientations up to 2.9 rad from `desired`, where the geodesic law is still smooth.
+fn around(desired: Quat, [a, b, c]: [Vec3; 3]) -> impl Fn(f64) -> Quat {
+    move |s| {
+        let (s1, c1) = (core::f64::consts::TAU * s).sin_cos();
+        rotation::exp(a + b * s1 + c * c1) * desired
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_spring_pulls_down_the_slope_of_its_energy(
+        desired in orientation(),
+        turn in vector(3.0),
+        k in impedance(5.0),
+        axis in vector(1.0),
+    ) {
+        let q = desired * rotation::exp(turn);
+        for (name, law) in LAWS {
+            // A central difference over h: the third derivative leaves h² K or so (within 3 rad all derivatives of the
+            // logarithm are of order 1), rounding of the energy eps E / h. Both are near 1e-9 of K here.
+            let h = 1e-5;
+            let energy = |h: f64| law(desired, rotation::exp(axis * h) * q, &k).energy;
+            let slope = (energy(h) - energy(-h)) / (2.0 * h);
+            let torque = law(desired, q, &k).torque;
+            prop_assert!((torque.dot(axis) + slope).abs() < 2e-8 * size(&k), "{name}: {} and {slope}", torque.dot(axis));
+        }
+    }
+
+    #[test]
+    fn around_a_closed_path_a_spring_does_no_work(
+        desired in orientation(),
+        shape in [vector(1.3), vector(0.8), vector(0.8)],
+        k in impedance(5.0),
+    ) {
+        let path = around(desired, shape);
+        for (name, law) in LAWS {
+            // The midpoint rule over 2000 steps of up to 5 mrad: their squares over 24, of the work done on the way.
+            let work = loop_work(&path, 2000, |q| law(desired, q, &k).torque);
+            prop_assert!(work.abs() < 2e-5 * size(&k), "{name}: {work} J");
+        }
+    }
+
+    #[test]
+    fn the_sign_of_a_quaternion_is_not_felt(desired in orientation(), actual in orientation(), k in impedance(5.0)) {
+        for (name, law) in LAWS {
+            let expected = law(desired, actual, &k);
+            for (d, a) in [(-desired, actual), (desired, -actual), (-desired, -actual)] {
+                prop_assert_eq!(law(d, a, &k), expected, "{}", name);
+            }
+        }
+        prop_assert_eq!(rotation_vector(desired, -actual), rotation_vector(desired, actual));
+    }
+
+    #[test]
+    fn near_its_reference_every_spring_is_stiffness_times_angle(
+        desired in orientation(),
+        axis in vector(1.0),
+        k in impedance(5.0),
+    ) {
+        for angle in [1e-3, 1e-6, 1e-9] {
+            let p = axis * angle;
+            let q = desired * rotation::exp(p);
+            for (name, law) in LAWS {
+                let want = -(desired * (k * p));
+                // The second order is half the angle; below it there is the rounding of a unit quaternion.
+                let within = size(&k) * (2.0 * angle * angle + 16.0 * f64::EPSILON);
+                prop_assert!((law(desired, q, &k).torque - want).length() < within, "{name} at {angle}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_stiffness_all_around_gives_the_sine_or_the_angle(desired in orientation(), turn in vector(3.1)) {
+        let k = Mat3::from_diagonal(Vec3::splat(2.0));
+        let q = desired * rotation::exp(turn);
+        let angle = turn.length();
+        let axis = desired * turn.normalize_or_zero();
+        // A few roundings of a torque of up to 6 N m; near a half turn M's cotangent loses none.
+        let within = 64.0 * f64::EPSILON * 6.0;
+        prop_assert!((quaternion_law(desired, q, &k).torque + axis * (2.0 * angle.sin())).length() < within);
+        prop_assert!((geodesic(desired, q, &k).torque + axis * (2.0 * angle)).length() < within);
+    }
+
+    #[test]
+    fn a_damper_never_gives_energy(
+        desired in orientation(),
+        d in impedance(0.1),
+        omega in vector(30.0),
+        omega_d in vector(30.0),
+    ) {
+        let relative = omega - omega_d;
+        let power = damper(desired, &d, omega, omega_d).dot(relative);
+        // At least the smallest eigenvalue's worth, 0.01 here, goes in, but for rounding.
+        let rounding = 64.0 * f64::EPSILON * size(&d) * relative.length_squared();
+        prop_assert!(power <= -0.00999 * relative.length_squared() + rounding, "{power} W");
+    }
+
+    #[test]
+    fn logarithm_and_exponential_undo_each_other(v in vector(core::f64::consts::PI), q in orientation()) {
+        // A rounding of the quaternion is at most two of pi in its logarithm.
+        let within = 16.0 * f64::EPSILON;
+        prop_assert!((rotation::log(rotation::exp(v)) - v).length() <= within * core::f64::consts::PI);
+        let back = rotation::exp(rotation::log(q));
+        prop_assert!((back - rotation::shortest(q)).length() <= within);
+    }
+}
+
+/// What the tests above would miss if they could not see it: the law that is not a gradient gives energy out.
+#[test]
+fn stiffness_times_the_rotation_vector_does_net_work_where_stiffness_is_uneven() {
+    let k = Mat3::from_diagonal(Vec3::new(1.0, 4.0, 9.0));
+    let path = around(Quat::IDENTITY, [Vec3::new(0.9, 0.6, -0.4), Vec3::X * 0.8, Vec3::new(0.0, 0.6, 0.6)]);
+    let naive = loop_work(&path, 2000, |q| -(k * rotation::log(q)));
+    assert!(naive.abs() > 0.1, "{naive} J");
+    for (name, law) in LAWS {
+        let work = loop_work(&path, 2000, |q| law(Quat::IDENTITY, q, &k).torque);
+        assert!(work.abs() < 1e-4, "{name}: {work} J");
+    }
+}
+
+#[test]
+fn at_exactly_a_half_turn_the_spring_keeps_pulling_the_way_it_did() {
+    let k = Mat3::from_diagonal(Vec3::splat(2.0));
+    let half_turn = rotation::from_parts(0.0, Vec3::Y);
+    let pi = core::f64::consts::PI;
+    for side in [1.0, -1.0] {
+        let branch = Vec3::Y * (side * 3.1);
+        for q in [half_turn, -half_turn] {
+            let (spring, p) = geodesic_law(Quat::IDENTITY, q, &k, branch);
+            assert_eq!(p, Vec3::Y * (side * pi));
+            assert!((spring.torque + Vec3::Y * (side * 2.0 * pi)).length() < 1e-15);
+        }
+    }
+}

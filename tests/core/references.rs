@@ -1,0 +1,173 @@
+//! References that move, and the orientation as it is seen from outside.
+
+use crate::bench::{Bench, DT, FirstReply, effect, rig, spring, spring_scene};
+use hbot_core::effects::Anchor;
+use hbot_core::inputs::{Command, Stamp};
+use hbot_core::outputs::{Refusal, Reply};
+use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+
+/// A spring in slot 3, epoch 9, at rest where the sphere is.
+fn scene(stiffness: f64, damping: f64) -> CompiledScene {
+    CompiledScene::new(1, &[effect(3, 9, spring(stiffness, damping, Quat::IDENTITY, Anchor::Absolute))])
+        .unwrap()
+}
+
+fn reference(q: Quat, omega: Vec3, valid_ticks: u32) -> Command {
+    Command::Reference { slot: 3, epoch: 9, q, omega, valid_ticks, stamp: Stamp::default() }
+}
+
+fn align(q: Quat, weight: f64, tick: u64) -> Command {
+    Command::Align { q, weight, tick }
+}
+
+#[test]
+fn a_reference_moves_at_most_at_its_rate_and_arrives() {
+    let mut bench = Bench::active(rig(), scene(1.0, 0.0));
+    let goal = Vec3::new(0.6, -0.8, 0.0);
+    // The sphere is held, so the torque is where the reference is: 5 rad/s, 5 mrad a tick, 200 ticks.
+    let mut last = bench.command(reference(rotation::exp(goal), Vec3::ZERO, 1)).state.torque;
+    assert!((last - goal * 0.005).length() < 1e-12, "{last}");
+    for k in 2..=205 {
+        let torque = bench.step().state.torque;
+        assert!((torque - last).length() < 5.0 * DT + 1e-12, "tick {k}");
+        let want = goal * (f64::from(k) / 200.0).min(1.0);
+        assert!((torque - want).length() < 1e-12, "tick {k}: {torque} against {want}");
+        last = torque;
+    }
+}
+
+#[test]
+fn a_references_rate_expires_and_its_place_stays() {
+    let mut bench = Bench::active(rig(), scene(1.0, 0.1));
+    let (turn, omega) = (Vec3::X * 0.004, Vec3::Y);
+    let first = bench.command(reference(rotation::exp(turn), omega, 10)).state.torque;
+    assert!((first - turn - omega * 0.1).length() < 1e-12, "{first}");
+    for k in 1..30 {
+        let torque = bench.step().state.torque;
+        let want = turn + if k < 10 { omega * 0.1 } else { Vec3::ZERO };
+        assert!((torque - want).length() < 1e-12, "tick {k}: {torque}");
+    }
+}
+
+#[test]
+fn a_reference_to_an_effect_that_is_not_there_is_refused() {
+    let mut bench = Bench::active(rig(), scene(1.0, 0.0));
+    for (slot, epoch) in [(3, 8), (3, 10), (4, 9), (31, 9), (255, 9)] {
+        let command = Command::Reference {
+            slot,
+            epoch,
+            q: Quat::IDENTITY,
+            omega: Vec3::ZERO,
+            valid_ticks: 1,
+            stamp: Stamp::default(),
+        };
+        let outputs = bench.command(command);
+        assert_eq!(outputs.reply(), Reply::Refused(Refusal::NoReference), "slot {slot}, epoch {epoch}");
+        assert_eq!(outputs.state.client, None);
+    }
+}
+
+/// A client that writes four digits means the rotation next to them, not a spring that is stiffer by what they miss.
+#[test]
+fn a_reference_of_four_digits_is_taken_as_the_rotation_that_it_means() {
+    let q = rotation::exp(Vec3::new(0.3, 0.2, -0.1));
+    let [exact, rough] = [q, q * 1.0004].map(|q| {
+        let mut bench = Bench::active(rig(), scene(2.0, 0.1));
+        bench.command(reference(q, Vec3::Z, 1000));
+        bench.run(150).state.torque
+    });
+    // To rounding: the scale carries no meaning.
+    assert!((exact - rough).length() < 1e-14, "{exact} and {rough}");
+}
+
+#[test]
+fn an_outside_orientation_corrects_at_its_rate_while_powered() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let offset = Vec3::new(0.0, 0.03, 0.04);
+    let seen = bench.tick - 1;
+    let reply = bench.command(align(rotation::exp(offset), 1.0, seen)).reply();
+    let Reply::Aligned { angle } = reply else { panic!("{reply:?}") };
+    assert!((angle - 0.05).abs() < 1e-12, "{angle}");
+    // 0.5 rad/s: 0.05 rad take 100 ms.
+    for k in 1..=110 {
+        let q = bench.step().state.q;
+        let want = offset * (f64::from(k) * 0.5 * DT / 0.05).min(1.0);
+        assert!((rotation::log(q) - want).length() < 1e-12, "tick {k}");
+    }
+}
+
+#[test]
+fn an_outside_orientation_corrects_at_once_while_idle_and_by_its_weight() {
+    let offset = Vec3::new(0.0, 0.6, 0.8);
+    for weight in [1.0, 0.5, 0.1] {
+        let mut bench = Bench::new(rig());
+        bench.run(5);
+        bench.command(align(rotation::exp(offset), weight, 3));
+        let q = bench.step().state.q;
+        assert!((rotation::log(q) - offset * weight).length() < 1e-12, "weight {weight}: {q}");
+    }
+}
+
+#[test]
+fn an_outside_orientation_of_weight_zero_is_measured_and_changes_nothing() {
+    let mut bench = Bench::new(rig());
+    bench.run(5);
+    let reply = bench.command(align(rotation::exp(Vec3::X * 0.7), 0.0, 5)).reply();
+    assert!(matches!(reply, Reply::Aligned { angle } if (angle - 0.7).abs() < 1e-12), "{reply:?}");
+    assert_eq!(bench.run(3).state.q, Quat::IDENTITY);
+}
+
+#[test]
+fn an_outside_orientation_is_held_against_the_moment_that_it_shows() {
+    let mut bench = Bench::new(rig());
+    let mut truth = Vec::new();
+    let offset = rotation::exp(Vec3::new(0.1, -0.2, 0.05));
+    for k in 0..400 {
+        let omega = Vec3::new(1.0, 2.0 * (0.02 * f64::from(k)).sin(), -0.5);
+        let q = bench.turn(omega).state.q;
+        truth.push((bench.tick - 1, offset * q));
+    }
+    let q = bench.step().state.q;
+    truth.push((bench.tick - 1, offset * q));
+    // 300 ms later: what is seen is of the past, what is corrected is the present.
+    let (tick, q) = truth[100];
+    bench.command(align(q, 1.0, tick));
+    let now = bench.step().state.q;
+    let (_, last) = truth[400];
+    assert!(rotation::angle_between(now, last) < 1e-12);
+    // A second look at the past is held against the past as corrected by then.
+    let (tick, q) = truth[200];
+    let reply = bench.command(align(q, 1.0, tick)).reply();
+    assert!(matches!(reply, Reply::Aligned { angle } if angle < 1e-12), "{reply:?}");
+}
+
+#[test]
+fn moments_that_are_too_old_or_not_yet_there_are_refused() {
+    let mut bench = Bench::new(rig());
+    bench.run(2000);
+    let now = bench.tick;
+    let reply = |bench: &mut Bench, seen: u64| bench.command(align(Quat::IDENTITY, 1.0, seen)).reply();
+    for old in [0, now - 1025, now + 10, now + 1024, u64::MAX, u64::MAX - 1023] {
+        assert_eq!(reply(&mut bench, old), Reply::Refused(Refusal::NotInHistory), "tick {old}, now {now}");
+    }
+    assert!(matches!(reply(&mut bench, now - 900), Reply::Aligned { .. }));
+    // Before the history is full, what is not in it is not in it either.
+    let mut young = Bench::new(rig());
+    young.run(3);
+    for seen in [0, 100, 1023, 1024, u64::MAX, u64::MAX - 1] {
+        assert_eq!(reply(&mut young, seen), Reply::Refused(Refusal::NotInHistory), "tick {seen}");
+    }
+}
+
+#[test]
+fn a_correction_moves_the_spring_no_faster_than_its_rate() {
+    let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::ZERO));
+    bench.command(align(rotation::exp(Vec3::Y * 0.2), 1.0, bench.tick - 1));
+    let mut last = bench.step().state.torque;
+    for _ in 0..450 {
+        let torque = bench.step().state.torque;
+        assert!((torque - last).length() < 2.0 * 0.5 * DT + 1e-12, "a torque jumps");
+        last = torque;
+    }
+    assert!((last + Vec3::Y * 0.4).length() < 1e-12, "{last}");
+}

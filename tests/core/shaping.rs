@@ -1,0 +1,278 @@
+//! What stands between the scene and the motors: soft start, ramps, blending, streams, limits.
+
+use crate::bench::{
+    Bench, DT, FirstReply, TORQUE_RATE, effect, rig, rig_with_grip, spring, spring_scene, stream,
+};
+use crate::rng::Rng;
+use hbot_core::effects::Anchor;
+use hbot_core::inputs::{Command, OnClientLost, Stamp};
+use hbot_core::mode::Mode;
+use hbot_core::outputs::{Refusal, Reply};
+use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+
+/// Half a newton metre about n1, from a spring of 2 N m/rad.
+const WOUND: Vec3 = Vec3::new(0.25, 0.0, 0.0);
+
+/// Torque through the joints and back is the torque wanted to rounding.
+const ROUNDING: f64 = 1e-13;
+
+#[test]
+fn torque_comes_softly_over_half_a_second() {
+    let mut bench = Bench::new(rig());
+    bench.scene = spring_scene(1, 2.0, WOUND);
+    bench.step();
+    assert_eq!(bench.command(Command::Enable).state.mode, Mode::Enabling);
+    let torque: Vec<f64> = (0..600).map(|_| bench.step().state.torque.x).collect();
+    assert!(torque.windows(2).all(|w| w[1] >= w[0] - ROUNDING), "it only grows");
+    // In the first 50 ms the scene itself is blended in; from then on the gain alone counts.
+    for at in [100, 250, 400] {
+        let want = 0.5 * (at + 2) as f64 / 500.0;
+        assert!((torque[at] - want).abs() < 1e-9, "after {at} ms: {}", torque[at]);
+    }
+    assert!((torque[599] - 0.5).abs() < ROUNDING);
+    // The gain is a sum of 500 roundings: half a second may be a tick longer.
+    let full = torque.iter().position(|t| (t - 0.5).abs() < ROUNDING).unwrap();
+    assert!((497..=500).contains(&full), "full after {full} ticks");
+    assert_eq!(bench.step().state.mode, Mode::Active);
+}
+
+#[test]
+fn torque_goes_within_50_ms_of_disable() {
+    let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
+    let first = bench.command(Command::Disable);
+    assert_eq!(first.state.mode, Mode::Idle);
+    assert!(first.drive.enable, "the ramp needs its motors");
+    let torque: Vec<f64> = (1..60).map(|_| bench.step().state.torque.x).collect();
+    for at in [10, 25, 40] {
+        // Tick k after the command has seen k + 1 steps of the ramp.
+        let want = 0.5 * (1.0 - (at + 1) as f64 / 50.0);
+        assert!((torque[at - 1] - want).abs() < 1e-9, "after {at} ms: {}", torque[at - 1]);
+    }
+    assert!(torque[50..].iter().all(|t| *t == 0.0));
+    assert!(!bench.step().drive.enable);
+}
+
+#[test]
+fn enable_is_refused_where_a_reference_is_too_far_with_slot_and_angle() {
+    let far = effect(5, 1, spring(2.0, 0.0, rotation::exp(Vec3::Y * 0.6), Anchor::Absolute));
+    let near = effect(2, 2, spring(2.0, 0.0, rotation::exp(Vec3::Y * 0.4), Anchor::Absolute));
+    let mut bench = Bench::new(rig());
+    bench.scene = CompiledScene::new(1, &[near, far]).unwrap();
+    bench.step();
+    let outputs = bench.command(Command::Enable);
+    let Reply::Refused(Refusal::TooFar { slot: 5, angle }) = outputs.reply() else {
+        panic!("{:?}", outputs.reply())
+    };
+    assert!((angle - 0.6).abs() < 1e-15, "{angle}");
+    assert_eq!(outputs.state.mode, Mode::Idle);
+    // The sphere is turned nearer: then it may.
+    for _ in 0..200 {
+        bench.turn(Vec3::Y);
+    }
+    assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+}
+
+#[test]
+fn a_reference_anchored_here_is_never_too_far_and_begins_without_torque() {
+    let turned = rotation::exp(Vec3::Z * 0.3);
+    for (reference, wound) in [(Quat::IDENTITY, Vec3::ZERO), (turned, Vec3::Z * 0.3)] {
+        let mut bench = Bench::new(rig());
+        bench.scene =
+            CompiledScene::new(1, &[effect(0, 1, spring(2.0, 0.0, reference, Anchor::Here))]).unwrap();
+        bench.step();
+        // Somewhere far from where the scene was loaded.
+        for _ in 0..700 {
+            bench.turn(Vec3::new(2.0, 1.0, -1.0));
+        }
+        bench.sphere.omega = Vec3::ZERO;
+        assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+        let torque = bench.run(600).state.torque;
+        assert!((torque - wound * 2.0).length() < 1e-12, "{torque}");
+    }
+}
+
+#[test]
+fn one_scene_becomes_another_within_50_ms_without_a_step() {
+    let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
+    let mut last = bench.step().state.torque;
+    let scenes = [
+        (spring_scene(2, 4.0, Vec3::new(-0.2, 0.0, 0.1)), Vec3::new(-0.8, 0.0, 0.4)),
+        (CompiledScene::new(3, &[]).unwrap(), Vec3::ZERO),
+        (spring_scene(4, 2.0, Vec3::Y * 0.3), Vec3::Y * 0.6),
+    ];
+    for (scene, after) in scenes {
+        bench.scene = scene;
+        let step = (after - last).length();
+        for k in 1..=60 {
+            let torque = bench.step().state.torque;
+            // The slope of the smoothstep is at most 1.5 over its 50 ms.
+            assert!(
+                (torque - last).length() <= 1.5 * step / 50.0 * 1.01 + ROUNDING,
+                "tick {k}: {last} to {torque}"
+            );
+            assert!((torque - last).length() <= TORQUE_RATE * DT + ROUNDING);
+            last = torque;
+            if k > 50 {
+                assert!((torque - after).length() < ROUNDING, "after {k} ms: {torque}");
+            }
+        }
+    }
+}
+
+#[test]
+fn torque_never_changes_faster_than_the_rig_allows() {
+    let mut rig = rig();
+    rig.limits.torque_rate = 5.0;
+    let mut bench = Bench::active(rig, CompiledScene::empty());
+    let mut rng = Rng(11);
+    let mut last = Vec3::ZERO;
+    let mut fastest = 0.0_f64;
+    for _ in 0..5000 {
+        let torque = if rng.once_in(20) {
+            bench.command(stream(rng.vector(1.0), 1 + rng.below(60) as u32)).state.torque
+        } else {
+            bench.step().state.torque
+        };
+        fastest = fastest.max((torque - last).length());
+        last = torque;
+    }
+    assert!((fastest - 5.0 * DT).abs() < ROUNDING, "{fastest} N m a tick: at the limit, and not above it");
+}
+
+#[test]
+fn a_stream_adds_to_the_scene_and_ends_in_20_ms_once_it_is_not_renewed() {
+    let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
+    let scene = bench.step().state.torque;
+    let extra = Vec3::new(0.0, 0.1, -0.05);
+    bench.command(stream(extra, 30));
+    for k in 1..30 {
+        let torque = bench.step().state.torque;
+        assert!((torque - scene - extra).length() < ROUNDING, "tick {k} of 30: {torque}");
+    }
+    for k in 1..=25 {
+        let state = bench.step().state;
+        let left = (1.0 - f64::from(k) / 20.0).max(0.0);
+        assert!((state.torque - scene - extra * left).length() < 1e-12, "{k} ticks after: {}", state.torque);
+        assert_eq!(state.mode, Mode::Active, "no fault");
+    }
+}
+
+#[test]
+fn a_stream_that_is_renewed_in_its_ramp_is_back_at_once() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let torque = Vec3::X * 0.1;
+    bench.command(stream(torque, 1));
+    assert!((bench.run(10).state.torque - torque * 0.5).length() < 1e-12);
+    assert!((bench.command(stream(torque, 5)).state.torque - torque).length() < ROUNDING);
+}
+
+#[test]
+fn a_client_that_is_gone_takes_its_stream_with_it_unless_the_rig_keeps_it() {
+    for (policy, after_10_ms) in
+        [(OnClientLost::Ramp, 0.5), (OnClientLost::Keep, 1.0), (OnClientLost::Fault, 0.0)]
+    {
+        let mut bench = Bench::active(rig(), CompiledScene::empty());
+        bench.command(stream(Vec3::X * 0.1, 500));
+        bench.command(Command::ClientLost(policy));
+        let state = bench.run(10).state;
+        assert!((state.torque.x - 0.1 * after_10_ms).abs() < 1e-12, "{policy:?}: {}", state.torque);
+        assert_eq!(state.mode == Mode::Fault, policy == OnClientLost::Fault);
+    }
+}
+
+#[test]
+fn stream_messages_name_themselves_and_are_refused_when_too_old() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let aged = |bench: &Bench, age: u64| Command::Stream {
+        torque: Vec3::X * 0.1,
+        valid_ticks: 5,
+        stamp: Stamp { seq: Some(age), tick: Some(bench.tick - age) },
+    };
+    let client = bench.command(aged(&bench, 50)).state.client.unwrap();
+    assert_eq!((client.seq, client.age_ticks), (Some(50), 50));
+    assert_eq!(bench.step().state.client.unwrap().age_ticks, 51);
+    let late = bench.command(aged(&bench, 51));
+    assert_eq!(late.reply(), Reply::Refused(Refusal::TooOld { age_ticks: 51 }));
+    assert_eq!(late.state.client.unwrap().seq, Some(50), "nothing changed");
+    // One that names no tick is as old as its arrival.
+    bench.command(stream(Vec3::ZERO, 5));
+    assert_eq!(bench.run(3).state.client.unwrap().age_ticks, 3);
+    // Nor is one from the future a reason to fall over.
+    let ahead = Stamp { seq: None, tick: Some(u64::MAX) };
+    let outputs = bench.command(Command::Stream { torque: Vec3::ZERO, valid_ticks: 1, stamp: ahead });
+    assert_eq!(outputs.state.client.unwrap().age_ticks, 0);
+}
+
+#[test]
+fn a_torque_beyond_the_rig_keeps_its_direction() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let mut rng = Rng(12);
+    for size in [3.0, 30.0, 1e3, 1e100, 1e160, 1e300] {
+        let direction = rng.vector(1.0).normalize();
+        bench.command(stream(direction * size, 40));
+        let state = bench.run(39).state;
+        // The rig's 2 N m, or what the motors have of it.
+        assert!(state.torque.length() > 0.9, "{size:e} N m gives {}", state.torque);
+        assert!(state.torque.length() < 2.0 + ROUNDING);
+        assert!((state.torque.normalize() - direction).length() < 1e-9, "{size:e}");
+    }
+}
+
+#[test]
+fn what_the_motors_cannot_give_is_left_out_of_the_size_alone() {
+    let mut rig = rig();
+    for joint in &mut rig.joints {
+        joint.peak *= 0.02;
+    }
+    let mut bench = Bench::active(rig, CompiledScene::empty());
+    let mut rng = Rng(13);
+    for _ in 0..50 {
+        let wanted = rng.vector(1.0).normalize();
+        bench.command(stream(wanted, 40));
+        let state = bench.run(39).state;
+        assert!(state.scale > 0.0 && state.scale < 1.0, "scale {}", state.scale);
+        assert!((state.torque.normalize() - wanted).length() < 1e-9);
+        for (j, tau) in state.joint_torque[..4].iter().enumerate() {
+            assert!(tau.abs() <= rig.joints[j].peak, "joint {j}: {tau}");
+        }
+        assert!(!state.deficient);
+    }
+}
+
+#[test]
+fn contacts_are_never_asked_for_more_than_they_hold() {
+    let scene = spring_scene(1, 2.0, WOUND);
+    let free = Bench::active(rig_with_grip(1e6), scene.clone()).step().state;
+    let grip = 1e6 * free.traction;
+    assert!(free.traction > 0.0 && free.traction < 1e-4, "{}", free.traction);
+    // Just enough, and half of what would be needed.
+    let enough = Bench::active(rig_with_grip(grip * 1.001), scene.clone()).step().state;
+    assert!((enough.torque - free.torque).length() < ROUNDING && enough.traction < 1.0);
+    assert_eq!(enough.scale, 1.0);
+    let mut bench = Bench::active(rig_with_grip(0.5 * grip), scene);
+    let mut least = 2.0_f64;
+    for _ in 0..200 {
+        let state = bench.step().state;
+        // A limit of size alone, found anew each tick from a torque that is a slew away from the last.
+        assert!((state.torque.normalize() - Vec3::X).length() < 1e-9);
+        assert!(state.torque.x <= 0.5 * free.torque.x + ROUNDING);
+        least = least.min(state.torque.x);
+        // What the contacts carry, which is all that they can.
+        assert_eq!(state.traction, 1.0);
+        assert!(state.scale < 1.0);
+    }
+    assert!(least > 0.49 * free.torque.x, "{least}");
+}
+
+#[test]
+fn motors_that_turn_the_other_way_are_told_so() {
+    let forward = Bench::active(rig(), spring_scene(1, 2.0, WOUND)).step();
+    let mut rig = rig();
+    rig.joints[1].reversed = true;
+    rig.joints[2].reversed = true;
+    let backward = Bench::active(rig, spring_scene(1, 2.0, WOUND)).step();
+    assert_eq!(forward.state.joint_torque, backward.state.joint_torque);
+    for (j, sign) in [1.0, -1.0, -1.0, 1.0].into_iter().enumerate() {
+        assert_eq!(backward.drive.torque[j], sign * forward.drive.torque[j]);
+    }
+}
