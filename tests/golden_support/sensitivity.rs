@@ -65,11 +65,10 @@ pub fn sensitivity(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer 
     sum
 }
 
-/// How much solving with the moments sum g gᵀ / w by cofactors magnifies a rounding: cofactors are good to a rounding of
-/// lambda_1², and what they make of a torque to that times lambda_1 over the determinant.
+/// The condition of the moments sum g gᵀ / w, from which least-cost torques are found: the square of the rows'.
 pub fn moment_condition(rows: &[Vec3], limits: &JointLimits) -> f64 {
     let scaled: Vec<Vec3> =
         rows.iter().zip(limits.weight).map(|(row, weight)| *row / weight.sqrt()).collect();
-    let [largest, middle, least] = singular_values(&scaled);
-    (largest / least).powi(2) * (largest / middle).powi(2)
+    let [largest, _, least] = singular_values(&scaled);
+    (largest / least).powi(2)
 }

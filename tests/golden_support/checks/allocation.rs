@@ -46,25 +46,26 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
         )
     };
     let rounding = 16.0 * EPS * worst(&case.device, &case.theta, row_condition);
-    let searched = if case.device.wheels.len() > 2 { SEARCHED } else { GOLDEN };
 
-    // Least-cost torques are found from the moments sum g gᵀ / w, whose condition is the square of the rows'.
-    let moments = 16.0 * EPS * moment;
+    // Least-cost torques are found from the moments sum g gᵀ / w, whose condition is the square of the rows': a rounding of
+    // that size in the torques, which the limits of the joints then carry on like one in what came in.
+    let moments = EPS * moment;
 
-    let within = |k: usize, good: f64, size: f64| good * size + rounding * (sensitivity[k] + size);
-    ledger.number("scale", &[], wide(got.scale), case.scale, within(0, GOLDEN, case.scale));
-    let cost = 0.5 * tau.iter().zip(&case.weights).map(|(t, w)| w * t * t).sum::<f64>();
-    ledger.number("cost", &[], cost, case.cost, within(1, searched, case.cost) + moments * case.cost);
+    let exactly = |k: usize, size: f64| GOLDEN * size + rounding * (sensitivity[k] + size);
+    ledger.number("scale", &[], wide(got.scale), case.scale, exactly(0, case.scale));
     for (k, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
         let want = case.capability[k];
         let along = wide(capability(rows, &limits, axis));
-        ledger.number("capability", &[k], along, want, within(2 + k, GOLDEN, want));
+        ledger.number("capability", &[k], along, want, exactly(2 + k, want));
     }
+    let searching = if case.device.wheels.len() > 2 { SEARCHED } else { GOLDEN };
+    let at_least_cost = |k: usize, size: f64| (rounding + moments) * (sensitivity[k] + size);
+    let cost = 0.5 * tau.iter().zip(&case.weights).map(|(t, w)| w * t * t).sum::<f64>();
+    ledger.number("cost", &[], cost, case.cost, searching * case.cost + at_least_cost(1, case.cost));
     let size = norm(&case.joint_torques);
-    let good = if searched > GOLDEN { searched * norm(&case.limits) } else { searched * size };
+    let good = searching * if searching > GOLDEN { norm(&case.limits) } else { size };
     for (j, want) in case.joint_torques.iter().enumerate() {
-        let within = within(TORQUES + j, 0.0, size) + moments * size + good;
-        ledger.number("joint_torques", &[j], tau[j], *want, within);
+        ledger.number("joint_torques", &[j], tau[j], *want, good + at_least_cost(TORQUES + j, size));
     }
 
     // Whatever the vectors say: inside the limits to the last bit, and Gᵀ tau = s T to rounding.
@@ -75,5 +76,5 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     let made = posture.torque_on_sphere(&got.torque[..joints]);
     let terms: Real = rows.iter().zip(&got.torque).map(|(row, tau)| row.length() * tau.abs()).sum();
     let off = wide((made - torque * got.scale).length());
-    ledger.number("torque less scale x torque", &[], off, 0.0, 16.0 * EPS * (1.0 + moment) * wide(terms));
+    ledger.number("torque less scale x torque", &[], off, 0.0, (16.0 * EPS + moments) * wide(terms));
 }
