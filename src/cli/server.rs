@@ -41,7 +41,7 @@ pub(crate) struct ServerArgs {
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
     time: TimeArg,
     /// End after this time of the loop
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// File with the token that clients must know
     #[arg(long, value_name = "FILE")]

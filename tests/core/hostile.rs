@@ -165,15 +165,22 @@ fn quaternions_that_are_not_unit_are_refused() {
 }
 
 #[test]
-fn two_streams_of_opposite_infinities_of_size_end_in_a_fault_or_a_limit() {
-    // A scene's torque and a stream's may each be finite and their sum not.
-    let mut bench = Bench::active(rig(), spring_scene(1, 1e300, Vec3::X * 1e-300));
-    let stream = |torque: Vec3| Command::Stream { torque, valid_ticks: 5, stamp: Stamp::default() };
-    for torque in [Vec3::splat(f64::MAX), Vec3::splat(f64::MIN), Vec3::new(f64::MAX, f64::MIN, 0.0)] {
-        let outputs = bench.command(stream(torque));
-        assert_eq!(outputs.reply(), Reply::Done);
-    }
-    bench.run(100);
+fn a_sum_that_is_not_finite_stops_the_motors_in_its_own_tick() {
+    // A scene's torque and a stream's may each be finite, and limited, and their sum not be a number to limit.
+    let stiff = spring_scene(1, 1.7e308, Vec3::X * 0.3);
+    let mut bench = Bench::active(rig(), stiff);
+    let before = bench.step().state;
+    assert!(before.torque.x > 1.0 && before.cause.is_none(), "{}", before.torque);
+    let outputs = bench.command(crate::bench::stream(Vec3::X * f64::MAX, 5));
+    assert_eq!(outputs.reply(), Reply::Done);
+    assert_eq!((outputs.state.mode, outputs.state.cause), (Mode::Fault, Some(Cause::NonFinite)));
+    assert!(outputs.state.torque == Vec3::ZERO && !outputs.drive.enable);
+    // With the stream gone, so is the cause.
+    assert_eq!(bench.run(3).state.torque, Vec3::ZERO);
+    assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
+    bench.run(30);
+    assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+    assert_eq!(bench.run(600).state.torque, before.torque);
 }
 
 #[test]

@@ -92,6 +92,34 @@ fn a_reference_anchored_here_is_never_too_far_and_begins_without_torque() {
 }
 
 #[test]
+fn a_reference_that_is_anchored_anew_takes_the_torque_over_without_a_step() {
+    let mut rig = rig();
+    rig.limits.torque_rate = 1e6;
+    let spring = spring(2.0, 0.0, Quat::IDENTITY, Anchor::Here);
+    let mut bench = Bench::active(rig, CompiledScene::new(1, &[effect(0, 1, spring)]).unwrap());
+    for _ in 0..100 {
+        bench.turn(Vec3::Y * 2.5);
+    }
+    bench.sphere.omega = Vec3::ZERO;
+    let wound = bench.run(3).state.torque.length();
+    bench.command(Command::Disable);
+    let mut last = bench.run(20).state.torque;
+    assert!(last.length() > 0.5 * wound);
+    // Enabled again in its ramp, the spring begins anew, without torque, from where the sphere is now.
+    bench.command(Command::Enable);
+    for k in 0..60 {
+        let torque = bench.step().state.torque;
+        // The slope of the smoothstep, and that of the gain from where it was.
+        assert!(
+            (torque - last).length() < wound * (1.5 / 50.0 + 1.0 / 500.0),
+            "tick {k}: {last} to {torque}"
+        );
+        last = torque;
+    }
+    assert!(last.length() < ROUNDING, "{last}");
+}
+
+#[test]
 fn one_scene_becomes_another_within_50_ms_without_a_step() {
     let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
     let mut last = bench.step().state.torque;

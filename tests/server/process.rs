@@ -125,13 +125,14 @@ impl Lines {
 
     pub(crate) fn until(&mut self, mut found: impl FnMut(&Value) -> bool) -> Value {
         let start = std::time::Instant::now();
+        let mut last = Value::Null;
         while start.elapsed() < PATIENCE {
-            let value = self.next().expect("the connection stays");
-            if found(&value) {
-                return value;
+            last = self.next().expect("the connection stays");
+            if found(&last) {
+                return last;
             }
         }
-        panic!("it did not come within {PATIENCE:?}");
+        panic!("it did not come within {PATIENCE:?}; the last that came: {last}");
     }
 }
 

@@ -75,7 +75,7 @@ fn a_rig_that_is_singular_by_design_says_which_wheel() {
 #[test]
 fn an_option_out_of_range_is_named() {
     run(&["server", "--rate", "7"]).failure().stderr(contains("--rate"));
-    run(&["server", "--duration", "-1"]).failure().stderr(contains("--duration"));
+    run(&["server", "--duration", "0"]).failure().stderr(contains("--duration"));
     run(&["server", "--time", "virtual", "--port", "/dev/ttyS0", "--listen", "127.0.0.1:0"])
         .failure()
         .stderr(contains("virtual time needs the simulated rig"));

@@ -81,5 +81,6 @@ fn a_recorded_run_replays_bit_for_bit() {
     }
     assert_eq!(ticks, 20_000);
     assert!(commands >= 4, "enable at start, torque, reference, disable, enable: {commands}");
-    assert!(scenes.len() >= 3, "the scenes have changed: {scenes:?}");
+    // Two that come between the same ticks are one change.
+    assert!(scenes.len() >= 2, "the scenes have changed: {scenes:?}");
 }

@@ -47,9 +47,9 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     };
     let rounding = 16.0 * EPS * worst(&case.device, &case.theta, row_condition);
 
-    // Least-cost torques are found from the moments sum g gᵀ / w, whose condition is the square of the rows': a rounding of
-    // that size in the torques, which the limits of the joints then carry on like one in what came in.
-    let moments = EPS * moment;
+    // Least-cost torques are found from the moments sum g gᵀ / w, whose condition is the square of the rows': roundings of
+    // that size in the torques, which the limits of the joints then carry on like those in what came in.
+    let moments = 16.0 * EPS * moment;
 
     let exactly = |k: usize, size: f64| GOLDEN * size + rounding * (sensitivity[k] + size);
     ledger.number("scale", &[], wide(got.scale), case.scale, exactly(0, case.scale));
