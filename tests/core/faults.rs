@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, DT, FirstReply, rig, spring_scene};
 use crate::rng::Rng;
-use hbot_core::inputs::Command;
+use hbot_core::inputs::{Command, JointFeedback};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
 use hbot_core::{CompiledScene, Vec3, rotation};
@@ -206,23 +206,23 @@ fn odometry_follows_a_sphere_that_turns() {
 #[test]
 fn feedback_that_is_old_or_comes_twice_is_left_out() {
     let mut bench = active();
-    bench.sphere.turn(Vec3::X, DT);
-    let first = bench.feedback();
+    let old = bench.feedback();
     assert!(bench.step().state.fresh);
     bench.sphere.turn(Vec3::X, DT);
-    let newest = bench.step();
-    assert!(newest.state.fresh);
-    for stale in [first, hbot_core::inputs::JointFeedback { counts: [7; 16], ..first }] {
-        let outputs = bench.step_with(|inputs| inputs.feedback = Some(stale));
-        let (got, want) = (outputs.state, newest.state);
-        assert!(!got.fresh);
-        assert_eq!((got.q, got.omega, got.angle), (want.q, want.omega, want.angle));
+    let newest = bench.feedback();
+    let taken = bench.step().state;
+    assert!(taken.fresh);
+    let elsewhere = |feedback: JointFeedback| JointFeedback { counts: [7; 16], rates: [0.1; 16], ..feedback };
+    for stale in [newest, elsewhere(newest), old, elsewhere(old)] {
+        let state = bench.step_with(|inputs| inputs.feedback = Some(stale)).state;
+        assert!(!state.fresh);
+        assert_eq!((state.q, state.omega, state.angle), (taken.q, taken.omega, taken.angle));
     }
     // And does not keep a dead link alive.
-    for _ in 0..20 {
-        bench.step_with(|inputs| inputs.feedback = Some(first));
+    for _ in 0..16 {
+        assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(newest)).state.cause, None);
     }
-    assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(first)).state.cause, Some(Cause::LinkLost));
+    assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(newest)).state.cause, Some(Cause::LinkLost));
 }
 
 #[test]

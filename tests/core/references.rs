@@ -160,6 +160,25 @@ fn moments_that_are_too_old_or_not_yet_there_are_refused() {
 }
 
 #[test]
+fn the_sign_of_the_orientation_is_continuous_turn_after_turn_and_through_corrections() {
+    let mut bench = Bench::new(rig());
+    let mut last = bench.step().state.q;
+    let mut least = 1.0_f64;
+    for k in 0..4000 {
+        let mut state = bench.turn(Vec3::Y * 4.0).state;
+        if k == 700 {
+            // Seen from outside, with the other sign, and a little off.
+            let seen = -(rotation::exp(Vec3::X * 0.02) * state.q);
+            state = bench.command(align(seen, 1.0, state.tick)).state;
+        }
+        assert!(state.q.dot(last) > 0.99, "tick {k}: {last} to {}", state.q);
+        last = state.q;
+        least = least.min(last.w);
+    }
+    assert!(least < -0.9, "it did go the long way round");
+}
+
+#[test]
 fn a_correction_moves_the_spring_no_faster_than_its_rate() {
     let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::ZERO));
     bench.command(align(rotation::exp(Vec3::Y * 0.2), 1.0, bench.tick - 1));

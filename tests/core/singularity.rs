@@ -44,7 +44,7 @@ fn direction(rng: &mut Rng) -> Vec3 {
 }
 
 fn circle(rng: &mut Rng) -> Circle {
-    Circle { axis: direction(rng), cone: rng.between(0.1, 1.5) }
+    Circle { axis: direction(rng), cone: rng.between(0.1, 3.0) }
 }
 
 /// The least distance of any line through the centre from all circles, among `n` lines through the first circle.

@@ -15,6 +15,17 @@ pub(crate) fn hbot() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot"))
 }
 
+/// A rig file on whose time-outs a busy machine does not step: the kernel moves a pseudo-terminal's bytes by a worker of
+/// ordinary priority, so other work can hold them up for as long as it likes.
+pub(crate) fn patient_rig(state: &std::path::Path) -> String {
+    let prototype = include_str!("../../rigs/prototype.toml");
+    let patient = prototype.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
+    assert_ne!(patient, prototype, "the prototype's time-out is written otherwise");
+    let path = state.join("patient.toml");
+    std::fs::write(&path, patient).expect("written");
+    path.to_str().expect("UTF-8").to_owned()
+}
+
 /// Whether this machine has pseudo-terminals, without which the simulated rig runs in virtual time only.
 pub(crate) fn has_pty() -> bool {
     let there = serialport::TTYPort::pair().is_ok();

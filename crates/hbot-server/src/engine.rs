@@ -1,6 +1,8 @@
 //! One tick of the loop, the same in wall-clock and in virtual time: frames in, controller, frame out, sample.
 
+use hbot_core::inputs::Command::Enable;
 use hbot_core::inputs::{Commands, Complaints, Inputs, JointFeedback, MAX_COMMANDS};
+use hbot_core::mode::Mode;
 use hbot_core::outputs::Drive;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
 use hbot_link::{
@@ -41,7 +43,14 @@ pub(crate) struct Engine<W> {
     sent_at: [u64; SENT],
     counters: Counters,
     recorder: Option<Recorder>,
+    /// Enable as soon as the rig is idle, once.
+    enable_when_idle: bool,
+    /// Idle after the last tick.
+    idle: bool,
 }
+
+/// The ticket of what the engine orders itself; nobody waits for its answer.
+const OWN: u64 = 0;
 
 /// What came in with each tick: enough to replay a run bit for bit.
 pub type Recorder = Box<dyn FnMut(&CompiledScene, &Inputs, &hbot_core::Outputs) + Send>;
@@ -88,7 +97,15 @@ impl<W: Wire> Engine<W> {
             sent_at: [0; SENT],
             counters: Counters::default(),
             recorder,
+            enable_when_idle: false,
+            idle: false,
         }
+    }
+
+    /// Has it enable the rig by itself, once, in the first tick in which that can be: the same tick in every run.
+    pub(crate) fn enabling(mut self, enable: bool) -> Self {
+        self.enable_when_idle = enable;
+        self
     }
 
     pub(crate) fn wire(&mut self) -> &mut W {
@@ -129,6 +146,7 @@ impl<W: Wire> Engine<W> {
             .filter(|_| outputs.state.fresh)
             .map(|f| sent.saturating_sub(self.sent_at[f.sequence as usize % SENT]));
 
+        self.idle = outputs.state.mode == Mode::Idle;
         self.counters.late += u64::from(moment.late);
         self.counters.skipped += moment.skipped;
         self.counters.missed += u64::from(!outputs.state.fresh);
@@ -187,8 +205,13 @@ impl<W: Wire> Engine<W> {
     /// Takes at most as many orders as a tick may have.
     fn orders(&mut self) -> (Commands, [u64; MAX_COMMANDS]) {
         let mut commands = Commands::default();
-        let mut tickets = [0; MAX_COMMANDS];
-        for ticket in &mut tickets {
+        let mut tickets = [OWN; MAX_COMMANDS];
+        let own = usize::from(self.idle && std::mem::take(&mut self.enable_when_idle));
+        if own > 0 {
+            // The tick's commands are still empty.
+            let _ = commands.push(Enable);
+        }
+        for ticket in &mut tickets[own..] {
             let Ok(order) = self.bridge.orders.pop() else { break };
             *ticket = order.ticket;
             // There are as many places as tickets.

@@ -106,7 +106,7 @@ impl Hub {
             recorder: setup.flight_dir.clone().map(|dir| FlightRecorder::new(dir, period_ns)),
             writing: JoinSet::new(),
             publisher: Publisher::new(),
-            watch: Watch::new(setup.enable_at_start),
+            watch: Watch::default(),
             latest: None,
             scratch: Vec::new(),
             doomed: Vec::new(),

@@ -55,8 +55,6 @@ pub struct Setup {
     pub scene: RunningScene,
     /// Called where a scene that is loaded names phenomena; `None` with a real port, where they are ignored.
     pub phenomena: Option<SetPhenomena>,
-    /// Enable once, when the loop first reports idle.
-    pub enable_at_start: bool,
     /// The secret that clients must show; `None` where none is asked for.
     pub token: Option<String>,
     /// Where flight logs go; `None` for none.

@@ -150,7 +150,7 @@ impl Hub {
             Asker::Service(what) => {
                 match reply {
                     Some(Reply::Refused(refusal)) => {
-                        let reason = self.refusal(op_of(what), refusal).message;
+                        let reason = self.refusal(what, refusal).message;
                         tracing::warn!("{what}: refused: {reason}");
                     }
                     _ => tracing::info!(tick = sample.state.tick, "{what}: done"),
@@ -240,9 +240,4 @@ impl Hub {
         };
         ErrorBody::new(code, message)
     }
-}
-
-/// Which op an order of the service's own stands for.
-fn op_of(what: &'static str) -> &'static str {
-    if what == super::samples::ENABLE_AT_START { "enable" } else { what }
 }

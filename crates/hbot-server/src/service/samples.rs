@@ -3,7 +3,6 @@
 use std::io;
 
 use hbot_api::{Event, FaultEvent};
-use hbot_core::inputs::Command;
 use hbot_core::mode::{Cause, Mode};
 use tokio::task::JoinError;
 
@@ -17,8 +16,6 @@ use crate::sample::Sample;
 /// Flight logs being written at a time; a further one is given up.
 const MAX_WRITING: usize = 2;
 
-pub(super) const ENABLE_AT_START: &str = "enable at start";
-
 /// Makes one message of a sample for all who want it.
 pub(super) struct Publisher {
     /// Reused, so that a sample takes no memory but that of its messages.
@@ -27,21 +24,15 @@ pub(super) struct Publisher {
 }
 
 /// What is looked for in samples.
+#[derive(Default)]
 pub(super) struct Watch {
     /// Of the last sample.
     mode: Option<(Mode, Option<Cause>)>,
-    enable_at_idle: bool,
 }
 
 impl Publisher {
     pub(super) fn new() -> Self {
         Self { event: Event::State(convert::blank()), subscribers: 0 }
-    }
-}
-
-impl Watch {
-    pub(super) fn new(enable_at_idle: bool) -> Self {
-        Self { mode: None, enable_at_idle }
     }
 }
 
@@ -107,9 +98,6 @@ impl Hub {
     fn mode_changed(&mut self, before: Option<Mode>, sample: &Sample) {
         let state = &sample.state;
         let tick = state.tick;
-        if state.mode == Mode::Idle && std::mem::take(&mut self.watch.enable_at_idle) {
-            self.order_internally(ENABLE_AT_START, Command::Enable);
-        }
         let mut message = match (state.mode, state.cause) {
             (Mode::Fault, Some(cause)) => {
                 self.stats.fault(cause);

@@ -130,7 +130,8 @@ impl Bench {
                 simulated.receive(0, &ask[..n], &mut Vec::new());
                 let wire = Breathing(Memory::new(simulated, calls), breath);
                 let line = Line { places: rig.controllers.clone(), watchdog_ms: rig.link.watchdog_ms };
-                let engine = Engine::new(wire, line, Controller::new(rig.rig), compiled, loop_end, None);
+                let engine = Engine::new(wire, line, Controller::new(rig.rig), compiled, loop_end, None)
+                    .enabling(enable_at_start);
                 let period_ns = rig.rig.timing.period_ns;
                 let ticking = std::thread::spawn(move || {
                     lockstep(engine, period_ns, ticks, &stop_loop);
@@ -139,7 +140,7 @@ impl Bench {
                 ready.send((listener.local_addr().unwrap(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
                 let setup =
-                    Setup { accuracy, rig, scene: running, phenomena, enable_at_start, token, flight_dir };
+                    Setup { accuracy, rig, scene: running, phenomena, token, flight_dir };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
                 })
