@@ -6,8 +6,11 @@ use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
 use crate::rotation::{self, renormalized};
 
-/// sqrt(3)/6 and sqrt(3)/12.
+/// sqrt(3)/6, how far the Gauss points lie from the middle.
+#[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
 const ROOT3_6: Real = 0.288_675_134_594_812_9;
+/// sqrt(3)/12.
+#[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
 const ROOT3_12: Real = 0.144_337_567_297_406_44;
 
 /// The turn of the sphere in N, as a rotation vector (rad), while the joints move at constant rates from the

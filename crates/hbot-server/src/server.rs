@@ -129,7 +129,8 @@ impl Server {
                 let (calls, inbox) = mpsc::channel::<SimulatorCall>();
                 let mut wire = Memory::new(simulator(&rig, simulate)?, inbox);
                 handshake(&mut wire, "sim", &rig.rig, &line)?;
-                let engine = Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
+                let engine =
+                    Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
                 let stop = stop.clone();
                 let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
                 let phenomena = move |simulate: &Simulate| {
@@ -162,7 +163,8 @@ impl Server {
                     Port::Device(device) => (Serial::open(device, rig.link.baud)?, None, None),
                 };
                 handshake(&mut wire, &port.to_string(), &rig.rig, &line)?;
-                let engine = Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
+                let engine =
+                    Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
                 let stop = stop.clone();
                 let (settled, heard) = mpsc::sync_channel(1);
                 let thread = spawn(move || {
@@ -177,8 +179,7 @@ impl Server {
             }
         };
         let accuracy = rig.accuracy.to_owned();
-        let setup =
-            Setup { rig, scene: running, phenomena, token, flight_dir, accuracy };
+        let setup = Setup { rig, scene: running, phenomena, token, flight_dir, accuracy };
         let started_ns = now_ns();
         Ok(Self { setup, end, stop, thread, pty, notices, period_ns, time, started_ns })
     }

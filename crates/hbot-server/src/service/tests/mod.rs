@@ -139,8 +139,7 @@ impl Bench {
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
                 ready.send((listener.local_addr().unwrap(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
-                let setup =
-                    Setup { accuracy, rig, scene: running, phenomena, token, flight_dir };
+                let setup = Setup { accuracy, rig, scene: running, phenomena, token, flight_dir };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
                 })
