@@ -226,6 +226,14 @@ fn feedback_that_is_old_or_comes_twice_is_left_out() {
 }
 
 #[test]
+fn feedback_to_a_command_of_the_future_is_left_out_and_does_not_make_the_rest_look_old() {
+    let mut bench = active();
+    let ahead = JointFeedback { sequence: bench.sent().wrapping_add(1000), ..bench.feedback() };
+    assert!(!bench.step_with(|inputs| inputs.feedback = Some(ahead)).state.fresh);
+    assert!(bench.step().state.fresh);
+}
+
+#[test]
 fn feedback_whose_number_wraps_is_still_the_newest() {
     let mut bench = Bench::from_tick(rig(), u64::from(u32::MAX) - 50);
     bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);

@@ -137,7 +137,7 @@ impl Controller {
             self.referenced = false;
             self.rebooted = true;
         }
-        let news = inputs.feedback.as_ref().filter(|feedback| self.joints.is_news(feedback));
+        let news = inputs.feedback.as_ref().filter(|feedback| self.joints.is_news(feedback, inputs.tick));
         let Some(feedback) = news else {
             self.since_feedback = self.since_feedback.saturating_add(elapsed);
             return Ok(false);

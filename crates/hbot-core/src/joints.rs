@@ -3,12 +3,12 @@
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::encoder::Encoder;
 use crate::inputs::JointFeedback;
-use crate::kinematics::Posture;
+use crate::kinematics::{self, Posture};
 use crate::mode::Cause;
 use crate::odometry;
 use crate::outputs::Slip;
 use crate::real::{PI, Real, Vec3, fabs, sqrt};
-use crate::rig::{RateEstimate, Rig, Zero};
+use crate::rig::{OdometryMethod, RateEstimate, Rig, Zero};
 
 /// Rates above this are not a joint's, rad/s: 100,000 turns a minute.
 const MAX_RATE: Real = 1.0e4;
@@ -48,10 +48,12 @@ impl Joints {
         }
     }
 
-    /// Whether `feedback` is newer than the last that was taken.
+    /// Whether `feedback` is newer than the last that was taken, and answers a command that has been sent before `tick`:
+    /// one with a number of the future would make all later ones look old.
     #[inline]
-    pub(crate) fn is_news(&self, feedback: &JointFeedback) -> bool {
-        self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
+    pub(crate) fn is_news(&self, feedback: &JointFeedback, tick: u64) -> bool {
+        (tick as u32).wrapping_sub(feedback.sequence) as i32 >= 0
+            && self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
     }
 
     /// Whether all steering zeros are known. `first`: these controllers have not rebooted since the start.
@@ -106,7 +108,11 @@ impl Joints {
             self.encoders[i].advance(feedback.counts[i]);
         }
         self.sequence = Some(feedback.sequence);
-        let turn = odometry::turn(&rig.device, rig.methods.odometry, &start, &delta);
+        let turn = match rig.methods.odometry {
+            // The frames at the step's start are those of the posture until it is moved on below.
+            OdometryMethod::Euler => kinematics::forward(&rig.device, self.posture.frames(), &delta),
+            method => odometry::turn(&rig.device, method, &start, &delta),
+        };
         self.locate(rig);
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }

@@ -162,8 +162,7 @@ struct LeastCost {
 impl LeastCost {
     #[inline(always)]
     fn of(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
-        // Ratio of det to spread below which one step of refinement is worth its time, and below which rounding spoils all.
-        const ROUGH: Real = if Real::EPSILON < 1.0e-10 { 1.0e-4 } else { 1.0 };
+        // Ratio of det to spread below which rounding spoils all.
         const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-6 } else { 1.0e-4 };
         let mut give = [0.0; MAX_JOINTS];
         let (mut moment, mut peaks) = (Sym3::ZERO, Sym3::ZERO);
@@ -183,15 +182,14 @@ impl LeastCost {
             // The row of a joint that gives nothing may be anything.
             tau[k] = if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
         }
-        if !inverse.rank_above(ROUGH) {
-            let mut left = u;
-            for (k, g) in rows.iter().enumerate() {
-                left -= if give[k] > 0.0 { *g * tau[k] } else { Vec3::ZERO };
-            }
-            let y = inverse.solve(left);
-            for (k, g) in rows.iter().enumerate() {
-                tau[k] += if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
-            }
+        // One step of refinement: the adjugate alone loses the square of the rows' condition.
+        let mut left = u;
+        for (k, g) in rows.iter().enumerate() {
+            left -= if give[k] > 0.0 { *g * tau[k] } else { Vec3::ZERO };
+        }
+        let y = inverse.solve(left);
+        for (k, g) in rows.iter().enumerate() {
+            tau[k] += if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
         }
         Self { tau, sound }
     }
