@@ -5,19 +5,20 @@
 //!          -> blend, stream, gain, limits -> allocation -> Outputs
 //! ```
 
+mod commands;
+
 use crate::allocation::{self, ContactArms, JointLimits};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
-use crate::inputs::{Command, Inputs, JointFeedback, OnClientLost, Stamp};
+use crate::inputs::{Inputs, JointFeedback, Stamp};
 use crate::joints::Joints;
 use crate::mode::{Cause, Machine, Mode};
 use crate::orientation::Orientation;
-use crate::outputs::{Client, Drive, Outputs, Refusal, Reply, State};
+use crate::outputs::{Client, Drive, Outputs, Reply, State};
 use crate::passivity::Observer;
-use crate::real::{Quat, Real, Vec3, fabs};
+use crate::real::{Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::Rig;
-use crate::rotation;
 use crate::scene::CompiledScene;
 use crate::shaping::{Blend, Stream, limited, slewed};
 
@@ -208,102 +209,6 @@ impl Controller {
         }
     }
 
-    fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
-        match *command {
-            Command::Enable => self.enable(scene),
-            Command::Disable => {
-                self.machine.disable();
-                Reply::Done
-            }
-            Command::Estop => {
-                self.machine.estop();
-                Reply::Done
-            }
-            Command::Reset => match self.machine.reset(self.referenced) {
-                Ok(()) => Reply::Done,
-                Err(obstacle) => Reply::Refused(Refusal::Mode(obstacle)),
-            },
-            Command::Stream { torque, valid_ticks, stamp } => {
-                if !torque.is_finite() {
-                    return Reply::Refused(Refusal::NotFinite);
-                }
-                self.stamped(tick, stamp, |this| {
-                    this.stream.set(torque, tick.saturating_add(u64::from(valid_ticks.max(1)) - 1));
-                    true
-                })
-            }
-            Command::Reference { slot, epoch, q, omega, valid_ticks, stamp } => {
-                let Some(goal) = rotation::from_wxyz(rotation::to_wxyz(q)).filter(|_| is_unit(q)) else {
-                    return Reply::Refused(Refusal::NotFinite);
-                };
-                if !omega.is_finite() {
-                    return Reply::Refused(Refusal::NotFinite);
-                }
-                let until = tick.saturating_add(u64::from(valid_ticks));
-                self.stamped(tick, stamp, |this| {
-                    this.renderer.refer(scene, (slot, epoch), goal, omega, until)
-                })
-            }
-            Command::Align { q, weight, tick: seen } => self.align(q, weight, seen),
-            Command::ClientLost(policy) => {
-                match policy {
-                    OnClientLost::Ramp => self.stream.end(tick),
-                    OnClientLost::Keep => {}
-                    // The event is taken with the next tick's conditions, like every other.
-                    OnClientLost::Fault => {
-                        self.stream.end(tick);
-                        self.client_lost = true;
-                    }
-                }
-                Reply::Done
-            }
-        }
-    }
-
-    fn enable(&mut self, scene: &CompiledScene) -> Reply {
-        if let Some(obstacle) = self.machine.obstacle() {
-            return Reply::Refused(Refusal::Mode(obstacle));
-        }
-        if self.machine.mode == Mode::Idle {
-            let q = self.orientation.q;
-            if let Some((slot, angle)) = self.renderer.too_far(scene, q, self.rig.limits.enable_max_angle) {
-                return Reply::Refused(Refusal::TooFar { slot, angle });
-            }
-            self.renderer.enable(scene, q);
-            // Where it is still ramping down from before, what was felt goes over into what comes.
-            self.anchored = true;
-            self.machine.enable();
-        }
-        Reply::Done
-    }
-
-    /// Takes a stream message, unless the sample that it was computed from is too old.
-    fn stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
-        let age_ticks = stamp.tick.map_or(0, |seen| tick.saturating_sub(seen));
-        if age_ticks > u64::from(self.rig.limits.max_age_ticks) {
-            return Reply::Refused(Refusal::TooOld { age_ticks });
-        }
-        if !take(self) {
-            return Reply::Refused(Refusal::NoReference);
-        }
-        self.client = Some((stamp, tick));
-        Reply::Done
-    }
-
-    fn align(&mut self, q: Quat, weight: Real, seen: u64) -> Reply {
-        if !(is_unit(q) && (0.0..=1.0).contains(&weight)) {
-            return Reply::Refused(Refusal::NotFinite);
-        }
-        let Some(then) = self.orientation.at(seen) else {
-            return Reply::Refused(Refusal::NotInHistory);
-        };
-        let delta = rotation::difference(q, then);
-        if weight > 0.0 {
-            self.orientation.correct(delta, weight);
-        }
-        Reply::Aligned { angle: delta.length() }
-    }
-
     /// The torque wanted on the sphere in N: the scene and the stream, blended, faded and limited.
     #[inline]
     fn wanted(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Vec3 {
@@ -384,9 +289,4 @@ impl Controller {
         };
         Outputs { drive, replies, state }
     }
-}
-
-fn is_unit(q: Quat) -> bool {
-    // What a careful client sends; the core does not guess at what a careless one meant.
-    fabs(q.length_squared() - 1.0) < 1.0e-3
 }
