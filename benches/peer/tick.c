@@ -634,14 +634,13 @@ static inline bool allocate(const controller *c, vec3 t, double *tau, double *sc
     vec3 u = mul(t, 1.0 / size), y = mul(times(&a, u), 1.0 / det);
     for (int i = 0; i < n; i++)
         tau[i] = give[i] > 0.0 ? give[i] * dot(c->rows[i], y) : 0.0;
-    if (!rank_above(&moment, &a, det, 1.0e-4)) {
-        vec3 left = u;
-        for (int i = 0; i < n; i++)
-            left = sub(left, mul(c->rows[i], tau[i]));
-        y = mul(times(&a, left), 1.0 / det);
-        for (int i = 0; i < n; i++)
-            tau[i] += give[i] * dot(c->rows[i], y);
-    }
+    /* One step of refinement: the adjugate alone loses the square of the rows' condition. */
+    vec3 left = u;
+    for (int i = 0; i < n; i++)
+        left = sub(left, give[i] > 0.0 ? mul(c->rows[i], tau[i]) : vec(0.0, 0.0, 0.0));
+    y = mul(times(&a, left), 1.0 / det);
+    for (int i = 0; i < n; i++)
+        tau[i] += give[i] > 0.0 ? give[i] * dot(c->rows[i], y) : 0.0;
     bool inside = true;
     for (int i = 0; i < n; i++) {
         tau[i] *= size;
