@@ -14,7 +14,7 @@ const TICKS: u64 = 100_000;
 
 /// The hash of all outputs, for every machine and every profile. It changes when what the core computes does; the test
 /// then prints the new one. Two builds that differ in it do not compute the same.
-const GOLDEN: u64 = 0x9574_F718_8B4B_FC49;
+const GOLDEN: u64 = 0x9451_3CF6_1AAD_8978;
 
 /// FNV-1a, over words (Fowler, Noll and Vo).
 struct Hash(u64);

@@ -294,3 +294,18 @@ fn a_mode_that_is_left_by_a_ramp_can_be_entered_again_from_within_it() {
     assert!((back.state.torque.length() - partly).abs() < 0.05 * full, "no step on the way back");
     assert_eq!(bench.run(500).state.mode, Mode::Active);
 }
+
+#[test]
+fn an_estop_has_the_last_word_in_its_tick() {
+    let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.2));
+    assert!(bench.run(5).state.torque != Vec3::ZERO);
+    let outputs = bench.step_with(|inputs| {
+        for command in [Command::Estop, Command::Reset, Command::Enable] {
+            inputs.commands.push(command).unwrap();
+        }
+    });
+    assert_eq!(
+        (outputs.state.mode, outputs.state.torque, outputs.drive.enable),
+        (Mode::Estop, Vec3::ZERO, false)
+    );
+}

@@ -10,13 +10,13 @@ mod commands;
 use crate::allocation::{self, ContactArms, JointLimits};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
-use crate::inputs::{Inputs, JointFeedback, Stamp};
+use crate::inputs::{Command, Inputs, JointFeedback, Stamp};
 use crate::joints::Joints;
 use crate::mode::{Cause, Machine, Mode};
 use crate::orientation::Orientation;
 use crate::outputs::{Client, Drive, Outputs, Reply, State};
 use crate::passivity::Observer;
-use crate::real::{Real, Vec3};
+use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::Rig;
 use crate::scene::CompiledScene;
@@ -45,6 +45,8 @@ pub struct Controller {
     machine: Machine,
     renderer: Renderer,
     blend: Blend,
+    /// What the effects were rendered at in the last tick.
+    last_motion: Motion,
     stream: Stream,
     observer: Observer,
     /// Torque of the last tick, from which the next may differ by the slew limit.
@@ -87,6 +89,7 @@ impl Controller {
             machine: Machine::START,
             renderer: Renderer::EMPTY,
             blend: Blend::DONE,
+            last_motion: Motion { q: Quat::IDENTITY, omega: Vec3::ZERO },
             stream: Stream::NONE,
             observer: Observer::START,
             torque: Vec3::ZERO,
@@ -118,12 +121,16 @@ impl Controller {
         let align_step =
             if self.machine.powered() { self.rig.limits.align_rate * dt } else { Real::INFINITY };
         self.orientation.settle(inputs.tick, align_step);
-        let present = self.fault(inputs, elapsed, measured.err());
+        let present = self.fault(inputs, elapsed, measured);
         self.machine.observe(present);
         let changed = self.renderer.adopt(scene, self.orientation.q);
         let mut replies = [None; crate::inputs::MAX_COMMANDS];
         for (reply, command) in replies.iter_mut().zip(inputs.commands.iter()) {
             *reply = Some(self.obey(scene, inputs.tick, command));
+        }
+        // A stop has the last word in its tick, whatever came after it.
+        if inputs.commands.iter().any(|command| matches!(command, Command::Estop)) {
+            self.machine.estop();
         }
         self.machine.ramp(dt);
 
@@ -156,7 +163,7 @@ impl Controller {
 
     /// The fault condition of this tick, the gravest first.
     #[inline]
-    fn fault(&mut self, inputs: &Inputs, elapsed: u64, feedback: Option<Cause>) -> Option<Cause> {
+    fn fault(&mut self, inputs: &Inputs, elapsed: u64, feedback: Result<bool, Cause>) -> Option<Cause> {
         self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
             + Real::from(inputs.corrupt_frames);
         self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
@@ -171,8 +178,8 @@ impl Controller {
         if complaints.overtemperature {
             return Some(Cause::Thermal);
         }
-        if feedback.is_some() {
-            return feedback;
+        if feedback.is_err() {
+            return feedback.err();
         }
         if self.since_feedback > u64::from(self.rig.timing.timeout_ticks) || (complaints.watchdog && powered)
         {
@@ -187,13 +194,19 @@ impl Controller {
         if core::mem::take(&mut self.client_lost) {
             return Some(Cause::ClientLost);
         }
-        if powered && self.joints.omega.length_squared() > self.rig.limits.speed * self.rig.limits.speed {
+        // Without power only where it is the fault to be reset: a person may spin a dead sphere.
+        let judged = |cause| powered || self.machine.cause == Some(cause);
+        if judged(Cause::Overspeed)
+            && self.joints.omega.length_squared() > self.rig.limits.speed * self.rig.limits.speed
+        {
             return Some(Cause::Overspeed);
         }
-        if powered && self.joints.slip > self.rig.limits.slip {
+        if judged(Cause::Slip) && self.joints.slip > self.rig.limits.slip {
             return Some(Cause::Slip);
         }
-        self.reference(inputs.feedback.as_ref());
+        if feedback == Ok(true) {
+            self.reference(inputs.feedback.as_ref());
+        }
         None
     }
 
@@ -214,6 +227,8 @@ impl Controller {
     fn wanted(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Vec3 {
         let gain = self.machine.gain;
         let changed = core::mem::take(&mut self.anchored) || changed;
+        let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        let last_motion = core::mem::replace(&mut self.last_motion, motion);
         if gain == 0.0 {
             self.blend = Blend::DONE;
             // A stream goes on expiring.
@@ -221,9 +236,9 @@ impl Controller {
             return Vec3::ZERO;
         }
         let limits = &self.rig.limits;
-        let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        let before = changed.then(|| self.renderer.clone().torque(scene, &last_motion, tick, 0.0, 0.0));
         let rendered = self.renderer.torque(scene, &motion, tick, dt, limits.reference_rate * dt);
-        let wanted = (self.blend.apply(rendered, changed, dt) + self.stream.torque(tick, dt)) * gain;
+        let wanted = (self.blend.apply(rendered, before, dt) + self.stream.torque(tick, dt)) * gain;
         slewed(self.torque, limited(wanted, limits.torque), limits.torque_rate * dt)
     }
 
