@@ -33,6 +33,16 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let RigCommand::Check { file } = command;
     let config = RigConfig::load(file.as_deref(), &[])?;
     anstream::println!("{}{}{}: a legal design", style::NAME, config.name, style::OFF);
+    for (wheel, name) in config.wheels.iter().enumerate() {
+        if config.rig.joints[2 * wheel].zero == hbot_core::rig::Zero::Calibrate {
+            anstream::println!(
+                "  {}warning:{} wheel {name} leaves its steering zero to a calibration, which this version has not: set \
+                 wheel.steer.zero to \"absolute\", \"index\" or \"assume\"",
+                style::WARN,
+                style::OFF
+            );
+        }
+    }
     geometry(&config);
     abilities(&config);
     Ok(if line(&config) { ExitCode::SUCCESS } else { ExitCode::FAILURE })

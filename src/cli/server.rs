@@ -113,6 +113,7 @@ async fn serve(
     let address = listener.local_addr()?;
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
+    let mut hangup = signal(SignalKind::hangup())?;
     let mut user = signal(SignalKind::user_defined1())?;
 
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
@@ -144,6 +145,8 @@ async fn serve(
         tokio::select! {
             _ = interrupt.recv() => {}
             _ = terminate.recv() => {}
+            // The terminal or the connection that it was started from is gone.
+            _ = hangup.recv() => {}
         }
     };
     let finished = server.serve(listener, control, status_in, shutdown).await?;

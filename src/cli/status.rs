@@ -16,13 +16,15 @@ pub(crate) async fn show(mut status: watch::Receiver<Status>) {
     loop {
         beat.tick().await;
         let line = line(&status.borrow_and_update());
-        anstream::eprint!("\r\x1b[2K{line}");
+        eprint!("{}", style::SAME_LINE);
+        anstream::eprint!("{line}");
+        eprint!("{}", style::LINE_END);
     }
 }
 
 /// Takes the status line away.
 pub(crate) fn clear() {
-    anstream::eprint!("\r\x1b[2K");
+    eprint!("{}", style::CLEAR_LINE);
 }
 
 /// One line: time, mode, orientation, torque, how punctual, who is there.

@@ -45,17 +45,15 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Event::State(state) if args.json => serde_json::to_string(state)?,
             Event::State(state) => row(state),
             Event::Stopping(_) => {
+                if screen {
+                    print!("{}", style::CLEAR_LINE);
+                }
                 anstream::eprintln!("the server stops");
                 return Ok(ExitCode::SUCCESS);
             }
             Event::Fault(fault) if !args.json => {
-                format!(
-                    "{}{}{} {}",
-                    style::of_mode(fault.mode.as_str()),
-                    fault.mode,
-                    style::OFF,
-                    fault.message
-                )
+                let name = fault.fault.map_or_else(|| fault.mode.to_string(), |cause| cause.to_string());
+                format!("{}{name}{}: {}", style::of_mode(fault.mode.as_str()), style::OFF, fault.message)
             }
             Event::Scene(scene) if !args.json => format!("scene: {}", scene.name),
             Event::Dropped(dropped) if !args.json => {
@@ -64,21 +62,26 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             _ => continue,
         };
         // A reader that has gone away (`| head`) is no error.
-        if print(&line, screen && matches!(event, Event::State(_))).is_err() {
+        if print(&line, screen, screen && matches!(event, Event::State(_))).is_err() {
             return Ok(ExitCode::SUCCESS);
         }
     }
 }
 
 /// Prints a line; on a terminal a state takes the place of the state before it.
-fn print(line: &str, again: bool) -> std::io::Result<()> {
-    let mut out = anstream::stdout().lock();
+fn print(line: &str, screen: bool, again: bool) -> std::io::Result<()> {
+    let mut raw = std::io::stdout();
     if again {
-        write!(out, "\r\x1b[2K{line}")?;
+        raw.write_all(style::SAME_LINE.as_bytes())?;
+        anstream::stdout().write_all(line.as_bytes())?;
+        raw.write_all(style::LINE_END.as_bytes())?;
     } else {
-        writeln!(out, "{line}")?;
+        if screen {
+            raw.write_all(style::CLEAR_LINE.as_bytes())?;
+        }
+        writeln!(anstream::stdout(), "{line}")?;
     }
-    out.flush()
+    raw.flush()
 }
 
 fn header() -> String {

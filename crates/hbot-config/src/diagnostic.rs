@@ -67,7 +67,7 @@ impl std::ops::Deref for Diagnostics {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read", path.display())]
     Read {
         /// Which file.
         path: PathBuf,

@@ -66,6 +66,19 @@ pub struct Complaints {
     pub overtemperature: bool,
 }
 
+impl Complaints {
+    /// What either complains of.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            fault: self.fault | other.fault,
+            watchdog: self.watchdog | other.watchdog,
+            overcurrent: self.overcurrent | other.overcurrent,
+            overtemperature: self.overtemperature | other.overtemperature,
+        }
+    }
+}
+
 /// At most [`MAX_COMMANDS`] commands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Commands {

@@ -59,6 +59,8 @@ pub struct ServiceEnd {
 /// Wakes the service only where it sleeps, so that a busy one costs the loop no system call.
 struct Waker {
     asleep: AtomicBool,
+    /// An emergency stop stands before everything that waits in the ring.
+    estop: AtomicBool,
     /// The loop is over: no sample will come.
     ended: AtomicBool,
     event: OwnedFd,
@@ -72,6 +74,7 @@ pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
     let waker = Arc::new(Waker {
         asleep: AtomicBool::new(false),
+        estop: AtomicBool::new(false),
         ended: AtomicBool::new(false),
         event: event.try_clone()?,
     });
@@ -117,6 +120,13 @@ impl LoopEnd {
         placed
     }
 
+    /// Whether an emergency stop has been ordered since it was asked last.
+    #[inline]
+    pub(crate) fn take_estop(&self) -> bool {
+        // Looked at first, because a swap in every tick would cost a locked instruction.
+        self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
+    }
+
     /// Whether the next sample will find no place.
     pub(crate) fn is_full(&self) -> bool {
         self.samples.is_full()
@@ -129,6 +139,10 @@ impl ServiceEnd {
     /// # Errors
     /// The loop takes 8 commands a tick, and 256 wait already.
     pub fn order(&mut self, command: Command) -> Result<u64, Busy> {
+        if command == Command::Estop {
+            // At once, whatever waits in the ring, and even where the order itself finds no place in it.
+            self.waker.estop.store(true, Ordering::Release);
+        }
         let ticket = self.next_ticket;
         self.orders.push(Order { ticket, command }).map_err(|_| Busy)?;
         self.next_ticket += 1;
@@ -167,7 +181,7 @@ impl ServiceEnd {
                 return self.samples.pop().ok();
             }
             // Fall asleep first and look again after: a sample that comes in between wakes us.
-            self.waker.asleep.store(true, Ordering::SeqCst);
+            self.waker.asleep.swap(true, Ordering::SeqCst);
             if !self.samples.is_empty() || self.waker.ended.load(Ordering::SeqCst) {
                 continue;
             }

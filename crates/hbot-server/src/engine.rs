@@ -1,6 +1,8 @@
 //! One tick of the loop, the same in wall-clock and in virtual time: frames in, controller, frame out, sample.
 
-use hbot_core::inputs::Command::Enable;
+use std::time::Duration;
+
+use hbot_core::inputs::Command::{Enable, Estop};
 use hbot_core::inputs::{Commands, Complaints, Inputs, JointFeedback, MAX_COMMANDS};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::Drive;
@@ -17,6 +19,8 @@ use crate::wire::Wire;
 
 /// Send times remembered to tell the age of a reading.
 const SENT: usize = 64;
+/// How often the last command is said.
+const STOPS: u32 = 3;
 /// A rebooted controller is asked to describe itself this often, ticks.
 const DESCRIBE_EVERY: u64 = 100;
 
@@ -43,6 +47,8 @@ pub(crate) struct Engine<W> {
     sent_at: [u64; SENT],
     counters: Counters,
     recorder: Option<Recorder>,
+    /// The line took only a part of the last frame.
+    cut: bool,
     /// Enable as soon as the rig is idle, once.
     enable_when_idle: bool,
     /// Idle after the last tick.
@@ -97,6 +103,7 @@ impl<W: Wire> Engine<W> {
             sent_at: [0; SENT],
             counters: Counters::default(),
             recorder,
+            cut: false,
             enable_when_idle: false,
             idle: false,
         }
@@ -174,9 +181,15 @@ impl<W: Wire> Engine<W> {
         }
     }
 
-    /// Zero torque, motors off: the last thing that the controllers hear.
-    pub(crate) fn stop(&mut self, tick: u32) {
-        self.send(tick, &Drive { enable: false, torque: [0.0; MAX_JOINTS] });
+    /// Zero torque, motors off: the last thing that the controllers hear. Said more than once, `pause` apart, in case a
+    /// frame is damaged on the line.
+    pub(crate) fn stop(&mut self, tick: u32, pause: Duration) {
+        for k in 0..STOPS {
+            if k > 0 {
+                std::thread::sleep(pause);
+            }
+            self.send(tick.wrapping_add(k), &Drive { enable: false, torque: [0.0; MAX_JOINTS] });
+        }
     }
 
     /// Reads and decodes what has arrived; the newest feedback counts.
@@ -188,8 +201,12 @@ impl<W: Wire> Engine<W> {
             let (places, counters) = (&self.line.places, &mut self.counters);
             self.decoder.feed(&self.received[..n], |frame| match frame {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == places.len() => {
-                    all.rebooted = feedback.flags.contains(ControllerFlags::UNDESCRIBED);
-                    all.feedback = Some(reading(&feedback, places));
+                    all.rebooted |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
+                    // The newest reading counts, and every complaint.
+                    let complaints = all.feedback.map(|last| last.complaints).unwrap_or_default();
+                    let mut reading = reading(&feedback, places);
+                    reading.complaints = reading.complaints.or(complaints);
+                    all.feedback = Some(reading);
                 }
                 Ok(FromController::Feedback(_)) => counters.foreign_frames += 1,
                 Ok(FromController::Description(_)) => {}
@@ -206,11 +223,14 @@ impl<W: Wire> Engine<W> {
     fn orders(&mut self) -> (Commands, [u64; MAX_COMMANDS]) {
         let mut commands = Commands::default();
         let mut tickets = [OWN; MAX_COMMANDS];
-        let own = usize::from(self.idle && std::mem::take(&mut self.enable_when_idle));
-        if own > 0 {
-            // The tick's commands are still empty.
+        // What the engine orders itself finds the tick's commands still empty.
+        if self.idle && std::mem::take(&mut self.enable_when_idle) {
             let _ = commands.push(Enable);
         }
+        if self.bridge.take_estop() {
+            let _ = commands.push(Estop);
+        }
+        let own = commands.len();
         for ticket in &mut tickets[own..] {
             let Ok(order) = self.bridge.orders.pop() else { break };
             *ticket = order.ticket;
@@ -250,8 +270,13 @@ impl<W: Wire> Engine<W> {
     }
 
     fn write(&mut self, message: &ToController) {
+        if self.cut {
+            // A zero ends the half frame, or it would spoil this one too.
+            self.cut = !self.wire.write(&[0]).is_ok_and(|written| written == 1);
+        }
         let whole = encode(message, &mut self.frame)
             .is_ok_and(|n| self.wire.write(&self.frame[..n]).is_ok_and(|written| written == n));
+        self.cut |= !whole;
         self.counters.send_failures += u64::from(!whole);
     }
 }

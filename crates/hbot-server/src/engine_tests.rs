@@ -120,3 +120,21 @@ fn ten_thousand_ticks_allocate_and_free_nothing_over_a_pseudo_terminal() {
     assert_eq!(found, 0, "allocations in the tick");
     assert_eq!(bench.seen, TICKS);
 }
+
+#[test]
+fn an_estop_is_done_in_the_next_tick_whatever_waits_before_it() {
+    let runtime = runtime();
+    let _entered = runtime.enter();
+    let (rig, simulated) = simulated();
+    let (_calls, inbox) = mpsc::channel();
+    let mut bench = Bench::new(&rig, Memory::new(simulated, inbox));
+    let found = allocations(&mut bench, |engine, tick| engine.wire().set_time(tick * 1_000_000));
+    assert_eq!((found, bench.mode), (0, Mode::Active));
+    while bench.end.order(Command::Disable).is_ok() {}
+    // The ring is full, and has no place for this one either.
+    assert!(bench.end.order(Command::Estop).is_err());
+    bench.engine.wire().set_time(TICKS * 1_000_000);
+    bench.engine.tick(&moment(TICKS));
+    let sample = bench.end.try_sample().expect("a sample");
+    assert_eq!((sample.state.mode, sample.state.torque), (Mode::Estop, Vec3::ZERO));
+}

@@ -3,6 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use crate::clock::{now_ns, sleep_until_ns};
 use crate::engine::{Engine, Moment};
@@ -49,7 +50,7 @@ pub(crate) fn wall<W: Wire>(
     touch_stack();
     let mut pace = Pace::new(now_ns() + period_ns, period_ns);
     let mut tick = 0;
-    guarded(&mut engine, |engine| {
+    guarded(&mut engine, Duration::from_nanos(period_ns), |engine| {
         let mut skipped = 0;
         while !stop.is_set() && ticks.is_none_or(|n| tick < n) {
             sleep_until_ns(pace.deadline_ns());
@@ -73,7 +74,7 @@ pub(crate) fn lockstep<W: Wire>(
     stop: &StopFlag,
 ) -> Ended {
     let mut tick = 0;
-    guarded(&mut engine, |engine| {
+    guarded(&mut engine, Duration::ZERO, |engine| {
         while !stop.is_set() && ticks.is_none_or(|n| tick < n) {
             while engine.bridge().is_full() && !stop.is_set() {
                 std::thread::yield_now();
@@ -88,9 +89,13 @@ pub(crate) fn lockstep<W: Wire>(
 }
 
 /// Runs `ticks` and switches the motors off at the end, even where it panics.
-fn guarded<W: Wire>(engine: &mut Engine<W>, ticks: impl FnOnce(&mut Engine<W>) -> u64) -> Ended {
+fn guarded<W: Wire>(
+    engine: &mut Engine<W>,
+    pause: Duration,
+    ticks: impl FnOnce(&mut Engine<W>) -> u64,
+) -> Ended {
     // What a panic leaves behind in the engine is not used again: stop() writes a fresh frame.
     let last = catch_unwind(AssertUnwindSafe(|| ticks(engine)));
-    engine.stop(last.as_ref().map_or(u32::MAX, |tick| *tick as u32));
+    engine.stop(last.as_ref().map_or(u32::MAX, |tick| *tick as u32), pause);
     if last.is_ok() { Ended::Stopped } else { Ended::Panicked }
 }

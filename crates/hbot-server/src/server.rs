@@ -11,6 +11,7 @@ use hbot_config::rig::Port;
 use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
+use hbot_core::rig::Zero;
 use hbot_sim::hand::Hand;
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
@@ -81,14 +82,32 @@ pub enum StartError {
 pub struct Server {
     setup: Setup,
     end: ServiceEnd,
-    stop: StopFlag,
-    thread: JoinHandle<Ended>,
-    /// Kept until the loop has said its last word.
+    running: Running,
+    /// Kept until the loop has said its last word, so declared after it.
     pty: Option<Arc<PtyRig>>,
     notices: Vec<String>,
     period_ns: u64,
     time: Time,
     started_ns: u64,
+}
+
+/// The loop's thread: whoever lets go of it has stopped it, so that no motor goes on without a service.
+struct Running {
+    stop: StopFlag,
+    thread: Option<JoinHandle<Ended>>,
+}
+
+impl Running {
+    fn end(&mut self) -> Ended {
+        self.stop.stop();
+        self.thread.take().map_or(Ended::Stopped, |thread| thread.join().unwrap_or(Ended::Panicked))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.end();
+    }
 }
 
 /// How a server ended.
@@ -118,6 +137,14 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let mut notices = Vec::new();
         let simulated = rig.link.port == Port::Sim;
+        for (wheel, name) in rig.wheels.iter().enumerate() {
+            if rig.rig.joints[2 * wheel].zero == Zero::Calibrate {
+                notices.push(format!(
+                    "wheel {name}: its steering zero is left to a calibration, which this version has not: the rig stays \
+                     unreferenced; set wheel.steer.zero to \"absolute\", \"index\" or \"assume\""
+                ));
+            }
+        }
         // The simulated controllers stand on their line in the order of the joints.
         let places = if simulated { (0..rig.controllers.len()).collect() } else { rig.controllers.clone() };
         let line = Line { places, watchdog_ms: rig.link.watchdog_ms };
@@ -181,7 +208,8 @@ impl Server {
         let accuracy = rig.accuracy.to_owned();
         let setup = Setup { rig, scene: running, phenomena, token, flight_dir, accuracy };
         let started_ns = now_ns();
-        Ok(Self { setup, end, stop, thread, pty, notices, period_ns, time, started_ns })
+        let running = Running { stop, thread: Some(thread) };
+        Ok(Self { setup, end, running, pty, notices, period_ns, time, started_ns })
     }
 
     /// What a user should know about how it runs.
@@ -201,18 +229,18 @@ impl Server {
         status: watch::Sender<Status>,
         shutdown: impl Future<Output = ()>,
     ) -> std::io::Result<Finished> {
-        let Self { setup, end, stop, thread, pty, notices: _, period_ns, time, started_ns } = self;
+        // Dropped in reverse order: should this future be dropped, the loop ends before its line.
+        let Self { pty, setup, end, mut running, notices: _, period_ns, time, started_ns } = self;
         // Zero torque first: the loop stops before the clients are told.
         let stopping = {
-            let stop = stop.clone();
+            let stop = running.stop.clone();
             async move {
                 shutdown.await;
                 stop.stop();
             }
         };
         let summary = service::serve(listener, end, setup, control, status, stopping).await;
-        stop.stop();
-        let ended = thread.join().unwrap_or(Ended::Panicked);
+        let ended = running.end();
         // The simulated rig's thread ends with its last owner, after the loop's last word.
         drop(pty);
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;

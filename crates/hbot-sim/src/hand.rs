@@ -26,7 +26,8 @@ pub struct Hand {
     pub damping: f64,
     /// Inertia of the hand about any axis, which moves with the sphere, kg m²; default 2e-3.
     pub inertia: f64,
-    /// How far the target swings about each axis of N, rad; default 0.4. Zero holds the sphere still.
+    /// How far the target swings about each axis of N, rad; default 0.25, which keeps it within
+    /// a rig's usual `enable_max_angle`. Zero holds the sphere still.
     pub amplitude: f64,
     /// How often it swings about n1, Hz; a little slower about the others. Default 0.25.
     pub rate: f64,
@@ -34,7 +35,7 @@ pub struct Hand {
 
 impl Default for Hand {
     fn default() -> Self {
-        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.4, rate: 0.25 }
+        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 0.25 }
     }
 }
 
@@ -150,7 +151,7 @@ mod tests {
         for i in 0..60_000 {
             let turn = rotation::log(grip.target(f64::from(i) * 1e-3).q);
             widest = widest.max(turn.abs());
-            assert!(turn.length() <= 0.4 * 3.0f64.sqrt());
+            assert!(turn.length() <= 0.25 * 3.0f64.sqrt());
         }
         assert!(widest.min_element() > 0.3, "{widest}");
     }

@@ -41,7 +41,7 @@ pub struct Hand {
 
 impl Default for Hand {
     fn default() -> Self {
-        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.4, rate: 0.25 }
+        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 0.25 }
     }
 }
 

@@ -12,10 +12,11 @@ use super::hub::Hub;
 use crate::bridge::{Busy, ServiceEnd};
 use crate::sample::Sample;
 
-/// The loop takes 8 orders a tick, in their order. So many may be on their way before a further one is refused: an
-/// emergency stop is never more than a few ticks from the front, whatever clients send.
+/// The loop takes 8 orders a tick, in their order. So many may be on their way before a further one is refused, so that there is
+/// always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
 const MAX_STREAMS: usize = 32;
 const MAX_ORDERS: usize = 64;
+const MAX_DISABLES: usize = 128;
 
 /// Orders on their way.
 #[derive(Default)]
@@ -46,7 +47,7 @@ pub(super) enum OrderKind {
     Stream,
     /// One that is answered with the mode.
     Mode,
-    /// One that makes the rig safe, never refused for want of a place that others have taken.
+    /// One that makes the rig safe, not refused for want of a place that streams have taken.
     Stop,
 }
 
@@ -62,6 +63,7 @@ impl Orders {
         let most = match kind {
             OrderKind::Stream => MAX_STREAMS,
             OrderKind::Mode => MAX_ORDERS,
+            OrderKind::Stop if command == Command::Disable => MAX_DISABLES,
             OrderKind::Stop => usize::MAX,
         };
         if self.pending.len() >= most {

@@ -168,8 +168,10 @@ impl Hub {
                 "a joint moved more than half a turn between two readings: check its encoder".to_owned()
             }
             Cause::Deadline => format!(
-                "a tick came {:.1} ms late, or 10 in a row were skipped: see `hbot doctor`",
-                convert::seconds(sample.timing.lateness_ns) * 1.0e3
+                "a tick came {:.1} ms late, or 10 in a row were skipped ({} so far): other work on this machine, no real-time \
+                 priority, or a rate too high for it; mend that, then reset and enable",
+                convert::seconds(sample.timing.lateness_ns) * 1.0e3,
+                sample.counters.skipped
             ),
             Cause::ClientLost => {
                 "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
