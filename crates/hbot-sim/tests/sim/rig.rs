@@ -97,7 +97,7 @@ fn a_hand_takes_hold_and_lets_go() {
             widest = widest.max(hbot_core::rotation::angle_between(rig.state().q, target.q));
         }
     }
-    // The wheels' inertia makes it lag: M d²q/dt² / K, 6e-3 x 0.4 x (2 pi 0.25)² / 3, some mrad about each axis.
+    // The wheels' inertia makes it lag: M d²q/dt² / K, 6e-3 x 0.25 x (2 pi 0.25)² / 3, some mrad about each axis.
     assert!(widest > 1e-4 && widest < 0.02, "{widest}");
     let before = *rig.state();
     rig.set_hand(None);
