@@ -162,10 +162,17 @@ async fn serve(
 fn logging() {
     let filter = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG")
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+    let terminal = std::io::stderr().is_terminal();
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(move || {
+            if terminal {
+                // The status line makes room; it is drawn again a moment later.
+                eprint!("{}", style::CLEAR_LINE);
+            }
+            std::io::stderr()
+        })
+        .with_ansi(terminal)
         .init();
 }
 

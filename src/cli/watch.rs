@@ -37,7 +37,9 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             args.address.server,
             hello.rate_hz
         );
-        anstream::println!("{}", header());
+        // Cut at the edge of a terminal like the rows below it.
+        print(&header(), screen, screen)?;
+        println!();
     }
     loop {
         let Some(event) = client.next_event(Duration::from_secs(3600))? else { continue };
@@ -47,6 +49,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Event::Stopping(_) => {
                 if screen {
                     print!("{}", style::CLEAR_LINE);
+                    std::io::stdout().flush()?;
                 }
                 anstream::eprintln!("the server stops");
                 return Ok(ExitCode::SUCCESS);
@@ -86,13 +89,13 @@ fn print(line: &str, screen: bool, again: bool) -> std::io::Result<()> {
 
 fn header() -> String {
     format!(
-        "{}{:>9}  {:12} {:^31}  {:^23}  {:^23}  {:>5} {:>8}{}",
+        "{}{:>8}  {:9} {:^31}  {:^23}  {:^23}  {:>5} {:>8}{}",
         style::DIM,
         "t s",
         "mode",
         "orientation w x y z",
-        "rate rad/s",
         "torque N m",
+        "rate rad/s",
         "scale",
         "late us",
         style::OFF
@@ -105,7 +108,7 @@ fn row(s: &StateEvent) -> String {
     let [o1, o2, o3] = s.omega;
     let [t1, t2, t3] = s.torque;
     format!(
-        "{:9.3}  {}{mode:12}{} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  {t1:7.4} {t2:7.4} {t3:7.4}  \
+        "{:8.2}  {}{mode:9}{} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {t1:7.4} {t2:7.4} {t3:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  \
          {:5.2} {:8.1}",
         s.t,
         style::of_mode(s.mode.as_str()),
