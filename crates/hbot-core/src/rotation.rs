@@ -4,7 +4,7 @@
 //! to pi: each uses a series where the closed form would divide zero by zero, and `log` uses atan2, which keeps its
 //! accuracy at a half turn where acos and asin lose half of their digits.
 
-use crate::real::{Mat3, Quat, Real, TURN, Vec3, atan2, fabs, sincos, sqrt};
+use crate::real::{Quat, Real, TURN, Vec3, atan2, fabs, sincos, sqrt};
 
 /// The vector part e of q = (eta, e).
 #[inline]
@@ -129,13 +129,6 @@ pub fn from_hopf(theta: Real, phi: Real, psi: Real) -> Quat {
     let (sp, cp) = sincos(0.5 * psi);
     let (sb, cb) = sincos(phi + 0.5 * psi);
     Quat::from_xyzw(ct * sp, st * cb, st * sb, ct * cp)
-}
-
-/// The skew matrix of `v`: \[v\] w = v x w.
-#[inline]
-#[must_use]
-pub fn skew(v: Vec3) -> Mat3 {
-    Mat3::from_cols(Vec3::new(0.0, v.z, -v.y), Vec3::new(-v.z, 0.0, v.x), Vec3::new(v.y, -v.x, 0.0))
 }
 
 /// `angle` less whole turns, in (-pi, pi].

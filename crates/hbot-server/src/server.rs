@@ -161,7 +161,7 @@ impl Server {
                 let stop = stop.clone();
                 let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
                 let phenomena = move |simulate: &Simulate| {
-                    let hand = hand(Some(simulate));
+                    let hand = hand(simulate);
                     // A loop that has ended needs none.
                     let _ = calls.send(Box::new(move |rig| rig.set_hand(hand)));
                 };
@@ -177,7 +177,7 @@ impl Server {
                         let path = pty.path().display().to_string();
                         let post = Arc::clone(&pty);
                         let phenomena = move |simulate: &Simulate| {
-                            let hand = hand(Some(simulate));
+                            let hand = hand(simulate);
                             // A rig whose thread has ended shows in the loop as a lost link.
                             let _ = post.post(move |rig| rig.set_hand(hand));
                         };
@@ -257,12 +257,12 @@ fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinH
 fn simulator(rig: &RigConfig, simulate: Option<Simulate>) -> Result<SimulatedRig, RigError> {
     let simulate = simulate.unwrap_or(Simulate { hand: Some(hbot_config::scene::Hand::default()) });
     let mut config = SimulatedConfig::new(&rig.rig);
-    config.hand = hand(Some(&simulate));
+    config.hand = hand(&simulate);
     SimulatedRig::new(&config)
 }
 
-fn hand(simulate: Option<&Simulate>) -> Option<Hand> {
-    let h = simulate?.hand?;
+fn hand(simulate: &Simulate) -> Option<Hand> {
+    let h = simulate.hand?;
     Some(Hand {
         stiffness: h.stiffness,
         damping: h.damping,
