@@ -8,6 +8,7 @@
 //! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
 //! | [`controller`] | the firmware at the far end of the line: counts, torques, watchdog, faults |
 //! | [`hand`] | a person's hand on the sphere |
+//! | [`phenomena`] | the figures of what a real rig shows besides |
 //! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
 //!
 //! Everything but [`pty`] is a pure function of what comes in: no clock, no thread, no allocation after the start, and
@@ -15,6 +16,7 @@
 
 pub mod controller;
 pub mod hand;
+pub mod phenomena;
 pub mod plant;
 pub mod pty;
 pub mod rig;
