@@ -70,6 +70,12 @@ impl Grip {
         &self.hand
     }
 
+    /// Energy of the spring at the time `t` (s) for the orientation `q`, J.
+    #[must_use]
+    pub fn energy(&self, t: f64, q: Quat) -> f64 {
+        2.0 * self.hand.stiffness * rotation::vector_part(q * self.target(t).q.conjugate()).length_squared()
+    }
+
     /// Where the hand would have the sphere at the time `t`, s; before it took hold, where it did.
     #[must_use]
     pub fn target(&self, t: f64) -> Target {

@@ -2,8 +2,8 @@
 
 use hbot_core::{Quat, Vec3, rotation};
 
-use super::load::Load;
-use super::model::{Flow, Model, Push, quaternion_rate};
+use super::field::Field;
+use super::model::{Flow, quaternion_rate};
 use super::pair::Pair;
 use super::{State, gather, scatter};
 
@@ -42,38 +42,23 @@ impl Method {
     }
 
     #[inline(always)]
-    pub(super) fn step<const P: usize, L: Load>(
-        self,
-        model: &Model,
-        state: &mut State,
-        t: f64,
-        h: f64,
-        push: &Push<P>,
-        load: &L,
-    ) {
+    pub(super) fn step<const P: usize>(self, field: &impl Field<P>, state: &mut State, t: f64, h: f64) {
         match self {
-            Self::SemiImplicitEuler => semi_implicit_euler(model, state, t, h, push, load),
-            Self::Midpoint => midpoint(model, state, t, h, push, load),
-            Self::Rk4 => rk4(model, state, t, h, push, load),
-            Self::Rkmk4 => rkmk4(model, state, t, h, push, load),
+            Self::SemiImplicitEuler => semi_implicit_euler(field, state, t, h),
+            Self::Midpoint => midpoint(field, state, t, h),
+            Self::Rk4 => rk4(field, state, t, h),
+            Self::Rkmk4 => rkmk4(field, state, t, h),
         }
     }
 }
 
 #[inline]
-fn semi_implicit_euler<const P: usize, L: Load>(
-    model: &Model,
-    state: &mut State,
-    t: f64,
-    h: f64,
-    push: &Push<P>,
-    load: &L,
-) {
+fn semi_implicit_euler<const P: usize>(field: &impl Field<P>, state: &mut State, t: f64, h: f64) {
     let steer: [Pair; P] = gather(&state.steer);
-    let rows = model.rows(&steer);
-    let external = load.torque(&load.at(t), state.q, state.omega);
-    let omega = state.omega + model.flow(&rows, state.omega, push, external).acceleration * h;
-    let (steer_rate, drive_rate) = model.rates(&rows, omega);
+    let geometry = field.geometry(state.q, &steer);
+    let flow = field.flow(&geometry, &field.at(t), state.q, state.omega);
+    let omega = state.omega + flow.acceleration * h;
+    let (steer_rate, drive_rate) = field.rates(&geometry, omega);
     state.omega = omega;
     state.q = turned(state.q, omega * h);
     scatter(&along(&steer, &steer_rate, h), &mut state.steer);
@@ -81,20 +66,13 @@ fn semi_implicit_euler<const P: usize, L: Load>(
 }
 
 #[inline]
-fn midpoint<const P: usize, L: Load>(
-    model: &Model,
-    state: &mut State,
-    t: f64,
-    h: f64,
-    push: &Push<P>,
-    load: &L,
-) {
+fn midpoint<const P: usize>(field: &impl Field<P>, state: &mut State, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
-    let here = model.flow(&model.rows(&steer), omega, push, load.torque(&load.at(t), q, omega));
+    let here = field.flow(&field.geometry(q, &steer), &field.at(t), q, omega);
     let middle = (turned(q, omega * half), omega + here.acceleration * half);
-    let rows = model.rows(&along(&steer, &here.steer, half));
-    let there = model.flow(&rows, middle.1, push, load.torque(&load.at(t + half), middle.0, middle.1));
+    let geometry = field.geometry(middle.0, &along(&steer, &here.steer, half));
+    let there = field.flow(&geometry, &field.at(t + half), middle.0, middle.1);
     state.q = turned(q, middle.1 * h);
     state.omega = omega + there.acceleration * h;
     scatter(&along(&steer, &there.steer, h), &mut state.steer);
@@ -102,21 +80,20 @@ fn midpoint<const P: usize, L: Load>(
 }
 
 #[inline]
-fn rk4<const P: usize, L: Load>(model: &Model, state: &mut State, t: f64, h: f64, push: &Push<P>, load: &L) {
+fn rk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
-    let look = |q: Quat, omega: Vec3, steer: &[Pair; P], now: &L::Instant| {
-        let flow = model.flow(&model.rows(steer), omega, push, load.torque(now, q, omega));
-        (quaternion_rate(q, omega), flow)
+    let look = |q: Quat, omega: Vec3, steer: &[Pair; P], now: &F::Instant| {
+        (quaternion_rate(q, omega), field.flow(&field.geometry(q, steer), now, q, omega))
     };
-    let stage = |k: &(Quat, Flow<P>), a: f64, now: &L::Instant| {
+    let stage = |k: &(Quat, Flow<P>), a: f64, now: &F::Instant| {
         look(q + k.0 * a, omega + k.1.acceleration * a, &along(&steer, &k.1.steer, a), now)
     };
-    let k1 = look(q, omega, &steer, &load.at(t));
-    let middle = load.at(t + half);
+    let k1 = look(q, omega, &steer, &field.at(t));
+    let middle = field.at(t + half);
     let k2 = stage(&k1, half, &middle);
     let k3 = stage(&k2, half, &middle);
-    let k4 = stage(&k3, h, &load.at(t + h));
+    let k4 = stage(&k3, h, &field.at(t + h));
 
     let sixth = h / 6.0;
     state.q = rotation::renormalized(q + (k1.0 + (k2.0 + k3.0) * 2.0 + k4.0) * sixth);
@@ -124,31 +101,24 @@ fn rk4<const P: usize, L: Load>(model: &Model, state: &mut State, t: f64, h: f64
 }
 
 #[inline]
-fn rkmk4<const P: usize, L: Load>(
-    model: &Model,
-    state: &mut State,
-    t: f64,
-    h: f64,
-    push: &Push<P>,
-    load: &L,
-) {
+fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
     // u is the turn since the step's start: q = exp(u) q0, du/dt = w - 1/2 u x w + 1/12 u x (u x w) + O(u^4).
-    let look = |u: Vec3, q: Quat, omega: Vec3, steer: &[Pair; P], now: &L::Instant| {
-        let flow = model.flow(&model.rows(steer), omega, push, load.torque(now, q, omega));
+    let look = |u: Vec3, q: Quat, omega: Vec3, steer: &[Pair; P], now: &F::Instant| {
+        let flow = field.flow(&field.geometry(q, steer), now, q, omega);
         let c = u.cross(omega);
         (omega - c * 0.5 + u.cross(c) * (1.0 / 12.0), flow)
     };
-    let stage = |k: &(Vec3, Flow<P>), a: f64, now: &L::Instant| {
+    let stage = |k: &(Vec3, Flow<P>), a: f64, now: &F::Instant| {
         let u = k.0 * a;
         look(u, turned(q, u), omega + k.1.acceleration * a, &along(&steer, &k.1.steer, a), now)
     };
-    let k1 = look(Vec3::ZERO, q, omega, &steer, &load.at(t));
-    let middle = load.at(t + half);
+    let k1 = look(Vec3::ZERO, q, omega, &steer, &field.at(t));
+    let middle = field.at(t + half);
     let k2 = stage(&k1, half, &middle);
     let k3 = stage(&k2, half, &middle);
-    let k4 = stage(&k3, h, &load.at(t + h));
+    let k4 = stage(&k3, h, &field.at(t + h));
 
     let sixth = h / 6.0;
     state.q = turned(q, (k1.0 + (k2.0 + k3.0) * 2.0 + k4.0) * sixth);

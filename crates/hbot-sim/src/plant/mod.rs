@@ -6,24 +6,33 @@
 //!
 //! Steps allocate nothing, call no function of the platform, and fuse no operations: the same bits on every machine.
 
+mod dynamics;
+mod field;
 mod load;
 mod method;
 mod model;
+mod nonsmooth;
 mod pair;
 mod reference;
 mod trig;
+mod weights;
 
 use core::fmt;
 
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Mat3, Quat, Vec3};
 
+pub use dynamics::Dynamics;
 pub use load::{Load, Sine, SpringDamper, Sum};
 pub use method::Method;
+pub use nonsmooth::Effort;
 pub use reference::StepTooSmall;
 
-use model::{Model, Push, Rows, Symmetric};
+use field::{Extras, Field, Ideal, Loaded};
+use model::{Model, Symmetric};
 use pair::Pair;
+
+use crate::phenomena::Phenomena;
 
 /// Torques at the joints in the order steer, drive of each wheel, N m; entries past the device's joints have no
 /// effect as long as they are finite.
@@ -34,6 +43,7 @@ pub type JointTorques = [f64; MAX_JOINTS];
 pub struct Plant {
     model: Model,
     wheels: usize,
+    extras: Option<Box<Extras>>,
 }
 
 /// Where the plant is and how fast it turns. The joints' rates follow from `omega` and the steering angles.
@@ -106,14 +116,41 @@ macro_rules! with_pairs {
     };
 }
 
+/// Runs an expression with `field`, the plant as it is under joint torques and a load: the ideal one, or the one with
+/// extras.
+macro_rules! with_field {
+    ($plant:expr, $tau:expr, $load:expr, $P:ident, $field:ident => $body:expr) => {
+        match &$plant.extras {
+            None => with_pairs!($plant, $P => {
+                let $field = Ideal::<'_, $P, _> { model: &$plant.model, push: $plant.model.push($tau), load: $load };
+                $body
+            }),
+            Some(extras) => with_pairs!($plant, $P => {
+                let $field = Loaded { inertia: $plant.model.inertia, extras, tau: $tau, load: $load };
+                $body
+            }),
+        }
+    };
+}
+
 impl Plant {
     /// The plant of `device`.
     ///
     /// # Errors
     /// Where the inertias of a wheel contradict each other.
     pub fn new(device: &Device) -> Result<Self, ImpossibleInertia> {
+        Self::with(device, &Phenomena::default())
+    }
+
+    /// The plant of `device` with those `phenomena` that leave it smooth: a sphere out of centre, the weight of the wheels'
+    /// modules, and the viscous part of joint friction. Of the others it knows nothing.
+    ///
+    /// # Errors
+    /// Where the inertias of a wheel contradict each other.
+    pub fn with(device: &Device, phenomena: &Phenomena) -> Result<Self, ImpossibleInertia> {
         let model = Model::new(device).map_err(|wheel| ImpossibleInertia { wheel })?;
-        Ok(Self { model, wheels: device.wheels().len() })
+        let extras = Extras::new(device, phenomena).map(Box::new);
+        Ok(Self { model, wheels: device.wheels().len(), extras })
     }
 
     /// How many wheels.
@@ -136,17 +173,18 @@ impl Plant {
     /// dw/dt in N, rad/s², under the torque `external` on the sphere (in N, N m) and the joint torques `tau`.
     #[must_use]
     pub fn acceleration(&self, state: &State, external: Vec3, tau: &JointTorques) -> Vec3 {
-        with_pairs!(self, P => {
-            let rows = self.rows::<P>(state);
-            self.model.flow(&rows, state.omega, &self.model.push(tau), external).acceleration
+        with_field!(self, tau, &external, P, field => {
+            let geometry = Field::<P>::geometry(&field, state.q, &gather(&state.steer));
+            Field::<P>::flow(&field, &geometry, &(), state.q, state.omega).acceleration
         })
     }
 
     /// Joint rates in the order steer, drive of each wheel, rad/s: zd = G w.
     #[must_use]
     pub fn joint_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
-        with_pairs!(self, P => {
-            let (steer, drive) = self.model.rates(&self.rows::<P>(state), state.omega);
+        with_field!(self, &[0.0; MAX_JOINTS], &Vec3::ZERO, P, field => {
+            let geometry = Field::<P>::geometry(&field, state.q, &gather(&state.steer));
+            let (steer, drive) = Field::<P>::rates(&field, &geometry, state.omega);
             let mut rates = [0.0; MAX_JOINTS];
             for p in 0..P {
                 for lane in 0..2 {
@@ -158,17 +196,23 @@ impl Plant {
         })
     }
 
-    /// Kinetic energy 1/2 wᵀ (I_s I + Gᵀ J_q G) w, J; constant where no torque acts.
+    /// Kinetic energy 1/2 wᵀ (I_s I + Gᵀ J_q G) w and that of weights out of place, J; constant where no torque acts.
     #[must_use]
     pub fn energy(&self, state: &State) -> f64 {
-        0.5 * state.omega.dot(self.apparent_inertia(state) * state.omega)
+        let kinetic = 0.5 * state.omega.dot(self.apparent_inertia(state) * state.omega);
+        kinetic + self.extras.as_ref().map_or(0.0, |extras| extras.energy(state.q, &state.steer))
     }
 
     /// The apparent inertia I_s I + Gᵀ J_q G of the turning sphere in N, kg m².
     #[must_use]
     pub fn apparent_inertia(&self, state: &State) -> Mat3 {
-        let Symmetric { xx, yy, zz, xy, xz, yz } =
-            with_pairs!(self, P => self.model.apparent(&self.rows::<P>(state)));
+        let Symmetric { xx, yy, zz, xy, xz, yz } = match &self.extras {
+            None => with_pairs!(self, P => self.model.apparent(&self.model.rows::<P>(&gather(&state.steer)))),
+            Some(extras) => with_pairs!(self, P => {
+                let field = Loaded { inertia: self.model.inertia, extras, tau: &[0.0; MAX_JOINTS], load: &() };
+                field.apparent(&field.contacts::<P>(state.q, &gather(&state.steer)))
+            }),
+        };
         Mat3::from_cols(Vec3::new(xx, xy, xz), Vec3::new(xy, yy, yz), Vec3::new(xz, yz, zz))
     }
 
@@ -184,15 +228,7 @@ impl Plant {
         tau: &JointTorques,
         load: &L,
     ) {
-        with_pairs!(self, P => {
-            let push: Push<P> = self.model.push(tau);
-            method.step(&self.model, state, t, h, &push, load);
-        });
-    }
-
-    #[inline(always)]
-    fn rows<const P: usize>(&self, state: &State) -> Rows<P> {
-        self.model.rows(&gather(&state.steer))
+        with_field!(self, tau, load, P, field => method.step::<P>(&field, state, t, h));
     }
 }
 

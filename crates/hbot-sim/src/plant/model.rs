@@ -228,7 +228,7 @@ pub(crate) struct Symmetric {
 impl Symmetric {
     /// v with A v = b for a positive definite A, by cofactors: one division.
     #[inline(always)]
-    fn solve(&self, b: Vec3) -> Vec3 {
+    pub(crate) fn solve(&self, b: Vec3) -> Vec3 {
         let &Self { xx, yy, zz, xy, xz, yz } = self;
         let (p, q, r) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
         let (s, t, u) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);

@@ -1,0 +1,289 @@
+//! One step's problem: masses, momenta, and what stands between the speeds and free motion.
+
+use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
+use hbot_core::kinematics::ContactFrame;
+use hbot_core::{Vec3, rotation};
+
+use super::super::weights::Module;
+use super::law::{Element, Law, Row};
+use super::solver::Problem;
+use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
+use crate::phenomena::Phenomena;
+
+/// What holds during one step.
+pub(super) struct Instant {
+    frames: [ContactFrame; MAX_WHEELS],
+    /// Distance of each contact from O, m.
+    radius: [f64; MAX_WHEELS],
+    /// Rows of G: what a wheel that does not slip does.
+    pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
+}
+
+/// What moves, and how fast its joints do.
+#[derive(Debug, Clone)]
+pub(super) struct Body {
+    pub(super) device: Device,
+    pub(super) phenomena: Phenomena,
+    /// I_s and what is held to the sphere, kg m².
+    pub(super) inertia: f64,
+    pub(super) modules: Option<[Module; MAX_WHEELS]>,
+    /// Rates of the joints, at the wheel's side of a gear, rad/s.
+    pub(super) rates: [f64; MAX_JOINTS],
+    pub(super) motors: [Motor; MAX_WHEELS],
+    /// The axis that the sphere is held to turn about, a unit vector in N.
+    pub(super) hinge: Option<Vec3>,
+}
+
+impl Body {
+    pub(super) fn wheels(&self) -> usize {
+        self.device.wheels().len()
+    }
+
+    /// Where the rates of a joint stand among the speeds; `None` where they follow from the sphere's.
+    pub(super) fn joint_at(&self, wheel: usize, k: usize) -> Option<usize> {
+        self.phenomena.slip.map(|_| 3 + 2 * wheel + k)
+    }
+
+    /// Where the rate of a drive's motor stands, behind a gear with play.
+    pub(super) fn motor_at(&self, wheel: usize) -> Option<usize> {
+        let first = if self.phenomena.slip.is_some() { 3 + 2 * self.wheels() } else { 3 };
+        self.phenomena.gear.map(|_| first + wheel)
+    }
+
+    /// How many speeds there are.
+    fn size(&self) -> usize {
+        let joints = if self.phenomena.slip.is_some() { 2 } else { 0 };
+        let motors = if self.phenomena.gear.is_some() { 1 } else { 0 };
+        3 + self.wheels() * (joints + motors)
+    }
+
+    /// Inertias of a wheel's two joints, without the motor behind a gear: steer, coupling, drive, kg m².
+    pub(super) fn wheel_mass(&self, wheel: &Wheel) -> [f64; 3] {
+        let spec = wheel.spec();
+        let coupling = spec.axial_inertia * wheel.axis_along_axle();
+        [spec.steer_inertia, coupling, spec.drive_inertia - self.motor_mass(wheel)]
+    }
+
+    /// Inertia of a drive's motor behind its gear, in the joint's measure, kg m².
+    pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
+        self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share * wheel.spec().drive_inertia)
+    }
+
+    /// The geometry at `ahead` seconds after `state`, by the rates as they are.
+    pub(super) fn instant(&self, state: &State, ahead: f64) -> Instant {
+        let mut now = Instant {
+            frames: [ContactFrame::default(); MAX_WHEELS],
+            radius: [self.device.sphere_radius(); MAX_WHEELS],
+            rows: [[Vec3::ZERO; 2]; MAX_WHEELS],
+        };
+        let offset = self
+            .phenomena
+            .eccentric
+            .map(|eccentric| rotation::exp(state.omega * ahead) * (state.q * eccentric.offset));
+        for (i, wheel) in self.device.wheels().iter().enumerate() {
+            let frame = ContactFrame::at(wheel, state.steer[i] + ahead * self.rates[2 * i]);
+            if let Some(offset) = offset {
+                now.radius[i] += offset.dot(frame.c3);
+            }
+            let steer = frame.c2 / wheel.axis_along_roll();
+            let drive = (steer * wheel.axis_along_axle() - frame.c1) * (now.radius[i] / wheel.spec().radius);
+            now.frames[i] = frame;
+            now.rows[i] = [steer, drive];
+        }
+        now
+    }
+
+    /// All speeds as they are.
+    pub(super) fn speeds(&self, state: &State) -> Vector {
+        let mut speeds = [0.0; MAX_SPEEDS];
+        speeds[..3].copy_from_slice(&state.omega.to_array());
+        for i in 0..self.wheels() {
+            for k in 0..2 {
+                if let Some(at) = self.joint_at(i, k) {
+                    speeds[at] = self.rates[2 * i + k];
+                }
+            }
+            if let Some(at) = self.motor_at(i) {
+                speeds[at] = self.motors[i].rate;
+            }
+        }
+        speeds
+    }
+
+    /// The rate of a joint (at the wheel's side of a gear) as a combination of the speeds.
+    fn joint_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
+        match self.joint_at(wheel, k) {
+            Some(at) => Row::EMPTY.and(at, 1.0),
+            None => on_sphere(now.rows[wheel][k]),
+        }
+    }
+
+    /// The rate of what a joint's motor, encoder and friction sit on.
+    fn driven_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
+        match self.motor_at(wheel).filter(|_| k == 1) {
+            Some(at) => Row::EMPTY.and(at, 1.0),
+            None => self.joint_row(now, wheel, k),
+        }
+    }
+
+    /// Slip of a contact along its c1 and c2, wheel minus sphere, m/s: H zd + Z w.
+    pub(super) fn slip_rows(&self, now: &Instant, i: usize) -> [Row; 2] {
+        let (wheel, frame, radius) = (&self.device.wheels()[i], &now.frames[i], now.radius[i]);
+        let (Some(steer), Some(drive)) = (self.joint_at(i, 0), self.joint_at(i, 1)) else {
+            return [Row::EMPTY; 2];
+        };
+        [
+            on_sphere(frame.c2 * -radius).and(steer, radius * wheel.axis_along_roll()),
+            on_sphere(frame.c1 * radius)
+                .and(steer, -radius * wheel.axis_along_axle())
+                .and(drive, wheel.spec().radius),
+        ]
+    }
+
+    /// Puts the laws of this step in place; impulses go on from those of the last step, `share` times as large.
+    pub(super) fn lay_out(
+        &self,
+        elements: &mut Vec<Element>,
+        share: f64,
+        state: &State,
+        now: &Instant,
+        speeds: &Vector,
+        h: f64,
+    ) {
+        let known = elements.len();
+        let mut count = 0;
+        let mut put = |law: Law, dimension: usize, rows: [Row; 3]| {
+            if count < known {
+                let element = &mut elements[count];
+                element.impulse = element.impulse.map(|p| p * share);
+                (element.law, element.rows) = (law, rows);
+            } else {
+                elements.push(Element { law, dimension, rows, impulse: [0.0; 3] });
+            }
+            count += 1;
+        };
+        if let Some(axis) = self.hinge {
+            // Two directions in which nothing turns, whatever it takes.
+            let across = axis.any_orthonormal_pair();
+            put(
+                Law::Friction { limit: f64::INFINITY },
+                2,
+                [on_sphere(across.0), on_sphere(across.1), Row::EMPTY],
+            );
+        }
+        if let Some(cage) = self.phenomena.cage_friction {
+            let rows = [0, 1, 2].map(|k| Row::EMPTY.and(k, 1.0));
+            put(Law::Friction { limit: h * cage.torque }, 3, rows);
+        }
+        for i in 0..self.wheels() {
+            let wheel = &self.device.wheels()[i];
+            if let Some(slip) = self.phenomena.slip {
+                let [along, across] = self.slip_rows(now, i);
+                put(Law::Friction { limit: h * slip.limit() }, 2, [along, across, Row::EMPTY]);
+            }
+            if let Some(pivoting) = self.phenomena.pivoting {
+                let row = self.spin_row(now, i, wheel.spec().cone);
+                put(Law::Friction { limit: h * pivoting.limit() }, 1, [row, Row::EMPTY, Row::EMPTY]);
+            }
+            for k in 0..2 {
+                let geared = self.motor_at(i).is_some() && k == 1;
+                if self.phenomena.joint_friction.is_some() || geared {
+                    let row = self.driven_row(now, i, k);
+                    let rate = row.dot(speeds);
+                    let mut limit =
+                        self.phenomena.joint_friction.map_or(0.0, |friction| friction.limit(rate));
+                    if geared {
+                        limit += self.mesh_loss(i, rate);
+                    }
+                    put(Law::Friction { limit: h * limit }, 1, [row, Row::EMPTY, Row::EMPTY]);
+                }
+            }
+            if let (Some(gear), Some(motor)) = (self.phenomena.gear, self.motor_at(i)) {
+                let behind = self.motors[i].angle - state.drive[i];
+                let half = 0.5 * gear.backlash;
+                // What rounding left beyond the play is no reason to be thrown back.
+                let law =
+                    Law::Gap { low: ((-half - behind) / h).min(0.0), high: ((half - behind) / h).max(0.0) };
+                let row = match self.joint_at(i, 1) {
+                    Some(at) => Row::EMPTY.and(motor, 1.0).and(at, -1.0),
+                    None => on_sphere(-now.rows[i][1]).and(motor, 1.0),
+                };
+                put(law, 1, [row, Row::EMPTY, Row::EMPTY]);
+            }
+        }
+    }
+
+    /// The spin of a contact about its normal, wheel minus sphere, rad/s: (dth/dt) cos a - w.c3.
+    fn spin_row(&self, now: &Instant, i: usize, cone: f64) -> Row {
+        let normal = now.frames[i].c3;
+        match self.joint_at(i, 0) {
+            Some(at) => on_sphere(-normal).and(at, libm::cos(cone)),
+            None => on_sphere(now.rows[i][0] * libm::cos(cone) - normal),
+        }
+    }
+
+    /// Friction of a gear under load, at its motor's side, N m: what makes the other side get `efficiency` of the power.
+    /// By the load and the direction of the step before.
+    fn mesh_loss(&self, i: usize, rate: f64) -> f64 {
+        let Some(gear) = self.phenomena.gear else { return 0.0 };
+        let load = self.motors[i].load;
+        let share = if load * rate >= 0.0 { 1.0 / gear.efficiency - 1.0 } else { 1.0 - gear.efficiency };
+        share * load.abs()
+    }
+
+    /// Masses and momenta of this step. `impulse` is that of the torques on the sphere, `implicit` stands in the
+    /// sphere's mass for those that fall with its speed; `speeds` is the guess at which the modules' torques are taken.
+    pub(super) fn assemble(
+        &self,
+        problem: &mut Problem,
+        state: &State,
+        now: &Instant,
+        h: f64,
+        tau: &JointTorques,
+        (impulse, implicit): (Vec3, f64),
+        speeds: &Vector,
+    ) {
+        let n = self.size();
+        problem.n = n;
+        for row in &mut problem.mass[..n] {
+            *row = [0.0; MAX_SPEEDS];
+        }
+        problem.momentum = [0.0; MAX_SPEEDS];
+        for k in 0..3 {
+            problem.mass[k][k] = self.inertia + implicit;
+            problem.momentum[k] = self.inertia * state.omega[k] + impulse[k];
+        }
+        let viscous = h * self.phenomena.joint_friction.map_or(0.0, |friction| friction.viscous);
+        for (i, wheel) in self.device.wheels().iter().enumerate() {
+            let [steer_mass, coupling, drive_mass] = self.wheel_mass(wheel);
+            let (steer, drive) = (self.rates[2 * i], self.rates[2 * i + 1]);
+            let joints = [self.joint_row(now, i, 0), self.joint_row(now, i, 1)];
+            problem.weigh(&joints[0], &joints[0], steer_mass + viscous);
+            problem.weigh(&joints[1], &joints[1], drive_mass);
+            if coupling != 0.0 {
+                problem.weigh(&joints[0], &joints[1], coupling);
+                problem.weigh(&joints[1], &joints[0], coupling);
+            }
+            let mut steer_torque = tau[2 * i];
+            if let Some(modules) = &self.modules {
+                let delta = h * joints[0].dot(speeds);
+                steer_torque += modules[i].torque_over(state.steer[i], delta);
+            }
+            problem.push(&joints[0], steer_mass * steer + coupling * drive + h * steer_torque);
+            let driven = self.driven_row(now, i, 1);
+            problem.weigh(&driven, &driven, viscous);
+            problem.push(&joints[1], coupling * steer + drive_mass * drive);
+            problem.push(&driven, h * tau[2 * i + 1]);
+            if let Some(at) = self.motor_at(i) {
+                let mass = self.motor_mass(wheel);
+                problem.mass[at][at] += mass;
+                problem.momentum[at] += mass * self.motors[i].rate;
+            }
+        }
+    }
+}
+
+/// A component of the sphere's angular velocity.
+fn on_sphere(v: Vec3) -> Row {
+    Row::EMPTY.and(0, v.x).and(1, v.y).and(2, v.z)
+}

@@ -1,0 +1,124 @@
+//! Set-valued laws between a velocity and an impulse, in the form that the solver needs.
+//!
+//! Each law is the subdifferential of a convex function g: the impulse against a velocity u is p in dg(u). What the solver
+//! works with is its augmented Lagrangian (Rockafellar 1976; Alart and Curnier 1991): with the last multiplier p0 and a
+//! penalty rho, p = rho (y - prox(y)) where y = u + p0 / rho. That is a continuous function of u, and where p = p0 it is
+//! the law itself, whatever rho is: what sticks, sticks.
+
+use super::{MAX_SPEEDS, Vector};
+
+/// The most components of one element.
+pub(super) const MAX_DIMENSION: usize = 3;
+
+/// A law of one element.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Law {
+    /// Coulomb: an impulse of at most `limit` against the velocity, of that size where there is any. g = limit |u|.
+    Friction {
+        /// N s or N m s; infinite where nothing ever slides.
+        limit: f64,
+    },
+    /// A stop: no impulse while the velocity is within the bounds, none of them passed. g is the bounds' indicator.
+    /// Zero is within.
+    Gap {
+        /// Not above 0.
+        low: f64,
+        /// Not below 0.
+        high: f64,
+    },
+}
+
+/// One component of an element's velocity as a sparse combination of the speeds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Row {
+    at: [u8; 5],
+    by: [f64; 5],
+    len: u8,
+}
+
+impl Row {
+    pub(super) const EMPTY: Self = Self { at: [0; 5], by: [0.0; 5], len: 0 };
+
+    /// Adds `by` times the speed `at`.
+    #[inline]
+    pub(super) fn and(mut self, at: usize, by: f64) -> Self {
+        self.at[usize::from(self.len)] = at as u8;
+        self.by[usize::from(self.len)] = by;
+        self.len += 1;
+        self
+    }
+
+    /// Which speeds, and how much of each.
+    #[inline]
+    pub(super) fn terms(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
+        let n = usize::from(self.len);
+        self.at[..n].iter().zip(&self.by[..n]).map(|(at, by)| (usize::from(*at) % MAX_SPEEDS, *by))
+    }
+
+    /// The component at `speeds`.
+    #[inline]
+    pub(super) fn dot(&self, speeds: &Vector) -> f64 {
+        self.terms().map(|(at, by)| by * speeds[at]).sum()
+    }
+
+    /// Multiplies each term by the scale of its speed.
+    #[inline]
+    pub(super) fn scaled(mut self, scale: &Vector) -> Self {
+        for (at, by) in self.at.iter().zip(&mut self.by).take(usize::from(self.len)) {
+            *by *= scale[usize::from(*at) % MAX_SPEEDS];
+        }
+        self
+    }
+}
+
+/// A law and the velocity that it is about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Element {
+    pub(super) law: Law,
+    pub(super) dimension: usize,
+    pub(super) rows: [Row; MAX_DIMENSION],
+    /// The impulse on the speeds' negative side: rows' transpose times it is taken from the momentum.
+    pub(super) impulse: [f64; MAX_DIMENSION],
+}
+
+/// The impulse at one velocity, and how it changes with it: dp/du = along I + across d dᵀ.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Response {
+    pub(super) impulse: [f64; MAX_DIMENSION],
+    pub(super) along: f64,
+    pub(super) across: f64,
+    pub(super) direction: [f64; MAX_DIMENSION],
+}
+
+impl Element {
+    /// What answers the velocity `u` with the penalty `rho`, from the multiplier `last`.
+    #[inline]
+    pub(super) fn response(
+        &self,
+        u: &[f64; MAX_DIMENSION],
+        last: &[f64; MAX_DIMENSION],
+        rho: f64,
+    ) -> Response {
+        let none = [0.0; MAX_DIMENSION];
+        let mut y = none;
+        for k in 0..self.dimension {
+            y[k] = last[k] + rho * u[k];
+        }
+        match self.law {
+            Law::Friction { limit } => {
+                let size = libm::sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]);
+                if size <= limit {
+                    return Response { impulse: y, along: rho, across: 0.0, direction: none };
+                }
+                let direction = y.map(|y| y / size);
+                let along = rho * limit / size;
+                Response { impulse: direction.map(|d| d * limit), along, across: -along, direction }
+            }
+            Law::Gap { low, high } => {
+                let beyond = y[0] - (y[0]).clamp(rho * low, rho * high);
+                let along = if beyond == 0.0 { 0.0 } else { rho };
+                Response { impulse: [beyond, 0.0, 0.0], along, across: 0.0, direction: none }
+            }
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! The speeds after a step: the unique minimum of a strictly convex function.
+//!
+//! With A positive definite, minimise 1/2 uᵀ A u - rᵀ u + sum g_k(W_k u) over the speeds u. Friction of a fixed limit and
+//! stops have convex g_k, so the minimum exists and is unique, whatever the masses, and is found by the method of multipliers
+//! (Rockafellar 1976) with Newton steps inside: each subproblem is smooth but for kinks, strictly convex, and its
+//! semismooth Newton steps with a line search on the slope converge from anywhere (Qi and Sun 1993).
+//!
+//! Speeds are scaled so that A has a unit diagonal; penalties then stand in units of each row's own mass.
+
+use super::law::{Element, MAX_DIMENSION, Response, Row};
+use super::{MAX_SPEEDS, Vector};
+
+/// The first penalty, relative to the mass that a row sees. Larger needs fewer rounds and costs digits.
+const PENALTY: f64 = 1.0e3;
+/// The largest: beyond, rounding of the Newton matrix is felt.
+const MAX_PENALTY: f64 = 1.0e9;
+/// What may be left of a sticking velocity, relative to the step's own.
+const STICKING: f64 = 1.0e-12;
+const MAX_ROUNDS: usize = 60;
+const MAX_NEWTON: u32 = 60;
+const MAX_HALVINGS: usize = 40;
+
+/// What the speeds must minimise. `mass` is row by row, its lower half read alone.
+#[derive(Debug, Clone)]
+pub(super) struct Problem {
+    pub(super) n: usize,
+    pub(super) mass: [Vector; MAX_SPEEDS],
+    pub(super) momentum: Vector,
+}
+
+/// How hard a step was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Effort {
+    /// Rounds of the method of multipliers.
+    pub rounds: u32,
+    /// Newton steps in all.
+    pub newton: u32,
+    /// Whether the bounds on both sufficed.
+    pub converged: bool,
+}
+
+/// Room for the solver's work, so that a step allocates nothing.
+#[derive(Debug, Clone)]
+pub(super) struct Workspace {
+    factor: [Vector; MAX_SPEEDS],
+    scale: Vector,
+    scaled: Vec<Element>,
+    responses: Vec<Response>,
+    penalty: Vec<f64>,
+    size: Vec<f64>,
+}
+
+impl Problem {
+    pub(super) const EMPTY: Self =
+        Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
+
+    /// Adds `mass` between the velocities `a` and `b`: mass aᵀ b.
+    pub(super) fn weigh(&mut self, a: &Row, b: &Row, mass: f64) {
+        for (i, a) in a.terms() {
+            for (j, b) in b.terms() {
+                self.mass[i][j] += mass * a * b;
+            }
+        }
+    }
+
+    /// Adds an impulse along the velocity `row`.
+    pub(super) fn push(&mut self, row: &Row, impulse: f64) {
+        for (i, by) in row.terms() {
+            self.momentum[i] += by * impulse;
+        }
+    }
+}
+
+impl Workspace {
+    pub(super) fn new(elements: usize) -> Self {
+        Self {
+            factor: [[0.0; MAX_SPEEDS]; MAX_SPEEDS],
+            scale: [0.0; MAX_SPEEDS],
+            scaled: Vec::with_capacity(elements),
+            responses: Vec::with_capacity(elements),
+            penalty: Vec::with_capacity(elements),
+            size: Vec::with_capacity(elements),
+        }
+    }
+
+    /// Finds the speeds, from a guess in `speeds`, and leaves the impulses in `elements`, whose last ones are its start.
+    pub(super) fn solve(
+        &mut self,
+        problem: &mut Problem,
+        elements: &mut [Element],
+        speeds: &mut Vector,
+    ) -> Effort {
+        let n = problem.n;
+        self.normalize(problem, elements);
+        for i in 0..n {
+            speeds[i] /= self.scale[i];
+        }
+        let mut effort = Effort::default();
+        let mut worst_before = f64::INFINITY;
+        let pace = norm(&problem.momentum[..n]);
+        for _ in 0..MAX_ROUNDS {
+            effort.rounds += 1;
+            effort.newton += self.minimize(problem, speeds);
+            // How far each velocity is from what its law would have with this impulse.
+            let (mut worst, mut floor): (f64, f64) = (0.0, STICKING * pace);
+            for (k, (element, now)) in self.scaled.iter_mut().zip(&self.responses).enumerate() {
+                let change = [0, 1, 2].map(|c| now.impulse[c] - element.impulse[c]);
+                let stiffness = self.penalty[k] * self.size[k];
+                worst = worst.max(norm(&change) / stiffness);
+                floor = floor.max(4.0 * f64::EPSILON * norm(&now.impulse) / stiffness);
+                element.impulse = now.impulse;
+            }
+            if worst <= floor {
+                effort.converged = true;
+                break;
+            }
+            if worst > 0.1 * worst_before {
+                for (penalty, size) in self.penalty.iter_mut().zip(&self.size) {
+                    *penalty = (*penalty * 10.0).min(MAX_PENALTY / (size * size));
+                }
+            }
+            worst_before = worst;
+        }
+        for (element, scaled) in elements.iter_mut().zip(&self.scaled) {
+            element.impulse = scaled.impulse;
+        }
+        for i in 0..n {
+            speeds[i] *= self.scale[i];
+        }
+        effort
+    }
+
+    /// Brings the problem to a unit diagonal.
+    fn normalize(&mut self, problem: &mut Problem, elements: &[Element]) {
+        let n = problem.n;
+        for i in 0..n {
+            self.scale[i] = 1.0 / libm::sqrt(problem.mass[i][i]);
+        }
+        for i in 0..n {
+            problem.momentum[i] *= self.scale[i];
+            for j in 0..=i {
+                problem.mass[i][j] *= self.scale[i] * self.scale[j];
+            }
+        }
+        self.scaled.clear();
+        self.penalty.clear();
+        self.size.clear();
+        for element in elements {
+            let mut scaled = *element;
+            let mut size2: f64 = 0.0;
+            for row in &mut scaled.rows[..element.dimension] {
+                *row = row.scaled(&self.scale);
+                size2 = size2.max(row.terms().map(|(_, by)| by * by).sum());
+            }
+            self.scaled.push(scaled);
+            self.penalty.push(PENALTY / size2);
+            self.size.push(libm::sqrt(size2));
+        }
+    }
+
+    /// The impulses at `speeds`, the gradient there, and how far rounding lets it be from zero.
+    fn look(&mut self, problem: &Problem, speeds: &Vector, gradient: &mut Vector) -> f64 {
+        let n = problem.n;
+        let pace = norm(&speeds[..n]);
+        let mut terms = norm(&problem.momentum[..n]);
+        *gradient = multiplied(problem, speeds);
+        for i in 0..n {
+            gradient[i] -= problem.momentum[i];
+        }
+        self.responses.clear();
+        for k in 0..self.scaled.len() {
+            let element = &self.scaled[k];
+            let mut u = [0.0; MAX_DIMENSION];
+            for c in 0..element.dimension {
+                u[c] = element.rows[c].dot(speeds);
+            }
+            let response = element.response(&u, &element.impulse, self.penalty[k]);
+            self.push(k, &response.impulse, gradient);
+            terms += self.size[k] * (norm(&response.impulse) + response.along * self.size[k] * pace);
+            self.responses.push(response);
+        }
+        2.0 * f64::EPSILON * terms
+    }
+
+    #[inline]
+    fn push(&self, k: usize, impulse: &[f64; MAX_DIMENSION], on: &mut Vector) {
+        let element = &self.scaled[k];
+        for c in 0..element.dimension {
+            for (at, by) in element.rows[c].terms() {
+                on[at] += by * impulse[c];
+            }
+        }
+    }
+
+    /// Minimises for the multipliers as they are: how many Newton steps it took. The responses are those at the minimum.
+    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> u32 {
+        let n = problem.n;
+        let mut gradient = [0.0; MAX_SPEEDS];
+        let mut floor = self.look(problem, speeds, &mut gradient);
+        let mut steps = 0;
+        while steps < MAX_NEWTON && norm(&gradient[..n]) > floor {
+            let mut step = gradient.map(|g| -g);
+            self.factorize(problem);
+            self.back_substitute(n, &mut step);
+            floor = self.walk(problem, speeds, &step, &mut gradient);
+            steps += 1;
+        }
+        steps
+    }
+
+    /// Moves along `step`: all of it unless the slope there has turned up again, then to where the slope is about zero.
+    fn walk(&mut self, problem: &Problem, speeds: &mut Vector, step: &Vector, gradient: &mut Vector) -> f64 {
+        let n = problem.n;
+        let start = *speeds;
+        let slope = dot(gradient, step, n);
+        let (mut low, mut high, mut t) = (0.0, 1.0, 1.0);
+        let mut floor = 0.0;
+        for _ in 0..MAX_HALVINGS {
+            for i in 0..n {
+                speeds[i] = start[i] + t * step[i];
+            }
+            floor = self.look(problem, speeds, gradient);
+            let here = dot(gradient, step, n);
+            if here.abs() <= 0.5 * slope.abs() || (t == 1.0 && here <= 0.0) {
+                break;
+            }
+            if here > 0.0 {
+                high = t;
+            } else {
+                low = t;
+            }
+            t = 0.5 * (low + high);
+        }
+        floor
+    }
+
+    /// Cholesky factor of the Newton matrix at `speeds`.
+    fn factorize(&mut self, problem: &Problem) {
+        let n = problem.n;
+        for i in 0..n {
+            self.factor[i][..=i].copy_from_slice(&problem.mass[i][..=i]);
+        }
+        for k in 0..self.scaled.len() {
+            let Response { along, across, direction, .. } = self.responses[k];
+            let element = &self.scaled[k];
+            if along == 0.0 {
+                continue;
+            }
+            let factor = &mut self.factor;
+            let mut add = |row: &Row, other: &Row, weight: f64| {
+                for (i, a) in row.terms() {
+                    for (j, b) in other.terms() {
+                        if j <= i {
+                            factor[i][j] += weight * a * b;
+                        }
+                    }
+                }
+            };
+            for c in 0..element.dimension {
+                add(&element.rows[c], &element.rows[c], along);
+                if across == 0.0 {
+                    continue;
+                }
+                for d in 0..element.dimension {
+                    add(&element.rows[c], &element.rows[d], across * direction[c] * direction[d]);
+                }
+            }
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                let mut sum = self.factor[i][j];
+                for k in 0..j {
+                    sum -= self.factor[i][k] * self.factor[j][k];
+                }
+                self.factor[i][j] = if i == j {
+                    // Not below what rounding may have left of a unit diagonal.
+                    libm::sqrt(sum.max(f64::EPSILON))
+                } else {
+                    sum / self.factor[j][j]
+                };
+            }
+        }
+    }
+
+    fn back_substitute(&self, n: usize, b: &mut Vector) {
+        for i in 0..n {
+            for k in 0..i {
+                b[i] -= self.factor[i][k] * b[k];
+            }
+            b[i] /= self.factor[i][i];
+        }
+        for i in (0..n).rev() {
+            for k in i + 1..n {
+                b[i] -= self.factor[k][i] * b[k];
+            }
+            b[i] /= self.factor[i][i];
+        }
+    }
+}
+
+/// The mass matrix times `x`.
+fn multiplied(problem: &Problem, x: &Vector) -> Vector {
+    let mut y = [0.0; MAX_SPEEDS];
+    for i in 0..problem.n {
+        for j in 0..i {
+            y[i] += problem.mass[i][j] * x[j];
+            y[j] += problem.mass[i][j] * x[i];
+        }
+        y[i] += problem.mass[i][i] * x[i];
+    }
+    y
+}
+
+fn dot(a: &Vector, b: &Vector, n: usize) -> f64 {
+    a[..n].iter().zip(&b[..n]).map(|(a, b)| a * b).sum()
+}
+
+fn norm(a: &[f64]) -> f64 {
+    libm::sqrt(a.iter().map(|a| a * a).sum())
+}
