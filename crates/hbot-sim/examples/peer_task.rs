@@ -1,0 +1,115 @@
+//! The task that simulators are compared by (`docs/simulator.md`): 2 s of a spring-held sphere driven by two sines. Called by
+//! `benches/peer/plant.sh`.
+//!
+//! ```text
+//! peer_task run METHOD STEPS REPS     seconds of the median run; METHOD as in plant::Method, STEPS in each 10 ms
+//! peer_task error METHOD STEPS        largest error of orientation at the 10 ms marks, and that at the end, rad
+//! peer_task error FILE                the same of a file that the C program wrote
+//! ```
+
+use std::time::Instant;
+
+use hbot_core::device::{Device, WheelSpec};
+use hbot_core::{Quat, Vec3, rotation};
+use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
+
+/// Marks, each 10 ms.
+const MARKS: usize = 200;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let plant = Plant::new(&prototype()).expect("the prototype is a legal plant");
+    match arguments[..] {
+        ["run", method, steps, reps] => {
+            let (method, steps, reps): (_, u32, usize) = (named(method), number(steps), number(reps));
+            let mut seconds: Vec<f64> = (0..reps)
+                .map(|_| {
+                    let start = Instant::now();
+                    std::hint::black_box(run(&plant, method, steps, &load()));
+                    start.elapsed().as_secs_f64()
+                })
+                .collect();
+            seconds.sort_by(f64::total_cmp);
+            println!("{:.9}", seconds[reps / 2]);
+        }
+        ["error", method, steps] => {
+            let marks = run(&plant, named(method), number(steps), &load());
+            print_error(&plant, marks.iter().map(|state| state.q));
+        }
+        ["error", file] => {
+            let bytes = std::fs::read(file).expect("the C program's file");
+            let numbers: Vec<f64> =
+                bytes.as_chunks::<8>().0.iter().map(|bytes| f64::from_ne_bytes(*bytes)).collect();
+            // Quaternion, two steering angles, angular velocity.
+            let q = |state: &[f64]| Quat::from_xyzw(state[1], state[2], state[3], state[0]).normalize();
+            print_error(&plant, numbers.chunks_exact(9).map(q));
+        }
+        _ => {
+            eprintln!("usage: peer_task run METHOD STEPS REPS | error METHOD STEPS | error FILE");
+            std::process::exit(2);
+        }
+    }
+}
+
+fn number<T: std::str::FromStr>(text: &str) -> T {
+    text.parse().unwrap_or_else(|_| panic!("{text:?} is not a whole number"))
+}
+
+fn named(name: &str) -> Method {
+    let known = |method: &Method| format!("{method:?}") == name;
+    Method::ALL.into_iter().find(known).unwrap_or_else(|| panic!("no method {name:?}; there are {:?}", Method::ALL))
+}
+
+fn load() -> impl Load {
+    let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
+    let about_n1 = Sine { amplitude: Vec3::X * 0.5, hertz: 2.0 };
+    let about_n2 = Sine { amplitude: Vec3::Y * 0.3, hertz: 3.0 };
+    Sum(spring, Sum(about_n1, about_n2))
+}
+
+/// The prototype with r = 10.2 mm and the inertias of the task.
+fn prototype() -> Device {
+    let wheel = |x: f64| WheelSpec {
+        axis: Vec3::new(x, 0.0, -1.0),
+        cone: 0.1745,
+        toe: 0.0,
+        radius: 0.0102,
+        steer_inertia: 3.105_468_222_7e-5,
+        drive_inertia: 3.5202e-6,
+        axial_inertia: 0.0,
+    };
+    Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).expect("a legal device")
+}
+
+/// The states at all marks, the start among them.
+fn run(plant: &Plant, method: Method, steps: u32, load: &impl Load) -> Vec<State> {
+    let h = 0.01 / f64::from(steps);
+    let mut marks = Vec::with_capacity(MARKS + 1);
+    let (mut state, mut n) = (State::default(), 0_u32);
+    marks.push(state);
+    for _ in 0..MARKS {
+        for _ in 0..steps {
+            plant.step(method, &mut state, f64::from(n) * h, h, &[0.0; 16], load);
+            n += 1;
+        }
+        marks.push(state);
+    }
+    marks
+}
+
+fn print_error(plant: &Plant, orientations: impl Iterator<Item = Quat>) {
+    let load = load();
+    let mut exact = State::default();
+    let (mut worst, mut last): (f64, f64) = (0.0, 0.0);
+    for (i, q) in orientations.enumerate() {
+        if i > 0 {
+            plant
+                .advance_exactly(&mut exact, (i - 1) as f64 * 0.01, 0.01, &[0.0; 16], &load, 1e-13)
+                .expect("a smooth load");
+        }
+        last = rotation::angle_between(q, exact.q);
+        worst = worst.max(last);
+    }
+    println!("{worst:.3e} {last:.3e}");
+}
