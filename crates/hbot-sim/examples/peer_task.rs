@@ -58,7 +58,10 @@ fn number<T: std::str::FromStr>(text: &str) -> T {
 
 fn named(name: &str) -> Method {
     let known = |method: &Method| format!("{method:?}") == name;
-    Method::ALL.into_iter().find(known).unwrap_or_else(|| panic!("no method {name:?}; there are {:?}", Method::ALL))
+    Method::ALL
+        .into_iter()
+        .find(known)
+        .unwrap_or_else(|| panic!("no method {name:?}; there are {:?}", Method::ALL))
 }
 
 fn load() -> impl Load {

@@ -17,7 +17,7 @@ pub struct Dynamics {
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Smooth(Plant, Method),
+    Smooth(Box<Plant>, Method),
     Nonsmooth(Box<Nonsmooth>),
 }
 
@@ -37,7 +37,7 @@ impl Dynamics {
         let kind = if is_nonsmooth(phenomena) {
             Kind::Nonsmooth(Box::new(Nonsmooth::new(device, *phenomena, state)?))
         } else {
-            Kind::Smooth(plant, method)
+            Kind::Smooth(Box::new(plant), method)
         };
         Ok(Self { kind })
     }

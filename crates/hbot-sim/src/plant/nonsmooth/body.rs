@@ -19,6 +19,18 @@ pub(super) struct Instant {
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
 }
 
+/// What acts in one step.
+pub(super) struct Given<'a> {
+    /// Its length, s.
+    pub(super) h: f64,
+    /// Torques of the motors, N m.
+    pub(super) tau: &'a JointTorques,
+    /// Of the torques on the sphere, N, N m s.
+    pub(super) impulse: Vec3,
+    /// What stands in the sphere's mass for torques that fall with its speed, kg m².
+    pub(super) implicit: f64,
+}
+
 /// What moves, and how fast its joints do.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
@@ -231,18 +243,16 @@ impl Body {
         share * load.abs()
     }
 
-    /// Masses and momenta of this step. `impulse` is that of the torques on the sphere, `implicit` stands in the
-    /// sphere's mass for those that fall with its speed; `speeds` is the guess at which the modules' torques are taken.
+    /// Masses and momenta of this step; `speeds` is the guess at which the modules' torques are taken.
     pub(super) fn assemble(
         &self,
         problem: &mut Problem,
         state: &State,
         now: &Instant,
-        h: f64,
-        tau: &JointTorques,
-        (impulse, implicit): (Vec3, f64),
+        given: &Given<'_>,
         speeds: &Vector,
     ) {
+        let &Given { h, tau, impulse, implicit } = given;
         let n = self.size();
         problem.n = n;
         for row in &mut problem.mass[..n] {

@@ -21,7 +21,7 @@ mod solver;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Vec3, rotation};
 
-use self::body::{Body, Instant};
+use self::body::{Body, Given, Instant};
 use self::law::{Element, Law};
 pub use self::solver::Effort;
 use self::solver::{Problem, Workspace};
@@ -214,8 +214,8 @@ impl Nonsmooth {
                 // The spring's change with the speed stands in the mass; taken out here, it is exact at the end.
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
-            let sphere = (torque * h + given, implicit);
-            self.body.assemble(&mut self.problem, state, &now, h, tau, sphere, &speeds);
+            let all = Given { h, tau, impulse: torque * h + given, implicit };
+            self.body.assemble(&mut self.problem, state, &now, &all, &speeds);
             let guess = speeds;
             effort = self.workspace.solve(&mut self.problem, &mut self.elements, &mut speeds);
             if weight.is_none() && hold.is_none() && self.body.modules.is_none() {
