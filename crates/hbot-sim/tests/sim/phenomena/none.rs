@@ -22,7 +22,7 @@ fn eventful() -> Vec<u8> {
     let mut config = RigConfig::new(&rig());
     config.joints[2].encoder = Encoder::Indexed;
     config.joints[1].encoder = Encoder::Incremental;
-    config.hand = Some(Hand::default());
+    config.phenomena.hand = Some(Hand::default());
     let mut rig = SimulatedRig::new(&config).unwrap();
     let mut reply = Vec::new();
     rig.receive(0, &frame(&ToController::Describe), &mut reply);
