@@ -8,7 +8,7 @@ use hbot_core::rig::{Joint, Zero};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
 use hbot_sim::controller::SimulatedJoint;
-use hbot_sim::hand::Hand;
+use hbot_sim::phenomena::{Hand, Phenomena};
 use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
 use hbot_sim::rig::{RigConfig, SimulatedRig};
 
@@ -88,7 +88,7 @@ fn tick(device: &Device, hand: Option<Hand>) -> f64 {
         device: *device,
         joints: vec![SimulatedJoint::from(&joint); device.joints()],
         start: State::default(),
-        hand,
+        phenomena: Phenomena { hand, ..Phenomena::default() },
         method: Method::Rk4,
         max_step_ns: 1_000_000,
         max_jump_ns: 100_000_000,

@@ -16,6 +16,7 @@
 
 pub mod controller;
 pub mod hand;
+mod impairment;
 pub mod phenomena;
 pub mod plant;
 pub mod pty;

@@ -212,14 +212,11 @@ impl Server {
             let woken = self.wait(&mut hung_up)?;
             let now_ns = monotonic_ns();
             let count = self.line.read(&mut bytes)?;
-            if count > 0 {
-                self.rig.receive(now_ns, &bytes[..count], &mut reply);
-                if !reply.is_empty() {
-                    self.line.write(&reply)?;
-                    reply.clear();
-                }
-            } else {
-                self.rig.advance_to(now_ns);
+            // With no bytes too: what an impaired line has held back may have arrived.
+            self.rig.receive(now_ns, &bytes[..count], &mut reply);
+            if !reply.is_empty() {
+                self.line.write(&reply)?;
+                reply.clear();
             }
             if woken {
                 let _ = rustix::io::read(&self.wake, &mut [0; 8]);
@@ -235,7 +232,8 @@ impl Server {
         }
     }
 
-    /// Waits for bytes, for a message (then true), or until it is time to move the plant on. A line that is hung up is
+    /// Waits for bytes, for a message (then true), for what an impaired line has held back, or until it is time to move the
+    /// plant on. A line that is hung up is
     /// always ready, so it is left out of one wait after each time that it says so.
     fn wait(&self, hung_up: &mut bool) -> Result<bool, Errno> {
         let mut fds = [
@@ -243,7 +241,11 @@ impl Server {
             PollFd::from_borrowed_fd(self.line.near.as_fd(), PollFlags::IN),
         ];
         let watched = if *hung_up { 1 } else { 2 };
-        let timeout = Timespec::try_from(self.idle).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
+        let arrival = self.rig.next_arrival_ns();
+        let idle = arrival.map_or(self.idle, |at_ns| {
+            self.idle.min(Duration::from_nanos(at_ns.saturating_sub(monotonic_ns())))
+        });
+        let timeout = Timespec::try_from(idle).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
         match poll(&mut fds[..watched], Some(&timeout)) {
             Ok(_) | Err(Errno::INTR) => {}
             Err(errno) => return Err(errno),
@@ -285,13 +287,14 @@ mod tests {
             gear: 1.0,
             reversed: false,
             peak: 0.1,
+            continuous: 0.1,
             encoder: Encoder::Absolute,
         };
         let config = RigConfig {
             device: Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)]).unwrap(),
             joints: vec![joint; 4],
             start: State::default(),
-            hand: None,
+            phenomena: crate::phenomena::Phenomena::default(),
             method: Method::default(),
             max_step_ns: 1_000_000,
             max_jump_ns: 100_000_000,

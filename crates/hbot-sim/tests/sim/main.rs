@@ -5,5 +5,6 @@ mod golden;
 mod laws;
 mod line;
 mod orders;
+mod phenomena;
 mod pty;
 mod rig;

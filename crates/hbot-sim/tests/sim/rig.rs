@@ -43,7 +43,7 @@ fn a_tick_is_a_step() {
 #[test]
 fn looks_do_not_matter() {
     let mut config = config();
-    config.hand = Some(Hand::default());
+    config.phenomena.hand = Some(Hand::default());
     let run = |looks: &[u64]| {
         let mut rig = SimulatedRig::new(&config).unwrap();
         for at in looks {
@@ -121,7 +121,7 @@ fn an_external_torque_acts() {
 #[test]
 fn runs_repeat_bit_by_bit() {
     let mut config = config();
-    config.hand = Some(Hand::default());
+    config.phenomena.hand = Some(Hand::default());
     let run = || {
         let mut rig = SimulatedRig::new(&config).unwrap();
         let mut reply = Vec::new();
@@ -137,7 +137,7 @@ fn runs_repeat_bit_by_bit() {
 #[test]
 fn a_tick_allocates_nothing() {
     let mut config = config();
-    config.hand = Some(Hand::default());
+    config.phenomena.hand = Some(Hand::default());
     let mut rig = SimulatedRig::new(&config).unwrap();
     let mut bytes = frame(&ToController::Describe);
     bytes.extend(frame(&ToController::Command(command(1, true, &[0.01; 4]))));

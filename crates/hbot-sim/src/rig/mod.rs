@@ -4,83 +4,19 @@
 //! moves the plant up to that time under the torques that were held, and gives back the bytes of the answers. In
 //! virtual time a server calls [`SimulatedRig::receive`] once a tick; in wall time [`crate::pty`] does.
 
-use core::fmt;
+mod config;
 
 use hbot_core::Vec3;
-use hbot_core::device::{Device, MAX_JOINTS};
-use hbot_core::rig::Rig;
+use hbot_core::device::MAX_JOINTS;
 use hbot_link::{Decoder, FromController, MAX_FEEDBACK_FRAME, ToController, encode};
 
-use crate::controller::{Controllers, Fault, SimulatedJoint};
+pub use self::config::{RigConfig, RigError};
+use crate::controller::{Controllers, Fault};
 use crate::hand::{Grip, Hand};
-use crate::plant::{ImpossibleInertia, JointTorques, Method, Plant, State, Sum};
-
-/// What a simulated rig is made of.
-#[derive(Debug, Clone)]
-pub struct RigConfig {
-    /// Geometry and masses.
-    pub device: Device,
-    /// One a joint, in the order steer, drive of each wheel.
-    pub joints: Vec<SimulatedJoint>,
-    /// Where the plant starts; incremental encoders count from the angle zero nevertheless.
-    pub start: State,
-    /// Who holds the sphere.
-    pub hand: Option<Hand>,
-    /// How the plant is moved on.
-    pub method: Method,
-    /// The longest step of the plant, ns; a longer interval is divided into equal steps. 0 counts as 1.
-    pub max_step_ns: u64,
-    /// The most that is simulated at once, ns. Where more time has passed (a process stopped, a machine asleep) the
-    /// rest is left out: the controllers' clock jumps, the plant's does not.
-    pub max_jump_ns: u64,
-}
-
-impl RigConfig {
-    /// The rig as the controller knows it: at rest at zero, nobody's hand on it, [`Method::Rk4`] in steps of at most
-    /// 1 ms, at most 100 ms at once.
-    #[must_use]
-    pub fn new(rig: &Rig) -> Self {
-        Self {
-            device: rig.device,
-            joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
-            start: State::default(),
-            hand: None,
-            method: Method::default(),
-            max_step_ns: 1_000_000,
-            max_jump_ns: 100_000_000,
-        }
-    }
-}
-
-/// Why there is no such rig.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RigError {
-    /// The device's inertias contradict each other.
-    Inertia(ImpossibleInertia),
-    /// The joints are not as many as the device's.
-    Joints {
-        /// How many there are.
-        given: usize,
-        /// How many the device has: two a wheel.
-        wanted: usize,
-    },
-}
-
-impl fmt::Display for RigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Inertia(error) => write!(f, "simulated rig: {error}"),
-            Self::Joints { given, wanted } => {
-                write!(
-                    f,
-                    "simulated rig: {given} joints; its device has {wanted}, steer and drive of each wheel"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for RigError {}
+use crate::impairment::Impairment;
+pub use crate::impairment::Traffic;
+use crate::phenomena::{Link, Phenomena};
+use crate::plant::{JointTorques, Method, Plant, State, Sum};
 
 /// A rig that exists in memory alone.
 #[derive(Debug, Clone)]
@@ -89,7 +25,9 @@ pub struct SimulatedRig {
     /// The sphere's own inertia, kg m².
     sphere_inertia: f64,
     state: State,
+    phenomena: Phenomena,
     grip: Option<Grip>,
+    line: Option<Box<Impairment>>,
     external: Vec3,
     controllers: Controllers,
     decoder: Decoder<ToController>,
@@ -118,9 +56,15 @@ impl SimulatedRig {
             sphere_inertia: plant.sphere_inertia(),
             plant,
             state: config.start,
+            phenomena: Phenomena::default(),
             grip: None,
+            line: None,
             external: Vec3::ZERO,
-            controllers: Controllers::new(&config.joints, &config.start.joints()),
+            controllers: Controllers::new(
+                &config.joints,
+                &config.start.joints(),
+                config.phenomena.encoder.as_ref(),
+            ),
             decoder: Decoder::new(),
             method: config.method,
             max_step_ns: config.max_step_ns.max(1),
@@ -129,16 +73,45 @@ impl SimulatedRig {
             simulated_ns: 0,
             refused: 0,
         };
-        rig.set_hand(config.hand);
+        rig.phenomena.encoder = config.phenomena.encoder;
+        rig.set_phenomena(config.phenomena);
         Ok(rig)
     }
 
-    /// Takes in `bytes` that arrived at `now_ns` and appends the bytes of the answers to `reply`.
+    /// Takes in `bytes` that the host sent at `now_ns` and appends to `reply` what has reached it by then.
     ///
-    /// The plant is first moved on to `now_ns` under the torques held so far; the new ones act from then on. Nothing
-    /// is allocated where `reply` has room for [`MAX_FEEDBACK_FRAME`] bytes a message.
+    /// The plant is first moved on to `now_ns` under the torques held so far; new ones act from when they arrive, which
+    /// on a line that is not impaired is now. Nothing is allocated where `reply` has room for what comes:
+    /// [`MAX_FEEDBACK_FRAME`] bytes a message.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        let Some(mut line) = self.line.take() else { return self.hear(bytes, reply) };
+        line.command(self.now_ns, bytes);
+        self.arrivals(&mut line, self.now_ns);
+        while line.answers.take(self.now_ns, |bytes| reply.extend_from_slice(bytes)) {}
+        self.line = Some(line);
+    }
+
+    /// Moves the plant on to `now_ns` and appends to `reply` what reached the host before then. Only on an impaired line
+    /// ([`next_arrival_ns`](Self::next_arrival_ns)) there is any.
+    ///
+    /// For an owner that reads first and then writes at the same instant, as a loop in virtual time does: what is late by
+    /// less than a period is read in the next one, as from a real line.
+    pub fn deliver(&mut self, now_ns: u64, reply: &mut Vec<u8>) {
+        self.advance_to(now_ns);
+        if let (Some(line), Some(before)) = (&mut self.line, now_ns.checked_sub(1)) {
+            while line.answers.take(before, |bytes| reply.extend_from_slice(bytes)) {}
+        }
+    }
+
+    /// When the next frame arrives at either end of an impaired line, ns of the owner's clock.
+    #[must_use]
+    pub fn next_arrival_ns(&self) -> Option<u64> {
+        self.line.as_ref().and_then(|line| line.next_ns())
+    }
+
+    /// The controllers hear `bytes` now; their answers are appended to `reply`.
+    fn hear(&mut self, bytes: &[u8], reply: &mut Vec<u8>) {
         let Self { plant, state, controllers, decoder, refused, now_ns, .. } = self;
         decoder.feed(bytes, |result| {
             let answer = match result {
@@ -161,9 +134,27 @@ impl SimulatedRig {
         });
     }
 
-    /// Moves the plant on to `now_ns` under the torques held. A watchdog that expires on the way ends them at its very
-    /// time. A time before the last one is ignored.
+    /// Lets the controllers hear what reaches them by `now_ns`, each frame at its very time.
+    fn arrivals(&mut self, line: &mut Impairment, now_ns: u64) {
+        while let Some(due_ns) = line.commands.next_ns().filter(|due_ns| *due_ns <= now_ns) {
+            self.move_to(due_ns);
+            let Impairment { commands, scratch, .. } = line;
+            commands.take(due_ns, |bytes| self.hear(bytes, scratch));
+            line.answer(self.now_ns);
+        }
+    }
+
+    /// Moves the plant on to `now_ns` under the torques held. What arrives on the way, and a watchdog that expires, act at
+    /// their very time. A time before the last one is ignored.
     pub fn advance_to(&mut self, now_ns: u64) {
+        if let Some(mut line) = self.line.take() {
+            self.arrivals(&mut line, now_ns);
+            self.line = Some(line);
+        }
+        self.move_to(now_ns);
+    }
+
+    fn move_to(&mut self, now_ns: u64) {
         let Some(passed) = now_ns.checked_sub(self.now_ns) else { return };
         let mut left = passed.min(self.max_jump_ns);
         if let Some(deadline) = self.controllers.deadline().filter(|deadline| *deadline <= now_ns) {
@@ -188,18 +179,22 @@ impl SimulatedRig {
         let steps = ns.div_ceil(self.max_step_ns);
         let h = ns as f64 / 1.0e9 / steps as f64;
         let start = self.simulated_s();
-        let tau = *self.controllers.torque();
         for i in 0..steps {
-            let t = start + i as f64 * h;
-            match &self.grip {
-                None => self.plant.step(self.method, &mut self.state, t, h, &tau, &self.external),
-                Some(grip) => {
-                    self.plant.step(self.method, &mut self.state, t, h, &tau, &Sum(*grip, self.external));
-                }
-            }
+            let tau = self.controllers.drive(h, || self.plant.joint_rates(&self.state));
+            self.step(start + i as f64 * h, h, &tau);
         }
         self.simulated_ns += ns;
         self.controllers.sense(&self.state.joints());
+    }
+
+    /// Moves the plant on by one step of `h` seconds from the time `t`, s.
+    fn step(&mut self, t: f64, h: f64, tau: &JointTorques) {
+        match &self.grip {
+            None => self.plant.step(self.method, &mut self.state, t, h, tau, &self.external),
+            Some(grip) => {
+                self.plant.step(self.method, &mut self.state, t, h, tau, &Sum(*grip, self.external));
+            }
+        }
     }
 
     /// How long the plant has moved, s: the time of its loads.
@@ -226,7 +221,7 @@ impl SimulatedRig {
         self.plant.joint_rates(&self.state)
     }
 
-    /// The torques that the motors now give, in the joints' own sense, N m.
+    /// The torques that the motors give at this moment, in the joints' own sense, N m.
     #[must_use]
     pub fn joint_torque(&self) -> &JointTorques {
         self.controllers.torque()
@@ -244,8 +239,46 @@ impl SimulatedRig {
         self.grip.as_ref()
     }
 
+    /// The phenomena that are there.
+    #[must_use]
+    pub fn phenomena(&self) -> &Phenomena {
+        &self.phenomena
+    }
+
+    /// Has all phenomena replaced from now on. Orientation and angular velocity are kept, counts go on from where they
+    /// are, motors that stay keep current and heat; a hand takes hold anew.
+    pub fn set_phenomena(&mut self, phenomena: Phenomena) {
+        let old = core::mem::replace(&mut self.phenomena, phenomena);
+        if phenomena.encoder != old.encoder {
+            self.controllers.set_encoder(phenomena.encoder.as_ref(), &self.state.joints());
+        }
+        self.controllers.set_motor(phenomena.motor);
+        self.set_link(phenomena.link);
+        self.set_hand(phenomena.hand);
+    }
+
+    /// Impairs the line from now on, or no longer. With other figures what is on its way arrives when it was to; of a line
+    /// that is mended it is lost.
+    pub fn set_link(&mut self, link: Option<Link>) {
+        self.phenomena.link = link;
+        self.line = link.map(|link| match self.line.take() {
+            None => Box::new(Impairment::new(&link)),
+            Some(mut line) => {
+                line.replace(&link);
+                line
+            }
+        });
+    }
+
+    /// What became of the frames on an impaired line, to the controllers and to the host.
+    #[must_use]
+    pub fn traffic(&self) -> Option<[Traffic; 2]> {
+        self.line.as_ref().map(|line| [line.commands.traffic, line.answers.traffic])
+    }
+
     /// Lets a hand take hold of the sphere as it is now, or let go. Orientation and angular velocity are kept.
     pub fn set_hand(&mut self, hand: Option<Hand>) {
+        self.phenomena.hand = hand;
         self.grip = hand.map(|hand| Grip::new(hand, self.simulated_s(), self.state.q));
         self.plant.set_sphere_inertia(self.sphere_inertia + hand.map_or(0.0, |hand| hand.inertia));
     }

@@ -1,68 +1,33 @@
 //! The virtual motor controllers of one port: what the firmware at the far end of a serial line does.
 //!
 //! They know time in nanoseconds as they are told it, the true joint angles and rates, and the messages of
-//! `hbot-link`; they know nothing of the sphere. Encoders are exact but for the floor to a count.
+//! `hbot-link`; they know nothing of the sphere. Encoders are exact but for the floor to a count, and motors give what is
+//! asked of them, unless [`phenomena`](crate::phenomena) say otherwise.
 
-use core::f64::consts::TAU;
+mod disc;
+mod joint;
+mod motors;
 
 use hbot_core::device::MAX_JOINTS;
-use hbot_core::rig::{Joint, Zero};
 use hbot_link::{
     Command, ControllerFlags, Description, Feedback, JointDescription, JointFlags, JointReading,
     PROTOCOL_VERSION,
 };
 
+use self::disc::Disc;
+use self::joint::Axis;
+pub use self::joint::{Encoder, SimulatedJoint};
+use self::motors::Motors;
+use crate::phenomena;
 use crate::plant::JointTorques;
 
 /// What the motors' sensors read, degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
 
+const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
+
 /// What its [`Description`] calls the firmware.
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
-
-/// What the zero of a joint's counts is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
-    /// Where the joint stood when the controller powered up; at the start of the simulation the angle zero.
-    #[default]
-    Incremental,
-    /// As [`Encoder::Incremental`] until the joint passes a whole turn; from then on that mark, and
-    /// [`JointFlags::INDEX_SEEN`] is set.
-    Indexed,
-    /// The angle zero, always.
-    Absolute,
-}
-
-/// One joint as its controller has it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SimulatedJoint {
-    /// Counts in one turn of the encoder, before the gear.
-    pub counts_per_turn: u32,
-    /// Turns of the encoder for one turn of the joint.
-    pub gear: f64,
-    /// Whether the controller counts (and pushes) against the joint's positive sense.
-    pub reversed: bool,
-    /// The largest torque at the joint, N m; 0 where it has no motor.
-    pub peak: f64,
-    /// What the zero of its counts is.
-    pub encoder: Encoder,
-}
-
-impl From<&Joint> for SimulatedJoint {
-    fn from(joint: &Joint) -> Self {
-        Self {
-            counts_per_turn: joint.counts_per_turn,
-            gear: joint.gear,
-            reversed: joint.reversed,
-            peak: joint.peak,
-            encoder: match joint.zero {
-                Zero::Absolute => Encoder::Absolute,
-                Zero::Index => Encoder::Indexed,
-                Zero::Assume | Zero::Calibrate => Encoder::Incremental,
-            },
-        }
-    }
-}
 
 /// Trouble to make, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +62,8 @@ pub enum Fault {
 pub struct Controllers {
     joints: usize,
     axes: [Axis; MAX_JOINTS],
+    discs: Option<Box<[Disc; MAX_JOINTS]>>,
+    motors: Option<Box<Motors>>,
     /// Commanded and clamped, joint's sense, N m.
     torque: JointTorques,
     enabled: bool,
@@ -109,50 +76,33 @@ pub struct Controllers {
     failed: bool,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Axis {
-    joint: SimulatedJoint,
-    /// The joint's peak torque as the line would carry it, N m, never negative.
-    peak: f32,
-    /// Counts a radian of the joint, with the controller's sign.
-    counts_per_rad: f64,
-    /// Where the joint stood at count zero, rad.
-    origin: f64,
-    /// Which turn the joint is in, where its index has not been seen yet.
-    turn: Option<f64>,
-    slipped: f64,
-    flags: JointFlags,
-}
-
 impl Controllers {
     /// Controllers that have just powered up with all joints of `specs` (at most [`MAX_JOINTS`] are taken) at the angle
-    /// zero; `angles` is where they are, rad.
+    /// zero; `angles` is where they are, rad. `encoder` is what is wrong with their encoders.
     #[must_use]
-    pub fn new(specs: &[SimulatedJoint], angles: &[f64; MAX_JOINTS]) -> Self {
+    pub fn new(
+        specs: &[SimulatedJoint],
+        angles: &[f64; MAX_JOINTS],
+        encoder: Option<&phenomena::Encoder>,
+    ) -> Self {
         let none = SimulatedJoint {
             counts_per_turn: 1,
             gear: 1.0,
             reversed: false,
             peak: 0.0,
+            continuous: 0.0,
             encoder: Encoder::Incremental,
         };
+        let discs = encoder.map(Disc::all);
         let axes = core::array::from_fn(|j| {
-            let joint = specs.get(j).copied().unwrap_or(none);
-            let sign = if joint.reversed { -1.0 } else { 1.0 };
-            Axis {
-                joint,
-                peak: (joint.peak as f32).max(0.0),
-                counts_per_rad: sign * joint.gear * f64::from(joint.counts_per_turn) / TAU,
-                origin: 0.0,
-                turn: (joint.encoder == Encoder::Indexed).then(|| turn_of(angles[j])),
-                slipped: 0.0,
-                flags: JointFlags::empty(),
-            }
+            Axis::new(specs.get(j).copied().unwrap_or(none), angles[j], disc(&discs, j))
         });
         Self {
             joints: specs.len().min(MAX_JOINTS),
             axes,
-            torque: [0.0; MAX_JOINTS],
+            discs,
+            motors: None,
+            torque: NO_TORQUE,
             enabled: false,
             expired: false,
             described: false,
@@ -163,11 +113,47 @@ impl Controllers {
         }
     }
 
-    /// The torques that act at the joints, in the joints' own sense, N m.
+    /// Has the errors of the encoders replaced, with the joints at `angles`, rad. Counts go on from where they are: a zero
+    /// once taken stays until one is taken again.
+    pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
+        let new = encoder.map(Disc::all);
+        for (j, axis) in self.axes.iter_mut().enumerate() {
+            axis.replace_disc(angles[j], disc(&self.discs, j), disc(&new, j));
+        }
+        self.discs = new;
+    }
+
+    /// Has the motors' figures replaced. Motors that were ideal are cold and give what they gave; others keep current and
+    /// heat.
+    pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
+        self.motors = motor.map(|motor| match self.motors.take() {
+            None => Box::new(Motors::new(motor, self.asked())),
+            Some(mut motors) => {
+                motors.replace(motor);
+                motors
+            }
+        });
+    }
+
+    /// The torques that act at the joints at this moment, in the joints' own sense, N m.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
-        const NONE: JointTorques = [0.0; MAX_JOINTS];
-        if self.gives_torque() { &self.torque } else { &NONE }
+        self.motors.as_ref().map_or_else(|| self.asked(), |motors| &motors.acting)
+    }
+
+    /// Moves the motors on by `h` seconds and returns the torques to hold for as long, N m: of motors with a lag, the mean.
+    /// `rates` gives the joints' rates at the start, rad/s, where they matter.
+    pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
+        let asked = *self.asked();
+        match &mut self.motors {
+            None => asked,
+            Some(motors) => motors.drive(h, &self.axes[..self.joints], &asked, &rates()),
+        }
+    }
+
+    /// What is asked of the motors, N m.
+    fn asked(&self) -> &JointTorques {
+        if self.gives_torque() { &self.torque } else { &NO_TORQUE }
     }
 
     /// When the watchdog expires if nothing is heard before, ns; `None` where it has, or never was fed.
@@ -185,16 +171,8 @@ impl Controllers {
 
     /// Lets the encoders see the joint angles, rad, so that an index passed is not missed.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
-        for (axis, angle) in self.axes[..self.joints].iter_mut().zip(angles) {
-            if let Some(before) = axis.turn {
-                let turn = turn_of(*angle);
-                if turn != before {
-                    // The mark passed is the upper end of the lower turn.
-                    axis.origin = TAU * turn.max(before);
-                    axis.turn = None;
-                    axis.flags.set(JointFlags::INDEX_SEEN, true);
-                }
-            }
+        for (j, (axis, angle)) in self.axes[..self.joints].iter_mut().zip(angles).enumerate() {
+            axis.sense(*angle, disc(&self.discs, j));
         }
     }
 
@@ -261,14 +239,13 @@ impl Controllers {
     }
 
     fn reboot(&mut self, angles: &[f64; MAX_JOINTS]) {
-        self.torque = [0.0; MAX_JOINTS];
+        self.torque = NO_TORQUE;
         (self.enabled, self.expired, self.described, self.deadline) = (false, false, false, None);
-        for (axis, angle) in self.axes.iter_mut().zip(angles) {
-            axis.flags.set(JointFlags::INDEX_SEEN | JointFlags::OVERCURRENT, false);
-            if axis.joint.encoder != Encoder::Absolute {
-                axis.origin = *angle;
-            }
-            axis.turn = (axis.joint.encoder == Encoder::Indexed).then(|| turn_of(*angle));
+        for (j, (axis, angle)) in self.axes.iter_mut().zip(angles).enumerate() {
+            axis.reboot(*angle, disc(&self.discs, j));
+        }
+        if let Some(motors) = &mut self.motors {
+            motors.reboot();
         }
     }
 
@@ -282,29 +259,27 @@ impl Controllers {
         flags.set(ControllerFlags::WATCHDOG_EXPIRED, self.expired);
         flags.set(ControllerFlags::FAULT, self.failed);
         flags.set(ControllerFlags::UNDESCRIBED, !self.described);
-        let reading = |((axis, angle), rate): ((&Axis, &f64), &f64)| JointReading {
-            count: axis.count(*angle),
-            rate: if axis.joint.reversed { -*rate } else { *rate } as f32,
-            current: 0.0,
-            temperature: TEMPERATURE,
-            flags: axis.flags,
+        let reading = |j: usize| {
+            let (axis, disc) = (&self.axes[j], disc(&self.discs, j));
+            let mut flags = axis.flags;
+            if let Some(motors) = &self.motors
+                && motors.derates(j, axis, self.asked()[j])
+            {
+                flags |= JointFlags::OVERTEMPERATURE;
+            }
+            JointReading {
+                count: axis.count(angles[j], disc),
+                rate: axis.rate(angles[j], rates[j], disc),
+                current: 0.0,
+                temperature: TEMPERATURE,
+                flags,
+            }
         };
-        let joints = self.axes[..self.joints].iter().zip(angles).zip(rates).map(reading).collect();
-        Feedback { sequence, flags, joints }
+        Feedback { sequence, flags, joints: (0..self.joints).map(reading).collect() }
     }
 }
 
-impl Axis {
-    /// The count at a joint angle, rad: floor, wrapped to 32 bits.
-    fn count(&self, angle: f64) -> i32 {
-        let exact = (angle + self.slipped - self.origin) * self.counts_per_rad;
-        // The cast to 64 bits is towards zero; the one to 32 keeps the low bits, which is the wrap.
-        let whole = exact as i64;
-        (whole - i64::from(whole as f64 > exact)) as i32
-    }
-}
-
-/// Which turn an angle, rad, is in.
-fn turn_of(angle: f64) -> f64 {
-    libm::floor(angle / TAU)
+/// The disc of a joint's encoder, where encoders have errors.
+fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
+    discs.as_deref().map(|discs| &discs[j])
 }

@@ -1,0 +1,3 @@
+//! Phenomena: each alone against its own formula, and none where none is asked for.
+
+mod none;

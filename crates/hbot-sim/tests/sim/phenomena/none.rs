@@ -1,0 +1,54 @@
+//! A rig without phenomena is the ideal one, bit by bit.
+
+use hbot_core::Vec3;
+use hbot_link::ToController;
+use hbot_sim::controller::{Encoder, Fault};
+use hbot_sim::hand::Hand;
+use hbot_sim::rig::{RigConfig, SimulatedRig};
+
+use crate::devices::{brisk, rig};
+use crate::line::{MS, command, frame};
+
+/// FNV-1a, 64 bits.
+fn hash(bytes: &[u8]) -> u64 {
+    bytes
+        .iter()
+        .fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
+}
+
+/// Two seconds in a hand and two without, with everything that a rig without phenomena knows: all kinds of encoders, torque
+/// beyond the peak, a watchdog that expires, a reboot, a spoilt frame, looks at odd times.
+fn eventful() -> Vec<u8> {
+    let mut config = RigConfig::new(&rig());
+    config.joints[2].encoder = Encoder::Indexed;
+    config.joints[1].encoder = Encoder::Incremental;
+    config.phenomena.hand = Some(Hand::default());
+    let mut rig = SimulatedRig::new(&config).unwrap();
+    let mut reply = Vec::new();
+    rig.receive(0, &frame(&ToController::Describe), &mut reply);
+    for k in 1..=4000u32 {
+        let swing = 0.02 * f64::from(k % 400) as f32 - 4.0;
+        let torque = [0.02 * swing, -0.01 * swing, 0.3 * swing, 0.003 * swing];
+        let mut bytes = frame(&ToController::Command(command(k, k % 900 > 2, &torque)));
+        match k {
+            700..730 => continue,
+            1000 => rig.inject(Fault::Reboot),
+            1500 => bytes[3] ^= 0x11,
+            2000 => rig.set_hand(None),
+            2500 => rig.set_state(brisk()),
+            3000 => rig.set_external(Vec3::new(0.01, -0.02, 0.005)),
+            3300 => rig.inject(Fault::Slipped { joint: 1, angle: 0.5 }),
+            3500.. => rig.advance_to(u64::from(k) * MS - u64::from(k) * 97 % MS),
+            _ => {}
+        }
+        rig.receive(u64::from(k) * MS, &bytes, &mut reply);
+    }
+    reply
+}
+
+/// The bytes are those of the rig as it was before it knew any phenomena: the figures were taken then.
+#[test]
+fn bytes_are_those_of_the_ideal_rig() {
+    let bytes = eventful();
+    assert_eq!((bytes.len(), hash(&bytes)), (301_060, 12_510_209_690_109_648_662));
+}
