@@ -57,3 +57,11 @@ pub struct Phenomena {
     /// A person's hand that holds the sphere.
     pub hand: Option<Hand>,
 }
+
+impl Phenomena {
+    /// Those of the plant alone; a hand is not the plant's.
+    #[must_use]
+    pub fn of_plant(&self) -> Self {
+        Self { encoder: None, motor: None, link: None, hand: None, ..*self }
+    }
+}

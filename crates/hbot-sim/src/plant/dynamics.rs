@@ -12,12 +12,14 @@ use crate::phenomena::Phenomena;
 /// or has play; else speeds that set-valued laws act on, by time stepping of order 1 (`docs/simulator.md`).
 #[derive(Debug, Clone)]
 pub struct Dynamics {
+    device: Device,
+    method: Method,
     kind: Kind,
 }
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Smooth(Box<Plant>, Method),
+    Smooth(Box<Plant>),
     Nonsmooth(Box<Nonsmooth>),
 }
 
@@ -26,20 +28,25 @@ impl Dynamics {
     /// `phenomena` is not held yet: its inertia is added by [`Dynamics::set_sphere_inertia`].
     ///
     /// # Errors
-    /// Where the inertias of a wheel contradict each other; with a gear, those on the wheel's side of it.
+    /// Where the inertias of a wheel contradict each other.
     pub fn new(
         device: &Device,
         phenomena: &Phenomena,
         method: Method,
         state: &State,
     ) -> Result<Self, ImpossibleInertia> {
-        let plant = Plant::with(device, phenomena)?;
-        let kind = if is_nonsmooth(phenomena) {
-            Kind::Nonsmooth(Box::new(Nonsmooth::new(device, *phenomena, state)?))
-        } else {
-            Kind::Smooth(Box::new(plant), method)
-        };
-        Ok(Self { kind })
+        let kind = Kind::new(Plant::with(device, phenomena)?, device, phenomena, state);
+        Ok(Self { device: *device, method, kind })
+    }
+
+    /// Has all phenomena of the plant replaced, at `state`; the inertia of what is held to the sphere stays.
+    pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &State) {
+        let inertia = self.sphere_inertia();
+        // Of a device that has a plant there is one with any phenomena.
+        if let Ok(plant) = Plant::with(&self.device, phenomena) {
+            self.kind = Kind::new(plant, &self.device, phenomena, state);
+            self.set_sphere_inertia(inertia);
+        }
     }
 
     /// Whether set-valued laws are at work.
@@ -48,10 +55,19 @@ impl Dynamics {
         matches!(self.kind, Kind::Nonsmooth(_))
     }
 
+    /// The inertia of the sphere and of what is held to it, about any axis, kg m²; the wheels' is not in it.
+    #[must_use]
+    pub fn sphere_inertia(&self) -> f64 {
+        match &self.kind {
+            Kind::Smooth(plant) => plant.sphere_inertia(),
+            Kind::Nonsmooth(plant) => plant.sphere_inertia(),
+        }
+    }
+
     /// Sets the inertia of the sphere and of what is held to it, kg m² (positive).
     pub fn set_sphere_inertia(&mut self, inertia: f64) {
         match &mut self.kind {
-            Kind::Smooth(plant, _) => plant.set_sphere_inertia(inertia),
+            Kind::Smooth(plant) => plant.set_sphere_inertia(inertia),
             Kind::Nonsmooth(plant) => plant.set_sphere_inertia(inertia),
         }
     }
@@ -60,7 +76,7 @@ impl Dynamics {
     /// turned about others is lost. Of a smooth plant nothing can be held: false then.
     pub fn set_hinge(&mut self, axis: Option<Vec3>) -> bool {
         match &mut self.kind {
-            Kind::Smooth(..) => axis.is_none(),
+            Kind::Smooth(_) => axis.is_none(),
             Kind::Nonsmooth(plant) => {
                 plant.set_hinge(axis);
                 true
@@ -89,9 +105,9 @@ impl Dynamics {
         grip: Option<&Grip>,
     ) {
         match (&mut self.kind, grip) {
-            (Kind::Smooth(plant, method), None) => plant.step(*method, state, t, h, tau, &external),
-            (Kind::Smooth(plant, method), Some(grip)) => {
-                plant.step(*method, state, t, h, tau, &Sum(*grip, external));
+            (Kind::Smooth(plant), None) => plant.step(self.method, state, t, h, tau, &external),
+            (Kind::Smooth(plant), Some(grip)) => {
+                plant.step(self.method, state, t, h, tau, &Sum(*grip, external));
             }
             (Kind::Nonsmooth(plant), grip) => plant.step(state, t + h, h, tau, external, grip),
         }
@@ -101,7 +117,7 @@ impl Dynamics {
     #[must_use]
     pub fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
         match &self.kind {
-            Kind::Smooth(..) => state.joints(),
+            Kind::Smooth(_) => state.joints(),
             Kind::Nonsmooth(plant) => plant.encoder_angles(state),
         }
     }
@@ -110,7 +126,7 @@ impl Dynamics {
     #[must_use]
     pub fn encoder_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
         match &self.kind {
-            Kind::Smooth(plant, _) => plant.joint_rates(state),
+            Kind::Smooth(plant) => plant.joint_rates(state),
             Kind::Nonsmooth(plant) => plant.encoder_rates(),
         }
     }
@@ -119,7 +135,7 @@ impl Dynamics {
     #[must_use]
     pub fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
         match &self.kind {
-            Kind::Smooth(..) => [[0.0; 2]; MAX_WHEELS],
+            Kind::Smooth(_) => [[0.0; 2]; MAX_WHEELS],
             Kind::Nonsmooth(plant) => plant.slip(state),
         }
     }
@@ -128,7 +144,7 @@ impl Dynamics {
     #[must_use]
     pub fn energy(&self, state: &State) -> f64 {
         match &self.kind {
-            Kind::Smooth(plant, _) => plant.energy(state),
+            Kind::Smooth(plant) => plant.energy(state),
             Kind::Nonsmooth(plant) => plant.energy(state),
         }
     }
@@ -137,8 +153,18 @@ impl Dynamics {
     #[must_use]
     pub fn effort(&self) -> Option<Effort> {
         match &self.kind {
-            Kind::Smooth(..) => None,
+            Kind::Smooth(_) => None,
             Kind::Nonsmooth(plant) => Some(plant.effort()),
+        }
+    }
+}
+
+impl Kind {
+    fn new(plant: Plant, device: &Device, phenomena: &Phenomena, state: &State) -> Self {
+        if is_nonsmooth(phenomena) {
+            Self::Nonsmooth(Box::new(Nonsmooth::new(device, *phenomena, state)))
+        } else {
+            Self::Smooth(Box::new(plant))
         }
     }
 }

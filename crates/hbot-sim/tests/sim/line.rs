@@ -137,7 +137,7 @@ fn a_silent_host_loses_its_torque_at_the_watchdog_s_time_until_it_disables() {
     // Torque stops there to the nanosecond, wherever the next look falls: energy is kept from then on.
     let mut late = held.clone();
     late.advance_to(60 * MS);
-    let energy = |rig: &SimulatedRig| rig.plant().energy(rig.state());
+    let energy = |rig: &SimulatedRig| rig.dynamics().energy(rig.state());
     assert!(
         (energy(&late) / energy(&host.rig) - 1.0).abs() < 1e-6,
         "{} {}",

@@ -3,7 +3,7 @@
 use hbot_core::Vec3;
 use hbot_link::ToController;
 use hbot_sim::hand::Hand;
-use hbot_sim::plant::{Method, State};
+use hbot_sim::plant::{Method, Plant, State};
 use hbot_sim::rig::{RigConfig, RigError, SimulatedRig};
 
 use crate::devices::{brisk, rig};
@@ -27,7 +27,7 @@ fn joints_and_device_must_fit() {
 fn a_tick_is_a_step() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
     rig.set_state(brisk());
-    let plant = rig.plant().clone();
+    let plant = Plant::new(&config().device).unwrap();
     let (mut state, mut reply) = (brisk(), Vec::new());
     let mut tau = [0.0; 16];
     for k in 1..=100u32 {
@@ -79,13 +79,13 @@ fn a_clock_that_jumps_moves_the_plant_by_a_tenth_of_a_second_and_one_that_goes_b
 #[test]
 fn a_hand_takes_hold_and_lets_go() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
-    let bare = rig.plant().sphere_inertia();
+    let bare = rig.dynamics().sphere_inertia();
     rig.set_state(State { omega: Vec3::new(0.0, 0.5, 0.0), ..State::default() });
     rig.advance_to(100 * MS);
     let before = *rig.state();
     rig.set_hand(Some(Hand::default()));
     assert_eq!(*rig.state(), before);
-    assert_eq!(rig.plant().sphere_inertia(), bare + 2e-3);
+    assert_eq!(rig.dynamics().sphere_inertia(), bare + 2e-3);
     let grip = *rig.grip().unwrap();
     assert_eq!(grip.target(rig.simulated_s()).q, before.q);
     // It stops the sphere (damping ratio 0.05 / 2 / sqrt(3 x 5.5e-3), time constant 0.2 s), then leads it about.
@@ -101,10 +101,10 @@ fn a_hand_takes_hold_and_lets_go() {
     assert!(widest > 1e-4 && widest < 0.02, "{widest}");
     let before = *rig.state();
     rig.set_hand(None);
-    assert_eq!((*rig.state(), rig.plant().sphere_inertia()), (before, bare));
-    let energy = rig.plant().energy(rig.state());
+    assert_eq!((*rig.state(), rig.dynamics().sphere_inertia()), (before, bare));
+    let energy = rig.dynamics().energy(rig.state());
     rig.advance_to(20_100 * MS);
-    assert!((rig.plant().energy(rig.state()) / energy - 1.0).abs() < 1e-6, "free again");
+    assert!((rig.dynamics().energy(rig.state()) / energy - 1.0).abs() < 1e-6, "free again");
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn an_external_torque_acts() {
     rig.set_external(Vec3::Y * 0.01);
     rig.advance_to(50 * MS);
     let work = 0.01 * hbot_core::rotation::log(rig.state().q).y;
-    let energy = rig.plant().energy(rig.state());
+    let energy = rig.dynamics().energy(rig.state());
     assert!(energy > 0.0 && (energy / work - 1.0).abs() < 1e-3, "{energy} {work}");
 }
 

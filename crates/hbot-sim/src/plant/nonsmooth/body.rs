@@ -76,9 +76,14 @@ impl Body {
         [spec.steer_inertia, coupling, spec.drive_inertia - self.motor_mass(wheel)]
     }
 
-    /// Inertia of a drive's motor behind its gear, in the joint's measure, kg m².
+    /// Inertia of a drive's motor behind its gear, in the joint's measure, kg m²: a share of what the coupling of the joints
+    /// leaves free, so that the rest is an inertia that a wheel can have.
     pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
-        self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share * wheel.spec().drive_inertia)
+        let spec = wheel.spec();
+        let coupling = spec.axial_inertia * wheel.axis_along_axle();
+        let free =
+            spec.drive_inertia - if coupling == 0.0 { 0.0 } else { coupling * coupling / spec.steer_inertia };
+        self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share * free)
     }
 
     /// The geometry at `ahead` seconds after `state`, by the rates as they are.

@@ -26,7 +26,7 @@ use self::law::{Element, Law};
 pub use self::solver::Effort;
 use self::solver::{Problem, Workspace};
 use super::weights::{GRAVITY, Module, Spring, Weight};
-use super::{ImpossibleInertia, JointTorques, State};
+use super::{JointTorques, State};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -62,14 +62,7 @@ struct Motor {
 
 impl Nonsmooth {
     /// The plant of `device` with what `phenomena` name, at `state`.
-    ///
-    /// # Errors
-    /// Where the inertias on a wheel's side of its gear contradict each other.
-    pub(super) fn new(
-        device: &Device,
-        phenomena: Phenomena,
-        state: &State,
-    ) -> Result<Self, ImpossibleInertia> {
+    pub(super) fn new(device: &Device, phenomena: Phenomena, state: &State) -> Self {
         let capacity = 2 + 5 * device.wheels().len();
         let mut plant = Self {
             body: Body {
@@ -87,14 +80,8 @@ impl Nonsmooth {
             workspace: Workspace::new(capacity),
             effort: Effort::default(),
         };
-        for (i, wheel) in device.wheels().iter().enumerate() {
-            let [steer, coupling, drive] = plant.body.wheel_mass(wheel);
-            if !(steer * drive >= coupling * coupling) {
-                return Err(ImpossibleInertia { wheel: i });
-            }
-        }
         plant.adopt(state);
-        Ok(plant)
+        plant
     }
 
     /// Takes over a state that something else has made: joints roll without slip, motors in the middle of their play,
@@ -113,6 +100,10 @@ impl Nonsmooth {
 
     pub(super) fn set_sphere_inertia(&mut self, inertia: f64) {
         self.body.inertia = inertia;
+    }
+
+    pub(super) fn sphere_inertia(&self) -> f64 {
+        self.body.inertia
     }
 
     pub(super) fn set_hinge(&mut self, axis: Option<Vec3>) {
