@@ -155,10 +155,12 @@ fn a_panic_in_a_call_is_told_as_stopped() {
     assert!(matches!(rig.stop(), Err(PtyError::Stopped)));
 }
 
-/// What an impaired line holds back comes by itself when it is due, not before, with nobody writing meanwhile.
+/// What an impaired line holds back comes by itself when it is due, not before, with nobody writing meanwhile and a thread
+/// that sleeps otherwise.
 #[test]
 fn a_late_answer_comes_by_itself() {
-    let rig = spawn();
+    let options = PtyOptions { idle: Duration::from_secs(3600), ..PtyOptions::default() };
+    let rig = spawn_pty(SimulatedRig::new(&RigConfig::new(&rig())).unwrap(), options).unwrap();
     let late =
         Link { latency_s: 0.05, command_latency_s: 0.05, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
     rig.call(move |rig| rig.set_link(Some(late))).unwrap();
