@@ -12,7 +12,7 @@ use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
 use hbot_core::rig::Zero;
-use hbot_sim::hand::Hand;
+use hbot_sim::phenomena::Phenomena;
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
 use thiserror::Error;
@@ -23,6 +23,7 @@ use crate::bridge::{ServiceEnd, bridge};
 use crate::clock::now_ns;
 use crate::engine::{Engine, Line, Recorder};
 use crate::handshake::{HandshakeError, handshake};
+use crate::phenomena::phenomena;
 use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
 use crate::run_loop::{Ended, StopFlag, lockstep, wall};
 use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
@@ -129,7 +130,11 @@ impl Server {
     pub fn start(options: Options) -> Result<Self, StartError> {
         let Options { rig, scene, time, duration, token, flight_dir, recorder } = options;
         let mut running = RunningScene::new();
-        let simulate = scene.simulate().copied();
+        // At the start ideal and in a hand that turns it about, unless the scene says otherwise.
+        let shown = scene.simulate().map_or_else(
+            || Phenomena { hand: Some(hbot_sim::phenomena::Hand::default()), ..Phenomena::default() },
+            phenomena,
+        );
         let compiled = Box::new(running.load(scene));
         let (loop_end, end) = bridge()?;
         let stop = StopFlag::default();
@@ -150,46 +155,43 @@ impl Server {
         let line = Line { places, watchdog_ms: rig.link.watchdog_ms };
 
         let controller = Controller::new(rig.rig);
-        let (thread, pty, phenomena): (_, _, Option<SetPhenomena>) = match (time, &rig.link.port) {
+        let (thread, pty, set): (_, _, Option<SetPhenomena>) = match (time, &rig.link.port) {
             (Time::Virtual, Port::Device(device)) => return Err(StartError::VirtualHardware(device.clone())),
             (Time::Virtual, Port::Sim) => {
                 let (calls, inbox) = mpsc::channel::<SimulatorCall>();
-                let mut wire = Memory::new(simulator(&rig, simulate)?, inbox);
+                let mut wire = Memory::new(simulator(&rig, shown)?, inbox);
                 handshake(&mut wire, "sim", &rig.rig, &line)?;
+                let call = move |call: SimulatorCall| {
+                    // A loop that has ended needs none.
+                    let _ = calls.send(call);
+                };
+                impair(shown, &call);
                 let engine =
                     Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
                 let stop = stop.clone();
                 let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
-                let phenomena = move |simulate: &Simulate| {
-                    let hand = hand(simulate);
-                    // A loop that has ended needs none.
-                    let _ = calls.send(Box::new(move |rig| rig.set_hand(hand)));
-                };
-                (thread, None, Some(Box::new(phenomena)))
+                (thread, None, Some(replace_by(call)))
             }
             (Time::Wall, port) => {
                 if let Err(reason) = lock_memory() {
                     notices.push(format!("memory is not locked ({reason}): page faults may delay ticks; run as root, or raise the limit memlock"));
                 }
-                let (mut wire, pty, phenomena) = match port {
+                let (mut wire, pty) = match port {
                     Port::Sim => {
-                        let pty = Arc::new(serve_pty(simulator(&rig, simulate)?)?);
-                        let path = pty.path().display().to_string();
-                        let post = Arc::clone(&pty);
-                        let phenomena = move |simulate: &Simulate| {
-                            let hand = hand(simulate);
-                            // A rig whose thread has ended shows in the loop as a lost link.
-                            let _ = post.post(move |rig| rig.set_hand(hand));
-                        };
-                        (
-                            Serial::open(&path, rig.link.baud)?,
-                            Some(pty),
-                            Some(Box::new(phenomena) as SetPhenomena),
-                        )
+                        let pty = Arc::new(serve_pty(simulator(&rig, shown)?)?);
+                        (Serial::open(&pty.path().display().to_string(), rig.link.baud)?, Some(pty))
                     }
-                    Port::Device(device) => (Serial::open(device, rig.link.baud)?, None, None),
+                    Port::Device(device) => (Serial::open(device, rig.link.baud)?, None),
                 };
                 handshake(&mut wire, &port.to_string(), &rig.rig, &line)?;
+                let set = pty.clone().map(|pty| {
+                    let call = move |call: SimulatorCall| {
+                        // A rig whose thread has ended shows in the loop as a lost link.
+                        let _ = pty.post(call);
+                    };
+                    impair(shown, &call);
+                    replace_by(call)
+                });
                 let engine =
                     Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
                 let stop = stop.clone();
@@ -202,11 +204,11 @@ impl Server {
                 if let Ok(Err(reason)) = heard.recv() {
                     notices.push(format!("no real-time priority ({reason}): other work may delay ticks; run as root, or raise the limit rtprio"));
                 }
-                (thread, pty, phenomena)
+                (thread, pty, set)
             }
         };
         let accuracy = rig.accuracy.to_owned();
-        let setup = Setup { rig, scene: running, phenomena, token, flight_dir, accuracy };
+        let setup = Setup { rig, scene: running, phenomena: set, token, flight_dir, accuracy };
         let started_ns = now_ns();
         let running = Running { stop, thread: Some(thread) };
         Ok(Self { setup, end, running, pty, notices, period_ns, time, started_ns })
@@ -253,22 +255,25 @@ fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinH
     std::thread::Builder::new().name("hbot-loop".to_owned()).spawn(body)
 }
 
-/// The simulated rig: at the start ideal and in a hand that turns it about, unless the scene says otherwise.
-fn simulator(rig: &RigConfig, simulate: Option<Simulate>) -> Result<SimulatedRig, RigError> {
-    let simulate = simulate.unwrap_or(Simulate { hand: Some(hbot_config::scene::Hand::default()) });
+/// The simulated rig, but for what it shows on its line.
+fn simulator(rig: &RigConfig, phenomena: Phenomena) -> Result<SimulatedRig, RigError> {
     let mut config = SimulatedConfig::new(&rig.rig);
-    config.hand = hand(&simulate);
+    config.phenomena = Phenomena { link: None, ..phenomena };
     SimulatedRig::new(&config)
 }
 
-fn hand(simulate: &Simulate) -> Option<Hand> {
-    let h = simulate.hand?;
-    Some(Hand {
-        stiffness: h.stiffness,
-        damping: h.damping,
-        inertia: h.inertia,
-        amplitude: h.amplitude,
-        rate: h.rate,
+/// Has the line impaired where it is to be: after the handshake, which stands in a time of its own.
+fn impair(phenomena: Phenomena, call: &dyn Fn(SimulatorCall)) {
+    if phenomena.link.is_some() {
+        call(Box::new(move |rig| rig.set_link(phenomena.link)));
+    }
+}
+
+/// Replaces phenomena by calls on the simulated rig.
+fn replace_by(call: impl Fn(SimulatorCall) + Send + 'static) -> SetPhenomena {
+    Box::new(move |simulate: &Simulate| {
+        let phenomena = phenomena(simulate);
+        call(Box::new(move |rig| rig.set_phenomena(phenomena)));
     })
 }
 

@@ -111,6 +111,9 @@ impl Wire for Serial {
 /// Something to do with the simulated rig between two ticks.
 pub type SimulatorCall = Box<dyn FnOnce(&mut SimulatedRig) + Send>;
 
+/// Room for all that an impaired line may bring at once, so that the loop never makes more.
+const INBOX: usize = 256 * 1024;
+
 /// The simulated rig in memory, in virtual time: the same bytes without a terminal.
 pub struct Memory {
     rig: SimulatedRig,
@@ -124,12 +127,16 @@ impl Memory {
     /// A line to `rig`, at time 0; `calls` are done before what is written next.
     #[must_use]
     pub fn new(rig: SimulatedRig, calls: Receiver<SimulatorCall>) -> Self {
-        Self { rig, calls, now_ns: 0, inbox: Vec::with_capacity(4096), read: 0 }
+        Self { rig, calls, now_ns: 0, inbox: Vec::with_capacity(INBOX), read: 0 }
     }
 }
 
 impl Wire for Memory {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        // What an impaired line has held back until some time before this tick.
+        if self.rig.next_arrival_ns().is_some_and(|at_ns| at_ns < self.now_ns) {
+            self.rig.deliver(self.now_ns, &mut self.inbox);
+        }
         let waiting = &self.inbox[self.read..];
         let n = waiting.len().min(buffer.len());
         buffer[..n].copy_from_slice(&waiting[..n]);

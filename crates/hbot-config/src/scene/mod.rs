@@ -15,7 +15,10 @@ use serde_json::{Map, Value, json};
 
 use self::kinds::{Common, EFFECT_SCHEMA, KINDS, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
-pub use self::simulate::{Hand, Simulate};
+pub use self::simulate::{
+    CageFriction, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting, Simulate, Slip,
+    WheelModules,
+};
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::{Document, Report, join};

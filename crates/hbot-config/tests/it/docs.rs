@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use hbot_config::RigConfig;
-use hbot_config::scene::{kinds, phenomena};
+use hbot_config::scene::{Listed, kinds, phenomena};
 use serde_json::Value;
 
 use crate::folder;
@@ -22,9 +22,10 @@ fn tables() -> Vec<(String, String)> {
         all.push((name.to_owned(), rows(section(name))));
     }
     all.push(("traction".to_owned(), rows(&section("limits")["properties"]["traction"])));
-    for listed in kinds().into_iter().chain(phenomena()) {
-        all.push((listed.name.to_owned(), format!("{}\n\n{}", listed.description, rows(&listed.schema))));
-    }
+    let listed =
+        |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
+    all.extend(kinds().into_iter().map(|kind| listed(kind.name.to_owned(), kind)));
+    all.extend(phenomena().into_iter().map(|it| listed(format!("simulate.{}", it.name), it)));
     all
 }
 

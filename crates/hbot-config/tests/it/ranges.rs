@@ -99,6 +99,12 @@ fn of_the_rig_file() {
     });
 }
 
+/// A table of the defaults of a schema.
+fn defaults(schema: &Value) -> toml::Table {
+    let properties = schema["properties"].as_object().unwrap();
+    properties.iter().map(|(name, p)| (name.clone(), toml::Value::try_from(&p["default"]).unwrap())).collect()
+}
+
 #[test]
 fn of_scenes() {
     let said = |text: &str| SceneFile::from_toml(text, "x.toml").map(drop).map_err(|error| error.to_string());
@@ -106,10 +112,7 @@ fn of_scenes() {
         let mut all = Vec::new();
         numbers(&kind.schema, "effect[0]", &mut all);
         assert!(all.len() >= 3, "{all:?}");
-        let mut effect = toml::Table::new();
-        for (name, parameter) in kind.schema["properties"].as_object().unwrap() {
-            effect.insert(name.clone(), toml::Value::try_from(&parameter["default"]).unwrap());
-        }
+        let mut effect = defaults(&kind.schema);
         effect.insert("id".to_owned(), "e".into());
         effect.insert("kind".to_owned(), kind.name.into());
         let file = toml::Table::from_iter([("effect".to_owned(), toml::Value::from(vec![effect]))]);
@@ -119,7 +122,9 @@ fn of_scenes() {
         let mut all = Vec::new();
         numbers(&phenomenon.schema, &format!("simulate.{}", phenomenon.name), &mut all);
         assert!(!all.is_empty());
-        let table = format!("[simulate.{}]", phenomenon.name).parse().unwrap();
-        all_are_refused(&all, &toml::Value::Table(table), said);
+        let within =
+            |name: &str, table: toml::Table| toml::Table::from_iter([(name.to_owned(), table.into())]);
+        let file = within("simulate", within(phenomenon.name, defaults(&phenomenon.schema)));
+        all_are_refused(&all, &toml::Value::Table(file), said);
     }
 }

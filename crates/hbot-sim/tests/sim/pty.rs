@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use hbot_core::Vec3;
 use hbot_link::{ControllerFlags, Decoder, Feedback, FromController, ToController};
 use hbot_sim::controller::Fault;
-use hbot_sim::hand::Hand;
+use hbot_sim::phenomena::{Hand, Link};
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{RigConfig, SimulatedRig};
 
@@ -153,4 +153,19 @@ fn a_panic_in_a_call_is_told_as_stopped() {
     let error = rig.call(|_| panic!("on purpose")).unwrap_err();
     assert!(matches!(error, PtyError::Stopped), "{error}");
     assert!(matches!(rig.stop(), Err(PtyError::Stopped)));
+}
+
+/// What an impaired line holds back comes by itself when it is due, not before, with nobody writing meanwhile and a thread
+/// that sleeps otherwise.
+#[test]
+fn a_late_answer_comes_by_itself() {
+    let options = PtyOptions { idle: Duration::from_secs(3600), ..PtyOptions::default() };
+    let rig = spawn_pty(SimulatedRig::new(&RigConfig::new(&rig())).unwrap(), options).unwrap();
+    let late =
+        Link { latency_s: 0.05, command_latency_s: 0.05, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
+    rig.call(move |rig| rig.set_link(Some(late))).unwrap();
+    let mut port = Port::open(&rig);
+    let start = Instant::now();
+    assert!(matches!(port.ask(&ToController::Describe), FromController::Description(_)));
+    assert!(start.elapsed() >= Duration::from_millis(100), "{:?}", start.elapsed());
 }

@@ -3,7 +3,7 @@
 use hbot_core::Vec3;
 use hbot_link::ToController;
 use hbot_sim::controller::{Encoder, Fault};
-use hbot_sim::hand::Hand;
+use hbot_sim::phenomena::{Encoder as Disc, Hand, Link, Motor, Phenomena};
 use hbot_sim::rig::{RigConfig, SimulatedRig};
 
 use crate::devices::{brisk, rig};
@@ -18,8 +18,9 @@ fn hash(bytes: &[u8]) -> u64 {
 
 /// Two seconds in a hand and two without, with everything that a rig without phenomena knows: all kinds of encoders, torque
 /// beyond the peak, a watchdog that expires, a reboot, a spoilt frame, looks at odd times.
-fn eventful() -> Vec<u8> {
+fn eventful(phenomena: Phenomena) -> Vec<u8> {
     let mut config = RigConfig::new(&rig());
+    config.phenomena = phenomena;
     config.joints[2].encoder = Encoder::Indexed;
     config.joints[1].encoder = Encoder::Incremental;
     config.phenomena.hand = Some(Hand::default());
@@ -49,6 +50,62 @@ fn eventful() -> Vec<u8> {
 /// The bytes are those of the rig as it was before it knew any phenomena: the figures were taken then.
 #[test]
 fn bytes_are_those_of_the_ideal_rig() {
-    let bytes = eventful();
+    let bytes = eventful(Phenomena::default());
     assert_eq!((bytes.len(), hash(&bytes)), (301_060, 12_510_209_690_109_648_662));
+}
+
+/// Phenomena that are there with every figure at nothing change no byte either.
+#[test]
+fn phenomena_of_nothing_change_no_byte() {
+    let link =
+        Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 3 };
+    let encoder = Disc { step: 1, turn_error: 0.0, index_error: 0.0, seed: 3 };
+    let motor = Motor {
+        torque_scale: 1.0,
+        lag_s: 0.0,
+        steer_no_load_rate: f64::INFINITY,
+        drive_no_load_rate: f64::INFINITY,
+        thermal_time_s: f64::INFINITY,
+    };
+    let none = Phenomena::default();
+    let ideal = eventful(none);
+    for phenomena in [
+        Phenomena { link: Some(link), ..none },
+        Phenomena { encoder: Some(encoder), ..none },
+        Phenomena { motor: Some(motor), ..none },
+    ] {
+        assert!(eventful(phenomena) == ideal, "{phenomena:?}");
+    }
+}
+
+/// With all that the controllers and the line can show, a tick still allocates nothing.
+#[test]
+fn a_tick_with_phenomena_allocates_nothing() {
+    let mut config = RigConfig::new(&rig());
+    config.phenomena = Phenomena {
+        link: Some(Link {
+            loss: 0.1,
+            corrupt: 0.1,
+            latency_s: 5e-3,
+            command_latency_s: 5e-3,
+            ..Link::default()
+        }),
+        encoder: Some(Disc::default()),
+        motor: Some(Motor::default()),
+        hand: Some(Hand::default()),
+        ..Phenomena::default()
+    };
+    let mut rig = SimulatedRig::new(&config).unwrap();
+    let bytes = frame(&ToController::Command(command(1, true, &[0.01; 4])));
+    let mut reply = Vec::with_capacity(1024);
+    let mut most = 0;
+    let counted = allocation_counter::measure(|| {
+        for k in 1..1000 {
+            reply.clear();
+            rig.receive(k * MS, &bytes, &mut reply);
+            most = most.max(reply.len());
+        }
+    });
+    assert!(most > 0);
+    assert_eq!((counted.count_total, counted.count_current), (0, 0));
 }

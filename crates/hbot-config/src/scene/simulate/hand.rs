@@ -1,22 +1,7 @@
-//! What the simulated rig shows of a real one, on request of the scene.
-
-use std::sync::LazyLock;
+//! A person's hand.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
-
-use crate::schema;
-
-/// The table `[simulate]`: the phenomena that are there. What is not named is not.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Simulate {
-    /// A person's hand that holds the sphere and turns it about.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Hand")]
-    pub hand: Option<Hand>,
-}
 
 /// A person's hand that holds the sphere: a spring, a damper and a mass to a target that it moves about.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -44,5 +29,3 @@ impl Default for Hand {
         Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 0.25 }
     }
 }
-
-pub(super) static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<Simulate>);

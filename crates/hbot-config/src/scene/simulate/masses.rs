@@ -1,0 +1,34 @@
+//! Masses and centres that are not where they should be.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A sphere that is out of centre: gravity turns it, and wheels roll on a radius that changes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Eccentric {
+    /// Where its centre is, in sphere axes, m.
+    #[schemars(inner(range(min = -0.1, max = 0.1)), extend("unit" = "m"))]
+    pub offset: [f64; 3],
+}
+
+impl Default for Eccentric {
+    fn default() -> Self {
+        Self { offset: [5.0e-4, 0.0, 0.0] }
+    }
+}
+
+/// The weight of each wheel's module on its steering joint.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct WheelModules {
+    /// Mass of each at the wheel's centre, kg.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "kg"))]
+    pub mass: f64,
+}
+
+impl Default for WheelModules {
+    fn default() -> Self {
+        Self { mass: 0.05 }
+    }
+}

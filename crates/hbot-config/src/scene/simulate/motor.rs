@@ -1,0 +1,37 @@
+//! Motors that are not quite what is asked of them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Motors that are weak, lag, slow down and get hot. Peak and continuous torque are those of the rig file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Motor {
+    /// Torque that there is over the torque asked for.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub torque_scale: f64,
+    /// Time constant of the current loop, s.
+    #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
+    pub lag_s: f64,
+    /// Rate of a steering joint at which back-EMF leaves no torque to drive it on, rad/s.
+    #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
+    pub steer_no_load_rate: f64,
+    /// The same of a drive joint, after the gear, rad/s.
+    #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
+    pub drive_no_load_rate: f64,
+    /// Time constant with which windings warm, s; a hot motor gives its continuous torque.
+    #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "s"))]
+    pub thermal_time_s: f64,
+}
+
+impl Default for Motor {
+    fn default() -> Self {
+        Self {
+            torque_scale: 0.95,
+            lag_s: 5.0e-4,
+            steer_no_load_rate: 500.0,
+            drive_no_load_rate: 60.0,
+            thermal_time_s: 10.0,
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Motors: torque scale, lag, back-EMF, heat. Controllers alone, so that nothing else moves.
+
+use hbot_link::{Feedback, JointFlags};
+use hbot_sim::controller::{Controllers, Fault, SimulatedJoint};
+use hbot_sim::phenomena::{Motor, Phenomena};
+use hbot_sim::rig::{RigConfig, SimulatedRig};
+
+use crate::devices::rig;
+use crate::line::{MS, command, frame};
+
+/// What is left where everything else is switched off.
+const IDEAL: Motor = Motor {
+    torque_scale: 1.0,
+    lag_s: 0.0,
+    steer_no_load_rate: f64::INFINITY,
+    drive_no_load_rate: f64::INFINITY,
+    thermal_time_s: f64::INFINITY,
+};
+const STILL: [f64; 16] = [0.0; 16];
+/// Peak and continuous torque as the line carries the peak, N m: steer, drive.
+const PEAK: [f32; 2] = [0.93, 0.14];
+const CONTINUOUS: [f64; 2] = [0.073, 0.023];
+
+fn controllers(motor: Motor) -> Controllers {
+    let joints: Vec<_> = rig().joints[..4].iter().map(SimulatedJoint::from).collect();
+    let joints: Vec<_> = joints.into_iter().map(|j| SimulatedJoint { reversed: false, ..j }).collect();
+    let mut controllers = Controllers::new(&joints, &STILL, None);
+    controllers.set_motor(Some(motor));
+    controllers
+}
+
+fn ask(controllers: &mut Controllers, enable: bool, torque: [f32; 4]) -> Feedback {
+    controllers.command(0, &command(1, enable, &torque), &STILL, &STILL).unwrap()
+}
+
+/// The current loop is exactly first order whatever the steps, and what is held over a step has the exact impulse.
+#[test]
+fn a_lag_is_an_exact_exponential() {
+    let motor = Motor { lag_s: 5e-4, torque_scale: 0.95, ..IDEAL };
+    let mut controllers = controllers(motor);
+    ask(&mut controllers, true, [0.5, -0.1, 0.0, 0.0]);
+    assert_eq!(controllers.torque()[0], 0.0, "nothing has gone by");
+    let (mut t, mut impulse) = (0.0, [0.0; 2]);
+    for h in [1e-3, 1e-4, 3.3e-4, 1e-6, 2e-3] {
+        let held = controllers.drive(h, || STILL);
+        t += h;
+        for j in 0..2 {
+            impulse[j] += held[j] * h;
+            let end = 0.95 * f64::from([0.5_f32, -0.1][j]);
+            let gone = 1.0 - (-t / 5e-4_f64).exp();
+            // A few roundings of numbers below 1.
+            assert!((controllers.torque()[j] - end * gone).abs() < 2e-15, "joint {j} at {t} s");
+            assert!((impulse[j] - end * (t - 5e-4 * gone)).abs() < 1e-17, "joint {j} at {t} s");
+        }
+    }
+    // Motors off: the current dies with the same lag, and then is nothing at all.
+    ask(&mut controllers, false, [0.0; 4]);
+    let before = controllers.torque()[0];
+    controllers.drive(1e-3, || STILL);
+    assert!((controllers.torque()[0] - before * (-2.0_f64).exp()).abs() < 2e-15);
+    for _ in 0..30 {
+        controllers.drive(1e-3, || STILL);
+    }
+    assert_eq!(controllers.torque(), &STILL);
+    // Power lost: at once.
+    ask(&mut controllers, true, [0.5; 4]);
+    controllers.drive(1e-3, || STILL);
+    controllers.inject(Fault::Reboot, &STILL);
+    assert_eq!(controllers.torque(), &STILL);
+}
+
+/// Available torque falls on a straight line from the peak at rest to none at the no-load rate, in the driving direction.
+#[test]
+fn back_emf_takes_torque_along_a_line() {
+    let motor = Motor { steer_no_load_rate: 500.0, drive_no_load_rate: 60.0, ..IDEAL };
+    let mut controllers = controllers(motor);
+    for part in [0.0, 0.25, 0.5, 0.9, 1.0, 1.5] {
+        for sign in [1.0_f32, -1.0] {
+            ask(&mut controllers, true, [0.93 * sign, 0.14 * sign, 0.93 * sign, 0.14 * sign]);
+            // Wheel 1 is driven on, wheel 2 is braked.
+            let rate = part * f64::from(sign);
+            let mut rates = STILL;
+            rates[..4].copy_from_slice(&[500.0 * rate, 60.0 * rate, -500.0 * rate, -60.0 * rate]);
+            let given = controllers.drive(1e-3, || rates);
+            for j in 0..2 {
+                let peak = f64::from(PEAK[j]);
+                let wanted = peak * (1.0_f64 - part).max(0.0);
+                assert!((given[j] * f64::from(sign) - wanted).abs() < 1e-15, "{part}: {given:?}");
+                assert_eq!(given[2 + j] * f64::from(sign), peak, "braking: {part}");
+            }
+        }
+    }
+    // Less than what is available passes untouched.
+    ask(&mut controllers, true, [0.1, 0.0, 0.0, 0.0]);
+    assert_eq!(controllers.drive(1e-3, || [250.0; 16])[0], f64::from(0.1_f32));
+}
+
+/// From cold a motor gives its peak for T ln(n² / (n² - 1)), n = peak / continuous; then its continuous torque, and says so.
+#[test]
+fn heat_takes_a_motor_back_to_its_continuous_torque_in_time() {
+    let time = 10.0;
+    let mut controllers = controllers(Motor { thermal_time_s: time, ..IDEAL });
+    let all = [PEAK[0], PEAK[1], PEAK[0], -PEAK[1]];
+    let (mut seen, h) = ([None; 2], 1e-3);
+    let flags = |feedback: &Feedback, j: usize| feedback.joints[j].flags;
+    for k in 0..400 {
+        let feedback = ask(&mut controllers, true, all);
+        let given = controllers.drive(h, || STILL);
+        for j in 0..2 {
+            let hot = flags(&feedback, j).contains(JointFlags::OVERTEMPERATURE);
+            if hot && seen[j].is_none() {
+                seen[j] = Some(f64::from(k) * h);
+            }
+            let wanted = if hot { CONTINUOUS[j] } else { f64::from(PEAK[j]) };
+            assert_eq!(given[j], wanted, "joint {j}, tick {k}");
+            // A motor hot is one that stays so while it is asked for more.
+            assert_eq!(hot, seen[j].is_some());
+        }
+    }
+    for j in 0..2 {
+        let square = (f64::from(PEAK[j]) / CONTINUOUS[j]).powi(2);
+        let wanted = time * (square / (square - 1.0)).ln();
+        // Told by the first command after it.
+        let late = seen[j].unwrap() - wanted;
+        assert!((0.0..=h).contains(&late), "joint {j}: {:?} against {wanted}", seen[j]);
+    }
+    // Hot, but asked for no more than it holds for ever: all of it, and no complaint.
+    let held = CONTINUOUS[0] as f32 * 0.99;
+    let feedback = ask(&mut controllers, true, [held, 0.0, held, 0.0]);
+    assert_eq!(flags(&feedback, 0), JointFlags::empty());
+    assert_eq!(controllers.drive(h, || STILL)[0], f64::from(held));
+    // At rest it cools by exp(-t/T): after T an e-th of the heat is left, and the peak lasts accordingly.
+    ask(&mut controllers, false, [0.0; 4]);
+    for _ in 0..10_000 {
+        controllers.drive(h, || STILL);
+    }
+    let square = (f64::from(PEAK[1]) / CONTINUOUS[1]).powi(2);
+    let wanted = time * ((square - (-1.0_f64).exp()) / (square - 1.0)).ln();
+    let lasted = (0..).take_while(|_| {
+        let feedback = ask(&mut controllers, true, all);
+        controllers.drive(h, || STILL);
+        !flags(&feedback, 1).contains(JointFlags::OVERTEMPERATURE)
+    });
+    let lasted = lasted.count() as f64 * h;
+    // One tick of telling; the heat itself was less than a tick's above the limit when it was left to cool.
+    assert!((lasted - wanted).abs() <= 2.0 * h, "{lasted} against {wanted}");
+}
+
+#[test]
+fn a_motor_that_holds_its_continuous_torque_never_gets_hot() {
+    let mut controllers = controllers(Motor { thermal_time_s: 0.01, ..IDEAL });
+    // A rounding below it, as the line carries no exact 0.073.
+    let held = [0.072_999_9, 0.022_999_9, 0.0, 0.0];
+    for _ in 0..10_000 {
+        let feedback = ask(&mut controllers, true, held);
+        assert!(feedback.joints.iter().all(|joint| joint.flags.is_empty()));
+        assert_eq!(controllers.drive(1e-3, || STILL)[0], f64::from(held[0]));
+    }
+}
+
+/// The watchdog's time is still its very nanosecond, and the plant feels the lag.
+#[test]
+fn the_rig_s_plant_feels_what_its_motors_give() {
+    let run = |motor: Option<Motor>| {
+        let mut config = RigConfig::new(&rig());
+        config.phenomena = Phenomena { motor, ..Phenomena::default() };
+        let mut rig = SimulatedRig::new(&config).unwrap();
+        let mut reply = Vec::new();
+        let push = hbot_link::ToController::Command(command(1, true, &[0.0, 0.01, 0.0, 0.01]));
+        rig.receive(0, &frame(&push), &mut reply);
+        rig.advance_to(10 * MS);
+        rig
+    };
+    let (ideal, still_ideal) = (run(None), run(Some(IDEAL)));
+    assert_eq!(ideal.state(), still_ideal.state(), "nothing switched on: the same bits");
+    let speed = |rig: &SimulatedRig| rig.state().omega.length();
+    // A weak motor gives so much less speed (the plant is near linear so close to rest), and one with a lag comes late by it.
+    let weak = run(Some(Motor { torque_scale: 0.95, ..IDEAL }));
+    assert!((speed(&weak) / speed(&ideal) - 0.95).abs() < 1e-3, "{} {}", speed(&weak), speed(&ideal));
+    let late = run(Some(Motor { lag_s: 5e-4, ..IDEAL }));
+    assert!((speed(&late) / speed(&ideal) - 0.95).abs() < 1e-3, "0.5 ms of 10: {}", speed(&late));
+}

@@ -1,0 +1,213 @@
+//! What a scene's `[simulate]` does to a whole server, in virtual time.
+
+use std::future::Future;
+use std::sync::mpsc;
+use std::time::Duration;
+
+use hbot_config::{RigConfig, SceneFile};
+use hbot_core::mode::{Cause, Mode};
+use hbot_core::{CompiledScene, Inputs, Outputs, Vec3, rotation};
+use hbot_server::server::{Options, Server, Time};
+use hbot_server::service::Status;
+use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
+use tokio::net::{TcpListener, TcpStream};
+
+struct Tick {
+    inputs: Inputs,
+    outputs: Outputs,
+}
+
+/// All ticks of a server that runs `scene` for so many seconds, or until what `meanwhile` makes of its address is done.
+fn run<F: Future<Output = ()> + Send + 'static>(
+    scene: &str,
+    seconds: Option<u64>,
+    meanwhile: impl FnOnce(std::net::SocketAddr) -> F,
+) -> Vec<Tick> {
+    let (into, recorded) = mpsc::channel();
+    let options = Options {
+        rig: RigConfig::prototype(),
+        scene: SceneFile::from_toml(scene, "scene.toml").unwrap_or_else(|mistakes| panic!("{mistakes}")),
+        time: Time::Virtual,
+        duration: seconds.map(Duration::from_secs),
+        token: None,
+        flight_dir: None,
+        recorder: Some(Box::new(move |_: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {
+            into.send(Tick { inputs: *inputs, outputs: *outputs }).expect("somebody listens");
+        })),
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    runtime.block_on(async {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let server = Server::start(options).expect("it starts");
+        let (_control, control) = tokio::sync::mpsc::channel(1);
+        let (status, _status) = tokio::sync::watch::channel(Status::default());
+        let client = tokio::spawn(meanwhile(address));
+        let done = async { client.await.expect("the client was answered") };
+        server.serve(listener, control, status, done).await.expect("it serves");
+    });
+    recorded.iter().collect()
+}
+
+fn undisturbed(scene: &str, seconds: u64) -> Vec<Tick> {
+    run(scene, Some(seconds), |_| std::future::pending())
+}
+
+/// A line that loses and spoils one frame in a hundred each way, late and unsteady besides, is ridden through.
+#[test]
+fn a_hundredth_of_all_frames_lost_and_damaged_is_no_fault() {
+    const N: f64 = 20_000.0;
+    let ticks = undisturbed(
+        r#"
+        [[effect]]
+        id = "spring"
+        kind = "spring"
+        stiffness = 1
+        damping = 0.02
+        [simulate]
+        hand = {}
+        link = { loss = 0.01, corrupt = 0.01 }
+        "#,
+        20,
+    );
+    assert_eq!(ticks.len(), N as usize);
+    let mut modes: Vec<Mode> = ticks.iter().map(|t| t.outputs.state.mode).collect();
+    modes.dedup();
+    assert!(modes.ends_with(&[Mode::Enabling, Mode::Active]), "{modes:?}");
+    assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
+
+    // An answer is missing where its command or it itself was lost or damaged: four hundredths, within four deviations.
+    let lost = 1.0 - 0.99_f64.powi(4);
+    let missing = ticks.iter().filter(|tick| tick.inputs.feedback.is_none()).count() as f64;
+    assert!((missing - N * lost).abs() < 4.0 * (N * lost).sqrt(), "{missing} of {N}");
+    let corrupt: f64 = ticks.iter().map(|tick| f64::from(tick.inputs.corrupt_frames)).sum();
+    assert!((corrupt - 0.01 * N).abs() < 4.0 * (0.01 * N).sqrt(), "{corrupt} of {N}");
+    // A tick late, which the default latency is, but for answers to commands that came in time.
+    let on_time =
+        |tick: &&Tick| tick.inputs.feedback.is_some_and(|f| u64::from(f.sequence) + 2 == tick.inputs.tick);
+    let on_time = ticks.iter().filter(on_time).count() as f64;
+    assert_eq!(on_time, N - missing);
+    // The hand moves the sphere all the while.
+    assert!(ticks.last().expect("ticks").outputs.state.omega.length() > 0.05);
+}
+
+/// A line that spoils a tenth of all frames is a fault of its own name, and one that loses all of them of its own.
+#[test]
+fn a_bad_line_is_a_fault() {
+    for (link, cause) in [("corrupt = 0.1", Cause::LinkCorrupt), ("loss = 1", Cause::LinkLost)] {
+        let ticks = undisturbed(&format!("[simulate]\nlink = {{ {link} }}"), 2);
+        let first = ticks.iter().find_map(|tick| tick.outputs.state.cause);
+        assert_eq!(first, Some(cause), "{link}");
+    }
+}
+
+/// Stiffness measured at rest: a spring that pulls to `angle` about `axis` against a hand that holds still at none.
+fn stiffness(asked: f64, axis: Vec3, angle: f64, motor: &str) -> f64 {
+    const GRIP: f64 = 3.0;
+    let q = rotation::exp(axis * angle);
+    let ticks = undisturbed(
+        &format!(
+            r#"
+            [[effect]]
+            id = "spring"
+            kind = "spring"
+            stiffness = {asked}
+            damping = 0.05
+            reference = [{}, {}, {}, {}]
+            [simulate]
+            hand = {{ stiffness = {GRIP}, damping = 0.2, amplitude = 0 }}
+            {motor}
+            "#,
+            q.w, q.x, q.y, q.z
+        ),
+        8,
+    );
+    assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
+    // The mean of the last second, in which all is at rest but for the last count.
+    let last = &ticks[7000..];
+    let held = last.iter().map(|tick| rotation::log(tick.outputs.state.q).dot(axis)).sum::<f64>() / 1000.0;
+    let moving = last.iter().map(|tick| tick.outputs.state.omega.length()).fold(0.0, f64::max);
+    assert!(moving < 1e-3, "{moving} rad/s");
+    assert!(rotation::log(last[0].outputs.state.q).cross(axis).length() < 1e-3, "about its axis alone");
+    GRIP * held.sin() / (angle - held)
+}
+
+/// The paper's table III: the stiffnesses asked were measured 5 % too soft, whatever they were. A torque scale of 0.95 does
+/// just that.
+#[test]
+fn motors_of_the_prototype_are_five_per_cent_soft_as_in_table_iii() {
+    for (asked, axis) in [(4.0, Vec3::X), (6.0, Vec3::X), (2.0, Vec3::Y), (5.0, Vec3::Y)] {
+        for (motor, scale) in [("", 1.0), ("motor = {}", 0.95)] {
+            // 0.05 rad keeps the motors within their continuous torque, as a measurement at rest must.
+            let measured = stiffness(asked, axis, 0.05, motor);
+            // Counts: 1.5e-4 rad of the sphere in some 0.017 to 0.03 rad of the spring's.
+            assert!(
+                (measured / asked - scale).abs() < 0.01,
+                "{asked} about {axis}: {measured} with {motor:?}"
+            );
+        }
+    }
+}
+
+/// Motors held beyond their continuous torque end in the fault of that name.
+#[test]
+fn motors_that_push_too_hard_too_long_get_hot() {
+    let scene = r#"
+        [[effect]]
+        id = "spring"
+        kind = "spring"
+        stiffness = 6
+        damping = 0.05
+        reference = [0.98, 0, 0.2, 0]
+        [simulate]
+        hand = { stiffness = 10, damping = 0.2, amplitude = 0 }
+    "#;
+    let first = |scene: &str| undisturbed(scene, 20).iter().find_map(|tick| tick.outputs.state.cause);
+    assert_eq!(first(scene), None);
+    assert_eq!(first(&format!("{scene}\nmotor = {{}}")), Some(Cause::Thermal));
+}
+
+/// Sends each line, waits for its answer, and after that of `load_scene` for three states.
+async fn talk(address: std::net::SocketAddr, lines: &[&str]) {
+    let mut stream = TcpStream::connect(address).await.expect("the server listens");
+    let (reader, mut writer) = stream.split();
+    let mut said = BufReader::new(reader).lines();
+    for line in lines {
+        writer.write_all(format!("{line}\n").as_bytes()).await.expect("sent");
+        let (mut answered, mut states) = (false, 0);
+        while !answered || (line.contains("load_scene") && states < 3) {
+            let said = said.next_line().await.expect("an answer").expect("an answer");
+            assert!(!said.contains("\"error\""), "{said}");
+            answered |= said.contains("\"ok\"");
+            states += u32::from(answered && said.contains("\"state\""));
+        }
+    }
+}
+
+/// What a scene names replaces the phenomena of a running rig, what it leaves out goes, a scene without the table leaves all.
+#[test]
+fn phenomena_change_with_the_scene() {
+    let late = r#"
+        [simulate]
+        link = { latency_s = 0.003, jitter_s = 0, loss = 0, corrupt = 0 }
+    "#;
+    let ticks = run(late, None, |address| async move {
+        let lines = [
+            r#"{"id": 1, "op": "hello", "version": 1, "name": "a test"}"#,
+            r#"{"id": 2, "op": "acquire"}"#,
+            r#"{"id": 3, "op": "subscribe", "every": 20}"#,
+            r#"{"id": 4, "op": "load_scene", "scene": {"name": "left as it is"}}"#,
+            r#"{"id": 5, "op": "load_scene", "scene": {"name": "ideal", "simulate": {}}}"#,
+            r#"{"id": 6, "op": "load_scene", "scene": {"name": "late", "simulate": {"link": {"latency_s": 0.0015, "jitter_s": 0, "loss": 0, "corrupt": 0}}}}"#,
+            r#"{"id": 7, "op": "load_scene", "scene": {"name": "ideal", "simulate": {"motor": {}}}}"#,
+            r#"{"id": 8, "op": "load_scene", "scene": {"name": "left as it is"}}"#,
+        ];
+        talk(address, &lines).await;
+    });
+    let age = |tick: &Tick| tick.inputs.feedback.map(|f| tick.inputs.tick - u64::from(f.sequence));
+    let mut ages: Vec<u64> = ticks.iter().filter_map(age).collect();
+    ages.dedup();
+    // A latency adds its whole ticks to the one that every answer takes in virtual time.
+    assert_eq!(ages, [4, 1, 2, 1]);
+    assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
+}
