@@ -5,7 +5,7 @@ use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Zero};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Zero};
 use hbot_core::{CompiledScene, Controller, Mat3, Vec3, rotation};
 use hbot_link::{
     ControllerFlags, Decoder, Feedback, FromController, JointFlags, JointReading, MAX_COMMAND_FRAME,
@@ -158,6 +158,6 @@ fn rig() -> Option<Rig> {
             max_age_ticks: 50,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, rate: RateEstimate::Controller },
+        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
     })
 }
