@@ -130,13 +130,23 @@ impl Joints {
             // The frames at the step's start are those of the posture until it is moved on below.
             (OdometryMethod::Euler, _) => kinematics::forward(&rig.device, self.posture.frames(), &delta),
             (method, PathFit::Straight) => odometry::turn(&rig.device, method, &start, &delta),
-            (method, fit) => {
-                let path = self.trail.step(fit, &delta, ticks as Real);
-                odometry::turn_along(&rig.device, method, &start, &path)
-            }
+            _ => self.turn_along_a_curve(rig, &start, &delta, ticks),
         };
         self.locate(rig);
         Ok(Step { turn, answered: [last, feedback.sequence] })
+    }
+
+    /// The turn along the path that is fitted to the last readings. Apart, so that it costs nothing where the path is straight.
+    #[inline(never)]
+    fn turn_along_a_curve(
+        &mut self,
+        rig: &Rig,
+        start: &[Real; MAX_WHEELS],
+        delta: &[Real; MAX_JOINTS],
+        ticks: u32,
+    ) -> Vec3 {
+        let path = self.trail.step(rig.methods.path, delta, ticks as Real);
+        odometry::turn_along(&rig.device, rig.methods.odometry, start, &path)
     }
 
     /// Joint rates by the rig's estimate; `moved`: by how much (rad) and in how many ticks since the last reading.

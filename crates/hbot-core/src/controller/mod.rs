@@ -243,17 +243,24 @@ impl Controller {
             let _ = self.stream.torque(tick, dt);
             return Vec3::ZERO;
         }
-        let limits = &self.rig.limits;
+        let limits = self.rig.limits;
         let before = changed.then(|| self.renderer.clone().torque(scene, &last_motion, tick, 0.0, 0.0));
         let rendered = self.renderer.torque(scene, &motion, tick, dt, limits.reference_rate * dt);
         let mut wanted = (self.blend.apply(rendered, before, dt) + self.stream.torque(tick, dt)) * gain;
-        if let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) {
-            let period = self.rig.timing.period_s();
-            let now = Moment { tick: tick as u32, answered, period, gain };
+        if self.guard.is_some() {
             // Limited first: what is not going to be sent gives out nothing.
-            wanted = guard.damped(&self.observer, now, limited(wanted, limits.torque), motion.omega);
+            wanted = self.guarded(tick, limited(wanted, limits.torque));
         }
         slewed(self.torque, limited(wanted, limits.torque), limits.torque_rate * dt)
+    }
+
+    /// The torque `wanted` with what the passivity controller adds. Apart, so that it costs nothing where there is none.
+    #[inline(never)]
+    fn guarded(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
+        let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
+        let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
+        let now = Moment { tick: tick as u32, answered, period, gain };
+        guard.damped(&self.observer, now, wanted, self.joints.omega)
     }
 
     /// Allocates the torque to the joints and makes the tick's outputs; a number that is not finite ends in a fault.
