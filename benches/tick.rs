@@ -14,9 +14,7 @@ macro_rules! width {
             use $core::impedance::{geodesic_law, quaternion_law};
             use $core::inputs::{Command, Complaints, Inputs, JointFeedback};
             use $core::kinematics::Posture;
-            use $core::rig::{
-                Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero,
-            };
+            use $core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Traction, Zero};
             use $core::{
                 CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry,
                 rotation,
@@ -67,7 +65,7 @@ macro_rules! width {
                         max_age_ticks: 100,
                     },
                     timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-                    methods: Methods { odometry, rate: RateEstimate::Controller },
+                    methods: Methods { odometry, ..Methods::BALANCED },
                 }
             }
 

@@ -7,7 +7,7 @@ use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Reply};
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Traction, Zero};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Traction, Zero};
 use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
 
 /// The loop's period, s.
@@ -44,7 +44,7 @@ pub fn rig() -> Rig {
             max_age_ticks: 50,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, rate: RateEstimate::Controller },
+        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
     }
 }
 

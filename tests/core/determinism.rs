@@ -7,7 +7,9 @@ use hbot_core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, OnClientLost, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Refusal, Reply};
-use hbot_core::rig::{OdometryMethod, RateEstimate, Rig, Traction};
+use hbot_core::rig::{
+    AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, Traction,
+};
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3, rotation};
 
 const TICKS: u64 = 100_000;
@@ -15,6 +17,9 @@ const TICKS: u64 = 100_000;
 /// The hash of all outputs, for every machine and every profile. It changes when what the core computes does; the test
 /// then prints the new one. Two builds that differ in it do not compute the same.
 const GOLDEN: u64 = 0x9451_3CF6_1AAD_8978;
+
+/// The same of the stages that a rig has only where it asks for them.
+const GOLDEN_STAGES: u64 = 0x19C7_6DC7_3109_D29D;
 
 /// FNV-1a, over words (Fowler, Noll and Vo).
 struct Hash(u64);
@@ -202,6 +207,41 @@ fn a_hundred_thousand_ticks_give_the_same_bits_on_every_machine() {
         assert!(seen[mode as usize] > 1000, "{mode:?} in {} ticks only: {seen:?}", seen[mode as usize]);
     }
     assert_eq!(hash.0, GOLDEN, "the outputs hash to 0x{:016X}", hash.0);
+}
+
+/// The stages that a rig has only where it asks for them, together.
+fn rigs_with_more_stages() -> [Rig; 3] {
+    let [plain, weak, slippery] = rigs();
+    let with = |rig: Rig, rate, path, damping| {
+        let mut rig = rig;
+        let passivity = Some(PassivityLimit { damping, ..PassivityLimit::of(&rig.device, 1e-3) });
+        rig.methods =
+            Methods { odometry: OdometryMethod::Magnus4, path, rate, passivity, ..Methods::BALANCED };
+        // Counts that walk at random have rates to match.
+        rig.limits.speed = 500.0;
+        rig.limits.slip = 50.0;
+        rig
+    };
+    let mut clipped = with(weak, RateEstimate::Kalman { acceleration: 100.0 }, PathFit::Cubic, 0.5);
+    clipped.methods.allocation = AllocationMethod::Clipped;
+    let window = RateEstimate::AdaptiveWindow { tolerance_counts: 2, longest_ticks: 40 };
+    [
+        clipped,
+        with(plain, window, PathFit::Quadratic, 0.1),
+        with(slippery, RateEstimate::LowPass { cutoff_hz: 40.0 }, PathFit::Cubic, 1.0),
+    ]
+}
+
+#[test]
+fn the_stages_that_are_chosen_give_the_same_bits_too() {
+    let mut hash = Hash(0xCBF2_9CE4_8422_2325);
+    let mut seen = [0; 6];
+    for (seed, rig) in rigs_with_more_stages().into_iter().enumerate() {
+        let (_, modes) = run(rig, 10 + seed as u64, TICKS / 5, &mut hash);
+        (0..6).for_each(|k| seen[k] += modes[k]);
+    }
+    assert!(seen[Mode::Active as usize] > 1000, "{seen:?}");
+    assert_eq!(hash.0, GOLDEN_STAGES, "the outputs hash to 0x{:016X}", hash.0);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! (physics notes, section 6).
 
 use crate::designs::{impedance, orientation, vector};
-use hbot_core::impedance::{Elastic, damper, geodesic_law, quaternion_law, rotation_vector};
+use hbot_core::impedance::{Elastic, damper, first_order_law, geodesic_law, quaternion_law, rotation_vector};
 use hbot_core::{Mat3, Quat, Vec3, rotation};
 use proptest::prelude::*;
 
@@ -163,4 +163,39 @@ fn at_exactly_a_half_turn_the_spring_keeps_pulling_the_way_it_did() {
             assert!((spring.torque + Vec3::Y * (side * 2.0 * pi)).length() < 1e-15);
         }
     }
+}
+
+/// The first-order form is a gradient where K is isotropic, and gives out energy around a loop where it is not.
+#[test]
+fn the_first_order_law_is_passive_for_one_stiffness_about_all_axes_only() {
+    let path = around(Quat::IDENTITY, [Vec3::X * 0.1, Vec3::new(0.9, 0.2, 0.1), Vec3::new(0.0, 0.3, 0.9)]);
+    let work = |k: &Mat3, law: Law| loop_work(&path, 4000, |q| law(Quat::IDENTITY, q, k).torque);
+    let (even, uneven) = (Mat3::IDENTITY, Mat3::from_diagonal(Vec3::new(1.0, 4.0, 9.0)));
+    // The midpoint rule leaves some 1/n² of a joule.
+    assert!(work(&even, first_order_law).abs() < 1e-6, "{} J", work(&even, first_order_law));
+    assert!(work(&uneven, quaternion_law).abs() < 1e-6, "{} J", work(&uneven, quaternion_law));
+    assert!(work(&uneven, first_order_law).abs() > 0.1, "{} J", work(&uneven, first_order_law));
+}
+
+#[test]
+fn the_first_order_law_is_the_exact_ones_limit_by_its_orders() {
+    let axis = Vec3::new(0.6, -0.48, 0.64);
+    let desired = rotation::exp(Vec3::new(1.0, 2.0, -0.5));
+    for (k, order) in [(Mat3::IDENTITY, 3.0), (Mat3::from_diagonal(Vec3::new(1.0, 4.0, 9.0)), 2.0)] {
+        let off = |angle: f64| {
+            let q = desired * rotation::exp(axis * angle);
+            [quaternion_law(desired, q, &k), geodesic(desired, q, &k)]
+                .map(|exact| (exact.torque - first_order_law(desired, q, &k).torque).length())
+        };
+        let (coarse, fine) = (off(0.02), off(0.01));
+        for (coarse, fine) in coarse.iter().zip(fine) {
+            let measured = (coarse / fine).log2();
+            assert!((measured - order).abs() < 0.02, "{measured}");
+        }
+    }
+    // 2 K sin(angle/2), and its energy is the integral of that.
+    let q = desired * rotation::exp(axis * 1.3);
+    let got = first_order_law(desired, q, &Mat3::IDENTITY);
+    assert!((got.torque + desired * axis * (2.0 * 0.65_f64.sin())).length() < 4.0 * f64::EPSILON);
+    assert!((got.energy - 4.0 * (1.0 - 0.65_f64.cos())).abs() < 4.0 * f64::EPSILON);
 }

@@ -12,6 +12,7 @@ mod hostile;
 mod laws;
 mod motion;
 mod odometry;
+mod passivity;
 mod references;
 mod rng;
 mod shaping;

@@ -1,10 +1,15 @@
 //! The methods of odometry have the orders that they are said to have (physics notes, section 4).
 
+use crate::bench;
 use crate::designs::prototype_wheels;
 use crate::rng::Rng;
-use hbot_core::odometry::{advance, turn};
+use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
+use hbot_core::mode::Mode;
+use hbot_core::odometry::{advance, turn, turn_along};
+use hbot_core::path::Trail;
 use hbot_core::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
-use hbot_core::{Device, Quat, Vec3, WheelSpec, kinematics::Posture, rotation};
+use hbot_core::rig::PathFit::{self, Cubic, Quadratic, Straight};
+use hbot_core::{CompiledScene, Controller, Device, Quat, Vec3, WheelSpec, kinematics::Posture, rotation};
 
 /// A device with its joints at constant rates, none of which fits the others: the sphere slips as well.
 struct Segment {
@@ -81,5 +86,234 @@ fn midpoint_and_magnus_are_exact_where_the_steering_stands_still() {
             let off = rotation::angle_between(segment.end(method, 100), reference);
             assert!(off < 100.0 * f64::EPSILON * 8.0, "{method:?}: {off:e}");
         }
+    }
+}
+
+/// The joints of a prototype that a person turns about, and where its sphere is.
+#[derive(Clone, Copy)]
+struct Truth {
+    q: Quat,
+    joints: [f64; 4],
+}
+
+/// Steps of the truth in a millisecond.
+const FINE: usize = 16;
+
+/// A smooth motion of 1 s, `FINE` times a millisecond: the sphere turns about all three axes with up to 3 rad/s, each at its
+/// own pace, and its wheels roll. By the classical Runge-Kutta method, whose error in such steps is below 1e-13.
+fn motion(seed: u64) -> Vec<Truth> {
+    let device = Device::new(0.102, 0.467, &prototype_wheels()).unwrap();
+    let mut rng = Rng(seed);
+    let pace: Vec<f64> = (0..3).map(|_| rng.between(4.0, 9.0)).collect();
+    let phase = rng.vector(3.0);
+    let omega = |t: f64| {
+        Vec3::new(
+            1.7 * (pace[0] * t + phase.x).sin(),
+            1.7 * (pace[1] * t + phase.y).sin(),
+            1.7 * (pace[2] * t + phase.z).sin(),
+        )
+    };
+    let flow = |t: f64, state: &Truth| {
+        let w = omega(t);
+        let rates = Posture::new(&device, &[state.joints[0], state.joints[2]]).inverse(w);
+        let q = Quat::from_xyzw(0.5 * w.x, 0.5 * w.y, 0.5 * w.z, 0.0) * state.q;
+        Truth { q, joints: [rates[0], rates[1], rates[2], rates[3]] }
+    };
+    let along = |state: &Truth, by: &Truth, h: f64| Truth {
+        q: state.q + by.q * h,
+        joints: core::array::from_fn(|j| state.joints[j] + h * by.joints[j]),
+    };
+    let h = 1e-3 / FINE as f64;
+    let mut state = Truth { q: Quat::IDENTITY, joints: [0.3, 0.0, -0.5, 0.0] };
+    (0..=1000 * FINE)
+        .map(|k| {
+            let (now, t) = (state, k as f64 * h);
+            let k1 = flow(t, &now);
+            let k2 = flow(t + 0.5 * h, &along(&now, &k1, 0.5 * h));
+            let k3 = flow(t + 0.5 * h, &along(&now, &k2, 0.5 * h));
+            let k4 = flow(t + h, &along(&now, &k3, h));
+            state = [(k1, 1.0), (k2, 2.0), (k3, 2.0), (k4, 1.0)]
+                .iter()
+                .fold(now, |sum, (k, weight)| along(&sum, k, h / 6.0 * weight));
+            state.q = rotation::renormalized(state.q);
+            now
+        })
+        .collect()
+}
+
+/// The error of orientation that odometry adds up in 0.6 s, with readings every `ms` milliseconds times `pattern`, which
+/// repeats. The first readings, which a fit of this degree needs to get going, are before that.
+fn drift(truth: &[Truth], method: OdometryMethod, fit: PathFit, ms: f64, pattern: &[usize]) -> f64 {
+    let device = Device::new(0.102, 0.467, &prototype_wheels()).unwrap();
+    let unit = (ms * FINE as f64) as usize;
+    let mut trail = Trail::START;
+    let (mut at, mut q) = (0, None);
+    for ticks in pattern.iter().cycle() {
+        let next = at + ticks * unit;
+        if at >= 88 * FINE && q.is_none() {
+            q = Some((truth[at].q, at));
+        }
+        if at >= 704 * FINE {
+            break;
+        }
+        let mut delta = [0.0; hbot_core::MAX_JOINTS];
+        for j in 0..4 {
+            delta[j] = truth[next].joints[j] - truth[at].joints[j];
+        }
+        let th = [truth[at].joints[0], truth[at].joints[2]];
+        let path = trail.step(fit, &delta, *ticks as f64);
+        if let Some((q, _)) = &mut q {
+            *q = advance(*q, turn_along(&device, method, &th, &path));
+        }
+        at = next;
+    }
+    rotation::angle_between(q.unwrap().0, truth[at].q)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// What the path costs, beside the method (the table of the physics notes, section 4).
+#[test]
+fn the_path_s_order_is_the_number_of_readings_that_it_goes_through() {
+    let motions: Vec<Vec<Truth>> = (0..9).map(motion).collect();
+    let even = [1];
+    // As when one reading in four is lost.
+    let uneven = [1, 1, 2, 1, 1, 1, 3, 1];
+    for (method, fit, order) in [
+        (Midpoint, Straight, 2.0),
+        (Magnus4, Straight, 2.0),
+        (Midpoint, Quadratic, 2.0),
+        (Midpoint, Cubic, 2.0),
+        (Magnus4, Quadratic, 3.0),
+        (Magnus4, Cubic, 4.0),
+    ] {
+        for pattern in [&even[..], &uneven[..]] {
+            let steps = if pattern.len() == 1 { [4.0, 2.0, 1.0] } else { [2.0, 1.0, 0.5] };
+            let errors = steps.map(|ms| {
+                median(motions.iter().map(|truth| drift(truth, method, fit, ms, pattern)).collect())
+            });
+            // Drifts of 4e-5 down to 1e-10 rad, over the reference's own 1e-13: the leading error is all there is.
+            for pair in errors.windows(2) {
+                let measured = (pair[0] / pair[1]).log2();
+                assert!((measured - order).abs() < 0.1, "{method:?}, {fit:?}: {measured} of {errors:?}");
+            }
+        }
+    }
+    // The sizes of the notes' table, for a motion of another hand: within a factor of three.
+    for (fit, noted) in [(Straight, 6.2e-6), (Quadratic, 3.0e-8), (Cubic, 6.4e-10)] {
+        let got = median(motions.iter().map(|truth| drift(truth, Magnus4, fit, 1.0, &even)).collect());
+        assert!((noted / 4.0..noted * 3.0).contains(&got), "{fit:?}: {got:e} where the notes have {noted:e}");
+    }
+}
+
+/// In 32 bits the path still pays: what is left is rounding, far below what a straight path is off.
+#[test]
+fn in_single_precision_rounding_is_what_is_left() {
+    use hbot_core::rotation::angle_between;
+    use hbot_core_f32::{Device, Vec3, WheelSpec, odometry, path, rig, rotation};
+    let wheels = prototype_wheels().map(|wheel| WheelSpec {
+        axis: Vec3::new(wheel.axis.x as f32, wheel.axis.y as f32, wheel.axis.z as f32),
+        cone: wheel.cone as f32,
+        toe: wheel.toe as f32,
+        radius: wheel.radius as f32,
+        steer_inertia: wheel.steer_inertia as f32,
+        drive_inertia: wheel.drive_inertia as f32,
+        axial_inertia: 0.0,
+    });
+    let device = Device::new(0.102, 0.467, &wheels).unwrap();
+    let truth = motion(2);
+    let drift = |fit| {
+        let (mut trail, mut q) = (path::Trail::START, hbot_core_f32::Quat::IDENTITY);
+        let mut from = Quat::IDENTITY;
+        for ms in (0..700).step_by(4) {
+            let (now, next) = (&truth[ms * FINE], &truth[(ms + 4) * FINE]);
+            let mut delta = [0.0; hbot_core_f32::MAX_JOINTS];
+            for j in 0..4 {
+                delta[j] = (next.joints[j] - now.joints[j]) as f32;
+            }
+            let th = [now.joints[0], now.joints[2]].map(|th| rotation::wrap_angle(th as f32));
+            let path = trail.step(fit, &delta, 4.0);
+            if ms == 88 {
+                from = now.q;
+                q = hbot_core_f32::Quat::from_xyzw(
+                    from.x as f32,
+                    from.y as f32,
+                    from.z as f32,
+                    from.w as f32,
+                );
+            }
+            if ms >= 88 {
+                q = odometry::advance(
+                    q,
+                    odometry::turn_along(&device, rig::OdometryMethod::Magnus4, &th, &path),
+                );
+            }
+        }
+        assert_ne!(from, Quat::IDENTITY);
+        let q = Quat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into());
+        angle_between(q, truth[700 * FINE].q)
+    };
+    // 153 steps, each of which rounds the quaternion and a turn of at most 12 mrad: 1e-7 times sqrt(153).
+    let rounding = 2e-6;
+    assert!(drift(rig::PathFit::Cubic) < rounding, "{:e}", drift(rig::PathFit::Cubic));
+    assert!(drift(rig::PathFit::Straight) > 5.0 * rounding, "{:e}", drift(rig::PathFit::Straight));
+}
+
+/// The controller gives the fit its readings at the ticks that they answer, whatever is lost on the way.
+#[test]
+fn the_controller_follows_a_curved_path_over_lost_readings() {
+    let mut rig = bench::rig();
+    // Counts so fine that their rounding (3e-9 rad at the joint) is no matter.
+    rig.joints.iter_mut().for_each(|joint| (joint.counts_per_turn, joint.gear) = (1 << 30, 2.0));
+    let unit = f64::from(1 << 30) * 2.0 / core::f64::consts::TAU;
+    let truth = motion(5);
+    let drift = |fit, lost: &dyn Fn(usize) -> bool| {
+        let mut rig = rig;
+        rig.methods.path = fit;
+        let mut controller = Controller::new(rig);
+        let mut first = None;
+        let mut last = None;
+        for ms in 0..700_usize {
+            let mut inputs = Inputs::quiet(ms as u64 + 1);
+            if !lost(ms) {
+                let now = &truth[ms * FINE];
+                let mut counts = [0; hbot_core::MAX_JOINTS];
+                for j in 0..4 {
+                    counts[j] = (now.joints[j] * unit).round() as i64 as i32;
+                }
+                inputs.feedback = Some(JointFeedback {
+                    sequence: ms as u32,
+                    counts,
+                    rates: [0.0; hbot_core::MAX_JOINTS],
+                    index_seen: 0,
+                    complaints: Complaints::default(),
+                });
+                last = Some(now.q);
+            }
+            let state = controller.tick(&CompiledScene::empty(), &inputs).state;
+            assert_eq!(state.mode, Mode::Idle, "{:?}", state.cause);
+            if ms == 100 {
+                first = Some((truth[100 * FINE].q, state.q));
+            }
+            if ms == 699 {
+                let (then, q) = first.unwrap();
+                // The turn since, in N: what is off at the start is carried along.
+                let (made, want) = (state.q * q.conjugate(), last.unwrap() * then.conjugate());
+                return rotation::angle_between(made, want);
+            }
+        }
+        unreachable!()
+    };
+    let none = |_: usize| false;
+    let some = |ms: usize| ms % 10 == 7 || ms % 23 == 5 || ms % 23 == 6;
+    for lost in [&none as &dyn Fn(usize) -> bool, &some] {
+        let [straight, quadratic, cubic] = [Straight, Quadratic, Cubic].map(|fit| drift(fit, lost));
+        assert!(
+            straight > 50.0 * quadratic && quadratic > 10.0 * cubic,
+            "{straight:e} {quadratic:e} {cubic:e}"
+        );
     }
 }

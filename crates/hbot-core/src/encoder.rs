@@ -49,7 +49,19 @@ impl Encoder {
     /// The angle that the joint has turned since the last reading, rad, without taking the new one.
     #[inline]
     pub(crate) fn peek(&self, count: i32) -> Real {
-        count.wrapping_sub(self.last) as Real * self.radians_per_count
+        self.counted(count) as Real * self.radians_per_count
+    }
+
+    /// The counts since the last reading, in the controller's sense, without taking the new one.
+    #[inline]
+    pub(crate) fn counted(&self, count: i32) -> i32 {
+        count.wrapping_sub(self.last)
+    }
+
+    /// The joint's turn for one count, rad; negative where the controller counts against the joint.
+    #[inline]
+    pub(crate) fn radians_per_count(&self) -> Real {
+        self.radians_per_count
     }
 
     /// Takes the next reading.

@@ -53,6 +53,20 @@ pub fn geodesic_law(desired: Quat, actual: Quat, stiffness: &Mat3, branch: Vec3)
     (Elastic { torque: desired * -torque, energy: 0.5 * p.dot(kp) }, p)
 }
 
+/// The first-order form of both laws: T = -2 R_d K e, for comparisons.
+///
+/// It differs from them by the third power of the angle for an isotropic K (2 K sin(angle/2), energy 4 K (1 - eta): still a
+/// gradient), and by the second for another one, where it is **no gradient**: it misses e x K e and gives out energy around
+/// some closed paths. That is why no effect offers it. The energy is that of the isotropic case carried over, 4 eᵀ K e / (1 + eta).
+#[inline]
+#[must_use]
+pub fn first_order_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic {
+    let x = shortest(desired.conjugate() * actual);
+    let e = vector_part(x);
+    let ke = *stiffness * e;
+    Elastic { torque: desired * (ke * -2.0), energy: 4.0 * e.dot(ke) / (1.0 + x.w) }
+}
+
 /// (1/t²)(1 - (t/2) cot(t/2)), from eta = cos(t/2), t / sin(t/2) and t².
 #[inline]
 fn log_jacobian_coefficient(eta: Real, angle_over_sine: Real, t2: Real) -> Real {

@@ -7,8 +7,10 @@ use crate::kinematics::{self, Posture};
 use crate::mode::Cause;
 use crate::odometry;
 use crate::outputs::Slip;
+use crate::path::Trail;
+use crate::rates::{Moved, Rates};
 use crate::real::{PI, Real, Vec3, fabs, sqrt};
-use crate::rig::{OdometryMethod, RateEstimate, Rig, Zero};
+use crate::rig::{OdometryMethod, PathFit, Rig, Zero};
 
 /// Rates above this are not a joint's, rad/s: 100,000 turns a minute.
 const MAX_RATE: Real = 1.0e4;
@@ -19,6 +21,8 @@ pub(crate) struct Joints {
     encoders: [Encoder; MAX_JOINTS],
     /// The last command that feedback has answered.
     sequence: Option<u32>,
+    estimator: Rates,
+    trail: Trail,
     pub(crate) posture: Posture,
     pub(crate) angle: [Real; MAX_JOINTS],
     pub(crate) rate: [Real; MAX_JOINTS],
@@ -37,9 +41,12 @@ pub(crate) struct Step {
 
 impl Joints {
     pub(crate) fn new(rig: &Rig) -> Self {
+        let encoders = rig.joints.map(|joint| Encoder::new(&joint));
         Self {
-            encoders: rig.joints.map(|joint| Encoder::new(&joint)),
+            estimator: Rates::new(rig, &encoders),
+            encoders,
             sequence: None,
+            trail: Trail::START,
             posture: Posture::new(&rig.device, &[0.0; MAX_WHEELS]),
             angle: [0.0; MAX_JOINTS],
             rate: [0.0; MAX_JOINTS],
@@ -54,6 +61,12 @@ impl Joints {
     pub(crate) fn is_news(&self, feedback: &JointFeedback, tick: u64) -> bool {
         (tick as u32).wrapping_sub(feedback.sequence) as i32 >= 0
             && self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
+    }
+
+    /// The last command that feedback has answered, if any has.
+    #[inline]
+    pub(crate) fn answered(&self) -> Option<u32> {
+        self.sequence
     }
 
     /// Whether all steering zeros are known. `first`: these controllers have not rebooted since the start.
@@ -71,7 +84,14 @@ impl Joints {
         for i in 0..rig.device.joints() {
             self.encoders[i].take(feedback.counts[i]);
         }
+        self.begin(rig, feedback)
+    }
+
+    /// Takes up from where the joints are; how they came there is not known.
+    fn begin(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
         self.sequence = Some(feedback.sequence);
+        self.trail = Trail::START;
+        self.estimator.restart();
         self.rates(rig, feedback, None)?;
         self.locate(rig);
         Ok(())
@@ -93,9 +113,7 @@ impl Joints {
             for i in 0..n {
                 self.encoders[i].advance(feedback.counts[i]);
             }
-            self.sequence = Some(feedback.sequence);
-            self.rates(rig, feedback, None)?;
-            self.locate(rig);
+            self.begin(rig, feedback)?;
             return Err(Cause::ImplausibleFeedback);
         }
         for i in 0..n / 2 {
@@ -103,27 +121,41 @@ impl Joints {
         }
         let last = self.sequence.unwrap_or(feedback.sequence.wrapping_sub(1));
         let ticks = feedback.sequence.wrapping_sub(last).max(1);
-        self.rates(rig, feedback, Some((&delta, ticks as Real * rig.timing.period_s())))?;
+        self.rates(rig, feedback, Some((&delta, ticks)))?;
         for i in 0..n {
             self.encoders[i].advance(feedback.counts[i]);
         }
         self.sequence = Some(feedback.sequence);
-        let turn = match rig.methods.odometry {
+        let turn = match (rig.methods.odometry, rig.methods.path) {
             // The frames at the step's start are those of the posture until it is moved on below.
-            OdometryMethod::Euler => kinematics::forward(&rig.device, self.posture.frames(), &delta),
-            method => odometry::turn(&rig.device, method, &start, &delta),
+            (OdometryMethod::Euler, _) => kinematics::forward(&rig.device, self.posture.frames(), &delta),
+            (method, PathFit::Straight) => odometry::turn(&rig.device, method, &start, &delta),
+            _ => self.turn_along_a_curve(rig, &start, &delta, ticks),
         };
         self.locate(rig);
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }
 
-    /// Joint rates by the rig's estimate; `moved`: by how much and in what time since the last reading.
+    /// The turn along the path that is fitted to the last readings. Apart, so that it costs nothing where the path is straight.
+    #[inline(never)]
+    fn turn_along_a_curve(
+        &mut self,
+        rig: &Rig,
+        start: &[Real; MAX_WHEELS],
+        delta: &[Real; MAX_JOINTS],
+        ticks: u32,
+    ) -> Vec3 {
+        let path = self.trail.step(rig.methods.path, delta, ticks as Real);
+        odometry::turn_along(&rig.device, rig.methods.odometry, start, &path)
+    }
+
+    /// Joint rates by the rig's estimate; `moved`: by how much (rad) and in how many ticks since the last reading.
     #[inline]
     fn rates(
         &mut self,
         rig: &Rig,
         feedback: &JointFeedback,
-        moved: Option<(&[Real; MAX_JOINTS], Real)>,
+        moved: Option<(&[Real; MAX_JOINTS], u32)>,
     ) -> Result<(), Cause> {
         let mut rate = [0.0; MAX_JOINTS];
         for i in 0..rig.device.joints() {
@@ -134,14 +166,34 @@ impl Joints {
             if fabs(reported) > MAX_RATE {
                 return Err(Cause::ImplausibleFeedback);
             }
-            rate[i] = match (rig.methods.rate, moved) {
-                (RateEstimate::Controller, _) => self.encoders[i].signed(reported),
-                (RateEstimate::Difference, Some((delta, time))) => delta[i] / time,
-                (RateEstimate::Difference, None) => 0.0,
-            };
+            rate[i] = self.encoders[i].signed(reported);
+        }
+        if !matches!(self.estimator, Rates::Reported) {
+            self.rates_from_counts(rig, feedback, moved, &mut rate);
         }
         self.rate = rate;
         Ok(())
+    }
+
+    /// Rates from counts alone; zero where there is only one reading. Apart, so that it costs nothing where the controllers report
+    /// rates.
+    #[inline(never)]
+    fn rates_from_counts(
+        &mut self,
+        rig: &Rig,
+        feedback: &JointFeedback,
+        moved: Option<(&[Real; MAX_JOINTS], u32)>,
+        rate: &mut [Real; MAX_JOINTS],
+    ) {
+        let Some((delta, ticks)) = moved else {
+            *rate = [0.0; MAX_JOINTS];
+            return;
+        };
+        let mut counts = [0; MAX_JOINTS];
+        for i in 0..rig.device.joints() {
+            counts[i] = self.encoders[i].counted(feedback.counts[i]);
+        }
+        self.estimator.advance(rig, &self.encoders, &Moved { delta, counts: &counts, ticks }, rate);
     }
 
     /// Angles, posture, and what the rates say of the sphere.

@@ -9,7 +9,7 @@
 //! 2. [`scene`] and [`effects`]: what the sphere is to feel like; [`impedance`]: the spring laws and the damper.
 //! 3. [`mode`]: the state table, with every cause of a fault.
 //! 4. [`allocation`]: a torque on the sphere as joint torques within limits, its direction kept.
-//! 5. [`odometry`]: orientation from joint angles; [`kinematics`]: contact frames, G, forward and inverse.
+//! 5. [`odometry`]: orientation from joint angles along a [`path`]; [`kinematics`]: contact frames, G, forward and inverse.
 //! 6. [`singularity`]: margins and indices; [`device`]: a legal design, checked over all steering angles.
 //! 7. [`rotation`]: exponential, logarithm and errors of unit quaternions.
 //!
@@ -35,6 +35,8 @@ pub mod odometry;
 mod orientation;
 pub mod outputs;
 mod passivity;
+pub mod path;
+mod rates;
 mod real;
 mod render;
 pub mod rig;

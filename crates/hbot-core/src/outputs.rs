@@ -98,6 +98,8 @@ pub struct State {
     pub traction: Real,
     /// Energy given out, J (passivity observer).
     pub energy: Real,
+    /// The damping that the passivity controller adds in this tick, N m s/rad; 0 where the rig has none.
+    pub damping: Real,
     /// The last stream message that was taken.
     pub client: Option<Client>,
     /// Whether this tick took new feedback.

@@ -1,9 +1,11 @@
-//! The passivity observer: energy given out to the hand (Hannaford and Ryu 2002; physics notes, section 9).
+//! The passivity observer: energy given out to the hand; and the controller, which damps where it would be more than came in
+//! (Hannaford and Ryu 2002; physics notes, section 9).
 //!
 //! E grows by T . delta, where delta is the turn made while T was truly held. Feedback says which command it answers, so
 //! the torque of that command, not the newest one, is paired with the turn.
 
 use crate::real::{Real, Vec3};
+use crate::rig::PassivityLimit;
 
 /// Torques remembered; more ticks than this without feedback have long been a lost link.
 const DEPTH: usize = 64;
@@ -34,20 +36,169 @@ impl Observer {
         self.torques[sequence as usize % DEPTH] = torque;
     }
 
-    /// The sphere made `turn` (rad, N) between the readings that answer commands `from` and `to`.
+    /// The sphere made `turn` (rad, N) between the readings that answer commands `from` and `to`; the energy given out in it, J.
     #[inline]
-    pub(crate) fn turned(&mut self, from: u32, to: u32, turn: Vec3) {
+    pub(crate) fn turned(&mut self, from: u32, to: u32, turn: Vec3) -> Real {
         let steps = (to.wrapping_sub(from) as usize).clamp(1, DEPTH);
         let mut sum = Vec3::ZERO;
         for k in 0..steps {
             sum += self.torques[from.wrapping_add(k as u32) as usize % DEPTH];
         }
-        self.energy += sum.dot(turn) / steps as Real;
+        let given = sum.dot(turn) / steps as Real;
+        self.energy += given;
+        given
+    }
+
+    /// The sum of the torques held in the ticks from command `answered` to before `tick`, N m: no reading has shown yet what
+    /// they give out.
+    #[inline]
+    fn on_their_way(&self, answered: u32, tick: u32) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        let ahead = tick.wrapping_sub(answered) as i32;
+        for k in 0..ahead.clamp(0, DEPTH as i32) as u32 {
+            let command = answered.wrapping_add(k);
+            // In a tick that was skipped the last torque was held on.
+            let sent = if self.newest.wrapping_sub(command) as i32 >= 0 { command } else { self.newest };
+            sum += self.torques[sent as usize % DEPTH];
+        }
+        sum
     }
 
     /// Energy given out, J; negative where more came in.
     #[inline]
     pub(crate) fn energy(&self) -> Real {
         self.energy
+    }
+}
+
+/// The passivity controller: damping where the energy given out would be more than what came in and an allowance.
+///
+/// A reading is as old as the commands after it that it does not answer. Their torques are held whatever is decided now, so what
+/// they will give out is predicted from the rate of the reading and taken as given; the new torque's damping then is
+/// what keeps the sum within the allowance by the end of its own tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Guard {
+    limit: PassivityLimit,
+    /// Energy given out, J, but never below `-limit.store`.
+    energy: Real,
+    /// The damping of the last tick, N m s/rad.
+    damping: Real,
+}
+
+impl Guard {
+    pub(crate) fn new(limit: PassivityLimit) -> Self {
+        Self { limit, energy: 0.0, damping: 0.0 }
+    }
+
+    /// Nothing given and nothing taken: the motors have just been enabled.
+    pub(crate) fn restart(&mut self) {
+        self.energy = 0.0;
+    }
+
+    /// So much energy was given out, J.
+    #[inline]
+    pub(crate) fn given(&mut self, energy: Real) {
+        self.energy = (self.energy + energy).max(-self.limit.store);
+    }
+
+    /// The torque `wanted` in this tick and the damping that it needs, N m, at the rate `omega` (rad/s) of the last reading.
+    #[inline]
+    pub(crate) fn damped(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
+        let held = observer.on_their_way(now.answered, now.tick) + wanted;
+        let excess = self.energy + held.dot(omega) * now.period - self.limit.allowance;
+        let square = omega.length_squared() * now.period;
+        // At rest nothing is given out, and nothing could be taken in.
+        self.damping = if excess > 0.0 && square > 0.0 {
+            (excess / square).min(self.limit.damping) * now.gain
+        } else {
+            0.0
+        };
+        wanted - omega * self.damping
+    }
+
+    /// No damping in this tick.
+    pub(crate) fn rest(&mut self) {
+        self.damping = 0.0;
+    }
+
+    /// The damping of the last tick, N m s/rad.
+    pub(crate) fn damping(&self) -> Real {
+        self.damping
+    }
+}
+
+/// When the passivity controller is asked.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment {
+    pub(crate) tick: u32,
+    /// The last command that feedback has answered.
+    pub(crate) answered: u32,
+    /// How long a command is held, s.
+    pub(crate) period: Real,
+    /// 0 to 1: how far the motors are faded in. Damping fades with all other torque.
+    pub(crate) gain: Real,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOMENT: Moment = Moment { tick: 11, answered: 10, period: 0.25, gain: 1.0 };
+    const LIMIT: PassivityLimit = PassivityLimit { allowance: 1.0, store: 4.0, damping: 2.0 };
+
+    fn pushing() -> (Observer, Guard) {
+        let mut observer = Observer::START;
+        observer.sent(10, Vec3::X * 2.0);
+        (observer, Guard::new(LIMIT))
+    }
+
+    #[test]
+    fn the_predicted_energy_ends_at_the_allowance() {
+        let (observer, mut guard) = pushing();
+        guard.given(0.5);
+        // 0.5 J given, 2 N m under way and 1 N m wanted, at 1 rad/s for 1/4 s each: 1.25 J, of which the damping takes 0.25.
+        let torque = guard.damped(&observer, MOMENT, Vec3::X, Vec3::X);
+        assert_eq!((torque, guard.damping()), (Vec3::ZERO, 1.0));
+        // What turns the other way takes energy in by itself.
+        assert_eq!(guard.damped(&observer, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
+        assert_eq!(guard.damping(), 0.0);
+    }
+
+    #[test]
+    fn damping_is_bounded_and_fades_with_the_motors_and_a_sphere_at_rest_has_none() {
+        let (observer, mut guard) = pushing();
+        guard.given(50.0);
+        for (gain, damping) in [(1.0, 2.0), (0.5, 1.0), (0.0, 0.0)] {
+            let omega = Vec3::new(0.0, 1e-3, 0.0);
+            let torque = guard.damped(&observer, Moment { gain, ..MOMENT }, Vec3::Z, omega);
+            assert_eq!((torque, guard.damping()), (Vec3::Z - omega * damping, damping));
+        }
+        assert_eq!(guard.damped(&observer, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
+    }
+
+    #[test]
+    fn what_was_dissipated_long_ago_buys_no_more_than_the_store() {
+        let (_, mut guard) = pushing();
+        guard.given(-1000.0);
+        guard.given(4.0);
+        assert_eq!(guard.energy, 0.0);
+        guard.given(3.0);
+        guard.restart();
+        assert_eq!(guard.energy, 0.0);
+    }
+
+    #[test]
+    fn torques_under_way_are_those_of_commands_not_answered() {
+        let mut observer = Observer::START;
+        for (tick, torque) in [(1, 1.0), (2, 10.0), (3, 100.0)] {
+            observer.sent(tick, Vec3::X * torque);
+        }
+        assert_eq!(observer.on_their_way(3, 4).x, 100.0);
+        assert_eq!(observer.on_their_way(1, 4).x, 111.0);
+        assert_eq!(observer.on_their_way(3, 6).x, 300.0, "two ticks skipped");
+        assert_eq!(observer.on_their_way(4, 4).x, 0.0, "the reading answers this very tick");
+        assert_eq!(observer.on_their_way(5, 4).x, 0.0);
+        // However long nothing came, no more than is remembered.
+        assert_eq!(observer.on_their_way(3, 3 + 1_000_000).x, 6400.0);
     }
 }

@@ -5,7 +5,7 @@ use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Zero};
+use hbot_core::rig::{Joint, Limits, Methods, PassivityLimit, RateEstimate, Rig, Timing, Zero};
 use hbot_core::{CompiledScene, Controller, Mat3, Vec3, rotation};
 use hbot_link::{
     ControllerFlags, Decoder, Feedback, FromController, JointFlags, JointReading, MAX_COMMAND_FRAME,
@@ -143,8 +143,9 @@ fn rig() -> Option<Rig> {
         peak: 2.0,
         continuous: 2.0,
     };
+    let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).ok()?;
     Some(Rig {
-        device: Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).ok()?,
+        device,
         joints: [joint; MAX_JOINTS],
         limits: Limits {
             torque: 2.0,
@@ -158,6 +159,11 @@ fn rig() -> Option<Rig> {
             max_age_ticks: 50,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, rate: RateEstimate::Controller },
+        // The stages with the most memory.
+        methods: Methods {
+            rate: RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 64 },
+            passivity: Some(PassivityLimit::of(&device, 1e-3)),
+            ..Methods::EXACT
+        },
     })
 }

@@ -69,19 +69,22 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let controllers = controllers(&file, report);
     let link = link(&file, report);
     let api = api(&file, report);
+    file.r#loop.rate_estimate.check(report);
     let device = device(&file, report)?;
     let joints = joints(&file);
+    let timing = core::Timing {
+        period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
+        timeout_ticks: file.link.timeout_ticks,
+    };
     let rig = core::Rig {
         device,
         joints,
         limits: limits(&file.limits),
-        timing: core::Timing {
-            period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
-            timeout_ticks: file.link.timeout_ticks,
-        },
+        timing,
         methods: core::Methods {
-            odometry: file.r#loop.accuracy.odometry(),
-            rate: file.r#loop.rate_estimate.into(),
+            rate: file.r#loop.rate_estimate.compile(),
+            passivity: file.r#loop.passivity.compile(&device, timing.period_s()),
+            ..file.r#loop.accuracy.methods()
         },
     };
     Some(RigConfig {

@@ -2,6 +2,7 @@
 
 mod compile;
 mod file;
+mod methods;
 mod settings;
 
 use std::fmt;

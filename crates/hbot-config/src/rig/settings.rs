@@ -4,9 +4,10 @@ use std::f64::consts::PI;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
-use hbot_core::rig as core;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::methods::{Accuracy, Passivity, Preset, RateEstimate, RateMethod};
 
 /// The control loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -17,8 +18,10 @@ pub(crate) struct Loop {
     pub(crate) rate_hz: u32,
     /// A preset of methods, or a table that names each.
     pub(crate) accuracy: Accuracy,
-    /// Where joint rates come from.
+    /// Where joint rates come from: a method, or a table that names it with its parameters.
     pub(crate) rate_estimate: RateEstimate,
+    /// Whether energy given out is held within what came in: true, false, or a table that says how.
+    pub(crate) passivity: Passivity,
 }
 
 impl Default for Loop {
@@ -26,65 +29,10 @@ impl Default for Loop {
         Self {
             rate_hz: 1000,
             accuracy: Accuracy::Preset(Preset::Balanced),
-            rate_estimate: RateEstimate::Controller,
+            rate_estimate: RateEstimate::Method(RateMethod::Controller),
+            passivity: Passivity::Switch(false),
         }
     }
-}
-
-/// A preset of methods, or a table that names each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub(crate) enum Accuracy {
-    Preset(Preset),
-    Methods(MethodTable),
-}
-
-/// A preset of methods.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Preset {
-    /// The least time a tick: odometry euler.
-    Fast,
-    /// The default: odometry midpoint.
-    Balanced,
-    /// The least error: odometry magnus4.
-    Exact,
-}
-
-/// The methods one by one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct MethodTable {
-    /// How orientation is integrated from one reading to the next.
-    pub(crate) odometry: Odometry,
-}
-
-impl Default for MethodTable {
-    fn default() -> Self {
-        Self { odometry: Odometry::Midpoint }
-    }
-}
-
-/// How orientation is integrated from one reading to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Odometry {
-    /// Contact frames at the step's start: order 1.
-    Euler,
-    /// Contact frames at the mid steering angles: order 2.
-    Midpoint,
-    /// Two Gauss points and their commutator: order 4.
-    Magnus4,
-}
-
-/// Where joint rates come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum RateEstimate {
-    /// As the motor controllers report them.
-    Controller,
-    /// The difference of the last two readings.
-    Difference,
 }
 
 /// The serial line.
@@ -228,40 +176,4 @@ pub enum OnClientLost {
     Keep,
     /// The rig goes to the fault client_lost.
     Fault,
-}
-
-impl From<RateEstimate> for core::RateEstimate {
-    fn from(estimate: RateEstimate) -> Self {
-        match estimate {
-            RateEstimate::Controller => Self::Controller,
-            RateEstimate::Difference => Self::Difference,
-        }
-    }
-}
-
-impl Accuracy {
-    /// The name of the preset, `custom` for a table.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Preset(Preset::Fast) => "fast",
-            Self::Preset(Preset::Balanced) => "balanced",
-            Self::Preset(Preset::Exact) => "exact",
-            Self::Methods(_) => "custom",
-        }
-    }
-
-    /// The odometry of the preset or table.
-    pub(crate) fn odometry(self) -> core::OdometryMethod {
-        match self {
-            Self::Preset(Preset::Fast) | Self::Methods(MethodTable { odometry: Odometry::Euler }) => {
-                core::OdometryMethod::Euler
-            }
-            Self::Preset(Preset::Balanced) | Self::Methods(MethodTable { odometry: Odometry::Midpoint }) => {
-                core::OdometryMethod::Midpoint
-            }
-            Self::Preset(Preset::Exact) | Self::Methods(MethodTable { odometry: Odometry::Magnus4 }) => {
-                core::OdometryMethod::Magnus4
-            }
-        }
-    }
 }

@@ -22,6 +22,11 @@ fn tables() -> Vec<(String, String)> {
         all.push((name.to_owned(), rows(section(name))));
     }
     all.push(("traction".to_owned(), rows(&section("limits")["properties"]["traction"])));
+    for name in ["accuracy", "rate_estimate", "passivity"] {
+        let choices = section("loop")["properties"][name]["anyOf"].as_array().unwrap();
+        let table = choices.iter().find(|choice| choice["type"] == "object").unwrap();
+        all.push((name.to_owned(), rows(table)));
+    }
     let listed =
         |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
     all.extend(kinds().into_iter().map(|kind| listed(kind.name.to_owned(), kind)));
@@ -68,10 +73,7 @@ fn range(property: &Value) -> String {
     let branches = property["oneOf"].as_array().or_else(|| property["anyOf"].as_array());
     if let Some(branches) = branches {
         let name = |b: &Value| match &b["const"] {
-            Value::Null if b["type"] == "object" => {
-                let keys: Vec<_> = b["properties"].as_object().unwrap().iter().collect();
-                keys.iter().map(|(k, p)| format!("{{ {k} = {} }}", range(p))).collect::<Vec<_>>().join(", ")
-            }
+            Value::Null if b["type"] == "object" => "a table".to_owned(),
             Value::Null => range(b),
             name => format!("`{name}`"),
         };

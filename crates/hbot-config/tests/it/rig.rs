@@ -2,7 +2,9 @@
 
 use hbot_config::rig::{OnClientLost, Port, Protocol};
 use hbot_config::{LoadError, Override, RigConfig};
-use hbot_core::rig::{OdometryMethod, RateEstimate, Zero};
+use hbot_core::rig::{
+    AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
+};
 use serde_json::json;
 
 use crate::{folder, toml_files};
@@ -78,8 +80,7 @@ fn what_a_file_leaves_out_has_the_documented_default() {
     assert_eq!(config.wheels, ["A", "B"]);
     assert_eq!(config.controllers, [0, 1, 2, 3]);
     assert_eq!((config.rate_hz, config.accuracy), (1000, "balanced"));
-    assert_eq!(config.rig.methods.odometry, OdometryMethod::Midpoint);
-    assert_eq!(config.rig.methods.rate, RateEstimate::Controller);
+    assert_eq!(config.rig.methods, Methods::BALANCED);
     let joint = config.rig.joints[0];
     assert_eq!((joint.gear, joint.reversed, joint.zero), (1.0, false, Zero::Calibrate));
     assert_eq!(config.rig.joints[3].peak, 0.0, "no motor");
@@ -118,6 +119,69 @@ fn every_choice_of_methods_is_understood() {
         assert_eq!(config.rig.methods.rate, RateEstimate::Difference);
         assert_eq!(config.rig.timing.period_ns, 333_333);
     }
+}
+
+/// The rig of a file whose `[loop]` says this.
+fn with_loop(said: &str) -> RigConfig {
+    RigConfig::from_toml(&format!("{LEAST}\n[loop]\n{said}"), "x.toml").unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn paths_and_allocations_are_understood() {
+    let methods = |said: &str| with_loop(&format!("accuracy = {said}")).rig.methods;
+    assert_eq!(methods("'exact'"), Methods::EXACT);
+    assert_eq!(methods("'exact'").path, PathFit::Cubic);
+    assert_eq!(methods("'fast'"), Methods::FAST);
+    for (said, path, allocation) in [
+        ("{ path = 'straight' }", PathFit::Straight, AllocationMethod::Exact),
+        ("{ path = 'quadratic', allocation = 'clipped' }", PathFit::Quadratic, AllocationMethod::Clipped),
+        ("{ path = 'cubic', allocation = 'exact' }", PathFit::Cubic, AllocationMethod::Exact),
+    ] {
+        assert_eq!(methods(said), Methods { path, allocation, ..Methods::BALANCED });
+    }
+}
+
+#[test]
+fn every_rate_estimate_is_understood_with_its_parameters_and_no_other() {
+    let window =
+        |tolerance_counts, longest_ticks| RateEstimate::AdaptiveWindow { tolerance_counts, longest_ticks };
+    for (said, estimate) in [
+        ("'controller'", RateEstimate::Controller),
+        ("{ method = 'difference' }", RateEstimate::Difference),
+        ("'low_pass'", RateEstimate::LowPass { cutoff_hz: 30.0 }),
+        ("{ method = 'low_pass', cutoff_hz = 12.5 }", RateEstimate::LowPass { cutoff_hz: 12.5 }),
+        ("'adaptive_window'", window(1, 32)),
+        ("{ method = 'adaptive_window', longest_ticks = 20 }", window(1, 20)),
+        ("{ method = 'adaptive_window', tolerance_counts = 2 }", window(2, 32)),
+        ("'kalman'", RateEstimate::Kalman { acceleration: 100.0 }),
+        ("{ method = 'kalman', acceleration = 30 }", RateEstimate::Kalman { acceleration: 30.0 }),
+    ] {
+        assert_eq!(with_loop(&format!("rate_estimate = {said}")).rig.methods.rate, estimate, "{said}");
+    }
+    let loop_of = |said: &str| said_of(&format!("{LEAST}[loop]\nrate_estimate = {said}"));
+    assert_eq!(
+        loop_of("{ method = 'kalman', cutoff_hz = 3 }"),
+        r#"x.toml:16:50: loop.rate_estimate.cutoff_hz: another method has this key; legal: with method = "low_pass" alone"#
+    );
+    assert!(loop_of("{ cutoff_hz = 3 }").contains("loop.rate_estimate.method: missing"));
+    assert!(loop_of("'kalmann'").contains(r#"did you mean "kalman"?"#));
+}
+
+#[test]
+fn passivity_is_off_on_or_a_table() {
+    let limit = |said: &str| with_loop(&format!("passivity = {said}")).rig.methods.passivity;
+    let usual = PassivityLimit::of(&with_loop("").rig.device, 1e-3);
+    assert_eq!(limit("false"), None);
+    assert_eq!(limit("true"), Some(usual));
+    assert_eq!(limit("{}"), Some(usual));
+    assert_eq!(
+        limit("{ allowance = 0, store = 0.1, damping = 0.3 }"),
+        Some(PassivityLimit { allowance: 0.0, store: 0.1, damping: 0.3 })
+    );
+    // 2/3 m R² over four periods.
+    let slow = with_loop("rate_hz = 250\npassivity = true").rig;
+    let want = slow.device.sphere_inertia() / 4.0 / 4e-3;
+    assert!((slow.methods.passivity.unwrap().damping - want).abs() < 1e-12);
 }
 
 #[test]

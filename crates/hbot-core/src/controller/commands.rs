@@ -74,6 +74,9 @@ impl Controller {
             self.renderer.enable(scene, q);
             // Where it is still ramping down from before, what was felt goes over into what comes.
             self.anchored = true;
+            if let Some(guard) = &mut self.guard {
+                guard.restart();
+            }
             self.machine.enable();
         }
         Reply::Done

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! feedback -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands -> Renderer (the scene)
-//!          -> blend, stream, gain, limits -> allocation -> Outputs
+//!          -> blend, stream, gain, passivity, limits -> allocation -> Outputs
 //! ```
 
 mod commands;
@@ -15,10 +15,10 @@ use crate::joints::Joints;
 use crate::mode::{Cause, Machine, Mode};
 use crate::orientation::Orientation;
 use crate::outputs::{Client, Drive, Outputs, Reply, State};
-use crate::passivity::Observer;
+use crate::passivity::{Guard, Moment, Observer};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
-use crate::rig::Rig;
+use crate::rig::{AllocationMethod, Rig};
 use crate::scene::CompiledScene;
 use crate::shaping::{Blend, Stream, limited, slewed};
 
@@ -49,6 +49,7 @@ pub struct Controller {
     last_motion: Motion,
     stream: Stream,
     observer: Observer,
+    guard: Option<Guard>,
     /// Torque of the last tick, from which the next may differ by the slew limit.
     torque: Vec3,
     last_tick: Option<u64>,
@@ -84,6 +85,7 @@ impl Controller {
             limits,
             arms,
             joints: Joints::new(&rig),
+            guard: rig.methods.passivity.map(Guard::new),
             rig,
             orientation: Orientation::new(),
             machine: Machine::START,
@@ -157,7 +159,10 @@ impl Controller {
         }
         let step = self.joints.advance(&self.rig, feedback)?;
         self.orientation.advance(step.turn);
-        self.observer.turned(step.answered[0], step.answered[1], step.turn);
+        let given = self.observer.turned(step.answered[0], step.answered[1], step.turn);
+        if let Some(guard) = &mut self.guard {
+            guard.given(given);
+        }
         Ok(true)
     }
 
@@ -231,15 +236,31 @@ impl Controller {
         let last_motion = core::mem::replace(&mut self.last_motion, motion);
         if gain == 0.0 {
             self.blend = Blend::DONE;
+            if let Some(guard) = &mut self.guard {
+                guard.rest();
+            }
             // A stream goes on expiring.
             let _ = self.stream.torque(tick, dt);
             return Vec3::ZERO;
         }
-        let limits = &self.rig.limits;
+        let limits = self.rig.limits;
         let before = changed.then(|| self.renderer.clone().torque(scene, &last_motion, tick, 0.0, 0.0));
         let rendered = self.renderer.torque(scene, &motion, tick, dt, limits.reference_rate * dt);
-        let wanted = (self.blend.apply(rendered, before, dt) + self.stream.torque(tick, dt)) * gain;
+        let mut wanted = (self.blend.apply(rendered, before, dt) + self.stream.torque(tick, dt)) * gain;
+        if self.guard.is_some() {
+            // Limited first: what is not going to be sent gives out nothing.
+            wanted = self.guarded(tick, limited(wanted, limits.torque));
+        }
         slewed(self.torque, limited(wanted, limits.torque), limits.torque_rate * dt)
+    }
+
+    /// The torque `wanted` with what the passivity controller adds. Apart, so that it costs nothing where there is none.
+    #[inline(never)]
+    fn guarded(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
+        let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
+        let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
+        let now = Moment { tick: tick as u32, answered, period, gain };
+        guard.damped(&self.observer, now, wanted, self.joints.omega)
     }
 
     /// Allocates the torque to the joints and makes the tick's outputs; a number that is not finite ends in a fault.
@@ -257,7 +278,11 @@ impl Controller {
         if !wanted.is_finite() {
             self.machine.observe(Some(Cause::NonFinite));
         } else if wanted != Vec3::ZERO {
-            let mut allocation = allocation::allocate(self.joints.posture.rows(), &self.limits, wanted);
+            let rows = self.joints.posture.rows();
+            let mut allocation = match self.rig.methods.allocation {
+                AllocationMethod::Exact => allocation::allocate(rows, &self.limits, wanted),
+                AllocationMethod::Clipped => allocation::allocate_clipped(rows, &self.limits, wanted),
+            };
             if let Some(grip) = self.rig.limits.traction {
                 // What is sent loads no contact beyond its grip.
                 traction =
@@ -299,6 +324,7 @@ impl Controller {
             deficient,
             traction,
             energy: self.observer.energy(),
+            damping: self.guard.as_ref().map_or(0.0, Guard::damping),
             client,
             fresh,
         };

@@ -1,7 +1,7 @@
 //! The devices that the tests use, and what acts on them.
 
 use hbot_core::device::{Device, WheelSpec};
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, RateEstimate, Rig, Timing, Zero};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Zero};
 use hbot_core::{Quat, Vec3};
 use hbot_sim::plant::{Load, Plant, Sine, SpringDamper, State, Sum};
 
@@ -85,6 +85,6 @@ pub(crate) fn rig() -> Rig {
             max_age_ticks: 20,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, rate: RateEstimate::Controller },
+        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
     }
 }

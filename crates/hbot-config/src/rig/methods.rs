@@ -1,0 +1,260 @@
+//! The keys of a rig file that name methods: accuracy, joint rates, passivity.
+
+use hbot_core::device::Device;
+use hbot_core::rig as core;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::document::Report;
+
+/// A preset of methods, or a table that names each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Accuracy {
+    Preset(Preset),
+    Methods(MethodTable),
+}
+
+/// A preset of methods.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Preset {
+    /// The least time a tick: odometry euler.
+    Fast,
+    /// The default: odometry midpoint.
+    Balanced,
+    /// The least error: odometry magnus4, path cubic.
+    Exact,
+}
+
+/// The methods one by one; those of `balanced` where absent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct MethodTable {
+    /// How orientation is integrated from one reading to the next.
+    pub(crate) odometry: Odometry,
+    /// What way the joints are taken to have gone between two readings.
+    pub(crate) path: Path,
+    /// How a torque on the sphere becomes joint torques.
+    pub(crate) allocation: Allocation,
+}
+
+impl Default for MethodTable {
+    fn default() -> Self {
+        Self { odometry: Odometry::Midpoint, path: Path::Straight, allocation: Allocation::Exact }
+    }
+}
+
+/// How orientation is integrated from one reading to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Odometry {
+    /// Contact frames at the step's start: order 1.
+    Euler,
+    /// Contact frames at the mid steering angles: order 2.
+    Midpoint,
+    /// Two Gauss points and their commutator: order 4.
+    Magnus4,
+}
+
+/// What way the joints are taken to have gone between two readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Path {
+    /// At constant rates.
+    Straight,
+    /// A parabola through the last three readings.
+    Quadratic,
+    /// A cubic through the last four.
+    Cubic,
+}
+
+/// How a torque on the sphere becomes joint torques.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Allocation {
+    /// As much of the torque as the joints can make together.
+    Exact,
+    /// Scaled as a whole where one joint is over its limit.
+    Clipped,
+}
+
+impl Accuracy {
+    /// The name of the preset, `custom` for a table.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Preset(Preset::Fast) => "fast",
+            Self::Preset(Preset::Balanced) => "balanced",
+            Self::Preset(Preset::Exact) => "exact",
+            Self::Methods(_) => "custom",
+        }
+    }
+
+    /// The methods of the preset or table; rates and passivity are those of the default.
+    pub(crate) fn methods(self) -> core::Methods {
+        let table = match self {
+            Self::Preset(Preset::Fast) => return core::Methods::FAST,
+            Self::Preset(Preset::Balanced) => return core::Methods::BALANCED,
+            Self::Preset(Preset::Exact) => return core::Methods::EXACT,
+            Self::Methods(table) => table,
+        };
+        core::Methods {
+            odometry: match table.odometry {
+                Odometry::Euler => core::OdometryMethod::Euler,
+                Odometry::Midpoint => core::OdometryMethod::Midpoint,
+                Odometry::Magnus4 => core::OdometryMethod::Magnus4,
+            },
+            path: match table.path {
+                Path::Straight => core::PathFit::Straight,
+                Path::Quadratic => core::PathFit::Quadratic,
+                Path::Cubic => core::PathFit::Cubic,
+            },
+            allocation: match table.allocation {
+                Allocation::Exact => core::AllocationMethod::Exact,
+                Allocation::Clipped => core::AllocationMethod::Clipped,
+            },
+            ..core::Methods::BALANCED
+        }
+    }
+}
+
+/// Where joint rates come from: a method, or a table that names it with its parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum RateEstimate {
+    Method(RateMethod),
+    Table(RateTable),
+}
+
+/// Where joint rates come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum RateMethod {
+    /// As the motor controllers report them.
+    Controller,
+    /// The difference of the last two readings.
+    Difference,
+    /// The same through a low pass of first order.
+    LowPass,
+    /// The longest chord through the last readings.
+    AdaptiveWindow,
+    /// A Kalman filter of angle, rate and acceleration.
+    Kalman,
+}
+
+/// A method with its parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RateTable {
+    /// Which one.
+    pub(crate) method: RateMethod,
+    /// Of `low_pass`: its corner; 30 where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0.1, max = 10_000.0), extend("unit" = "Hz"))]
+    pub(crate) cutoff_hz: Option<f64>,
+    /// Of `adaptive_window`: how far a reading may be off the chord, counts; 1 where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u32", range(min = 1, max = 1000))]
+    pub(crate) tolerance_counts: Option<u32>,
+    /// Of `adaptive_window`: how far back the chord may reach, ticks; 32 where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u32", range(min = 2, max = core::LONGEST_WINDOW))]
+    pub(crate) longest_ticks: Option<u32>,
+    /// Of `kalman`: root mean square of a joint's acceleration; 100 where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0.1, max = 100_000.0), extend("unit" = "rad/s²"))]
+    pub(crate) acceleration: Option<f64>,
+}
+
+impl RateEstimate {
+    /// Reports the parameters that the method does not have.
+    pub(crate) fn check(&self, report: &mut Report) {
+        let Self::Table(table) = self else { return };
+        let given = [
+            ("cutoff_hz", "low_pass", RateMethod::LowPass, table.cutoff_hz.is_some()),
+            (
+                "tolerance_counts",
+                "adaptive_window",
+                RateMethod::AdaptiveWindow,
+                table.tolerance_counts.is_some(),
+            ),
+            ("longest_ticks", "adaptive_window", RateMethod::AdaptiveWindow, table.longest_ticks.is_some()),
+            ("acceleration", "kalman", RateMethod::Kalman, table.acceleration.is_some()),
+        ];
+        for (key, owner, method, present) in given {
+            if present && table.method != method {
+                report.push(
+                    &format!("loop.rate_estimate.{key}"),
+                    "another method has this key",
+                    format!("with method = {owner:?} alone"),
+                );
+            }
+        }
+    }
+
+    /// The core's estimate, with defaults for what is absent.
+    pub(crate) fn compile(self) -> core::RateEstimate {
+        let table = match self {
+            Self::Table(table) => table,
+            Self::Method(method) => RateTable {
+                method,
+                cutoff_hz: None,
+                tolerance_counts: None,
+                longest_ticks: None,
+                acceleration: None,
+            },
+        };
+        match table.method {
+            RateMethod::Controller => core::RateEstimate::Controller,
+            RateMethod::Difference => core::RateEstimate::Difference,
+            RateMethod::LowPass => core::RateEstimate::LowPass { cutoff_hz: table.cutoff_hz.unwrap_or(30.0) },
+            RateMethod::AdaptiveWindow => core::RateEstimate::AdaptiveWindow {
+                tolerance_counts: table.tolerance_counts.unwrap_or(1),
+                longest_ticks: table.longest_ticks.unwrap_or(32),
+            },
+            RateMethod::Kalman => {
+                core::RateEstimate::Kalman { acceleration: table.acceleration.unwrap_or(100.0) }
+            }
+        }
+    }
+}
+
+/// Whether energy given out is held within what came in, or a table that says how.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Passivity {
+    Switch(bool),
+    Table(PassivityTable),
+}
+
+/// How energy given out is held within what came in.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct PassivityTable {
+    /// Energy that may be given out beyond what came in; 0.001 where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0.0, max = 1000.0), extend("unit" = "J"))]
+    pub(crate) allowance: Option<f64>,
+    /// The most that is remembered of energy that came in: no less than springs hold when they are wound; 0.5 where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0.0, max = 1000.0), extend("unit" = "J"))]
+    pub(crate) store: Option<f64>,
+    /// The most damping that is added; a quarter of the sphere's inertia over the loop's period (1 ms at least) where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m s/rad"))]
+    pub(crate) damping: Option<f64>,
+}
+
+impl Passivity {
+    pub(crate) fn compile(self, device: &Device, period_s: f64) -> Option<core::PassivityLimit> {
+        let usual = core::PassivityLimit::of(device, period_s);
+        match self {
+            Self::Switch(on) => on.then_some(usual),
+            Self::Table(table) => Some(core::PassivityLimit {
+                allowance: table.allowance.unwrap_or(usual.allowance),
+                store: table.store.unwrap_or(usual.store),
+                damping: table.damping.unwrap_or(usual.damping),
+            }),
+        }
+    }
+}

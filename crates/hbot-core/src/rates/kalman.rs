@@ -1,0 +1,277 @@
+//! A Kalman filter of angle, rate and acceleration of each joint (physics notes, section 9).
+//!
+//! The jerk is taken for white noise and the rounding to counts for a measurement noise of 1/12 counts². Gains vary with
+//! time, so uneven steps and the start need no cases of their own. About 50 multiplications and one division a joint.
+//!
+//! Units are counts and ticks, which keeps all numbers near 1. The angle is kept relative to the last count: it stays small
+//! however far the joint goes.
+
+use crate::device::MAX_JOINTS;
+use crate::real::Real;
+
+/// How long a joint's acceleration lasts, s. Singer's model of a manoeuvre (1970) has an acceleration of a given size with
+/// this correlation time; over times much shorter it is a walk driven by white jerk of the intensity 2 a² / time. A hand
+/// changes its mind in about as long.
+const MANOEUVRE_S: Real = 0.1;
+
+/// Variance of the rounding to a count, counts².
+const ROUNDING: Real = 1.0 / 12.0;
+
+/// After more ticks without a reading the filter starts anew from the difference over the gap.
+const LONGEST_STEP: u32 = 8;
+
+/// The readings' variance is at least this part of the prior acceleration's (counts, ticks): with counts so fine the
+/// rounding is of no importance, but P would lose its digits.
+const LEAST_NOISE: Real = if Real::EPSILON < 1.0e-10 { 1.0e-9 } else { 1.0e-3 };
+
+/// The filters of all joints.
+#[derive(Debug, Clone)]
+pub(crate) struct Kalman {
+    joints: [Filter; MAX_JOINTS],
+    /// The next reading is the second: rates come from a difference.
+    fresh: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Filter {
+    /// Intensity of the jerk, counts²/tick⁵.
+    jerk: Real,
+    /// Variance of the acceleration where nothing is known of it, counts²/tick⁴.
+    prior: Real,
+    /// Variance of a reading, counts².
+    noise: Real,
+    /// Angle less the last reading (counts), rate, acceleration.
+    offset: Real,
+    rate: Real,
+    acceleration: Real,
+    p: Covariance,
+}
+
+/// Of angle x, rate v and acceleration a.
+#[derive(Debug, Clone, Copy)]
+struct Covariance {
+    xx: Real,
+    xv: Real,
+    xa: Real,
+    vv: Real,
+    va: Real,
+    aa: Real,
+}
+
+impl Kalman {
+    /// Filters for joints of so many radians a count, whose accelerations are of the size `acceleration`, rad/s².
+    pub(super) fn new(acceleration: Real, per_count: &[Real; MAX_JOINTS], period: Real) -> Self {
+        Self { joints: per_count.map(|unit| Filter::new(acceleration, unit, period)), fresh: true }
+    }
+
+    pub(super) fn restart(&mut self) {
+        self.fresh = true;
+    }
+
+    /// Takes the next reading, so many counts on after so many ticks.
+    #[inline]
+    pub(super) fn push(&mut self, counts: &[i32], ticks: u32) {
+        let anew = core::mem::replace(&mut self.fresh, false) || ticks > LONGEST_STEP;
+        for (filter, counts) in self.joints.iter_mut().zip(counts) {
+            if anew {
+                filter.begin(*counts as Real, ticks as Real);
+            } else {
+                filter.advance(*counts as Real, ticks as Real);
+            }
+        }
+    }
+
+    /// The rate at the last reading, counts a tick.
+    #[inline]
+    pub(super) fn slope(&self, joint: usize) -> Real {
+        self.joints[joint].rate
+    }
+}
+
+impl Filter {
+    fn new(acceleration: Real, per_count: Real, period: Real) -> Self {
+        let size = acceleration * period * period / per_count;
+        let prior = size * size;
+        Self {
+            jerk: 2.0 * prior * period / MANOEUVRE_S,
+            prior,
+            noise: ROUNDING.max(LEAST_NOISE * prior),
+            offset: 0.0,
+            rate: 0.0,
+            acceleration: 0.0,
+            p: Covariance { xx: 0.0, xv: 0.0, xa: 0.0, vv: 0.0, va: 0.0, aa: 0.0 },
+        }
+    }
+
+    /// From two readings: the mean rate between them, which an unknown acceleration makes late by half the time.
+    fn begin(&mut self, counts: Real, n: Real) {
+        (self.offset, self.rate, self.acceleration) = (0.0, counts / n, 0.0);
+        self.p = Covariance {
+            xx: self.noise,
+            xv: self.noise / n,
+            xa: 0.0,
+            vv: 2.0 * self.noise / (n * n) + 0.25 * n * n * self.prior,
+            va: 0.5 * n * self.prior,
+            aa: self.prior,
+        };
+    }
+
+    #[inline]
+    fn advance(&mut self, counts: Real, n: Real) {
+        let p = self.predicted(n);
+        let offset = self.offset + n * (self.rate + 0.5 * n * self.acceleration);
+        let rate = self.rate + n * self.acceleration;
+        // What the reading says beyond the prediction, and how far to believe it.
+        let surprise = counts - offset;
+        let weight = 1.0 / (p.xx + self.noise);
+        let [gv, ga] = [p.xv * weight, p.xa * weight];
+        let left = self.noise * weight;
+        self.offset = -left * surprise;
+        self.rate = rate + gv * surprise;
+        self.acceleration += ga * surprise;
+        // (1 - gain) as noise over the sum: no digit is lost where the gain is near 1.
+        self.p = Covariance {
+            xx: p.xx * left,
+            xv: p.xv * left,
+            xa: p.xa * left,
+            vv: p.vv - gv * p.xv,
+            va: p.va - gv * p.xa,
+            aa: p.aa - ga * p.xa,
+        };
+    }
+
+    /// F P Fᵀ + Q over `n` ticks, with Q of white jerk.
+    #[inline]
+    fn predicted(&self, n: Real) -> Covariance {
+        let (p, q) = (&self.p, self.jerk);
+        let n2 = n * n;
+        let xa = p.xa + n * p.va + 0.5 * n2 * p.aa;
+        let va = p.va + n * p.aa;
+        let xv = p.xv + n * p.vv + 0.5 * n2 * p.va;
+        Covariance {
+            xx: p.xx + n * (p.xv + xv) + 0.5 * n2 * (p.xa + xa) + q * n2 * n2 * n / 20.0,
+            xv: xv + n * xa + q * n2 * n2 / 8.0,
+            xa: xa + q * n2 * n / 6.0,
+            vv: p.vv + n * (p.va + va) + q * n2 * n / 3.0,
+            va: va + q * n2 / 2.0,
+            aa: p.aa + q * n,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use std::vec::Vec;
+
+    /// Uniform in 0..1.
+    fn uniform(seed: &mut u64) -> f64 {
+        *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*seed >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A joint of one count a radian and tick: what it really does where its jerk is white.
+    struct Joint {
+        seed: u64,
+        state: [f64; 3],
+        jerk: f64,
+    }
+
+    impl Joint {
+        fn go(&mut self, ticks: u32) {
+            // Jerk that holds for a 32nd of a tick is white enough: its second moments are right, those of the angle within
+            // a thousandth.
+            const PARTS: u32 = 32;
+            let h = 1.0 / f64::from(PARTS);
+            for _ in 0..ticks * PARTS {
+                // Twelve uniforms less six have the variance 1.
+                let normal = (0..12).map(|_| uniform(&mut self.seed)).sum::<f64>() - 6.0;
+                let [x, v, a] = self.state;
+                let next = a + normal * libm::sqrt(self.jerk * h);
+                let mean = 0.5 * (a + next);
+                self.state = [x + h * (v + 0.5 * h * mean), v + h * mean, next];
+            }
+        }
+    }
+
+    /// The errors of rate and acceleration are as large as the filter says that they are, over even and uneven steps: the model,
+    /// its discretisation and the gains fit each other.
+    #[test]
+    fn errors_have_the_variance_that_the_filter_expects() {
+        for uneven in [false, true] {
+            let acceleration = 3.0;
+            let filter = Filter::new(acceleration, 1.0, 1.0);
+            let mut joint = Joint { seed: 5, state: [0.0, 40.0, 0.0], jerk: f64::from(filter.jerk as f32) };
+            let mut kalman = Kalman::new(acceleration, &[1.0; MAX_JOINTS], 1.0);
+            let mut last = 0.0;
+            let (mut rates, mut accelerations) = (Vec::new(), Vec::new());
+            for k in 0..6000 {
+                let ticks = if uneven && uniform(&mut joint.seed) < 0.3 { 3 } else { 1 };
+                joint.go(ticks);
+                // A joint that runs away is brought back, by the same for the truth and for the filter.
+                let reading = libm::round(joint.state[0]);
+                kalman.push(&[(reading - last) as i32; 1], ticks);
+                last = reading;
+                let f = &kalman.joints[0];
+                if k > 100 {
+                    let square = |error: f64, variance: Real| error * error / f64::from(variance as f32);
+                    rates.push(square(joint.state[1] - f64::from(f.rate as f32), f.p.vv));
+                    accelerations.push(square(joint.state[2] - f64::from(f.acceleration as f32), f.p.aa));
+                }
+            }
+            for errors in [rates, accelerations] {
+                let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+                // 6000 squares that are correlated over a few readings: their mean is good to some 4 %, three times that allowed.
+                assert!((mean - 1.0).abs() < 0.12, "uneven {uneven}: {mean} times the variance expected");
+            }
+        }
+    }
+
+    #[test]
+    fn the_second_reading_gives_the_difference_and_rest_gives_rest() {
+        let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);
+        kalman.push(&[30], 2);
+        assert_eq!(kalman.slope(0), 15.0);
+        for _ in 0..2000 {
+            kalman.push(&[0], 1);
+        }
+        // The slowest of its poles lies at some 1/10 a tick.
+        assert!(kalman.slope(0).abs() < 1e-6, "{}", kalman.slope(0));
+        kalman.push(&[500], LONGEST_STEP + 1);
+        assert_eq!(kalman.slope(0), 500.0 / (LONGEST_STEP + 1) as Real, "over a gap, the difference");
+    }
+
+    #[test]
+    fn a_steady_acceleration_is_followed_without_lag() {
+        let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);
+        // 0.5 counts/tick²: readings are whole numbers at even ticks, so nothing is rounded.
+        let place = |k: i32| k * k;
+        for k in 1..400 {
+            kalman.push(&[place(k) - place(k - 1)], 2);
+        }
+        let want = 399.0;
+        assert!((kalman.slope(0) - want).abs() < 1e-3, "{} against {want}", kalman.slope(0));
+    }
+
+    #[test]
+    fn variances_stay_positive_whatever_the_counts_and_gaps() {
+        for (acceleration, unit) in [(1e5, 1e-9), (1e5, 0.1), (0.1, 1e-9), (0.1, 0.1), (100.0, 2e-5)] {
+            for period in [5e-5, 1e-3, 0.02] {
+                let mut seed = 7;
+                let mut kalman = Kalman::new(acceleration, &[unit; MAX_JOINTS], period);
+                for _ in 0..3000 {
+                    let counts = (2000.0 * uniform(&mut seed) - 1000.0) as i32;
+                    let ticks =
+                        1 + if uniform(&mut seed) < 0.1 { (12.0 * uniform(&mut seed)) as u32 } else { 0 };
+                    kalman.push(&[counts], ticks);
+                    let Filter { p, noise, rate, .. } = &kalman.joints[0];
+                    assert!(p.xx > 0.0 && p.xx <= *noise && p.vv > 0.0 && p.aa > 0.0, "{p:?}");
+                    // Jumps of 1000 counts up and down are twice extrapolated; a filter that ran away would not stop here.
+                    assert!(rate.abs() < 1e5, "{rate}");
+                }
+            }
+        }
+    }
+}

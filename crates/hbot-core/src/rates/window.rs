@@ -1,0 +1,176 @@
+//! The adaptive window of Janabi-Sharifi, Hayward and Chen (2000), end-fit: per joint, the longest chord back from the last
+//! reading that passes within a tolerance of every reading between.
+//!
+//! All in integers: the same answer in any width. A chord passes a reading where its slope lies between two bounds, so one
+//! walk back through the readings, narrowing the bounds, finds the longest: at most [`LONGEST_WINDOW`] steps of a few
+//! multiplications a joint, and none beyond the reading that no longer chord can pass.
+
+use crate::device::MAX_JOINTS;
+use crate::real::Real;
+use crate::rig::LONGEST_WINDOW;
+
+const DEPTH: usize = LONGEST_WINDOW as usize;
+
+/// The last steps of all joints.
+#[derive(Debug, Clone)]
+pub(crate) struct Window {
+    /// Counts.
+    tolerance: i64,
+    /// Ticks.
+    longest: i64,
+    /// Counts turned between one reading and the next, in a ring.
+    counts: [[i32; MAX_JOINTS]; DEPTH],
+    /// Ticks between them.
+    ticks: [u32; DEPTH],
+    newest: usize,
+    known: usize,
+}
+
+impl Window {
+    pub(super) fn new(tolerance: u32, longest: u32) -> Self {
+        Self {
+            tolerance: i64::from(tolerance),
+            longest: i64::from(longest.min(LONGEST_WINDOW)),
+            counts: [[0; MAX_JOINTS]; DEPTH],
+            ticks: [1; DEPTH],
+            newest: 0,
+            known: 0,
+        }
+    }
+
+    pub(super) fn restart(&mut self) {
+        self.known = 0;
+    }
+
+    #[inline]
+    pub(super) fn push(&mut self, counts: &[i32; MAX_JOINTS], ticks: u32) {
+        self.newest = (self.newest + 1) % DEPTH;
+        self.counts[self.newest] = *counts;
+        self.ticks[self.newest] = ticks;
+        self.known = (self.known + 1).min(DEPTH);
+    }
+
+    /// The slope of the longest chord, counts a tick. The last step alone is always one, however long it was.
+    #[inline]
+    pub(super) fn slope(&self, joint: usize) -> Real {
+        // The chord back to the reading at hand, and the longest one that passes: counts over ticks. What is multiplied is less
+        // than 2^38 counts by at most the longest chord's ticks, so nothing overflows.
+        let (mut counts, mut ticks) = (0_i64, 0_i64);
+        let mut longest = (0, 1);
+        // Between these slopes, as fractions, a chord passes all readings so far.
+        let (mut least, mut most) = ((0_i64, 1_i64), (0_i64, 1_i64));
+        for k in 0..self.known {
+            let at = (self.newest + DEPTH - k) % DEPTH;
+            counts += i64::from(self.counts[at][joint]);
+            ticks += i64::from(self.ticks[at]);
+            if k == 0 {
+                longest = (counts, ticks);
+            }
+            if ticks > self.longest {
+                break;
+            }
+            if counts * least.1 >= least.0 * ticks && counts * most.1 <= most.0 * ticks {
+                longest = (counts, ticks);
+            }
+            let (low, high) = ((counts - self.tolerance, ticks), (counts + self.tolerance, ticks));
+            if k == 0 || low.0 * least.1 > least.0 * low.1 {
+                least = low;
+            }
+            if k == 0 || high.0 * most.1 < most.0 * high.1 {
+                most = high;
+            }
+            if least.0 * most.1 > most.0 * least.1 {
+                break;
+            }
+        }
+        longest.0 as Real / longest.1 as Real
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition, word for word: the longest n whose chord is within the tolerance of each reading between.
+    fn by_definition(readings: &[(i64, i64)], tolerance: i64, longest: i64) -> (i64, i64) {
+        let last = *readings.last().unwrap();
+        let mut best = None;
+        for (n, first) in readings.iter().rev().enumerate().skip(1) {
+            let (dx, dt) = (last.0 - first.0, last.1 - first.1);
+            let between = &readings[readings.len() - n..readings.len() - 1];
+            let passes =
+                between.iter().all(|r| ((last.0 - r.0) * dt - dx * (last.1 - r.1)).abs() <= tolerance * dt);
+            if n == 1 || (dt <= longest && passes) {
+                best = Some((dx, dt));
+            }
+        }
+        best.unwrap()
+    }
+
+    #[test]
+    fn one_walk_finds_what_the_definition_says() {
+        let mut seed = 1_u64;
+        let mut random = |below: u64| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) % below
+        };
+        for round in 0..200 {
+            let (tolerance, longest) = (1 + random(3) as u32, 2 + random(63) as u32);
+            let mut window = Window::new(tolerance, longest);
+            let mut readings = std::vec![(0_i64, 0_i64)];
+            let (mut speed, mut place) = (random(5) as i64 - 2, 0_i64);
+            for _ in 0..150 {
+                if random(20) == 0 {
+                    speed += random(5) as i64 - 2;
+                }
+                let ticks = if random(15) == 0 { 1 + random(4) as u32 } else { 1 };
+                // Two thirds of a count a tick and unit of speed, floored.
+                let before = place.div_euclid(3);
+                place += 2 * speed * i64::from(ticks);
+                let mut counts = [0; MAX_JOINTS];
+                counts[5] = (place.div_euclid(3) - before) as i32;
+                let last = *readings.last().unwrap();
+                readings.push((last.0 + i64::from(counts[5]), last.1 + i64::from(ticks)));
+                window.push(&counts, ticks);
+                let (dx, dt) = by_definition(&readings, i64::from(tolerance), i64::from(longest));
+                assert_eq!(window.slope(5), dx as Real / dt as Real, "round {round}");
+            }
+        }
+    }
+
+    extern crate std;
+
+    #[test]
+    fn a_steady_motion_fills_the_window_whatever_its_rate() {
+        // Floors of a steady motion: no chord is off by a count.
+        for speed in [0.0, 0.013, 0.4, 0.99, 3.7, -0.31, -22.2_f64] {
+            let mut window = Window::new(1, 40);
+            for k in 1..100 {
+                let step = libm::floor(speed * f64::from(k)) - libm::floor(speed * f64::from(k - 1));
+                window.push(&[step as i32; MAX_JOINTS], 1);
+            }
+            // The chord over 40 ticks, whose ends are off by less than a count together.
+            assert!((f64::from(window.slope(0) as f32) - speed).abs() < 1.0 / 40.0 + 1e-6, "{speed}");
+        }
+    }
+
+    #[test]
+    fn a_sudden_motion_is_seen_at_once_and_huge_steps_do_not_overflow() {
+        let mut window = Window::new(1, 64);
+        for _ in 0..100 {
+            window.push(&[0; MAX_JOINTS], 1);
+        }
+        window.push(&[50; MAX_JOINTS], 1);
+        assert_eq!(window.slope(3), 50.0);
+        window.restart();
+        assert_eq!(window.slope(3), 0.0);
+        for counts in [i32::MAX, i32::MIN, i32::MAX] {
+            window.push(&[counts; MAX_JOINTS], u32::MAX);
+            assert_eq!(window.slope(3), counts as Real / u32::MAX as Real);
+        }
+        for _ in 0..64 {
+            window.push(&[i32::MIN; MAX_JOINTS], 1);
+        }
+        assert_eq!(window.slope(3), i32::MIN as Real);
+    }
+}

@@ -1,0 +1,213 @@
+//! The passivity controller on a simulated prototype: a spring far too stiff for the loop buzzes without it and comes to rest
+//! with it (physics notes, section 9).
+
+use crate::bench::{effect, rig, spring};
+use hbot_core::device::MAX_JOINTS;
+use hbot_core::effects::{Anchor, Damper, Kind};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::mode::{Cause, Mode};
+use hbot_core::outputs::State;
+use hbot_core::rig::{PassivityLimit, RateEstimate, Rig};
+use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
+use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::plant::{Method, Plant, SpringDamper, State as Motion, Sum};
+
+const DT: f64 = 1e-3;
+
+/// The device's own damping, N m s/rad: less than bearings and a light hand have.
+const OWN: f64 = 0.005;
+
+/// The stiffest spring that is stable in a loop of 1 kHz with one tick of delay: b / (h (1/2 + 1)), 3.3 N m/rad.
+const BORDER: f64 = OWN / (1.5 * DT);
+
+/// A rig whose controllers answer each command with a reading of that moment and hold its torque for a tick.
+struct Loop {
+    controller: Controller,
+    scene: CompiledScene,
+    plant: Plant,
+    motion: Motion,
+    grip: Option<Grip>,
+    held: [f64; MAX_JOINTS],
+    tick: u64,
+    rig: Rig,
+    /// Energy that the motors have given out, J: torque held times turn made, joint by joint.
+    given: f64,
+    /// The most that `given` has been.
+    most: f64,
+}
+
+impl Loop {
+    fn new(rig: Rig, scene: CompiledScene) -> Self {
+        let mut run = Self {
+            controller: Controller::new(rig),
+            scene,
+            plant: Plant::new(&rig.device).unwrap(),
+            motion: Motion::default(),
+            grip: None,
+            held: [0.0; MAX_JOINTS],
+            tick: 1,
+            rig,
+            given: 0.0,
+            most: 0.0,
+        };
+        run.step(None);
+        run.step(Some(Command::Enable));
+        run.run(600);
+        assert_eq!(run.run(1).mode, Mode::Active);
+        run
+    }
+
+    /// A hand takes hold.
+    fn grip(&mut self, hand: Hand) {
+        self.grip = Some(Grip::new(hand, self.tick as f64 * DT, self.motion.q));
+        self.plant.set_sphere_inertia(self.rig.device.sphere_inertia() + hand.inertia);
+    }
+
+    fn let_go(&mut self) {
+        self.grip = None;
+        self.plant.set_sphere_inertia(self.rig.device.sphere_inertia());
+    }
+
+    fn step(&mut self, command: Option<Command>) -> State {
+        let angles = self.motion.joints();
+        let mut reading = JointFeedback {
+            sequence: (self.tick - 1) as u32,
+            counts: [0; MAX_JOINTS],
+            rates: self.plant.joint_rates(&self.motion),
+            index_seen: 0,
+            complaints: Complaints::default(),
+        };
+        for j in 0..4 {
+            let joint = &self.rig.joints[j];
+            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
+            reading.counts[j] = (angles[j] * unit).floor() as i32;
+        }
+        let own = SpringDamper { stiffness: 0.0, damping: OWN, reference: Quat::IDENTITY };
+        let time = self.tick as f64 * DT;
+        match self.grip {
+            None => self.plant.step(Method::Rk4, &mut self.motion, time, DT, &self.held, &own),
+            Some(grip) => {
+                self.plant.step(Method::Rk4, &mut self.motion, time, DT, &self.held, &Sum(own, grip));
+            }
+        }
+        for (j, angle) in self.motion.joints().iter().enumerate() {
+            self.given += self.held[j] * (angle - angles[j]);
+        }
+        self.most = self.most.max(self.given);
+        let mut inputs = Inputs { feedback: Some(reading), ..Inputs::quiet(self.tick) };
+        command.into_iter().for_each(|command| inputs.commands.push(command).unwrap());
+        let outputs = self.controller.tick(&self.scene, &inputs);
+        self.held = outputs.drive.torque;
+        self.tick += 1;
+        outputs.state
+    }
+
+    fn run(&mut self, ticks: u32) -> State {
+        for _ in 1..ticks {
+            self.step(None);
+        }
+        self.step(None)
+    }
+
+    /// The largest torque and rate of so many ticks.
+    fn largest(&mut self, ticks: u32) -> (f64, f64) {
+        (0..ticks).fold((0.0, 0.0), |(torque, rate): (f64, f64), _| {
+            let state = self.step(None);
+            (torque.max(state.torque.length()), rate.max(self.motion.omega.length()))
+        })
+    }
+}
+
+fn stiff(times: f64) -> CompiledScene {
+    let kind = spring(times * BORDER, 0.0, Quat::IDENTITY, Anchor::Absolute);
+    CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap()
+}
+
+fn guarded(rate: RateEstimate) -> Rig {
+    let mut rig = rig();
+    rig.methods.rate = rate;
+    rig.methods.passivity = Some(PassivityLimit::of(&rig.device, DT));
+    // What a difference of counts sees as slip is the counts' noise.
+    rig.limits.slip = 10.0;
+    rig
+}
+
+/// A tap on the sphere: 1.6 mJ of motion.
+const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
+
+#[test]
+fn a_spring_far_too_stiff_buzzes_without_it_and_comes_to_rest_with_it() {
+    for times in [3.0, 10.0, 30.0] {
+        let mut bare = rig();
+        bare.limits.slip = 10.0;
+        let mut run = Loop::new(bare, stiff(times));
+        run.motion.omega = TAP;
+        let state = run.run(3000);
+        // It swings as fast as the torque's limit lets it, or until that is too fast for the rig.
+        let stopped = state.mode == Mode::Fault && state.cause == Some(Cause::Overspeed);
+        assert!(stopped || run.largest(500).1 > 20.0, "{times}: {} rad/s", run.motion.omega);
+        assert!(run.most > 1.0, "{times}: {} J", run.most);
+
+        for estimate in [RateEstimate::Controller, RateEstimate::Difference] {
+            let mut run = Loop::new(guarded(estimate), stiff(times));
+            run.motion.omega = TAP;
+            run.run(3000);
+            let (torque, rate) = run.largest(500);
+            assert!(torque < 0.1 && rate < 0.1, "{times}, {estimate:?}: {torque} N m, {rate} rad/s");
+            // Beyond the allowance no more than what a spring two ticks late leaks in its first cycle: 2 pi times twice the tick
+            // in radians of its oscillation, of what it holds.
+            let inertia = run.rig.device.sphere_inertia();
+            let tick = DT * (times * BORDER / inertia).sqrt();
+            let leak = 4.0
+                * core::f64::consts::PI
+                * tick
+                * run.plant.energy(&Motion { omega: TAP, ..Motion::default() });
+            let most = run.rig.methods.passivity.unwrap().allowance + leak;
+            assert!(run.most < most, "{times}, {estimate:?}: {} J of {most} J", run.most);
+        }
+    }
+}
+
+#[test]
+fn a_spring_within_its_limits_feels_the_same_with_it() {
+    let kind = spring(2.0, 0.02, Quat::IDENTITY, Anchor::Absolute);
+    let scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
+    let [mut with, mut without] =
+        [guarded(RateEstimate::Controller), rig()].map(|rig| Loop::new(rig, scene.clone()));
+    [&mut with, &mut without]
+        .into_iter()
+        .for_each(|run| run.grip(Hand { amplitude: 0.4, rate: 0.5, ..Hand::default() }));
+    let mut wound: f64 = 0.0;
+    for _ in 0..8000 {
+        let state = with.step(None);
+        wound = wound.max(-state.energy);
+        assert_eq!(state, without.step(None));
+        assert_eq!(state.damping, 0.0);
+    }
+    // It has been wound up and let back, many times the allowance.
+    assert!(wound > 0.1, "{wound} J");
+}
+
+#[test]
+fn what_was_dissipated_before_buys_no_more_than_the_store() {
+    let damper = Kind::Damper(Damper::new(Mat3::from_diagonal(Vec3::splat(0.1))).unwrap());
+    let honey = CompiledScene::new(1, &[effect(0, 1, damper)]).unwrap();
+    for store in [0.05, 0.2] {
+        let mut rig = guarded(RateEstimate::Controller);
+        rig.methods.passivity.as_mut().unwrap().store = store;
+        let mut run = Loop::new(rig, honey.clone());
+        run.grip(Hand { amplitude: 0.4, rate: 1.5, ..Hand::default() });
+        let taken = -run.run(8000).energy;
+        assert!(taken > 1.0, "{taken} J");
+        run.let_go();
+        let kind = spring(10.0 * BORDER, 0.0, run.motion.q, Anchor::Absolute);
+        run.scene = CompiledScene::new(2, &[effect(0, 2, kind)]).unwrap();
+        run.motion.omega = TAP;
+        (run.given, run.most) = (0.0, 0.0);
+        run.run(6000);
+        let (torque, rate) = run.largest(500);
+        // At 33 N m/rad the sphere then swings with the energy of the store; what a cycle leaks of that (1.2 times) comes on top.
+        assert!(run.most < 2.2 * store, "{} J of a store of {store} J", run.most);
+        assert!(torque < 0.1 && rate < 0.1, "{store}: {torque} N m, {rate} rad/s");
+    }
+}
