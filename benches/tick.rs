@@ -70,14 +70,7 @@ macro_rules! width {
             }
 
             fn scene() -> CompiledScene {
-                let effect = |slot, kind| Effect {
-                    slot,
-                    epoch: 1,
-                    reference_revision: 0,
-                    gain: 1.0,
-                    fade_s: 0.0,
-                    kind,
-                };
+                let effect = |slot, kind| Effect::new(slot, 1, kind);
                 let spring = Spring::new(
                     SpringLaw::Geodesic,
                     Mat3::from_diagonal(Vec3::splat(4.0)),

@@ -57,7 +57,7 @@ pub fn rig_with_grip(grip: f64) -> Rig {
 
 /// An effect in `slot` that begins with its full torque.
 pub fn effect(slot: u8, epoch: u32, kind: Kind) -> Effect {
-    Effect { slot, epoch, reference_revision: 0, gain: 1.0, fade_s: 0.0, kind }
+    Effect::new(slot, epoch, kind)
 }
 
 /// A geodesic spring of `stiffness` and `damping` towards `reference`.

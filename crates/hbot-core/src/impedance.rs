@@ -25,9 +25,14 @@ pub fn quaternion_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic 
     let x = shortest(desired.conjugate() * actual);
     let e = vector_part(x);
     let ke = *stiffness * e;
+    Elastic { torque: desired * quaternion_pull(x.w, e, ke), energy: 2.0 * e.dot(ke) }
+}
+
+/// -2 Eᵀ f in the desired frame: the torque of an energy over e whose gradient is 4 f.
+#[inline]
+pub(crate) fn quaternion_pull(eta: Real, e: Vec3, f: Vec3) -> Vec3 {
     // Eᵀ = eta I + [e]
-    let torque = (ke * x.w + e.cross(ke)) * -2.0;
-    Elastic { torque: desired * torque, energy: 2.0 * e.dot(ke) }
+    (f * eta + e.cross(f)) * -2.0
 }
 
 /// The geodesic law: T = -R_d Mᵀ K p with p = log x; energy 1/2 pᵀ K p. Linear in the angle up to a half turn.
@@ -46,11 +51,17 @@ pub fn geodesic_law(desired: Quat, actual: Quat, stiffness: &Mat3, branch: Vec3)
     let factor = angle_over_sine(x.w, e);
     let p = e * factor;
     let kp = *stiffness * p;
-    let c = log_jacobian_coefficient(x.w, factor, p.length_squared());
+    let torque = geodesic_pull(x.w, factor, p, kp);
+    (Elastic { torque: desired * torque, energy: 0.5 * p.dot(kp) }, p)
+}
+
+/// -Mᵀ f in the desired frame: the torque of an energy over p = log x whose gradient is f. `factor` is t / sin(t/2).
+#[inline]
+pub(crate) fn geodesic_pull(eta: Real, factor: Real, p: Vec3, f: Vec3) -> Vec3 {
+    let c = log_jacobian_coefficient(eta, factor, p.length_squared());
     // Mᵀ = I + 1/2 [p] + c [p]²
-    let pk = p.cross(kp);
-    let torque = kp + pk * 0.5 + p.cross(pk) * c;
-    (Elastic { torque: desired * -torque, energy: 0.5 * p.dot(kp) }, p)
+    let pf = p.cross(f);
+    -(f + pf * 0.5 + p.cross(pf) * c)
 }
 
 /// The first-order form of both laws: T = -2 R_d K e, for comparisons.

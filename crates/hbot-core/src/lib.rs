@@ -6,7 +6,7 @@
 //! # Layers, from the hand down
 //!
 //! 1. [`controller`]: [`Controller::tick`], a pure function from [`Inputs`] and a [`CompiledScene`] to [`Outputs`].
-//! 2. [`scene`] and [`effects`]: what the sphere is to feel like; [`impedance`]: the spring laws and the damper.
+//! 2. [`scene`] and [`effects`]: what the sphere is to feel like; [`render`] makes torques of it; [`impedance`]: the spring laws and the damper.
 //! 3. [`mode`]: the state table, with every cause of a fault.
 //! 4. [`allocation`]: a torque on the sphere as joint torques within limits, its direction kept.
 //! 5. [`odometry`]: orientation from joint angles along a [`path`]; [`kinematics`]: contact frames, G, forward and inverse.
@@ -38,7 +38,7 @@ mod passivity;
 pub mod path;
 mod rates;
 mod real;
-mod render;
+pub mod render;
 pub mod rig;
 pub mod rotation;
 pub mod scene;

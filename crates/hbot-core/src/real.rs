@@ -14,7 +14,7 @@ mod width {
     pub type Mat3 = glam::DMat3;
     /// A quaternion of reals. glam stores x, y, z, w; files and messages say `[w, x, y, z]`.
     pub type Quat = glam::DQuat;
-    pub(crate) use libm::{acos, atan2, cos, exp, fabs, fmod, sincos, sqrt};
+    pub(crate) use libm::{acos, asin, atan2, cos, exp, fabs, floor, fmod, round, sincos, sqrt};
     pub(crate) const PI: Real = core::f64::consts::PI;
 }
 
@@ -29,8 +29,8 @@ mod width {
     /// A quaternion of reals. glam stores x, y, z, w; files and messages say `[w, x, y, z]`.
     pub type Quat = glam::Quat;
     pub(crate) use libm::{
-        acosf as acos, atan2f as atan2, cosf as cos, expf as exp, fabsf as fabs, fmodf as fmod,
-        sincosf as sincos, sqrtf as sqrt,
+        acosf as acos, asinf as asin, atan2f as atan2, cosf as cos, expf as exp, fabsf as fabs,
+        floorf as floor, fmodf as fmod, roundf as round, sincosf as sincos, sqrtf as sqrt,
     };
     pub(crate) const PI: Real = core::f32::consts::PI;
 }

@@ -1,24 +1,40 @@
 //! Runs the effects of a compiled scene, and keeps what they remember.
 
-use crate::effects::{Anchor, Effect, EffectState, Motion};
+use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Shared, mass_scale};
 use crate::real::{Quat, Real, Vec3};
+use crate::rig::Rig;
 use crate::rotation;
 use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
 
-/// The memories of all effects.
+/// The memories of all effects: what makes torques of a scene, within a controller or without one (for plots, studies and tests).
 #[derive(Debug, Clone)]
-pub(crate) struct Renderer {
+pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
+    shared: Shared,
     revision: Option<u64>,
+    /// The sphere's own inertia, kg m², and the loop's period, s: they limit virtual masses.
+    inertia: Real,
+    period: Real,
 }
 
 impl Renderer {
-    pub(crate) const EMPTY: Self = Self { states: [EffectState::EMPTY; MAX_EFFECTS], revision: None };
+    /// A renderer for `rig` without memories.
+    #[must_use]
+    pub fn new(rig: &Rig) -> Self {
+        Self {
+            states: [EffectState::EMPTY; MAX_EFFECTS],
+            shared: Shared::EMPTY,
+            revision: None,
+            inertia: rig.device.sphere_inertia(),
+            period: rig.timing.period_s(),
+        }
+    }
 
-    /// Makes a fresh memory for each effect that has none. True where `scene` is not that of the last tick.
+    /// Makes a fresh memory, anchored at `q`, for each effect of `scene` that has none. True where `scene` is not that of
+    /// the last tick. Call it before [`torque`](Self::torque).
     #[inline]
-    pub(crate) fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
+    pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         if self.revision == Some(scene.revision()) {
             return false;
         }
@@ -36,17 +52,23 @@ impl Renderer {
                 }
             }
         }
+        let masses = scene.effects().iter().filter_map(|effect| {
+            let (mass, smoothing) = effect.kind.mass()?;
+            Some((mass * effect.gain, smoothing))
+        });
+        self.shared.mass_scale = mass_scale(masses, self.inertia, self.period);
         true
     }
 
-    /// Every spring's reference must be within `limit` rad of `q`: the first that is not, with its distance.
+    /// Every effect must be at rest within `limit` rad of `q`: the first that is not, with its distance.
     pub(crate) fn too_far(&self, scene: &CompiledScene, q: Quat, limit: Real) -> Option<(u8, Real)> {
         scene.effects().iter().find_map(|effect| {
             let (_, anchor) = effect.kind.reference()?;
-            if anchor == Anchor::Here {
+            if anchor == Anchor::Here || effect.leaving {
                 return None;
             }
-            let angle = rotation::angle_between(self.states[usize::from(effect.slot)].reference.goal, q);
+            let goal = self.states[usize::from(effect.slot)].reference.goal;
+            let angle = effect.kind.excess(goal, q, scene.figures(effect.figures))?;
             (!(angle <= limit)).then_some((effect.slot, angle))
         })
     }
@@ -56,10 +78,11 @@ impl Renderer {
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
             state.age_s = 0.0;
-            state.branch = Vec3::ZERO;
+            state.memory = Memory::None;
             state.reference.q = state.reference.goal;
             anchor(effect, state, q, false);
         }
+        self.shared.restart();
     }
 
     /// Sets the goal of an effect's reference and the rate that it is said to have until tick `omega_until`.
@@ -72,7 +95,8 @@ impl Renderer {
         omega_until: u64,
     ) -> bool {
         let (slot, epoch) = key;
-        let has = |e: &&Effect| e.slot == slot && e.epoch == epoch && e.kind.reference().is_some();
+        let has =
+            |e: &&Effect| e.slot == slot && e.epoch == epoch && !e.leaving && e.kind.reference().is_some();
         if scene.effects().iter().find(has).is_none() {
             return false;
         }
@@ -83,9 +107,10 @@ impl Renderer {
         true
     }
 
-    /// The scene's torque on the sphere in N, N m. References move by at most `reach` rad.
+    /// The scene's torque on the sphere in N, N m. `dt` is the time since the last tick, s; references move by at most
+    /// `reach` rad.
     #[inline]
-    pub(crate) fn torque(
+    pub fn torque(
         &mut self,
         scene: &CompiledScene,
         motion: &Motion,
@@ -94,6 +119,7 @@ impl Renderer {
         reach: Real,
     ) -> Vec3 {
         let mut torque = Vec3::ZERO;
+        self.shared.begin();
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
             let reference = &mut state.reference;
@@ -104,13 +130,54 @@ impl Renderer {
                 reference.omega = Vec3::ZERO;
             }
             let mut gain = effect.gain;
+            if effect.leaving {
+                let left = effect.fade_out_s - state.leaving_s;
+                if !(left > 0.0) {
+                    continue;
+                }
+                gain *= left / effect.fade_out_s;
+                state.leaving_s += dt;
+            }
             if state.age_s < effect.fade_s {
                 gain *= state.age_s / effect.fade_s;
-                state.age_s += dt;
+                // One that leaves before it is there does not come any further.
+                state.age_s += if effect.leaving { 0.0 } else { dt };
             }
-            torque += effect.kind.torque(motion, state) * gain;
+            let mut now = Now {
+                motion,
+                dt,
+                reference: &state.reference,
+                figures: scene.figures(effect.figures),
+                shared: &mut self.shared,
+            };
+            torque += effect.kind.torque(&mut now, &mut state.memory) * gain;
         }
+        self.shared.end(motion, dt);
         torque
+    }
+
+    /// The energy stored in the effects at the orientation `q`, J, gain included: of those whose torque, but for damping, is the
+    /// gradient of one. `None` where there is none of that sort.
+    #[must_use]
+    pub fn energy(&mut self, scene: &CompiledScene, q: Quat) -> Option<Real> {
+        let motion = Motion { q, omega: Vec3::ZERO };
+        self.shared.begin();
+        let mut sum = None;
+        for effect in scene.effects().iter().filter(|effect| !effect.leaving) {
+            let state = &self.states[usize::from(effect.slot)];
+            let mut now = Now {
+                motion: &motion,
+                dt: 0.0,
+                reference: &state.reference,
+                figures: scene.figures(effect.figures),
+                shared: &mut self.shared,
+            };
+            if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {
+                sum = Some(sum.unwrap_or(0.0) + energy * effect.gain);
+            }
+        }
+        self.shared.begin();
+        sum
     }
 }
 

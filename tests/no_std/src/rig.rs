@@ -121,7 +121,7 @@ fn scene() -> Option<CompiledScene> {
     let reference = rotation::exp(Vec3::X * WOUND);
     let spring = Spring::new(SpringLaw::Geodesic, stiffness, Mat3::ZERO, reference, Anchor::Absolute)?;
     let kind = Kind::Spring(spring);
-    let effect = Effect { slot: 0, epoch: 1, reference_revision: 0, gain: 1.0, fade_s: 0.0, kind };
+    let effect = Effect::new(0, 1, kind);
     CompiledScene::new(1, &[effect]).ok()
 }
 

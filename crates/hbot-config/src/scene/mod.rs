@@ -1,5 +1,6 @@
 //! The scene file: what the sphere shall feel like, and what the simulated rig shows of a real one.
 
+mod files;
 mod kinds;
 mod running;
 mod simulate;
@@ -8,12 +9,12 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use hbot_core::effects::Kind;
-use hbot_core::scene::MAX_EFFECTS;
+use hbot_core::scene::{MAX_EFFECTS, MAX_FIGURES};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use self::kinds::{Common, EFFECT_SCHEMA, KINDS, KindEntry};
+use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KINDS, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::simulate::{
     CageFriction, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting, Simulate, Slip,
@@ -44,6 +45,8 @@ pub struct SceneEffect {
     /// The kind's own, defaults written out.
     parameters: Map<String, Value>,
     kind: Kind,
+    /// What it finds in the scene's table.
+    figures: Vec<f64>,
 }
 
 /// What there is to choose from: a kind of effect, or a phenomenon of the simulated rig.
@@ -135,7 +138,9 @@ impl SceneFile {
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-        Ok(Self::from_toml(&text, &path.display().to_string())?)
+        let mut document = Document::from_toml(&text, &path.display().to_string())?;
+        files::read_points(&mut document, path.parent().unwrap_or(Path::new("")));
+        Ok(Self::from_document(document)?)
     }
 
     fn from_document(Document { tree, mut report }: Document) -> Result<Self, Diagnostics> {
@@ -150,6 +155,7 @@ impl SceneFile {
             }
             effects.push(effect);
         }
+        check_figures(&effects, "effect", &mut report);
         let top = if report.clean_under("") { decode::<Top>(&tree, "", &mut report) } else { None };
         report.finish(top.map(|top| Self { name: top.name, effects, simulate: top.simulate }))
     }
@@ -186,6 +192,15 @@ impl SceneFile {
     }
 }
 
+/// Holds the figures of all effects against the room that the core has for them.
+fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
+    let figures: usize = effects.iter().map(|effect| effect.figures.len()).sum();
+    if figures > MAX_FIGURES {
+        let message = format!("positions, orientations and points take {figures} figures");
+        report.push(path, message, format!("at most {MAX_FIGURES} in a scene (a point takes 5)"));
+    }
+}
+
 impl SceneEffect {
     /// What `set` and `reference` call it; unique in its scene.
     #[must_use]
@@ -217,6 +232,12 @@ impl SceneEffect {
         self.common.fade_s
     }
 
+    /// How long it takes to fade out once another scene is loaded, s.
+    #[must_use]
+    pub fn fade_out_s(&self) -> f64 {
+        self.common.fade_out_s
+    }
+
     /// The effect as JSON, with every default written out.
     #[must_use]
     pub fn to_json(&self) -> Value {
@@ -232,6 +253,7 @@ impl SceneEffect {
         let mut all = Map::new();
         all.insert("gain".to_owned(), self.common.gain.into());
         all.insert("fade_s".to_owned(), self.common.fade_s.into());
+        all.insert("fade_out_s".to_owned(), self.common.fade_out_s.into());
         all.extend(self.parameters.clone());
         all
     }
@@ -265,7 +287,7 @@ impl SceneEffect {
         report: &mut Report,
     ) -> Option<Self> {
         let common = decode(value, path, report)?;
-        let (parameters, kind) = (entry.compile)(value, path, report)?;
-        Some(Self { id: id.to_owned(), kind_name: entry.name, common, parameters, kind })
+        let Compiled { parameters, kind, figures } = (entry.compile)(value, path, report)?;
+        Some(Self { id: id.to_owned(), kind_name: entry.name, common, parameters, kind, figures })
     }
 }

@@ -1,10 +1,10 @@
 //! The scene that runs, as the outside of the loop knows it: what `set` changes, and where each effect's memory stands.
 
-use hbot_core::effects::Effect;
-use hbot_core::scene::CompiledScene;
+use hbot_core::effects::{Effect, Span};
+use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_FIGURES};
 use serde_json::{Map, Value};
 
-use super::{KindEntry, SceneEffect, SceneFile};
+use super::{KindEntry, SceneEffect, SceneFile, check_figures};
 use crate::diagnostic::Diagnostics;
 use crate::document::Report;
 use crate::validate::validate;
@@ -13,8 +13,10 @@ use crate::validate::validate;
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunningScene {
     file: SceneFile,
-    /// One an effect; the slot is its position.
+    /// One an effect.
     memories: Vec<Memory>,
+    /// Effects of the scene before that fade out.
+    leaving: Vec<(SceneEffect, Memory)>,
     revision: u64,
     last_epoch: u32,
 }
@@ -22,6 +24,7 @@ pub struct RunningScene {
 /// Which memory in the controller belongs to an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Memory {
+    slot: u8,
     epoch: u32,
     reference_revision: u32,
 }
@@ -64,17 +67,31 @@ impl RunningScene {
     #[must_use]
     pub fn new() -> Self {
         let file = SceneFile { name: "empty".to_owned(), effects: Vec::new(), simulate: None };
-        Self { file, memories: Vec::new(), revision: 0, last_epoch: 0 }
+        Self { file, memories: Vec::new(), leaving: Vec::new(), revision: 0, last_epoch: 0 }
     }
 
-    /// Takes `file` in place of the scene that runs, with fresh memories throughout.
+    /// Takes `file` in place of the scene that runs, with fresh memories throughout. Effects of the old one that have a time
+    /// to fade out take it, as far as there is room for them.
     pub fn load(&mut self, file: SceneFile) -> CompiledScene {
+        let old = std::mem::take(&mut self.file.effects).into_iter().zip(std::mem::take(&mut self.memories));
+        let mut figures: usize = file.effects.iter().map(|effect| effect.figures.len()).sum();
+        self.leaving = old
+            .filter(|(effect, _)| effect.common.fade_out_s > 0.0)
+            .filter(|(effect, _)| {
+                figures += effect.figures.len();
+                figures <= MAX_FIGURES
+            })
+            .take(MAX_EFFECTS - file.effects.len())
+            .collect();
+        let mut free =
+            (0..MAX_EFFECTS as u8).filter(|slot| self.leaving.iter().all(|(_, memory)| memory.slot != *slot));
         self.memories = file
             .effects
             .iter()
-            .map(|_| {
+            .zip(&mut free)
+            .map(|(_, slot)| {
                 self.last_epoch = next(self.last_epoch);
-                Memory { epoch: self.last_epoch, reference_revision: 0 }
+                Memory { slot, epoch: self.last_epoch, reference_revision: 0 }
             })
             .collect();
         self.file = file;
@@ -91,7 +108,14 @@ impl RunningScene {
             let legal = self.file.effects.iter().map(|e| e.id.clone()).collect();
             return Err(SetError::UnknownEffect { id: effect.to_owned(), legal });
         };
-        self.file.effects[index] = self.file.effects[index].with(parameters)?;
+        let changed = self.file.effects[index].with(parameters)?;
+        let before = std::mem::replace(&mut self.file.effects[index], changed);
+        let mut report = Report::default();
+        check_figures(&self.file.effects, "", &mut report);
+        if let Err(mistakes) = report.finish(Some(())) {
+            self.file.effects[index] = before;
+            return Err(mistakes.into());
+        }
         if parameters.keys().any(|key| key == "reference" || key == "anchor") {
             let memory = &mut self.memories[index];
             memory.reference_revision = next(memory.reference_revision);
@@ -104,7 +128,15 @@ impl RunningScene {
     pub fn slot_of(&self, effect: &str) -> Option<EffectPlace> {
         let index = self.index_of(effect)?;
         let has_reference = self.file.effects[index].kind.reference().is_some();
-        Some(EffectPlace { slot: index as u8, epoch: self.memories[index].epoch, has_reference })
+        let Memory { slot, epoch, .. } = self.memories[index];
+        Some(EffectPlace { slot, epoch, has_reference })
+    }
+
+    /// The id of the effect whose memory stands in a slot.
+    #[must_use]
+    pub fn id_at(&self, slot: u8) -> Option<&str> {
+        let index = self.memories.iter().position(|memory| memory.slot == slot)?;
+        Some(&self.file.effects[index].id)
     }
 
     /// The scene as it is now, with what was set.
@@ -125,22 +157,30 @@ impl RunningScene {
 
     fn compile(&mut self) -> CompiledScene {
         self.revision += 1;
-        let effects: Vec<Effect> = self
-            .file
-            .effects
-            .iter()
-            .zip(&self.memories)
-            .enumerate()
-            .map(|(slot, (effect, memory))| Effect {
-                slot: slot as u8,
+        let staying =
+            self.file.effects.iter().zip(&self.memories).map(|(effect, memory)| (effect, memory, false));
+        let leaving = self.leaving.iter().map(|(effect, memory)| (effect, memory, true));
+        let mut figures = Vec::new();
+        let mut effects = Vec::new();
+        for (effect, memory, leaving) in staying.chain(leaving) {
+            // What leaves gives way to what `set` makes of the rest.
+            if leaving && figures.len() + effect.figures.len() > MAX_FIGURES {
+                continue;
+            }
+            effects.push(Effect {
+                slot: memory.slot,
                 epoch: memory.epoch,
                 reference_revision: memory.reference_revision,
                 gain: effect.common.gain,
                 fade_s: effect.common.fade_s,
+                fade_out_s: effect.common.fade_out_s,
+                leaving,
+                figures: Span { start: figures.len() as u16, len: effect.figures.len() as u16 },
                 kind: effect.kind,
-            })
-            .collect();
-        CompiledScene::new(self.revision, &effects)
+            });
+            figures.extend_from_slice(&effect.figures);
+        }
+        CompiledScene::with_figures(self.revision, &effects, &figures)
             .unwrap_or_else(|error| unreachable!("a legal scene file fits a compiled scene: {error}"))
     }
 }

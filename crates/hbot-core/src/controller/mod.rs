@@ -89,7 +89,7 @@ impl Controller {
             rig,
             orientation: Orientation::new(),
             machine: Machine::START,
-            renderer: Renderer::EMPTY,
+            renderer: Renderer::new(&rig),
             blend: Blend::DONE,
             last_motion: Motion { q: Quat::IDENTITY, omega: Vec3::ZERO },
             stream: Stream::NONE,

@@ -1,24 +1,41 @@
 //! Resistance against turning: T = -D w, which only takes energy out.
 
-use super::Motion;
+use super::target::beyond;
+use super::{Law, Now};
 use crate::impedance;
-use crate::real::{Mat3, Vec3};
+use crate::real::{Mat3, Real, Vec3};
 
 /// Viscous resistance against the sphere's rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Damper {
     damping: Mat3,
+    deadband: Real,
 }
 
 impl Damper {
     /// A damper of `damping` (N m s/rad), symmetric positive semidefinite in N. `None` where it is not.
     #[must_use]
     pub fn new(damping: Mat3) -> Option<Self> {
-        impedance::is_impedance(&damping).then_some(Self { damping })
+        impedance::is_impedance(&damping).then_some(Self { damping, deadband: 0.0 })
     }
 
+    /// The same, without torque below the rate `deadband` (rad/s, at least 0), and counting from there.
+    #[must_use]
+    pub fn with_deadband(self, deadband: Real) -> Self {
+        Self { deadband, ..self }
+    }
+}
+
+impl Law for Damper {
+    type Memory = ();
+
     #[inline]
-    pub(super) fn torque(&self, motion: &Motion) -> Vec3 {
-        -(self.damping * motion.omega)
+    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        let omega = now.motion.omega;
+        if self.deadband > 0.0 {
+            // w.D w' >= 0 for w' along w: it still only takes.
+            return -(self.damping * beyond(omega, self.deadband));
+        }
+        -(self.damping * omega)
     }
 }

@@ -1,52 +1,81 @@
-//! The effects that scenes are made of: one file a kind, and one list, [`Kind`].
+//! The effects that scenes are made of: one file a kind, and one list at the end of this one.
 //!
-//! An effect is a small immutable description; what it remembers from tick to tick stands in its slot of the
-//! controller ([`EffectState`]). Adding a kind means a file here and an arm in the list below.
+//! An effect is a small immutable description; what it remembers from tick to tick stands in its slot of the renderer.
+//! Adding a kind means a file here, with what it is, its [`Law`] and its memory, and a line in the list. Equations and
+//! sources are in docs/effects.md.
+//!
+//! New kinds are plain structs: hbot-config fills them after checking every range, and the core takes them as they are.
 
+mod constant;
 mod damper;
+mod detents;
+mod end_stop;
+mod friction;
+pub(crate) mod geometry;
+mod guide;
+mod inertia;
+mod magnet;
+mod now;
+mod pendulum;
+mod pulse;
+mod snaps;
 mod spring;
+mod target;
+mod texture;
+mod track;
+mod vibration;
 
+pub use constant::{Constant, Frame};
 pub use damper::Damper;
-pub use spring::{Anchor, Spring, SpringLaw};
+pub use detents::Detents;
+pub use end_stop::EndStop;
+pub use friction::Friction;
+pub use guide::{Freedom, Guide};
+pub use inertia::Inertia;
+pub use magnet::Magnet;
+pub use now::Motion;
+pub use pendulum::Pendulum;
+pub use pulse::Pulse;
+pub use snaps::{MAX_OWN, SnapSet, Snaps};
+pub use spring::{Spring, SpringLaw};
+pub use target::{Anchor, Target};
+pub use texture::Texture;
+pub use track::{Path, Track};
+pub use vibration::{Vibration, Wave};
+
+pub(crate) use inertia::mass_scale;
+pub(crate) use now::{Now, Shared};
+pub(crate) use target::Reference;
 
 use crate::real::{Quat, Real, Vec3};
 
-/// What an effect may know of the moment.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
-    /// Orientation of the sphere.
-    pub q: Quat,
-    /// Angular velocity in N, rad/s.
-    pub omega: Vec3,
-}
+/// What a kind of effect does.
+pub(crate) trait Law {
+    /// What it remembers from tick to tick; fresh at load and at enable.
+    type Memory: Copy + Default + PartialEq + core::fmt::Debug;
 
-/// The list of kinds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
-    /// A spring with a damper towards a reference orientation.
-    Spring(Spring),
-    /// Resistance against turning.
-    Damper(Damper),
-}
-
-impl Kind {
     /// The torque on the sphere in N, N m, before gain and fading.
-    #[inline]
-    pub(crate) fn torque(&self, motion: &Motion, state: &mut EffectState) -> Vec3 {
-        match self {
-            Self::Spring(spring) => spring.torque(motion, state),
-            Self::Damper(damper) => damper.torque(motion),
-        }
+    fn torque(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
+
+    /// The energy stored, J, for kinds whose torque (but for their damping) is the gradient of one.
+    fn energy(&self, _now: &mut Now<'_>, _memory: &Self::Memory) -> Option<Real> {
+        None
     }
 
     /// The reference and its anchor, for kinds that have one.
-    #[inline]
-    #[must_use]
-    pub fn reference(&self) -> Option<(Quat, Anchor)> {
-        match self {
-            Self::Spring(spring) => Some((spring.reference(), spring.anchor())),
-            Self::Damper(_) => None,
-        }
+    fn reference(&self) -> Option<(Quat, Anchor)> {
+        None
+    }
+
+    /// How far, rad, the orientation `q` is from where the effect would be at rest with its reference at `desired`, for kinds whose
+    /// torque grows with that: what a rig's `enable_max_angle` limits.
+    fn excess(&self, _desired: Quat, _q: Quat, _figures: &[Real]) -> Option<Real> {
+        None
+    }
+
+    /// For a virtual mass: its largest eigenvalue or a bound of it, kg m², and the time constant of its smoothing, s.
+    fn mass(&self) -> Option<(Real, Real)> {
+        None
     }
 }
 
@@ -64,42 +93,181 @@ pub struct Effect {
     pub gain: Real,
     /// How long it takes to fade in, s.
     pub fade_s: Real,
+    /// How long it takes to fade out once it is leaving, s.
+    pub fade_out_s: Real,
+    /// No longer part of the scene: it fades out, and is then silent.
+    pub leaving: bool,
+    /// Its part of the scene's table of figures.
+    pub figures: Span,
     /// What it is.
     pub kind: Kind,
 }
 
+impl Effect {
+    /// An effect that acts at once and fully, and needs no figures.
+    #[must_use]
+    pub fn new(slot: u8, epoch: u32, kind: Kind) -> Self {
+        Self {
+            slot,
+            epoch,
+            reference_revision: 0,
+            gain: 1.0,
+            fade_s: 0.0,
+            fade_out_s: 0.0,
+            leaving: false,
+            figures: Span::EMPTY,
+            kind,
+        }
+    }
+}
+
+/// A part of a scene's table of figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Span {
+    /// Its first figure.
+    pub start: u16,
+    /// How many.
+    pub len: u16,
+}
+
+impl Span {
+    /// No figures.
+    pub const EMPTY: Self = Self { start: 0, len: 0 };
+}
+
 /// What an effect remembers from tick to tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EffectState {
+pub(crate) struct EffectState {
     /// The effect whose memory this is; 0 for none.
     pub(crate) epoch: u32,
     pub(crate) reference_revision: u32,
     /// Time since it began to fade in, s; stops at its fade time.
     pub(crate) age_s: Real,
+    /// Time since it began to leave, s.
+    pub(crate) leaving_s: Real,
     pub(crate) reference: Reference,
-    /// The last rotation vector, which decides the side of a half turn.
-    pub(crate) branch: Vec3,
+    pub(crate) memory: Memory,
 }
 
 impl EffectState {
     /// The memory of no effect.
-    pub(crate) const EMPTY: Self =
-        Self { epoch: 0, reference_revision: 0, age_s: 0.0, reference: Reference::STILL, branch: Vec3::ZERO };
+    pub(crate) const EMPTY: Self = Self {
+        epoch: 0,
+        reference_revision: 0,
+        age_s: 0.0,
+        leaving_s: 0.0,
+        reference: Reference::STILL,
+        memory: Memory::None,
+    };
 }
 
-/// A reference that moves: where it is, where it goes, and the rate it is said to have.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Reference {
-    /// Where it is now.
-    pub(crate) q: Quat,
-    /// Where it goes, at most at the rig's `reference_rate`.
-    pub(crate) goal: Quat,
-    /// Its rate in N for the damper, rad/s; 0 once expired.
-    pub(crate) omega: Vec3,
-    /// First tick at which `omega` no longer holds.
-    pub(crate) omega_until: u64,
+/// Makes the list of kinds, and hands each its own memory.
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
+        /// The list of kinds.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Kind {
+            $($(#[$doc])* $name($name)),*
+        }
+
+        /// The kinds' own memories.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub(crate) enum Memory {
+            /// Fresh.
+            None,
+            $($name(<$name as Law>::Memory)),*
+        }
+
+        impl Kind {
+            #[inline]
+            pub(crate) fn torque(&self, now: &mut Now<'_>, memory: &mut Memory) -> Vec3 {
+                match self {
+                    $(Self::$name(law) => {
+                        if let Memory::$name(own) = memory {
+                            return law.torque(now, own);
+                        }
+                        let mut own = Default::default();
+                        let torque = law.torque(now, &mut own);
+                        *memory = Memory::$name(own);
+                        torque
+                    })*
+                }
+            }
+
+            pub(crate) fn energy(&self, now: &mut Now<'_>, memory: &Memory) -> Option<Real> {
+                match self {
+                    $(Self::$name(law) => match memory {
+                        Memory::$name(own) => law.energy(now, own),
+                        _ => law.energy(now, &Default::default()),
+                    })*
+                }
+            }
+
+            /// The reference and its anchor, for kinds that have one.
+            #[inline]
+            #[must_use]
+            pub fn reference(&self) -> Option<(Quat, Anchor)> {
+                match self {
+                    $(Self::$name(law) => law.reference()),*
+                }
+            }
+
+            pub(crate) fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
+                match self {
+                    $(Self::$name(law) => law.excess(desired, q, figures)),*
+                }
+            }
+
+            pub(crate) fn mass(&self) -> Option<(Real, Real)> {
+                match self {
+                    $(Self::$name(law) => law.mass()),*
+                }
+            }
+        }
+    };
 }
 
-impl Reference {
-    const STILL: Self = Self { q: Quat::IDENTITY, goal: Quat::IDENTITY, omega: Vec3::ZERO, omega_until: 0 };
+kinds! {
+    /// A torque that does not change.
+    Constant,
+    /// A spring with a damper towards a reference orientation.
+    Spring,
+    /// Resistance against turning.
+    Damper,
+    /// Resistance against being sped up or slowed down.
+    Inertia,
+    /// Dry friction that truly sticks.
+    Friction,
+    /// Notches of a dial.
+    Detents,
+    /// Orientations that it snaps into.
+    Snaps,
+    /// Walls about a cone of directions and a range of twist.
+    EndStop,
+    /// Holds some directions of turning and leaves others free.
+    Guide,
+    /// Bumps on the sphere's surface.
+    Texture,
+    /// Shaking.
+    Vibration,
+    /// A mass off the centre, under gravity.
+    Pendulum,
+    /// Attraction near an orientation.
+    Magnet,
+    /// Clicks.
+    Pulse,
+    /// A spring to a reference that moves by itself.
+    Track,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The largest kind is a spring with its two matrices: what is bigger belongs in the scene's table of figures.
+    #[test]
+    fn no_kind_blows_up_all_others() {
+        assert!(size_of::<Kind>() <= size_of::<Spring>() + size_of::<Real>(), "{}", size_of::<Kind>());
+        assert!(size_of::<Memory>() <= 16 * size_of::<Real>(), "{}", size_of::<Memory>());
+    }
 }

@@ -1,8 +1,10 @@
 //! A spring towards a reference orientation, with a damper on the rate relative to it.
 
-use super::{EffectState, Motion};
-use crate::impedance::{self, damper, geodesic_law, quaternion_law};
-use crate::real::{Mat3, Quat, Vec3};
+use super::target::{beyond, beyond_gradient};
+use super::{Anchor, Law, Now};
+use crate::impedance::{self, damper, geodesic_pull, quaternion_pull};
+use crate::real::{Mat3, Quat, Real, Vec3, sincos};
+use crate::rotation::{angle_between, vector_part};
 
 /// Which law a spring follows (physics notes, section 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,15 +15,6 @@ pub enum SpringLaw {
     Quaternion,
 }
 
-/// What a reference is measured from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Anchor {
-    /// The frame N.
-    Absolute,
-    /// The orientation at enable, or at load where the rig is active already: the reference turns from there.
-    Here,
-}
-
 /// A spring towards a reference, with a damper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spring {
@@ -30,6 +23,7 @@ pub struct Spring {
     damping: Option<Mat3>,
     reference: Quat,
     anchor: Anchor,
+    deadband: Real,
 }
 
 impl Spring {
@@ -47,37 +41,82 @@ impl Spring {
             && impedance::is_impedance(&damping)
             && (reference.length_squared() - 1.0).abs() < 1.0e-6;
         let damping = (damping != Mat3::ZERO).then_some(damping);
-        legal.then_some(Self { law, stiffness, damping, reference, anchor })
+        legal.then_some(Self { law, stiffness, damping, reference, anchor, deadband: 0.0 })
     }
 
-    /// The reference as the scene states it.
-    #[inline]
+    /// The same, slack within `deadband` of the reference (rad, 0 to below pi); the angle counts from there. Its energy is
+    /// that of the shortened rotation vector, so it is a gradient still.
     #[must_use]
-    pub fn reference(&self) -> Quat {
-        self.reference
+    pub fn with_deadband(self, deadband: Real) -> Self {
+        Self { deadband, ..self }
     }
 
-    /// What the reference is measured from.
-    #[inline]
-    #[must_use]
-    pub fn anchor(&self) -> Anchor {
-        self.anchor
+    /// The vector part's dead length for the quaternion law: that of a turn by the dead band.
+    fn dead_sine(&self) -> Real {
+        sincos(0.5 * self.deadband).0
     }
+}
+
+/// The last rotation vector, which decides the side of a half turn.
+type Branch = Vec3;
+
+impl Law for Spring {
+    type Memory = Branch;
 
     #[inline]
-    pub(super) fn torque(&self, motion: &Motion, state: &mut EffectState) -> Vec3 {
-        let desired = state.reference.q;
-        let mut torque = match self.law {
-            SpringLaw::Quaternion => quaternion_law(desired, motion.q, &self.stiffness).torque,
+    fn torque(&self, now: &mut Now<'_>, branch: &mut Branch) -> Vec3 {
+        let desired = now.reference.q;
+        let mut x = now.relative();
+        let elastic = match self.law {
+            SpringLaw::Quaternion => {
+                let e = vector_part(x);
+                let ke = if self.deadband > 0.0 {
+                    let dead = self.dead_sine();
+                    beyond_gradient(e, dead, self.stiffness * beyond(e, dead))
+                } else {
+                    self.stiffness * e
+                };
+                quaternion_pull(x.w, e, ke)
+            }
             SpringLaw::Geodesic => {
-                let (elastic, branch) = geodesic_law(desired, motion.q, &self.stiffness, state.branch);
-                state.branch = branch;
-                elastic.torque
+                let (factor, mut p) = now.log();
+                if x.w == 0.0 && vector_part(x).dot(*branch) < 0.0 {
+                    (x, p) = (-x, -p);
+                }
+                *branch = p;
+                let kp = if self.deadband > 0.0 {
+                    beyond_gradient(p, self.deadband, self.stiffness * beyond(p, self.deadband))
+                } else {
+                    self.stiffness * p
+                };
+                geodesic_pull(x.w, factor, p, kp)
             }
         };
+        let mut torque = desired * elastic;
         if let Some(damping) = &self.damping {
-            torque += damper(desired, damping, motion.omega, state.reference.omega);
+            torque += damper(desired, damping, now.motion.omega, now.reference.omega);
         }
         torque
+    }
+
+    fn energy(&self, now: &mut Now<'_>, _: &Branch) -> Option<Real> {
+        Some(match self.law {
+            SpringLaw::Quaternion => {
+                let e = beyond(vector_part(now.relative()), self.dead_sine());
+                2.0 * e.dot(self.stiffness * e)
+            }
+            SpringLaw::Geodesic => {
+                let p = beyond(now.log().1, self.deadband);
+                0.5 * p.dot(self.stiffness * p)
+            }
+        })
+    }
+
+    fn reference(&self) -> Option<(Quat, Anchor)> {
+        Some((self.reference, self.anchor))
+    }
+
+    fn excess(&self, desired: Quat, q: Quat, _: &[Real]) -> Option<Real> {
+        Some(angle_between(desired, q))
     }
 }

@@ -210,8 +210,7 @@ impl Hub {
                 ),
             ),
             Refusal::TooFar { slot, angle } => {
-                let effects = self.setup.scene.file().effects();
-                let id = effects.get(usize::from(slot)).map_or("?", |effect| effect.id());
+                let id = self.setup.scene.id_at(slot).unwrap_or("?");
                 let message = format!(
                     "op {op}: the reference of effect {id:?} is {angle:.3} rad from the sphere's orientation; legal: at \
                      most {} rad (limits.enable_max_angle). Turn the sphere, or set anchor = \"here\"",

@@ -51,7 +51,7 @@ impl Hub {
             }
         };
         let compiled = self.setup.scene.load(file);
-        let (rig, parts) = (self.setup.rig.rig, compiled.effects().to_vec());
+        let (rig, parts) = (self.setup.rig.rig, compiled.clone());
         self.end.install(Box::new(compiled)).map_err(|_| busy("load_scene"))?;
 
         let (file, revision) = (self.setup.scene.file(), self.setup.scene.revision());

@@ -15,12 +15,15 @@ pub(super) struct Damper {
     /// Torque against the sphere's rate: a number, or a symmetric 3x3 matrix in N.
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
+    /// No torque below this rate; above it the rate counts from there.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "rad/s"))]
+    deadband: f64,
 }
 
 impl Default for Damper {
     fn default() -> Self {
         // Felt clearly in the hand, and far from the stability border at 1 kHz.
-        Self { damping: Impedance::Number(0.02) }
+        Self { damping: Impedance::Number(0.02), deadband: 0.0 }
     }
 }
 
@@ -29,6 +32,6 @@ impl EffectKind for Damper {
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
         let damping = self.damping.matrix(&join(path, "damping"), report)?;
-        effects::Damper::new(damping).map(Kind::Damper)
+        effects::Damper::new(damping).map(|damper| Kind::Damper(damper.with_deadband(self.deadband)))
     }
 }

@@ -1,4 +1,4 @@
-//! Stiffnesses and dampings: a number for every direction alike, or a matrix.
+//! Stiffnesses, dampings and masses: a number for every direction alike, or a matrix.
 
 use hbot_core::Mat3;
 use hbot_core::impedance::is_impedance;
@@ -77,4 +77,9 @@ pub(super) fn stiffness(_: &mut schemars::SchemaGenerator) -> Schema {
 /// The schema of a damping.
 pub(super) fn damping(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(100.0, "N m s/rad")
+}
+
+/// The schema of a virtual mass.
+pub(super) fn mass(_: &mut schemars::SchemaGenerator) -> Schema {
+    schema(1.0, "kg m²")
 }

@@ -1,8 +1,22 @@
 //! The kinds of effects as files write them: one file a kind, and one list, [`KINDS`].
 
+mod constant;
 mod damper;
+mod detents;
+mod end_stop;
+mod friction;
+mod guide;
 mod impedance;
+mod inertia;
+mod magnet;
+mod pendulum;
+mod pulse;
+mod snaps;
 mod spring;
+mod target;
+mod texture;
+mod track;
+mod vibration;
 
 use std::sync::LazyLock;
 
@@ -16,18 +30,42 @@ use crate::decode::decode;
 use crate::document::Report;
 use crate::schema;
 
+pub(in crate::scene) use track::MAX_POINTS;
+
 /// Every kind that a scene can name. A new one: a file here, and its line in this list.
-pub(super) static KINDS: LazyLock<Vec<KindEntry>> =
-    LazyLock::new(|| vec![KindEntry::of::<spring::Spring>(), KindEntry::of::<damper::Damper>()]);
+pub(super) static KINDS: LazyLock<Vec<KindEntry>> = LazyLock::new(|| {
+    vec![
+        KindEntry::of::<constant::Constant>(),
+        KindEntry::of::<spring::Spring>(),
+        KindEntry::of::<damper::Damper>(),
+        KindEntry::of::<inertia::Inertia>(),
+        KindEntry::of::<friction::Friction>(),
+        KindEntry::of::<detents::Detents>(),
+        KindEntry::of::<snaps::Snaps>(),
+        KindEntry::of::<end_stop::EndStop>(),
+        KindEntry::of::<guide::Guide>(),
+        KindEntry::of::<texture::Texture>(),
+        KindEntry::of::<vibration::Vibration>(),
+        KindEntry::of::<pendulum::Pendulum>(),
+        KindEntry::of::<magnet::Magnet>(),
+        KindEntry::of::<pulse::Pulse>(),
+        KindEntry::of::<track::Track>(),
+    ]
+});
 
 /// A kind's own parameters. Its doc comment describes the kind, its fields' doc comments, ranges and units the parameters.
-/// `id`, `op`, `effect`, `kind`, `gain` and `fade_s` are not free as names of parameters.
+/// `id`, `op`, `effect`, `kind`, `gain`, `fade_s` and `fade_out_s` are not free as names of parameters.
 pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
     /// What files call it.
     const NAME: &'static str;
 
     /// Checks what the schema cannot say, and compiles. `path` is the effect's; `None` where the report says why.
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind>;
+
+    /// What goes into the scene's table of figures for it; asked only after [`compile`](Self::compile).
+    fn figures(&self) -> Vec<f64> {
+        Vec::new()
+    }
 }
 
 /// Parameters that every effect has.
@@ -40,16 +78,27 @@ pub(super) struct Common {
     /// How long the effect takes to fade in.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     pub(super) fade_s: f64,
+    /// How long the effect takes to fade out once another scene is loaded; 0 leaves it to the 50 ms in which any scene becomes
+    /// another.
+    #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
+    pub(super) fade_out_s: f64,
 }
 
 impl Default for Common {
     fn default() -> Self {
-        Self { gain: 1.0, fade_s: 0.05 }
+        Self { gain: 1.0, fade_s: 0.05, fade_out_s: 0.0 }
     }
 }
 
-/// A kind's own parameters with their defaults written out, and what the core runs.
-pub(super) type Compiled = (Map<String, Value>, Kind);
+/// What is made of an effect's own parameters.
+pub(super) struct Compiled {
+    /// They themselves, with their defaults written out.
+    pub(super) parameters: Map<String, Value>,
+    /// What the core runs.
+    pub(super) kind: Kind,
+    /// What it finds in the scene's table.
+    pub(super) figures: Vec<f64>,
+}
 
 /// A kind as the list holds it.
 pub(super) struct KindEntry {
@@ -89,11 +138,7 @@ impl KindEntry {
     }
 }
 
-fn compile<K: EffectKind>(
-    value: &Value,
-    path: &str,
-    report: &mut Report,
-) -> Option<(Map<String, Value>, Kind)> {
+fn compile<K: EffectKind>(value: &Value, path: &str, report: &mut Report) -> Option<Compiled> {
     let shared = &EFFECT_SCHEMA["properties"];
     let parameters: Map<String, Value> = value
         .as_object()?
@@ -104,7 +149,7 @@ fn compile<K: EffectKind>(
     let parameters: K = decode(&Value::Object(parameters), path, report)?;
     let kind = parameters.compile(path, report)?;
     let Ok(Value::Object(written)) = serde_json::to_value(&parameters) else { return None };
-    Some((written, kind))
+    Some(Compiled { parameters: written, kind, figures: parameters.figures() })
 }
 
 /// The most characters of an effect's id.

@@ -1,12 +1,12 @@
 //! Parameters of a spring.
 
-use hbot_core::Quat;
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::EffectKind;
 use super::impedance::{self, Impedance};
+use super::target::{Anchor, IDENTITY, unit_quaternion};
 use crate::document::{Report, join};
 
 /// A spring towards a reference orientation, with a damper on the rate relative to it.
@@ -21,6 +21,9 @@ pub(super) struct Spring {
     /// Torque against the rate: a number, or a symmetric 3x3 matrix in the axes of the reference.
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
+    /// No spring torque within this angle of the reference; beyond it the angle counts from there.
+    #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
+    deadband: f64,
     /// Where it pulls to, a quaternion [w, x, y, z] of any length but zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
@@ -38,23 +41,14 @@ enum Law {
     Quaternion,
 }
 
-/// What a reference is measured from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-enum Anchor {
-    /// The frame N.
-    Absolute,
-    /// The orientation at enable, or at load where the rig is active already.
-    Here,
-}
-
 impl Default for Spring {
     fn default() -> Self {
         Self {
             law: Law::Geodesic,
             stiffness: Impedance::Number(1.0),
             damping: Impedance::Number(0.0),
-            reference: [1.0, 0.0, 0.0, 0.0],
+            deadband: 0.0,
+            reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
     }
@@ -71,23 +65,7 @@ impl EffectKind for Spring {
             Law::Geodesic => effects::SpringLaw::Geodesic,
             Law::Quaternion => effects::SpringLaw::Quaternion,
         };
-        let anchor = match self.anchor {
-            Anchor::Absolute => effects::Anchor::Absolute,
-            Anchor::Here => effects::Anchor::Here,
-        };
-        effects::Spring::new(law, stiffness?, damping?, reference?, anchor).map(Kind::Spring)
+        effects::Spring::new(law, stiffness?, damping?, reference?, self.anchor.into())
+            .map(|spring| Kind::Spring(spring.with_deadband(self.deadband)))
     }
-}
-
-/// The quaternion [w, x, y, z] scaled to unit length; `None` where the report says that it has no direction.
-fn unit_quaternion(wxyz: [f64; 4], path: &str, report: &mut Report) -> Option<Quat> {
-    /// Shorter ones are noise, not a direction.
-    const LEAST_LENGTH: f64 = 1.0e-6;
-    let [w, x, y, z] = wxyz;
-    let q = Quat::from_xyzw(x, y, z, w);
-    if q.length() < LEAST_LENGTH {
-        report.push(path, "the quaternion has no length", "[w, x, y, z], not all zero".to_owned());
-        return None;
-    }
-    Some(q.normalize())
 }

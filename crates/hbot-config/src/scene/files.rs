@@ -1,0 +1,59 @@
+//! Recorded paths that a scene file names: read and put into the scene in its stead.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::kinds::MAX_POINTS;
+use crate::document::{Document, join};
+
+/// Puts the points of every `file` of a track in its place, as `points`. Files are relative to `folder`. What cannot be read is
+/// entered in the report.
+pub(super) fn read_points(document: &mut Document, folder: &Path) {
+    let Document { tree, report } = document;
+    let effects = tree["effect"].as_array_mut().into_iter().flatten().enumerate();
+    for (i, effect) in effects.filter(|(_, effect)| effect["kind"] == "track") {
+        let at = join(&format!("effect[{i}]"), "file");
+        let Some(name) = effect["file"].as_str().filter(|name| !name.is_empty()) else { continue };
+        if effect.get("points").is_some() {
+            report.push(&at, "there are points here already", "either points or a file".to_owned());
+            continue;
+        }
+        let path = folder.join(name);
+        match points(&path) {
+            Ok(points) => {
+                effect["points"] = points;
+                effect["file"] = json!("");
+            }
+            Err(message) => {
+                let legal = format!("a CSV file with the columns t, w, x, y, z and 2 to {MAX_POINTS} rows");
+                report.push(&at, format!("{}: {message}", path.display()), legal);
+            }
+        }
+    }
+}
+
+/// The rows of a CSV file.
+fn points(path: &Path) -> Result<Value, String> {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_path(path)
+        .map_err(|error| error.to_string())?;
+    let header = reader.headers().map_err(|error| error.to_string())?;
+    if header != vec!["t", "w", "x", "y", "z"] {
+        return Err(format!("the first line is {:?}", header.iter().collect::<Vec<_>>().join(",")));
+    }
+    let mut rows = Vec::new();
+    for row in reader.deserialize::<[f64; 5]>() {
+        let row = row.map_err(|error| error.to_string())?;
+        if rows.len() == MAX_POINTS {
+            return Err(format!("more than {MAX_POINTS} rows"));
+        }
+        if row.iter().any(|x| !x.is_finite()) {
+            return Err(format!("row {} has a number that is not finite", rows.len() + 1));
+        }
+        rows.push(json!(row));
+    }
+    Ok(Value::Array(rows))
+}

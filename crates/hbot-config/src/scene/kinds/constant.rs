@@ -1,0 +1,48 @@
+//! Parameters of a constant torque.
+
+use hbot_core::Vec3;
+use hbot_core::effects::{self, Kind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use crate::document::Report;
+
+/// A torque that does not change, as of a wound-up string. Turned along it, it gives energy without end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Constant {
+    /// The torque on the sphere.
+    #[schemars(inner(range(min = -100.0, max = 100.0)), extend("unit" = "N m"))]
+    torque: [f64; 3],
+    /// Which axes it is given in.
+    frame: Frame,
+}
+
+/// Which axes it is given in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Frame {
+    /// The frame N.
+    World,
+    /// The sphere's own axes, turning with it.
+    Sphere,
+}
+
+impl Default for Constant {
+    fn default() -> Self {
+        Self { torque: [0.0, 0.0, 0.05], frame: Frame::World }
+    }
+}
+
+impl EffectKind for Constant {
+    const NAME: &'static str = "constant";
+
+    fn compile(&self, _: &str, _: &mut Report) -> Option<Kind> {
+        let frame = match self.frame {
+            Frame::World => effects::Frame::World,
+            Frame::Sphere => effects::Frame::Sphere,
+        };
+        Some(Kind::Constant(effects::Constant { torque: Vec3::from_array(self.torque), frame }))
+    }
+}

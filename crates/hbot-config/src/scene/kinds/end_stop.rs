@@ -1,0 +1,90 @@
+//! Parameters of end stops.
+
+use hbot_core::effects::{self, Kind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
+use crate::document::{Report, join};
+
+/// Walls that only push: about a cone that an axis of the sphere has to stay in, about a range of twist, or both.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct EndStop {
+    /// Which walls there are.
+    walls: Walls,
+    /// The axis in the frame of the reference, fixed in the sphere; twist is about it. Of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    axis: [f64; 3],
+    /// Half angle of the cone.
+    #[schemars(range(min = 0.0, max = 2.7), extend("unit" = "rad"))]
+    cone: f64,
+    /// The range of twist, [from, to], over as many turns as one likes.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
+    twist: [f64; 2],
+    /// Stiffness of the walls.
+    #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
+    stiffness: f64,
+    /// Damping of the walls, on the way in alone.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
+    damping: f64,
+    /// What both are measured from, a quaternion [w, x, y, z] of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    reference: [f64; 4],
+    /// What the reference is measured from.
+    anchor: Anchor,
+}
+
+/// Which walls there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Walls {
+    /// About the cone.
+    Cone,
+    /// About the range of twist.
+    Twist,
+    /// About both.
+    Both,
+}
+
+impl Default for EndStop {
+    fn default() -> Self {
+        Self {
+            walls: Walls::Cone,
+            axis: UP,
+            cone: 0.6,
+            twist: [-1.0, 1.0],
+            stiffness: 3.0,
+            damping: 0.03,
+            reference: IDENTITY,
+            anchor: Anchor::Absolute,
+        }
+    }
+}
+
+impl EffectKind for EndStop {
+    const NAME: &'static str = "end_stop";
+
+    fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
+        let axis = unit_vector(self.axis, &join(path, "axis"), report);
+        let target = target(self.reference, self.anchor, path, report);
+        let [from, to] = self.twist;
+        if !(from <= to) {
+            report.push(
+                &join(path, "twist"),
+                format!("from {from} to {to}"),
+                "[from, to], ascending".to_owned(),
+            );
+            return None;
+        }
+        Some(Kind::EndStop(effects::EndStop {
+            target: target?,
+            axis: axis?,
+            cone: (self.walls != Walls::Twist).then_some(self.cone),
+            twist: (self.walls != Walls::Cone).then_some(self.twist),
+            stiffness: self.stiffness,
+            damping: self.damping,
+        }))
+    }
+}

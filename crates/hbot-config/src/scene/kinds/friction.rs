@@ -1,0 +1,39 @@
+//! Parameters of dry friction.
+
+use hbot_core::effects::{self, Kind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use crate::document::Report;
+
+/// Dry friction that truly sticks: below its torque the sphere stays where it is. It only takes energy out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Friction {
+    /// The torque at which it slides.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
+    torque: f64,
+    /// Stiffness while it sticks.
+    #[schemars(range(min = 0.1, max = 1000.0), extend("unit" = "N m/rad"))]
+    stiffness: f64,
+    /// Damping, sticking and sliding alike.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
+    damping: f64,
+}
+
+impl Default for Friction {
+    fn default() -> Self {
+        // Sticks within 6 mrad.
+        Self { torque: 0.03, stiffness: 5.0, damping: 0.005 }
+    }
+}
+
+impl EffectKind for Friction {
+    const NAME: &'static str = "friction";
+
+    fn compile(&self, _: &str, _: &mut Report) -> Option<Kind> {
+        let Self { torque, stiffness, damping } = *self;
+        Some(Kind::Friction(effects::Friction { torque, stiffness, damping }))
+    }
+}

@@ -1,0 +1,87 @@
+//! Parameters of a guide.
+
+use hbot_core::effects::{self, Freedom, Kind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
+use crate::document::{Report, join};
+
+/// Holds some directions of turning and leaves others free, as a hinge does.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Guide {
+    /// What is free.
+    free: Free,
+    /// The axis in the frame of the reference, of any length but zero; with `free = "plane"` the plane's normal.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    axis: [f64; 3],
+    /// With `free = "plane"` the axis, fixed in the sphere, that stays in the plane; of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pointer: [f64; 3],
+    /// Stiffness of what is held.
+    #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
+    stiffness: f64,
+    /// Damping of what is held.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
+    damping: f64,
+    /// Play to either side.
+    #[schemars(range(min = 0.0, max = 1.5), extend("unit" = "rad"))]
+    deadband: f64,
+    /// What it is measured from, a quaternion [w, x, y, z] of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    reference: [f64; 4],
+    /// What the reference is measured from.
+    anchor: Anchor,
+}
+
+/// What is free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Free {
+    /// Turning about the axis alone: a hinge.
+    Axis,
+    /// Everything but turning about the axis.
+    Swing,
+    /// Everything that keeps the pointer in the plane.
+    Plane,
+}
+
+impl Default for Guide {
+    fn default() -> Self {
+        Self {
+            free: Free::Axis,
+            axis: UP,
+            pointer: [1.0, 0.0, 0.0],
+            stiffness: 3.0,
+            damping: 0.03,
+            deadband: 0.0,
+            reference: IDENTITY,
+            anchor: Anchor::Absolute,
+        }
+    }
+}
+
+impl EffectKind for Guide {
+    const NAME: &'static str = "guide";
+
+    fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
+        let axis = unit_vector(self.axis, &join(path, "axis"), report);
+        let pointer = unit_vector(self.pointer, &join(path, "pointer"), report);
+        let target = target(self.reference, self.anchor, path, report);
+        let free = match self.free {
+            Free::Axis => Freedom::Axis,
+            Free::Swing => Freedom::Swing,
+            Free::Plane => Freedom::Plane(pointer?),
+        };
+        Some(Kind::Guide(effects::Guide {
+            target: target?,
+            axis: axis?,
+            free,
+            stiffness: self.stiffness,
+            damping: self.damping,
+            deadband: self.deadband,
+        }))
+    }
+}

@@ -1,0 +1,41 @@
+//! Parameters of a magnet.
+
+use hbot_core::effects::{self, Kind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use super::target::{Anchor, IDENTITY, target};
+use crate::document::Report;
+
+/// Attraction near an orientation, and nothing far from it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Magnet {
+    /// The largest torque.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
+    strength: f64,
+    /// The angle at which it is largest; at three times that little is left.
+    #[schemars(range(min = 0.01, max = 2.0), extend("unit" = "rad"))]
+    width: f64,
+    /// Where it pulls to, a quaternion [w, x, y, z] of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    reference: [f64; 4],
+    /// What the reference is measured from.
+    anchor: Anchor,
+}
+
+impl Default for Magnet {
+    fn default() -> Self {
+        Self { strength: 0.15, width: 0.2, reference: IDENTITY, anchor: Anchor::Absolute }
+    }
+}
+
+impl EffectKind for Magnet {
+    const NAME: &'static str = "magnet";
+
+    fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
+        let target = target(self.reference, self.anchor, path, report)?;
+        Some(Kind::Magnet(effects::Magnet { target, strength: self.strength, width: self.width }))
+    }
+}

@@ -1,0 +1,129 @@
+//! Parameters of snaps.
+
+use hbot_core::Quat;
+use hbot_core::effects::{self, Kind, MAX_OWN, SnapSet};
+use hbot_core::rotation::{angle_between, to_wxyz};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EffectKind;
+use super::target::{Anchor, IDENTITY, target, unit_quaternion};
+use crate::document::{Report, join};
+
+/// Orientations that the sphere snaps into: those of a rotation group, or some of one's own. It goes to the nearest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Snaps {
+    /// Which orientations.
+    set: Set,
+    /// Orientations of one's own, from the reference, with `set = "own"`: quaternions of any length but zero, 0.2 rad apart or more.
+    #[schemars(
+        length(max = MAX_OWN),
+        inner(inner(range(min = -1000.0, max = 1000.0))),
+        extend("legal" = "up to 16 quaternions [w, x, y, z]")
+    )]
+    orientations: Vec<[f64; 4]>,
+    /// The torque that it takes at most to leave one.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
+    strength: f64,
+    /// How soon the torque rises: `strength` over `width` is the stiffness of a snap.
+    #[schemars(range(min = 0.01, max = 3.0), extend("unit" = "rad"))]
+    width: f64,
+    /// Damping.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
+    damping: f64,
+    /// What the orientations turn from, a quaternion [w, x, y, z] of any length but zero.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    reference: [f64; 4],
+    /// What the reference is measured from.
+    anchor: Anchor,
+}
+
+/// Which orientations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Set {
+    /// The 12 turns of a tetrahedron on itself.
+    Tetrahedron,
+    /// The 24 turns of a cube on itself.
+    Cube,
+    /// The 60 turns of an icosahedron on itself.
+    Icosahedron,
+    /// Those of `orientations`.
+    Own,
+}
+
+impl From<Set> for SnapSet {
+    fn from(set: Set) -> Self {
+        match set {
+            Set::Tetrahedron => Self::Tetrahedron,
+            Set::Cube => Self::Cube,
+            Set::Icosahedron => Self::Icosahedron,
+            Set::Own => Self::Own,
+        }
+    }
+}
+
+impl Default for Snaps {
+    fn default() -> Self {
+        Self {
+            set: Set::Cube,
+            orientations: Vec::new(),
+            strength: 0.1,
+            width: 0.2,
+            damping: 0.01,
+            reference: IDENTITY,
+            anchor: Anchor::Absolute,
+        }
+    }
+}
+
+impl EffectKind for Snaps {
+    const NAME: &'static str = "snaps";
+
+    fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
+        /// Nearer ones would melt into one.
+        const APART: f64 = 0.2;
+        let target = target(self.reference, self.anchor, path, report);
+        let at = join(path, "orientations");
+        match (self.set, self.orientations.is_empty()) {
+            (Set::Own, true) => {
+                report.push(
+                    &at,
+                    "the set is \"own\" and there is none",
+                    format!("1 to {MAX_OWN} quaternions"),
+                );
+                return None;
+            }
+            (Set::Own, false) | (_, true) => {}
+            (_, false) => {
+                report.push(&at, "the set is not \"own\"", "no orientations, or set = \"own\"".to_owned());
+                return None;
+            }
+        }
+        let mut own: Vec<Quat> = Vec::new();
+        for (i, wxyz) in self.orientations.iter().enumerate() {
+            let at = format!("{at}[{i}]");
+            let q = unit_quaternion(*wxyz, &at, report)?;
+            if let Some(j) = own.iter().position(|other| !(angle_between(*other, q) >= APART)) {
+                let message = format!("only {:.3} rad from orientation {j}", angle_between(own[j], q));
+                report.push(&at, message, format!("{APART} rad apart or more"));
+                return None;
+            }
+            own.push(q);
+        }
+        Some(Kind::Snaps(effects::Snaps {
+            target: target?,
+            set: self.set.into(),
+            strength: self.strength,
+            width: self.width,
+            rounding: effects::Snaps::rounding(self.set.into(), &self.figures()),
+            damping: self.damping,
+        }))
+    }
+
+    fn figures(&self) -> Vec<f64> {
+        let unit = |[w, x, y, z]: &[f64; 4]| to_wxyz(Quat::from_xyzw(*x, *y, *z, *w).normalize());
+        self.orientations.iter().flat_map(unit).collect()
+    }
+}

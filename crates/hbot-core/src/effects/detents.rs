@@ -1,0 +1,106 @@
+//! Notches of a dial.
+//!
+//! Over the dial's angle psi (physics notes, section 6), d from the nearest notch and w its half width, V = (A w/pi) (1 -
+//! cos(pi d/w)) within w and level beyond: the torque -A sin(pi d/w) is 0 at the notch and at its rim and A, the strength, half way.
+//! Where notches are nearer than 2 w they meet half way. Beyond the outermost of given positions the ground is level, or,
+//! with closed ends, a wall rises: V = 1/2 K d². The energy is continuous and has a continuous slope everywhere.
+
+use super::geometry::{Dial, Turns};
+use super::target::Target;
+use super::{Anchor, Law, Now};
+use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
+use crate::rotation::shortest;
+
+/// Notches about an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Detents {
+    /// What the angle is measured from.
+    pub target: Target,
+    /// The dial's axis in the target's frame, unit.
+    pub axis: Vec3,
+    /// The largest torque of a notch, N m.
+    pub strength: Real,
+    /// Half width of a notch, rad, > 0.
+    pub width: Real,
+    /// Notches evenly around a turn, the first at 0. 0: they are at the effect's figures, rad, ascending, over many turns.
+    pub count: u16,
+    /// Stiffness of the walls beyond the outermost of given positions, N m/rad; 0 leaves the ends open.
+    pub end_stiffness: Real,
+    /// Damping of the dial, N m s/rad.
+    pub damping: Real,
+}
+
+impl Detents {
+    /// Energy (J) and slope (N m) at the angle `psi`.
+    #[inline]
+    fn profile(&self, psi: Real, figures: &[Real]) -> (Real, Real) {
+        if self.count > 0 {
+            let step = TURN / Real::from(self.count);
+            return self.notch(psi - step * round(psi / step), 0.5 * step);
+        }
+        let right = figures.partition_point(|position| *position <= psi);
+        match (right.checked_sub(1).map(|left| figures[left]), figures.get(right)) {
+            (None, None) => (0.0, 0.0),
+            (None, Some(&first)) => self.beyond(psi - first),
+            (Some(last), None) => self.beyond(psi - last),
+            (Some(left), Some(&right)) => {
+                let (from_left, to_right) = (psi - left, right - psi);
+                let room = 0.5 * (right - left);
+                self.notch(if from_left < to_right { from_left } else { -to_right }, room)
+            }
+        }
+    }
+
+    /// At `d` from a notch that has `room` until its neighbour's half.
+    #[inline]
+    fn notch(&self, d: Real, room: Real) -> (Real, Real) {
+        let width = self.width.min(room);
+        let scale = self.strength * width * (1.0 / PI);
+        if fabs(d) >= width {
+            return (2.0 * scale, 0.0);
+        }
+        let (sine, cosine) = sincos(PI * d / width);
+        (scale * (1.0 - cosine), self.strength * sine)
+    }
+
+    /// At `d` outwards of an outermost notch.
+    #[inline]
+    fn beyond(&self, d: Real) -> (Real, Real) {
+        if self.end_stiffness > 0.0 {
+            (0.5 * self.end_stiffness * d * d, self.end_stiffness * d)
+        } else {
+            self.notch(d, self.width)
+        }
+    }
+}
+
+impl Law for Detents {
+    type Memory = Turns;
+
+    #[inline]
+    fn torque(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
+        let dial = now.dial(self.axis);
+        let (energy, slope) = self.profile(turns.follow(dial.psi), now.figures);
+        let mut torque = dial.torque(energy, slope);
+        if self.damping > 0.0 {
+            torque += dial.resist(now.rate(), self.damping);
+        }
+        now.in_n(torque)
+    }
+
+    fn energy(&self, now: &mut Now<'_>, turns: &Turns) -> Option<Real> {
+        let dial = now.dial(self.axis);
+        let (energy, _) = self.profile(turns.unwrap(dial.psi), now.figures);
+        Some(energy * dial.fade().0)
+    }
+
+    fn reference(&self) -> Option<(Quat, Anchor)> {
+        Some(self.target.reference())
+    }
+
+    fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
+        let (first, last) = (figures.first()?, figures.last()?);
+        let psi = Dial::new(shortest(desired.conjugate() * q), self.axis).psi;
+        (self.end_stiffness > 0.0).then(|| (first - psi).max(psi - last).max(0.0))
+    }
+}

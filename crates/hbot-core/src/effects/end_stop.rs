@@ -1,0 +1,118 @@
+//! Walls about a cone of directions and a range of twist, that only push.
+//!
+//! With p the depth in a wall (of the swing beyond the cone, or of the twist beyond its range): T = -(K p + D r(p) max(0, dp/dt)) grad p
+//! for p > 0. It is damped on the way in alone, so it never pulls, and r rises from 0 to 1 over the first 10 mrad, so that
+//! nothing jumps at the edge (the thought of Hunt and Crossley, 1975). The cone's wall fades towards the opposite direction and the
+//! twist's with its dial; both by their energy, so without damping they are exact gradients.
+
+use super::geometry::{Dial, SWING_FADE, Swing, Turns};
+use super::target::Target;
+use super::{Anchor, Law, Now};
+use crate::real::{PI, Quat, Real, Vec3};
+use crate::rotation::shortest;
+
+/// Depth at which a wall's damping is full, rad.
+const SOFT: Real = 0.01;
+
+/// Walls about a cone of directions and a range of twist.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EndStop {
+    /// What both are measured from.
+    pub target: Target,
+    /// The axis, fixed in the sphere, that has to stay in the cone about its place in the target's frame; twist is about it. Unit.
+    pub axis: Vec3,
+    /// Half angle of the cone, rad, at most 2.7; `None` for none.
+    pub cone: Option<Real>,
+    /// Range of the twist over many turns, rad; `None` for none.
+    pub twist: Option<[Real; 2]>,
+    /// Stiffness of the walls, N m/rad.
+    pub stiffness: Real,
+    /// Damping of the walls on the way in, N m s/rad.
+    pub damping: Real,
+}
+
+impl EndStop {
+    /// Slope of the cone's energy at a swing that is `depth` (> 0) beyond it.
+    fn cone_slope(&self, swing: &Swing, depth: Real) -> Real {
+        self.stiffness * depth * swing.fade()
+    }
+
+    fn cone_energy(&self, angle: Real, cone: Real) -> Real {
+        let depth = angle - cone;
+        let (room, left) = (PI - cone, PI - angle);
+        if !(depth > 0.0) {
+            return 0.0;
+        }
+        if left >= SWING_FADE {
+            return 0.5 * self.stiffness * depth * depth;
+        }
+        // The integral of K p (pi - angle)/fade from where the fade begins.
+        let part = |y: Real| y * y * (0.5 * room - y * (1.0 / 3.0));
+        let before = room - SWING_FADE;
+        self.stiffness * (0.5 * before * before + (part(SWING_FADE) - part(left)) * (1.0 / SWING_FADE))
+    }
+
+    /// Depth in the twist's wall with its sign: positive beyond the upper end, negative beyond the lower.
+    fn twist_depth(psi: Real, [low, high]: [Real; 2]) -> Real {
+        (psi - high).max(0.0) + (psi - low).min(0.0)
+    }
+
+    fn damping_at(&self, depth: Real) -> Real {
+        self.damping * (depth * (1.0 / SOFT)).min(1.0)
+    }
+}
+
+impl Law for EndStop {
+    type Memory = Turns;
+
+    #[inline]
+    fn torque(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
+        let mut torque = Vec3::ZERO;
+        if let Some(cone) = self.cone {
+            let swing = Swing::new(now.relative(), self.axis);
+            let depth = swing.angle - cone;
+            if depth > 0.0 {
+                let inwards = swing.gradient.dot(now.rate()).max(0.0);
+                let damping = self.damping_at(depth) * swing.fade();
+                torque -= swing.gradient * (self.cone_slope(&swing, depth) + damping * inwards);
+            }
+        }
+        if let Some(range) = self.twist {
+            let dial = now.dial(self.axis);
+            let depth = Self::twist_depth(turns.follow(dial.psi), range);
+            if depth != 0.0 {
+                torque += dial.torque(0.5 * self.stiffness * depth * depth, self.stiffness * depth);
+                let rate = now.rate();
+                if dial.gradient.dot(rate) * depth > 0.0 {
+                    torque += dial.resist(rate, self.damping_at(depth.abs()));
+                }
+            }
+        }
+        now.in_n(torque)
+    }
+
+    fn energy(&self, now: &mut Now<'_>, turns: &Turns) -> Option<Real> {
+        let mut energy = 0.0;
+        if let Some(cone) = self.cone {
+            energy += self.cone_energy(Swing::new(now.relative(), self.axis).angle, cone);
+        }
+        if let Some(range) = self.twist {
+            let dial = now.dial(self.axis);
+            let depth = Self::twist_depth(turns.unwrap(dial.psi), range);
+            energy += 0.5 * self.stiffness * depth * depth * dial.fade().0;
+        }
+        Some(energy)
+    }
+
+    fn reference(&self) -> Option<(Quat, Anchor)> {
+        Some(self.target.reference())
+    }
+
+    fn excess(&self, desired: Quat, q: Quat, _: &[Real]) -> Option<Real> {
+        let x = shortest(desired.conjugate() * q);
+        let cone = self.cone.map_or(0.0, |cone| Swing::new(x, self.axis).angle - cone);
+        let twist =
+            self.twist.map_or(0.0, |range| Self::twist_depth(Dial::new(x, self.axis).psi, range).abs());
+        Some(cone.max(twist).max(0.0))
+    }
+}

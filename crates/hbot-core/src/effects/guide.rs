@@ -1,0 +1,124 @@
+//! Holds some directions of turning and leaves others free.
+//!
+//! Smooth everywhere, by the quaternion law for a stiffness that acts in some directions alone. With x = (eta, e), a the axis and
+//! d = R(x) a where the sphere's axis stands:
+//!
+//! - free about the axis: V = 2 K |e - (e.a) a|² = K (1 - cos swing), T = -2 Eᵀ K (I - a aᵀ) e;
+//! - free but for the twist: V = 2 K (e.a)², T = -2 Eᵀ K a aᵀ e;
+//! - free in the plane with the normal a, of which the sphere's axis u stays: V = 1/2 K s², s = d.a with d = R(x) u, T = -K s (d x a).
+//!
+//! A dead band shortens what is squared, so each stays a gradient.
+
+use super::target::{Target, beyond, beyond_gradient};
+use super::{Anchor, Law, Now};
+use crate::impedance::quaternion_pull;
+use crate::real::{Quat, Real, Vec3, asin, fabs, sincos};
+use crate::rotation::vector_part;
+
+/// What a guide leaves free.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Freedom {
+    /// Turning about the axis, as a hinge.
+    Axis,
+    /// Everything but turning about the axis.
+    Swing,
+    /// Everything that keeps this axis of the sphere (unit) in the plane whose normal the guide's axis is.
+    Plane(Vec3),
+}
+
+/// Holds some directions of turning and leaves others free.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Guide {
+    /// What it is measured from.
+    pub target: Target,
+    /// The axis in the target's frame, unit.
+    pub axis: Vec3,
+    /// What is free.
+    pub free: Freedom,
+    /// Stiffness of what is held, N m/rad.
+    pub stiffness: Real,
+    /// Damping of what is held, N m s/rad.
+    pub damping: Real,
+    /// Play, rad: no spring torque within it.
+    pub deadband: Real,
+}
+
+impl Guide {
+    /// The part of a vector that is held.
+    #[inline]
+    fn held(&self, v: Vec3) -> Vec3 {
+        let along = self.axis * self.axis.dot(v);
+        match self.free {
+            Freedom::Axis => v - along,
+            Freedom::Swing | Freedom::Plane(_) => along,
+        }
+    }
+
+    /// The rise of the axis `u` out of the plane beyond the dead band, its sine, and its gradient.
+    #[inline]
+    fn rise(&self, x: Quat, u: Vec3) -> (Real, Vec3) {
+        let d = x * u;
+        let s = d.dot(self.axis);
+        let dead = sincos(self.deadband).0;
+        let s = if fabs(s) > dead { s - dead * s.signum() } else { 0.0 };
+        (s, d.cross(self.axis))
+    }
+
+    /// The dead band as a length of e.
+    fn dead_sine(&self) -> Real {
+        sincos(0.5 * self.deadband).0
+    }
+}
+
+impl Law for Guide {
+    type Memory = ();
+
+    #[inline]
+    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        let x = now.relative();
+        if let Freedom::Plane(u) = self.free {
+            let (s, gradient) = self.rise(x, u);
+            let mut push = self.stiffness * s;
+            if self.damping > 0.0 {
+                push += self.damping * gradient.dot(now.rate());
+            }
+            return now.in_n(gradient * -push);
+        }
+        let e = vector_part(x);
+        let mut f = self.held(e) * self.stiffness;
+        if self.deadband > 0.0 {
+            let (held, dead) = (self.held(e), self.dead_sine());
+            // The projection is its own transpose.
+            f = self.held(beyond_gradient(held, dead, beyond(held, dead) * self.stiffness));
+        }
+        let mut torque = quaternion_pull(x.w, e, f);
+        if self.damping > 0.0 {
+            torque -= self.held(now.rate()) * self.damping;
+        }
+        now.in_n(torque)
+    }
+
+    fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
+        let x = now.relative();
+        Some(match self.free {
+            Freedom::Plane(u) => {
+                let (s, _) = self.rise(x, u);
+                0.5 * self.stiffness * s * s
+            }
+            _ => 2.0 * self.stiffness * beyond(self.held(vector_part(x)), self.dead_sine()).length_squared(),
+        })
+    }
+
+    fn reference(&self) -> Option<(Quat, Anchor)> {
+        Some(self.target.reference())
+    }
+
+    fn excess(&self, desired: Quat, q: Quat, _: &[Real]) -> Option<Real> {
+        let x = desired.conjugate() * q;
+        Some(match self.free {
+            Freedom::Plane(u) => fabs(asin((x * u).dot(self.axis).clamp(-1.0, 1.0))),
+            // The turn about the held directions that has this much of e.
+            _ => 2.0 * asin(self.held(vector_part(x)).length().min(1.0)),
+        })
+    }
+}

@@ -1,0 +1,175 @@
+//! The moment that an effect is rendered at, with what effects share of it: each quantity is computed at most once a
+//! tick, and only where an effect asks for it.
+
+use super::geometry::Dial;
+use super::target::Reference;
+use crate::real::{Quat, Real, Vec3};
+use crate::rotation::{angle_over_sine, shortest, vector_part};
+use crate::scene::MAX_EFFECTS;
+
+/// What an effect may know of the moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Orientation of the sphere.
+    pub q: Quat,
+    /// Angular velocity in N, rad/s.
+    pub omega: Vec3,
+}
+
+/// The moment, as one effect sees it.
+pub(crate) struct Now<'a> {
+    pub(crate) motion: &'a Motion,
+    /// Time since the last tick, s; 0 where a torque is only looked at.
+    pub(crate) dt: Real,
+    /// The effect's reference.
+    pub(crate) reference: &'a Reference,
+    /// The effect's figures.
+    pub(crate) figures: &'a [Real],
+    pub(crate) shared: &'a mut Shared,
+}
+
+impl Now<'_> {
+    /// x = q_d⁻¹ q with eta >= 0: the orientation in the reference's frame.
+    #[inline]
+    pub(crate) fn relative(&mut self) -> Quat {
+        let (desired, q) = (self.reference.q, self.motion.q);
+        self.shared.relatives.get(desired, || shortest(desired.conjugate() * q))
+    }
+
+    /// t / sin(t/2) and the rotation vector p of [`relative`](Self::relative), t = |p|.
+    #[inline]
+    pub(crate) fn log(&mut self) -> (Real, Vec3) {
+        let x = self.relative();
+        self.shared.logs.get(self.reference.q, || {
+            let factor = angle_over_sine(x.w, vector_part(x));
+            (factor, vector_part(x) * factor)
+        })
+    }
+
+    /// The dial about the unit vector `axis` in the reference's frame.
+    #[inline]
+    pub(crate) fn dial(&mut self, axis: Vec3) -> Dial {
+        let x = self.relative();
+        self.shared.dials.get((self.reference.q, axis), || Dial::new(x, axis))
+    }
+
+    /// The rate relative to the reference's, in the reference's frame, rad/s.
+    #[inline]
+    pub(crate) fn rate(&self) -> Vec3 {
+        self.reference.q.conjugate() * (self.motion.omega - self.reference.omega)
+    }
+
+    /// The raw angular acceleration since the last tick, rad/s² in N; 0 in the first tick that asks.
+    #[inline]
+    pub(crate) fn acceleration(&mut self) -> Vec3 {
+        let (omega, dt) = (self.motion.omega, self.dt);
+        self.shared.accelerations.get((), || match self.shared.last_omega {
+            Some(last) if dt > 0.0 => (omega - last) / dt,
+            _ => Vec3::ZERO,
+        })
+    }
+
+    /// A torque from the reference's frame in N.
+    #[inline]
+    pub(crate) fn in_n(&self, torque: Vec3) -> Vec3 {
+        self.reference.q * torque
+    }
+}
+
+/// What the effects of a tick share.
+#[derive(Debug, Clone)]
+pub(crate) struct Shared {
+    relatives: Memo<Quat, Quat, MAX_EFFECTS>,
+    logs: Memo<Quat, (Real, Vec3), MAX_EFFECTS>,
+    dials: Memo<(Quat, Vec3), Dial, MAX_EFFECTS>,
+    accelerations: Memo<(), Vec3, 1>,
+    /// The rate of the last tick, where an effect of it asked for the acceleration.
+    last_omega: Option<Vec3>,
+    /// What is rendered of all virtual masses, 0 to 1 (see [`Inertia`](super::Inertia)).
+    pub(crate) mass_scale: Real,
+}
+
+impl Shared {
+    pub(crate) const EMPTY: Self = Self {
+        relatives: Memo::new(Quat::IDENTITY, Quat::IDENTITY),
+        logs: Memo::new(Quat::IDENTITY, (0.0, Vec3::ZERO)),
+        dials: Memo::new((Quat::IDENTITY, Vec3::ZERO), Dial::NONE),
+        accelerations: Memo::new((), Vec3::ZERO),
+        last_omega: None,
+        mass_scale: 1.0,
+    };
+
+    /// Forgets what belongs to one moment.
+    #[inline]
+    pub(crate) fn begin(&mut self) {
+        self.relatives.len = 0;
+        self.logs.len = 0;
+        self.dials.len = 0;
+        self.accelerations.len = 0;
+    }
+
+    /// Keeps the rate for the next moment, where somebody will ask for it. `dt`: as of the moment that ends.
+    #[inline]
+    pub(crate) fn end(&mut self, motion: &Motion, dt: Real) {
+        if self.accelerations.len == 0 {
+            self.last_omega = None;
+        } else if dt > 0.0 {
+            self.last_omega = Some(motion.omega);
+        }
+    }
+
+    /// Forgets the last moment too.
+    pub(crate) fn restart(&mut self) {
+        self.last_omega = None;
+    }
+}
+
+/// What has been computed already, by what it was computed from.
+#[derive(Debug, Clone)]
+struct Memo<K, V, const N: usize> {
+    len: usize,
+    keys: [K; N],
+    values: [V; N],
+}
+
+impl<K: Copy + PartialEq, V: Copy, const N: usize> Memo<K, V, N> {
+    const fn new(key: K, value: V) -> Self {
+        Self { len: 0, keys: [key; N], values: [value; N] }
+    }
+
+    #[inline]
+    fn get(&mut self, key: K, make: impl FnOnce() -> V) -> V {
+        if let Some(i) = self.keys[..self.len].iter().position(|known| *known == key) {
+            return self.values[i];
+        }
+        let value = make();
+        // As many places as effects: one that asks for more than one of a sort computes it again.
+        if self.len < N {
+            self.keys[self.len] = key;
+            self.values[self.len] = value;
+            self.len += 1;
+        }
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_known_is_not_computed_again() {
+        let mut memo: Memo<u8, u8, 3> = Memo::new(0, 0);
+        let mut made = 0;
+        for key in [1, 2, 1, 3, 2, 3, 1] {
+            let value = memo.get(key, || {
+                made += 1;
+                10 * key
+            });
+            assert_eq!(value, 10 * key);
+        }
+        assert_eq!(made, 3);
+        // Past its places it still answers.
+        assert_eq!(memo.get(9, || 90), 90);
+    }
+}

@@ -1,0 +1,26 @@
+//! A mass off the centre, under gravity: T = R c x m g, V = -m g . R c.
+
+use super::{Law, Now};
+use crate::real::{Real, Vec3};
+
+/// A mass off the centre, under gravity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pendulum {
+    /// Where the mass is, fixed in the sphere, m.
+    pub centre: Vec3,
+    /// Its weight, in N, newton.
+    pub weight: Vec3,
+}
+
+impl Law for Pendulum {
+    type Memory = ();
+
+    #[inline]
+    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        (now.motion.q * self.centre).cross(self.weight)
+    }
+
+    fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
+        Some(-self.weight.dot(now.motion.q * self.centre))
+    }
+}

@@ -1,0 +1,266 @@
+//! Orientations that the sphere snaps into: those of a rotation group, or up to 16 of one's own.
+//!
+//! With c_i = x . g_i (quaternions as vectors of four) and U_i = 1 - c_i² = sin²(angle to g_i / 2), the smooth minimum
+//! U = min over weights w >= 0 of sum 1 of (sum w_i U_i + (r/2) sum w_i²) - r/2 is continuous with its gradient sum w_i grad U_i. Only
+//! wells within r of the nearest have weight. V = A w (sqrt(1 + 4 U/w²) - 1): a spring of A/w at a well, A at most.
+//!
+//! Where one well alone has weight, the way down V is the straight turn to it; where two have, their bisector is a mirror of
+//! V and no way down crosses it. So a sphere without inertia settles in the nearest well, save from a rim of order r around the lines
+//! where a third well is as near.
+
+use super::target::Target;
+use super::{Anchor, Law, Now};
+use crate::real::{Quat, Real, Vec3, fabs, sqrt};
+use crate::rotation::vector_part;
+
+/// The most orientations of one's own.
+pub const MAX_OWN: usize = 16;
+/// Of the groups and of one's own the most.
+const MAX_WELLS: usize = 60;
+/// The most wells that are as near as the nearest: around a corner of the cube's, six.
+const MAX_NEAR: usize = 8;
+
+/// Which orientations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SnapSet {
+    /// The 12 turns of a tetrahedron on itself, with half turns about the axes.
+    Tetrahedron,
+    /// The 24 turns of a cube on itself, with quarter turns about the axes.
+    Cube,
+    /// The 60 turns of an icosahedron on itself, with half turns about the axes.
+    Icosahedron,
+    /// The effect's figures, each [w, x, y, z], unit; 1 to [`MAX_OWN`].
+    Own,
+}
+
+/// Orientations that the sphere snaps into.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Snaps {
+    /// What they are measured from.
+    pub target: Target,
+    /// Which they are.
+    pub set: SnapSet,
+    /// A, N m.
+    pub strength: Real,
+    /// w, rad, > 0.
+    pub width: Real,
+    /// r: how wide ridges are rounded, by [`Snaps::rounding`].
+    pub rounding: Real,
+    /// Damping, N m s/rad.
+    pub damping: Real,
+}
+
+impl Snaps {
+    /// A rounding for these orientations: a twentieth of U between the nearest two, so that no well feels it, and 2 degrees on the
+    /// ridges of the cube's. `figures` of one's own.
+    #[must_use]
+    pub fn rounding(set: SnapSet, figures: &[Real]) -> Real {
+        let wells = Wells::new(set, figures);
+        let mut nearest: Real = 1.0;
+        for i in 0..wells.all.len() {
+            for j in 0..i {
+                let c = dot(&wells.all[i], &wells.all[j]);
+                nearest = nearest.min(1.0 - c * c);
+            }
+        }
+        0.05 * nearest
+    }
+
+    /// U and its gradient at `x`.
+    #[inline]
+    fn ground(&self, x: Quat, figures: &[Real]) -> (Real, Vec3) {
+        let wells = Wells::new(self.set, figures);
+        let at = [x.w, x.x, x.y, x.z];
+        let mut c = [0.0; MAX_WELLS];
+        let mut most: Real = 0.0;
+        for i in 0..wells.all.len() {
+            c[i] = dot(&at, &wells.all[i]);
+            most = most.max(fabs(c[i]));
+        }
+        let floor = 1.0 - most * most;
+        // Those within the rounding, ascending.
+        let mut near: [(Real, usize); MAX_NEAR] = [(0.0, 0); MAX_NEAR];
+        let mut count = 0;
+        for i in 0..wells.all.len() {
+            let u = 1.0 - c[i] * c[i];
+            if u < floor + self.rounding && count < MAX_NEAR {
+                let mut place = count;
+                while place > 0 && near[place - 1].0 > u {
+                    near[place] = near[place - 1];
+                    place -= 1;
+                }
+                near[place] = (u, i);
+                count += 1;
+            }
+        }
+        // The level that weights (level - U_i)/r above 0 sum to 1 at.
+        let (mut sum, mut level, mut used) = (0.0, 0.0, 0);
+        for (k, (u, _)) in near[..count].iter().enumerate() {
+            let next = (self.rounding + sum + u) / (k + 1) as Real;
+            if next <= *u {
+                break;
+            }
+            (sum, level, used) = (sum + u, next, k + 1);
+        }
+        let (mut energy, mut gradient) = (0.0, Vec3::ZERO);
+        for (u, i) in &near[..used] {
+            let weight = (level - u) / self.rounding;
+            let g = wells.all[*i];
+            let (w, g) = (g[0], Vec3::new(g[1], g[2], g[3]));
+            energy += weight * (u + 0.5 * self.rounding * weight);
+            gradient -= (g * x.w - vector_part(x) * w + vector_part(x).cross(g)) * (weight * c[*i]);
+        }
+        ((energy - 0.5 * self.rounding).max(0.0), gradient)
+    }
+}
+
+/// The wells of a set, one of each pair of quaternions that are the same rotation.
+struct Wells<'a> {
+    all: &'a [[Real; 4]],
+}
+
+impl<'a> Wells<'a> {
+    fn new(set: SnapSet, figures: &'a [Real]) -> Self {
+        let all: &[[Real; 4]] = match set {
+            SnapSet::Tetrahedron => &CUBE_TURNS[..12],
+            SnapSet::Cube => &CUBE_TURNS,
+            SnapSet::Icosahedron => &ICOSAHEDRON,
+            SnapSet::Own => figures.as_chunks().0,
+        };
+        Self { all: &all[..all.len().min(MAX_WELLS)] }
+    }
+}
+
+#[inline]
+fn dot(a: &[Real; 4], b: &[Real; 4]) -> Real {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+}
+
+const H: Real = 0.5;
+#[cfg(not(feature = "f32"))]
+const S: Real = core::f64::consts::FRAC_1_SQRT_2;
+#[cfg(feature = "f32")]
+const S: Real = core::f32::consts::FRAC_1_SQRT_2;
+
+/// The cube's turns; the first half are the tetrahedron's.
+const CUBE: [[Real; 4]; 24] = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0],
+    [H, H, H, H],
+    [H, H, H, -H],
+    [H, H, -H, H],
+    [H, H, -H, -H],
+    [H, -H, H, H],
+    [H, -H, H, -H],
+    [H, -H, -H, H],
+    [H, -H, -H, -H],
+    [S, S, 0.0, 0.0],
+    [S, -S, 0.0, 0.0],
+    [S, 0.0, S, 0.0],
+    [S, 0.0, -S, 0.0],
+    [S, 0.0, 0.0, S],
+    [S, 0.0, 0.0, -S],
+    [0.0, S, S, 0.0],
+    [0.0, S, -S, 0.0],
+    [0.0, S, 0.0, S],
+    [0.0, S, 0.0, -S],
+    [0.0, 0.0, S, S],
+    [0.0, 0.0, S, -S],
+];
+
+static CUBE_TURNS: [[Real; 4]; 24] = CUBE;
+
+/// The icosahedron's turns: the tetrahedron's, and the even permutations of (phi, +-1, +-1/phi, 0)/2 with phi the golden ratio.
+static ICOSAHEDRON: [[Real; 4]; 60] = icosahedron();
+
+const fn icosahedron() -> [[Real; 4]; 60] {
+    #[allow(clippy::excessive_precision, reason = "f64 has the digits that f32 has not")]
+    const PHI: Real = 1.618_033_988_749_895;
+    const EVEN: [[usize; 4]; 12] = [
+        [0, 1, 2, 3],
+        [0, 2, 3, 1],
+        [0, 3, 1, 2],
+        [1, 0, 3, 2],
+        [1, 2, 0, 3],
+        [1, 3, 2, 0],
+        [2, 0, 1, 3],
+        [2, 1, 3, 0],
+        [2, 3, 0, 1],
+        [3, 0, 2, 1],
+        [3, 1, 0, 2],
+        [3, 2, 1, 0],
+    ];
+    let mut all = [[0.0; 4]; 60];
+    let mut i = 0;
+    while i < 12 {
+        all[i] = CUBE[i];
+        i += 1;
+    }
+    while i < 60 {
+        let places = EVEN[(i - 12) / 4];
+        let second = if i % 2 == 0 { H } else { -H };
+        let third = if i % 4 < 2 { H } else { -H };
+        all[i][places[0]] = H * PHI;
+        all[i][places[1]] = second;
+        all[i][places[2]] = third * (PHI - 1.0);
+        i += 1;
+    }
+    all
+}
+
+impl Law for Snaps {
+    type Memory = ();
+
+    #[inline]
+    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        let x = now.relative();
+        let (u, gradient) = self.ground(x, now.figures);
+        let slope = 2.0 * self.strength / (self.width * sqrt(1.0 + 4.0 * u / (self.width * self.width)));
+        let mut torque = gradient * -slope;
+        if self.damping > 0.0 {
+            torque -= now.rate() * self.damping;
+        }
+        now.in_n(torque)
+    }
+
+    fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
+        let x = now.relative();
+        let (u, _) = self.ground(x, now.figures);
+        Some(self.strength * self.width * (sqrt(1.0 + 4.0 * u / (self.width * self.width)) - 1.0))
+    }
+
+    fn reference(&self) -> Option<(Quat, Anchor)> {
+        Some(self.target.reference())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Any two turns of a group, one after the other, are a turn of it; and no two are the same.
+    #[test]
+    fn the_tables_are_groups() {
+        for (set, order, nearest) in [
+            (SnapSet::Tetrahedron, 12, 0.75),
+            (SnapSet::Cube, 24, 0.5),
+            (SnapSet::Icosahedron, 60, 0.345_491_5),
+        ] {
+            let all = Wells::new(set, &[]).all;
+            assert_eq!(all.len(), order);
+            let quat = |g: &[Real; 4]| Quat::from_xyzw(g[1], g[2], g[3], g[0]);
+            for a in all {
+                assert!(fabs(dot(a, a) - 1.0) < 8.0 * Real::EPSILON);
+                for b in all {
+                    let product = quat(a) * quat(b);
+                    let same = all.iter().filter(|g| fabs(product.dot(quat(g))) > 0.999).count();
+                    assert_eq!(same, 1, "{set:?}: {product}");
+                }
+            }
+            // sin² of 60, 45 and 36 degrees: half the angle between the nearest two.
+            assert!(fabs(Snaps::rounding(set, &[]) - 0.05 * nearest) < 1.0e-6);
+        }
+    }
+}
