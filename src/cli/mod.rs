@@ -5,6 +5,7 @@ mod rig;
 mod scene;
 mod server;
 mod status;
+mod study;
 pub(crate) mod style;
 mod watch;
 
@@ -37,6 +38,9 @@ enum Command {
     /// Check rig files
     #[command(subcommand)]
     Rig(rig::RigCommand),
+    /// Measure on this machine what accuracy costs, what effects cost, where stability ends
+    #[command(subcommand)]
+    Study(study::StudyCommand),
     /// Stop a running server's motors at once (until `hbot reset`)
     Estop(ServerAddress),
     /// Let a running server's torque ramp down
@@ -67,6 +71,7 @@ impl Cli {
             Command::Watch(args) => watch::run(&args),
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
+            Command::Study(command) => study::run(command),
             Command::Estop(address) => commands::run(&address, commands::Order::Estop),
             Command::Disable(address) => commands::run(&address, commands::Order::Disable),
             Command::Enable(address) => commands::run(&address, commands::Order::Enable),

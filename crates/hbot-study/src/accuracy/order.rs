@@ -1,0 +1,57 @@
+//! With what power of the step an error falls.
+
+use crate::report::Report;
+
+/// Errors of one method by falling step.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Errors(pub(crate) Vec<(f64, f64)>);
+
+/// An error must be so many times the floor to tell an order.
+const ABOVE: f64 = 100.0;
+/// How near the measured order must come.
+pub(crate) const WITHIN: f64 = 0.1;
+
+impl Errors {
+    /// The order between the two finest steps whose errors are both above 100 times `floor`; `None` where there are not two.
+    pub(crate) fn order(&self, floor: f64) -> Option<f64> {
+        let above: Vec<&(f64, f64)> = self.0.iter().filter(|(_, e)| *e > ABOVE * floor).collect();
+        let [.., (h1, e1), (h2, e2)] = above[..] else { return None };
+        Some((e1 / e2).ln() / (h1 / h2).ln())
+    }
+
+    /// Checks the order of `what` against theory.
+    pub(crate) fn check(&self, report: &mut Report, what: &str, floor: f64, theory: u32) -> Option<f64> {
+        let order = self.order(floor);
+        if let Some(order) = order {
+            report.check(
+                format!("{what}: order within {WITHIN} of {theory}, where the error is above {ABOVE} times its floor of {floor:.0e}"),
+                format!("{order:.3}"),
+                (order - f64::from(theory)).abs() <= WITHIN,
+            );
+        }
+        order
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_order_is_that_of_the_finest_steps_above_the_floor() {
+        // Not yet of its order at first, on the floor at last.
+        let errors = Errors(vec![(4.0, 1.0), (2.0, 0.2), (1.0, 0.05), (0.5, 1e-3), (0.25, 1e-3)]);
+        assert_eq!(errors.order(1e-4), Some(2.0));
+        assert_eq!(errors.order(1.0), None);
+    }
+
+    #[test]
+    fn a_wrong_order_does_not_hold() {
+        let mut report = Report::new("test", true);
+        let errors = Errors(vec![(2.0, 8.0), (1.0, 1.0)]);
+        errors.check(&mut report, "a method", 0.0, 3);
+        assert!(report.holds());
+        errors.check(&mut report, "a method", 0.0, 2);
+        assert!(!report.holds());
+    }
+}

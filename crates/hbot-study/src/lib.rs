@@ -1,0 +1,133 @@
+//! Studies of an Hbot: what accuracy costs, what each effect costs, where stability ends.
+//!
+//! A study measures on the machine at hand, checks what it says it checks, and writes `report.md`, SVG plots and
+//! `summary.json` into one folder once it is done; a study that is stopped writes nothing.
+//!
+//! # Layers, top to bottom
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `accuracy` | error against time of every stage that has a choice |
+//! | `effects` | what each effect and phenomenon costs a tick, alone and in pairs |
+//! | `stability` | how stiff a wall may be, and what holds over a day |
+//! | `stages` | the stages under study, compiled once with each width of the core |
+//! | `motion` | true motions of the sphere, and what its encoders read of them |
+//! | `report`, `plot`, `machine` | what is written |
+//! | `timing`, `context` | how it is timed, shown and stopped |
+//!
+//! Every study is deterministic but for its times.
+
+mod accuracy;
+mod context;
+mod extrapolation;
+mod machine;
+mod motion;
+mod names;
+mod plot;
+mod report;
+mod rng;
+mod timing;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+pub use context::Interrupt;
+pub use report::{Check, Figure, Report};
+
+use context::{Context, Interrupted};
+
+/// The stages with `Real = f64`.
+#[path = "."]
+mod double {
+    pub(crate) use hbot_core as core;
+
+    #[path = "stages/mod.rs"]
+    #[allow(clippy::duplicate_mod, reason = "the same stages in both widths")]
+    pub(crate) mod stages;
+}
+
+/// The stages with `Real = f32`.
+#[allow(dead_code, reason = "what both widths share, such as lists of names, is read from the other one")]
+#[path = "."]
+mod single {
+    pub(crate) use hbot_core_f32 as core;
+
+    #[path = "stages/mod.rs"]
+    #[allow(clippy::duplicate_mod, reason = "the same stages in both widths")]
+    pub(crate) mod stages;
+}
+
+/// Which study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Study {
+    /// Error against time of every stage that has a choice.
+    Accuracy,
+}
+
+impl Study {
+    /// What the command line and the folder call it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Accuracy => "accuracy",
+        }
+    }
+}
+
+/// How a study is run.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The folder that it writes to; made where it is not there. `None`: `target/study/NAME`.
+    pub out: Option<PathBuf>,
+    /// About 30 s, with fewer samples, instead of up to 5 minutes.
+    pub quick: bool,
+}
+
+/// Why a study has no result.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// It was asked to stop.
+    #[error("stopped; nothing was written")]
+    Interrupted,
+    /// Its results could not be written.
+    #[error("{path}: {source}")]
+    Write {
+        /// Where to.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+impl From<Interrupted> for StudyError {
+    fn from(_: Interrupted) -> Self {
+        Self::Interrupted
+    }
+}
+
+/// Runs `study` and writes what it found: the report, and the folder that it lies in.
+///
+/// # Errors
+/// Where `interrupt` was raised on the way, or the folder cannot be written. Checks that do not hold are no error: see
+/// [`Report::holds`].
+pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Report, PathBuf), StudyError> {
+    let started = Instant::now();
+    let mut report = measure(study, options.quick, interrupt)?;
+    report.seconds = started.elapsed().as_secs_f64();
+    let out = options.out.clone().unwrap_or_else(|| Path::new("target/study").join(study.name()));
+    report.write(&out).map_err(|(path, source)| StudyError::Write { path, source })?;
+    Ok((report, out))
+}
+
+/// Runs `study` without writing anything.
+///
+/// # Errors
+/// Where `interrupt` was raised on the way.
+pub fn measure(study: Study, quick: bool, interrupt: &Interrupt) -> Result<Report, StudyError> {
+    let context = Context::new(study.name(), quick, interrupt);
+    let report = match study {
+        Study::Accuracy => accuracy::study(&context),
+    };
+    context.finish();
+    Ok(report?)
+}

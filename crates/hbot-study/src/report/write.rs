@@ -1,0 +1,80 @@
+//! Into a folder, all or nothing.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use super::{Figure, Report};
+
+impl Report {
+    /// The text for people.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let mut text = format!("# `hbot study {}`\n\n", self.study);
+        if let Some(warning) = self.machine.warning() {
+            text.push_str(&format!("{warning}\n\n"));
+        }
+        let quick = if self.quick { ", with `--quick`: fewer samples" } else { "" };
+        text.push_str(&format!("{} Took {:.0} s{quick}.\n", self.machine.sentence(), self.seconds));
+        text.push_str(&self.body);
+        text.push_str("\n## Checks\n\nThe command's exit code is 0 only where all of them hold.\n\n");
+        text.push_str("| what must hold | found | holds |\n|---|---|---|\n");
+        for check in &self.checks {
+            let verdict = if check.holds { "yes" } else { "**no**" };
+            text.push_str(&format!("| {} | {} | {verdict} |\n", check.what, check.found));
+        }
+        text.push_str("\n## What the ids of summary.json mean\n\n| id | unit | meaning |\n|---|---|---|\n");
+        for family in &self.families {
+            text.push_str(&format!("| `{}` | {} | {} |\n", family.pattern, family.unit, family.meaning));
+        }
+        text.push_str(
+            "\nA time also has `q1` and `q3`, its quartiles, and `samples`, how many there were.\n",
+        );
+        text
+    }
+
+    /// summary.json.
+    #[must_use]
+    pub fn summary(&self) -> Value {
+        json!({
+            "study": self.study,
+            "version": env!("CARGO_PKG_VERSION"),
+            "machine": self.machine.to_json(),
+            "seconds": self.seconds,
+            "quick": self.quick,
+            "results": self.figures.iter().map(Figure::to_json).collect::<Vec<_>>(),
+            "checks": self.checks.iter().map(|check| json!({
+                "what": check.what, "found": check.found, "holds": check.holds,
+            })).collect::<Vec<_>>(),
+        })
+    }
+
+    /// Writes all files into `out`: first beside their places, then, when all are there, into them.
+    pub(crate) fn write(&self, out: &Path) -> Result<(), (PathBuf, std::io::Error)> {
+        let mut files = vec![("report.md".to_owned(), self.markdown())];
+        files.extend(self.plots.iter().map(|(name, svg)| (format!("{name}.svg"), svg.clone())));
+        // Last, so that it is only there where all else is.
+        files.push(("summary.json".to_owned(), format!("{:#}\n", self.summary())));
+        std::fs::create_dir_all(out).map_err(|error| (out.to_owned(), error))?;
+        let partial = |name: &str| out.join(format!(".{name}.partial"));
+        for (name, text) in &files {
+            std::fs::write(partial(name), text).map_err(|error| (partial(name), error))?;
+        }
+        for (name, _) in &files {
+            std::fs::rename(partial(name), out.join(name)).map_err(|error| (out.join(name), error))?;
+        }
+        Ok(())
+    }
+}
+
+impl Figure {
+    fn to_json(&self) -> Value {
+        let mut all = Map::new();
+        all.insert("id".to_owned(), self.id.clone().into());
+        // What is not finite has no number in JSON.
+        all.insert("value".to_owned(), self.value.into());
+        all.insert("unit".to_owned(), self.unit.into());
+        all.extend(self.more.clone());
+        Value::Object(all)
+    }
+}

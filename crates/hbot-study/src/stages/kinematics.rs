@@ -1,0 +1,12 @@
+//! The sphere's rate from joint rates.
+
+use super::hbot::kinematics::Posture;
+use super::hbot::{Device, Real};
+use super::{real, wide3};
+
+/// The angular velocity (N, rad/s) that the joint rates `zd` mean at the steering angles `th`.
+pub(crate) fn rate(device: &Device, th: &[f64], zd: &[f64]) -> [f64; 3] {
+    let th: Vec<Real> = th.iter().map(|x| real(*x)).collect();
+    let zd: Vec<Real> = zd.iter().map(|x| real(*x)).collect();
+    wide3(Posture::new(device, &th).forward(device, &zd).omega)
+}

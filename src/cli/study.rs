@@ -1,0 +1,73 @@
+//! `hbot study`: measurements on this machine, as a report, plots and figures in a folder.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand};
+use hbot_study::{Interrupt, Options, Study, StudyError};
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::style;
+
+/// Which study.
+#[derive(Debug, Subcommand)]
+pub(crate) enum StudyCommand {
+    /// Error against time of every stage that has a choice, and of the whole tick
+    Accuracy(StudyArgs),
+}
+
+/// How to run a study.
+#[derive(Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// Folder for report.md, summary.json and plots [default: target/study/NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Fewer samples: about 30 s instead of up to 5 minutes
+    #[arg(long)]
+    quick: bool,
+}
+
+/// The exit code of a program that Ctrl-C ended, as shells have it.
+const INTERRUPTED: u8 = 130;
+
+pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
+    let (study, args) = match command {
+        StudyCommand::Accuracy(args) => (Study::Accuracy, args),
+    };
+    let interrupt = Interrupt::default();
+    raise_on_signal(&interrupt)?;
+    let options = Options { out: args.out, quick: args.quick };
+    let (report, out) = match hbot_study::run(study, &options, &interrupt) {
+        Ok(done) => done,
+        Err(StudyError::Interrupted) => {
+            anstream::eprintln!("{}", StudyError::Interrupted);
+            return Ok(ExitCode::from(INTERRUPTED));
+        }
+        Err(error) => return Err(error.into()),
+    };
+    for check in report.checks() {
+        let (colour, verdict) =
+            if check.holds { (style::GOOD, "holds") } else { (style::BAD, "does not hold") };
+        anstream::println!("{colour}{verdict}{}  {}: {}", style::OFF, check.what, check.found);
+    }
+    anstream::println!("{} figures in {}", report.figures().len(), out.join("summary.json").display());
+    anstream::println!("read {}", out.join("report.md").display());
+    Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Has SIGINT and SIGTERM stop the study between two steps, with nothing half written.
+fn raise_on_signal(interrupt: &Interrupt) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let (mut stop, mut end) = {
+        let _guard = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
+    };
+    let interrupt = interrupt.clone();
+    std::thread::Builder::new().name("hbot-signals".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            tokio::select! { _ = stop.recv() => {}, _ = end.recv() => {} }
+        });
+        interrupt.raise();
+    })?;
+    Ok(())
+}
