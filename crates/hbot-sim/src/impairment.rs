@@ -172,7 +172,7 @@ impl Lane {
             frame[place] ^= (1 + flip % 255) as u8;
         }
         // One that is due earlier than the one before it waits behind it.
-        let due_ns = now_ns + self.latency_ns + (late * self.jitter_ns) as u64;
+        let due_ns = now_ns.saturating_add(self.latency_ns).saturating_add((late * self.jitter_ns) as u64);
         self.frames.push_back(Frame { due_ns, length: frame.len() });
         self.bytes.extend(&*frame);
     }
