@@ -5,6 +5,7 @@
 mod bench;
 mod designs;
 mod determinism;
+mod effects;
 mod energy;
 mod faults;
 mod geometry;
