@@ -16,5 +16,6 @@ mod odometry;
 mod references;
 mod rng;
 mod shaping;
+mod shelf;
 mod singularity;
 mod states;

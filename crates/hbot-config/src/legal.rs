@@ -113,6 +113,15 @@ pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>)
         .map(|(_, k)| k)
 }
 
+/// A value as a person writes it: `[1, 0, 0]`, not `[1.0,0.0,0.0]`.
+pub(crate) fn short(value: &Value) -> String {
+    match value {
+        Value::Array(all) => format!("[{}]", all.iter().map(short).collect::<Vec<_>>().join(", ")),
+        Value::Number(_) => number(value),
+        _ => value.to_string(),
+    }
+}
+
 /// A bound as a person writes it: `10`, not `10.0`.
 pub(crate) fn number(value: &Value) -> String {
     match value.as_f64() {
