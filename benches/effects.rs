@@ -47,7 +47,8 @@ fn rendering(c: &mut Criterion) {
     let motions = motions();
     let mut group = c.benchmark_group("render");
     let single = kinds().into_iter().map(|k| (k.name, scene(&[json!({"id": "e", "kind": k.name})])));
-    for (name, scene) in [("empty", CompiledScene::empty()), ("16_mixed", mixed())].into_iter().chain(single) {
+    for (name, scene) in [("empty", CompiledScene::empty()), ("16_mixed", mixed())].into_iter().chain(single)
+    {
         let mut renderer = Renderer::new(&rig);
         renderer.adopt(&scene, Quat::IDENTITY);
         let mut tick = 0_u64;

@@ -37,7 +37,8 @@ struct Seen {
 
 fn counts(joint: &Joint, angle: f64) -> i32 {
     let sign = if joint.reversed { -1.0 } else { 1.0 };
-    (sign * angle * f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU).round() as i64 as i32
+    (sign * angle * f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU).round() as i64
+        as i32
 }
 
 /// Runs a scene for so many seconds; every reading is a tick old when its torque begins.
@@ -119,7 +120,11 @@ fn every_scene_runs_on_every_rig() {
             assert!(seen.torque > 1e-3, "{}: nothing was felt", file.name());
             // The slew limit, to rounding; and a scene on the shelf is within what a rig can give.
             let limits = &config.rig.limits;
-            assert!(seen.change <= limits.torque_rate * config.rig.timing.period_s() + 1e-12, "{}", file.name());
+            assert!(
+                seen.change <= limits.torque_rate * config.rig.timing.period_s() + 1e-12,
+                "{}",
+                file.name()
+            );
             assert!(seen.torque <= limits.torque + 1e-12, "{}", file.name());
         }
     }
@@ -130,7 +135,8 @@ fn every_scene_runs_on_every_rig() {
 fn a_heavy_ball_is_heavier_and_calm() {
     let config = RigConfig::prototype();
     let scene = |text: &str| SceneFile::from_toml(text, "x.toml").unwrap();
-    let light = "[simulate]\nhand = { stiffness = 0.2, damping = 0.002, inertia = 0, amplitude = 1, rate = 1 }\n";
+    let light =
+        "[simulate]\nhand = { stiffness = 0.2, damping = 0.002, inertia = 0, amplitude = 1, rate = 1 }\n";
     let empty = run(&config, &scene(light), 10.0);
     let ball = "[[effect]]\nid = 'm'\nkind = 'inertia'\nmass = 0.015\n";
     let heavy = run(&config, &scene(&format!("{ball}{light}")), 10.0);

@@ -21,7 +21,13 @@ pub(super) fn run(as_json: bool) -> anyhow::Result<()> {
 }
 
 fn describe(listed: &Listed) {
-    anstream::println!("{}{}{}  {}", style::GOOD, listed.name, style::OFF, listed.description.replace('\n', " "));
+    anstream::println!(
+        "{}{}{}  {}",
+        style::GOOD,
+        listed.name,
+        style::OFF,
+        listed.description.replace('\n', " ")
+    );
     for parameter in listed.parameters() {
         anstream::println!(
             "  {}{:14}{} {}; default {}",

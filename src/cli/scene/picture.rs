@@ -10,10 +10,10 @@ use super::sweep::Probe;
 pub(super) const HEIGHT: u32 = 440;
 
 /// Radius of a disc and side of a cell, pixels.
-const RADIUS: i32 = 185;
-const CELL: i32 = 5;
+const RADIUS: i32 = 186;
+const CELL: i32 = 6;
 /// Shades from the deepest to the highest.
-const SHADES: u32 = 12;
+const SHADES: u32 = 10;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
@@ -42,7 +42,8 @@ pub(super) fn sphere(area: &Area<'_>, probe: &mut Probe) -> Result<(), Box<dyn s
                 .count();
             let grey = 40 + 200 * shade(*energy) / (SHADES - 1);
             let color = RGBColor((grey * 7 / 8) as u8, (grey * 15 / 16) as u8, grey.min(255) as u8);
-            let end = corner(x + run as i32 * CELL, y - CELL);
+            // A pixel over the edge, which the next box covers: no seams.
+            let end = corner(x + run as i32 * CELL + 1, y - CELL - 1);
             area.draw(&Rectangle::new([corner(*x, *y), end], color.filled()))?;
             rest = &rest[run..];
         }

@@ -50,6 +50,15 @@ fn axis(text: &str) -> Result<Axis, String> {
 
 /// Kinds whose energy is worth a picture on the sphere of directions.
 const LANDSCAPES: [&str; 2] = ["snaps", "texture"];
+/// Of curves, in turns; all dark enough on white.
+const COLORS: [RGBColor; 6] = [
+    RGBColor(0, 90, 181),
+    RGBColor(220, 50, 32),
+    RGBColor(0, 128, 96),
+    RGBColor(170, 68, 153),
+    RGBColor(200, 130, 0),
+    RGBColor(90, 90, 90),
+];
 const WIDTH: u32 = 840;
 const PANEL: u32 = 250;
 
@@ -140,14 +149,15 @@ fn swing(panel: &Area<'_>, probe: &Probe, parts: &[(String, Probe)], axis: &Axis
         .draw()?;
     let degrees = |curve: &[(f64, f64)]| curve.iter().map(|(x, y)| (x.to_degrees(), *y)).collect::<Vec<_>>();
     for (i, (name, part)) in each.iter().enumerate() {
-        let color = Palette99::pick(i).mix(0.7);
+        let color = COLORS[i % COLORS.len()];
         chart
             .draw_series(LineSeries::new(degrees(&part.forth), color.stroke_width(1)))?
             .label(name.as_str())
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], color.stroke_width(2)));
     }
     chart.draw_series(LineSeries::new(degrees(&curves.forth), BLACK.stroke_width(2)))?;
-    let differs = curves.forth.iter().zip(curves.back.iter().rev()).any(|(a, b)| (a.1 - b.1).abs() > 1.0e-3 * most);
+    let differs =
+        curves.forth.iter().zip(curves.back.iter().rev()).any(|(a, b)| (a.1 - b.1).abs() > 1.0e-3 * most);
     if differs {
         chart.draw_series(DashedLineSeries::new(degrees(&curves.back), 4, 4, BLACK.stroke_width(1)))?;
     }
@@ -172,7 +182,7 @@ fn still(panel: &Area<'_>, probe: &Probe, time: f64, every: u64) -> Drawn<()> {
         .y_desc("torque, N m")
         .draw()?;
     for (i, (curve, name)) in curves.into_iter().zip(["about x", "about y", "about z"]).enumerate() {
-        let color = Palette99::pick(i);
+        let color = COLORS[i % COLORS.len()];
         chart
             .draw_series(LineSeries::new(curve, color.stroke_width(1)))?
             .label(name)

@@ -46,7 +46,11 @@ impl Probe {
             return Vec::new();
         }
         let part = |(i, name): (usize, &String)| {
-            let part = Self { renderer: self.renderer.clone(), scene: self.scene.only(i), names: vec![name.clone()] };
+            let part = Self {
+                renderer: self.renderer.clone(),
+                scene: self.scene.only(i),
+                names: vec![name.clone()],
+            };
             (name.clone(), part)
         };
         self.names.iter().enumerate().map(part).collect()

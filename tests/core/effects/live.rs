@@ -144,6 +144,20 @@ fn one_that_leaves_in_the_middle_of_its_coming_goes_from_there() {
 }
 
 #[test]
+fn one_that_was_leaving_when_the_rig_went_idle_does_not_come_back() {
+    let constant =
+        hbot_core::effects::Constant { torque: Vec3::X * 0.2, frame: hbot_core::effects::Frame::World };
+    let fading = Effect { fade_out_s: 10.0, ..effect(0, 9, Kind::Constant(constant)) };
+    let mut bench = Bench::active(rig(), CompiledScene::new(1, &[fading]).unwrap());
+    bench.scene = CompiledScene::new(2, &[Effect { leaving: true, ..fading }]).unwrap();
+    assert!(bench.run(100).state.torque.x > 0.19);
+    bench.command(Command::Disable);
+    bench.run(100);
+    bench.command(Command::Enable);
+    assert_eq!(bench.run(700).state.torque, Vec3::ZERO);
+}
+
+#[test]
 fn what_would_pull_from_afar_keeps_the_rig_from_being_enabled() {
     let far = rotation::exp(Vec3::Y * 0.9);
     let target = Target::new(far, hbot_core::effects::Anchor::Absolute).unwrap();

@@ -1,5 +1,6 @@
 //! The kinds of effects: their energies, their edges, and what they promise.
 
+mod bits;
 mod clicks;
 mod edges;
 mod energy;

@@ -94,7 +94,7 @@ impl Listed {
         let words = properties.iter().map(|(name, schema)| Parameter {
             name: name.clone(),
             description: schema["description"].as_str().unwrap_or_default().replace('\n', " "),
-            legal: crate::legal::legal(schema),
+            legal: crate::legal::legal_with_elements(schema),
             default: crate::legal::short(&schema["default"]),
         });
         words.collect()
