@@ -5,6 +5,7 @@
 mod bench;
 mod designs;
 mod determinism;
+mod effects;
 mod energy;
 mod faults;
 mod geometry;
@@ -16,5 +17,6 @@ mod passivity;
 mod references;
 mod rng;
 mod shaping;
+mod shelf;
 mod singularity;
 mod states;
