@@ -89,6 +89,9 @@ impl Window {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use super::super::wide;
     use super::*;
 
     /// The definition, word for word: the longest n whose chord is within the tolerance of each reading between.
@@ -138,8 +141,6 @@ mod tests {
         }
     }
 
-    extern crate std;
-
     #[test]
     fn a_steady_motion_fills_the_window_whatever_its_rate() {
         // Floors of a steady motion: no chord is off by a count.
@@ -150,7 +151,7 @@ mod tests {
                 window.push(&[step as i32; MAX_JOINTS], 1);
             }
             // The chord over 40 ticks, whose ends are off by less than a count together.
-            assert!((f64::from(window.slope(0) as f32) - speed).abs() < 1.0 / 40.0 + 1e-6, "{speed}");
+            assert!((wide(window.slope(0)) - speed).abs() < 1.0 / 40.0 + 1e-6, "{speed}");
         }
     }
 
