@@ -14,6 +14,7 @@ mod laws;
 mod motion;
 mod odometry;
 mod passivity;
+mod rates;
 mod references;
 mod rng;
 mod shaping;
