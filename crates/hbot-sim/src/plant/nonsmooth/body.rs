@@ -10,6 +10,9 @@ use super::solver::Problem;
 use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
 use crate::phenomena::Phenomena;
 
+/// A loss of a gear off by less than this part of what stops its motor is as good as right.
+const SMALL_LOSS: f64 = 1.0e-9;
+
 /// What holds during one step.
 pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
@@ -193,7 +196,7 @@ impl Body {
                     let mut limit =
                         self.phenomena.joint_friction.map_or(0.0, |friction| friction.limit(rate));
                     if geared {
-                        limit += self.mesh_loss(i, rate);
+                        limit += self.motors[i].loss;
                     }
                     put(Law::Friction { limit: h * limit }, 1, [row, Row::EMPTY, Row::EMPTY]);
                 }
@@ -222,13 +225,37 @@ impl Body {
         }
     }
 
-    /// Friction of a gear under load, at its motor's side, N m: what makes the other side get `efficiency` of the power.
-    /// By the load and the direction of the step before.
-    fn mesh_loss(&self, i: usize, rate: f64) -> f64 {
-        let Some(gear) = self.phenomena.gear else { return 0.0 };
-        let load = self.motors[i].load;
-        let share = if load * rate >= 0.0 { 1.0 / gear.efficiency - 1.0 } else { 1.0 - gear.efficiency };
-        share * load.abs()
+    /// Friction of the gears under load, at their motors' sides: what makes the other side get `efficiency` of the power.
+    /// It depends on the very impulse that it takes from, so it is found by sweeps: this one brings each limit nearer to
+    /// what the last solution's impulses would have, and says whether all were within `tolerance` of that.
+    pub(super) fn mesh(&mut self, elements: &mut [Element], speeds: &Vector, h: f64, tolerance: f64) -> bool {
+        let Some(gear) = self.phenomena.gear else { return true };
+        let mut stands = true;
+        let mut at = 0;
+        for i in 0..self.wheels() {
+            while !matches!(elements[at].law, Law::Gap { .. }) {
+                at += 1;
+            }
+            let Some(rate) = self.motor_at(i).map(|at| speeds[at]) else { continue };
+            let passed = elements[at].impulse[0] / h;
+            let share =
+                if passed * rate >= 0.0 { 1.0 / gear.efficiency - 1.0 } else { 1.0 - gear.efficiency };
+            let mass = self.motor_mass(&self.device.wheels()[i]);
+            let (motor, wanted) = (&mut self.motors[i], share * passed.abs());
+            let off = wanted - motor.loss;
+            // What would stop the motor within a step, to the digits that matter.
+            let small = SMALL_LOSS * mass * motor.rate.abs().max(rate.abs()) / h;
+            stands &= off.abs() <= tolerance * wanted.max(motor.loss) + small;
+            // What is passed on falls by no more than the loss grows: from below, this never goes too far.
+            let change = off / (1.0 + share);
+            motor.loss += change;
+            // The friction of a geared drive stands before its gap.
+            if let Law::Friction { limit } = &mut elements[at - 1].law {
+                *limit = (*limit + h * change).max(0.0);
+            }
+            at += 1;
+        }
+        stands
     }
 
     /// Masses and momenta of this step. `impulse` is that of the torques on the sphere, `implicit` stands in the

@@ -1,0 +1,203 @@
+//! Without input no step adds energy: random devices, random phenomena, figures as extreme as they are allowed.
+
+use hbot_core::device::{Device, WheelSpec};
+use hbot_core::{Quat, Vec3};
+use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::phenomena::{
+    CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
+};
+use hbot_sim::plant::{Dynamics, Method, State};
+
+/// A sequence that looks random: splitmix64 (Steele, Lea and Flood 2014).
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Evenly over the powers of ten.
+    fn decade(&mut self, low: f64, high: f64) -> f64 {
+        self.between(low.log10(), high.log10()).exp10()
+    }
+
+    fn chance(&mut self, share: f64) -> bool {
+        self.unit() < share
+    }
+
+    /// One time in five nothing, one in five huge, else between.
+    fn figure(&mut self, low: f64, high: f64, huge: f64) -> f64 {
+        match self.next() % 5 {
+            0 => 0.0,
+            1 => huge,
+            _ => self.decade(low, high),
+        }
+    }
+
+    fn vector(&mut self, size: f64) -> Vec3 {
+        Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
+    }
+
+    fn some<T>(&mut self, share: f64, value: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        self.chance(share).then(|| value(self))
+    }
+}
+
+trait Exp10 {
+    fn exp10(self) -> f64;
+}
+
+impl Exp10 for f64 {
+    fn exp10(self) -> f64 {
+        10.0f64.powf(self)
+    }
+}
+
+/// A device whose inertias differ by up to six powers of ten, one time in four; else like a real one.
+fn device(dice: &mut Dice) -> Option<Device> {
+    let count = 2 + (dice.next() % 7) as usize;
+    let extreme = dice.chance(0.25);
+    let spread = if extreme { 1.0e3 } else { 3.0 };
+    let specs: Vec<WheelSpec> = (0..count)
+        .map(|_| {
+            let steer_inertia = 3.0e-5 * dice.decade(1.0 / spread, spread);
+            let drive_inertia = 4.0e-6 * dice.decade(1.0 / spread, spread);
+            WheelSpec {
+                axis: dice.vector(1.0),
+                cone: dice.between(0.1, 1.2),
+                toe: if dice.chance(0.5) { dice.between(-0.6, 0.6) } else { 0.0 },
+                radius: dice.between(0.005, 0.05),
+                steer_inertia,
+                drive_inertia,
+                axial_inertia: if dice.chance(0.5) {
+                    0.4 * (steer_inertia * drive_inertia).sqrt()
+                } else {
+                    0.0
+                },
+            }
+        })
+        .collect();
+    Device::new(dice.between(0.05, 0.2), 0.5 * dice.decade(1.0 / spread, spread), &specs).ok()
+}
+
+fn phenomena(dice: &mut Dice) -> Phenomena {
+    Phenomena {
+        joint_friction: dice.some(0.5, |dice| JointFriction {
+            coulomb: dice.figure(1e-5, 1e-1, 10.0),
+            viscous: dice.figure(1e-6, 1e-2, 10.0),
+            breakaway: dice.figure(1e-5, 1e-1, 10.0),
+            stribeck_rate: dice.decade(1e-3, 1e2),
+        }),
+        cage_friction: dice.some(0.5, |dice| CageFriction { torque: dice.figure(1e-5, 1e-1, 10.0) }),
+        slip: dice.some(0.5, |dice| Slip {
+            mu: dice.figure(1e-3, 1.0, 1e6),
+            normal_force: dice.figure(0.1, 100.0, 1e4),
+        }),
+        pivoting: dice.some(0.4, |dice| Pivoting {
+            mu: dice.figure(1e-3, 1.0, 1e6),
+            normal_force: 10.0,
+            patch_radius: dice.figure(1e-5, 1e-2, 0.1),
+        }),
+        eccentric: dice.some(0.4, |dice| Eccentric { offset: dice.vector(0.01) }),
+        wheel_modules: dice.some(0.4, |dice| WheelModules { mass: dice.figure(1e-3, 0.2, 1.0) }),
+        gear: dice.some(0.4, |dice| Gear {
+            backlash: dice.figure(1e-4, 0.1, 1.0),
+            efficiency: dice.between(0.01, 1.0),
+            rotor_share: dice.between(0.01, 0.99),
+        }),
+        hand: dice.some(0.3, |dice| Hand {
+            stiffness: dice.decade(0.1, 30.0),
+            damping: dice.figure(1e-3, 1.0, 10.0),
+            inertia: dice.decade(1e-6, 1e-2),
+            amplitude: 0.0,
+            rate: 0.25,
+        }),
+        ..Phenomena::default()
+    }
+}
+
+/// What a scene came to.
+#[derive(Default)]
+struct Tally {
+    steps: u32,
+    hard: u32,
+    worst: f64,
+    most: u32,
+}
+
+/// One scene: `steps` steps; how much the energy rose at most, relative to the largest there was and to rounding of what
+/// makes it up.
+fn run(seed: u64, steps: u32, tally: &mut Tally) {
+    let mut dice = Dice(seed);
+    let Some(device) = device(&mut dice) else { return };
+    let phenomena = phenomena(&mut dice);
+    let mut state = State {
+        q: Quat::from_xyzw(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0), dice.between(-1.0, 1.0), dice.unit())
+            .normalize(),
+        omega: dice.vector(10.0),
+        ..State::default()
+    };
+    for i in 0..device.wheels().len() {
+        (state.steer[i], state.drive[i]) = (dice.between(-9.0, 9.0), dice.between(-9.0, 9.0));
+    }
+    let h = dice.decade(1e-5, 1e-3);
+    let Ok(mut dynamics) = Dynamics::new(&device, &phenomena, Method::Rk4, &state) else { return };
+    if !dynamics.is_nonsmooth() {
+        return;
+    }
+    let target = dice.vector(2.0);
+    let grip = phenomena.hand.map(|hand| {
+        dynamics.set_sphere_inertia(device.sphere_inertia() + hand.inertia);
+        Grip::new(hand, 0.0, hbot_core::rotation::exp(target) * state.q)
+    });
+    let total =
+        |dynamics: &Dynamics, state: &State| dynamics.energy(state) + grip.map_or(0.0, |g| g.energy(0.0, state.q));
+    // Potentials of weights have no zero of their own: their rounding is that of their swing.
+    let swing = phenomena.eccentric.map_or(0.0, |e| device.sphere_mass() * 9.81 * e.offset.length())
+        + phenomena.wheel_modules.map_or(0.0, |m| m.mass * 9.81 * 0.3 * device.wheels().len() as f64);
+    let mut before = total(&dynamics, &state);
+    let scale = before.abs() + swing;
+    let mut rise_worst: f64 = 0.0;
+    for step in 0..steps {
+        dynamics.step(&mut state, 0.0, h, &[0.0; 16], Vec3::ZERO, grip.as_ref());
+        let now = total(&dynamics, &state);
+        let effort = dynamics.effort().unwrap();
+        tally.steps += 1;
+        tally.most = tally.most.max(effort.newton);
+        if !effort.converged {
+            tally.hard += 1;
+            if tally.hard < 20 { println!("seed {seed} step {step} h {h:e}: {effort:?}\n  {phenomena:?}"); }
+        }
+        assert!(now.is_finite(), "seed {seed}, step {step}: {phenomena:?}");
+        assert!((state.q.length() - 1.0).abs() < 1e-15 * 4.0, "seed {seed}, step {step}: {}", state.q.length());
+        if (now - before) / scale > rise_worst { rise_worst = (now-before)/scale; if rise_worst > 1e-12 {println!("RISE seed {seed} step {step} h {h:e} {:e} of {scale:e} {effort:?} {} wheels {phenomena:?}", now - before, device.wheels().len()); } }
+        before = now;
+    }
+    tally.worst = tally.worst.max(rise_worst);
+}
+
+#[test]
+fn no_step_adds_energy() {
+    let mut tally = Tally::default();
+    let t0 = std::time::Instant::now();
+    let n: u64 = std::env::var("SCENES").map_or(1000, |s| s.parse().unwrap());
+    for seed in 0..n {
+        run(seed, 30, &mut tally);
+    }
+    println!(
+        "{} steps: energy up by {:.1e} at most, {} not converged, {} Newton steps at most {:?}",
+        tally.steps, tally.worst, tally.hard, tally.most, t0.elapsed()
+    );
+}
