@@ -204,9 +204,10 @@ impl Body {
             if let (Some(gear), Some(motor)) = (self.phenomena.gear, self.motor_at(i)) {
                 let behind = self.motors[i].angle - state.drive[i];
                 let half = 0.5 * gear.backlash;
-                // What rounding left beyond the play is no reason to be thrown back.
-                let law =
-                    Law::Gap { low: ((-half - behind) / h).min(0.0), high: ((half - behind) / h).max(0.0) };
+                // What rounding of the angles leaves to either side is neither a way to go nor a reason to be thrown back.
+                let rounding = 16.0 * f64::EPSILON * (1.0 + state.drive[i].abs());
+                let room = |way: f64| if way > rounding { way / h } else { 0.0 };
+                let law = Law::Gap { low: -room(half + behind), high: room(half - behind) };
                 let row = match self.joint_at(i, 1) {
                     Some(at) => Row::EMPTY.and(motor, 1.0).and(at, -1.0),
                     None => on_sphere(-now.rows[i][1]).and(motor, 1.0),
@@ -259,7 +260,8 @@ impl Body {
     }
 
     /// Masses and momenta of this step. `impulse` is that of the torques on the sphere, `implicit` stands in the
-    /// sphere's mass for those that fall with its speed; `speeds` is the guess at which the modules' torques are taken.
+    /// sphere's mass for those that fall with its speed; `speeds` is the guess at which the modules' torques are taken;
+    /// `bounded`: with the stiffness that makes any guess of zero one that takes energy.
     pub(super) fn assemble(
         &self,
         problem: &mut Problem,
@@ -269,6 +271,7 @@ impl Body {
         tau: &JointTorques,
         (impulse, implicit): (Vec3, f64),
         speeds: &Vector,
+        bounded: bool,
     ) {
         let n = self.size();
         problem.n = n;
@@ -295,6 +298,9 @@ impl Body {
             if let Some(modules) = &self.modules {
                 let delta = h * joints[0].dot(speeds);
                 steer_torque += modules[i].torque_over(state.steer[i], delta);
+                if bounded {
+                    problem.weigh(&joints[0], &joints[0], 0.5 * h * h * modules[i].curvature());
+                }
             }
             problem.push(&joints[0], steer_mass * steer + coupling * drive + h * steer_torque);
             let driven = self.driven_row(now, i, 1);

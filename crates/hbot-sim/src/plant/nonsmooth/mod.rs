@@ -205,9 +205,19 @@ impl Nonsmooth {
 
         let mut speeds = before;
         let mut effort = Effort::default();
-        for sweep in 0..MAX_SWEEPS {
+        let potentials = weight.is_some() || hold.is_some() || self.body.modules.is_some();
+        let mut settled = !potentials;
+        for sweep in 0..=MAX_SWEEPS {
+            let last = sweep == MAX_SWEEPS;
             // What depends on the speeds at the end: torques of potentials, by the last guess.
-            let omega = Vec3::from_slice(&speeds[..3]);
+            let (guess, implicit) = if last {
+                // Sweeps that do not settle give way to what takes energy at any step: torques as they are now, and half
+                // the most that a potential can curve as a stiffness against the step.
+                ([0.0; MAX_SPEEDS], implicit + 0.5 * h * h * weight.map_or(0.0, |weight| weight.curvature()))
+            } else {
+                (speeds, implicit)
+            };
+            let omega = Vec3::from_slice(&guess[..3]);
             let phi = omega * h;
             let mut torque = external;
             if let Some(weight) = &weight {
@@ -220,20 +230,16 @@ impl Nonsmooth {
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
             let sphere = (torque * h + given, implicit);
-            self.body.assemble(&mut self.problem, state, &now, h, tau, sphere, &speeds);
-            let guess = speeds;
+            self.body.assemble(&mut self.problem, state, &now, h, tau, sphere, &guess, last);
             effort = self.workspace.solve(&mut self.problem, &mut self.elements, &mut speeds);
             let lag = if sweep == 0 { LAG } else { SETTLED_LOSS };
             let meshed = self.body.mesh(&mut self.elements, &speeds, h, lag);
-            if weight.is_none() && hold.is_none() && self.body.modules.is_none() {
-                if meshed {
-                    break;
-                }
-                continue;
+            if potentials {
+                let moved = speeds.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                let size = speeds.iter().zip(&before).map(|(a, b)| a.abs().max(b.abs())).fold(0.0, f64::max);
+                settled = sweep > 0 && moved <= SETTLED * size;
             }
-            let moved = speeds.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            let size = speeds.iter().zip(&before).map(|(a, b)| a.abs().max(b.abs())).fold(0.0, f64::max);
-            if sweep > 0 && meshed && moved <= SETTLED * size {
+            if settled && (meshed || sweep + 1 == MAX_SWEEPS) {
                 break;
             }
         }

@@ -14,8 +14,10 @@ use super::{MAX_SPEEDS, Vector};
 const PENALTY: f64 = 1.0e3;
 /// The largest: beyond, rounding of the Newton matrix is felt.
 const MAX_PENALTY: f64 = 1.0e9;
-/// What may be left of a sticking velocity, relative to the step's own.
+/// What may be left of a sticking velocity, relative to what the step's momentum and impulses would make.
 const STICKING: f64 = 1.0e-12;
+/// How many times what is thought to be rounding may be rounding.
+const NEAR: f64 = 64.0;
 const MAX_ROUNDS: usize = 60;
 const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
@@ -97,20 +99,21 @@ impl Workspace {
         }
         let mut effort = Effort::default();
         let mut worst_before = f64::INFINITY;
-        let pace = norm(&problem.momentum[..n]);
+        let momentum = norm(&problem.momentum[..n]);
         for _ in 0..MAX_ROUNDS {
             effort.rounds += 1;
-            effort.newton += self.minimize(problem, speeds);
+            let (newton, minimized) = self.minimize(problem, speeds);
+            effort.newton += newton;
             // How far each velocity is from what its law would have with this impulse.
-            let (mut worst, mut floor): (f64, f64) = (0.0, STICKING * pace);
+            let (mut worst, mut pace) = (0.0f64, momentum);
             for (k, (element, now)) in self.scaled.iter_mut().zip(&self.responses).enumerate() {
                 let change = [0, 1, 2].map(|c| now.impulse[c] - element.impulse[c]);
                 let stiffness = self.penalty[k] * self.size[k];
                 worst = worst.max(norm(&change) / stiffness);
-                floor = floor.max(4.0 * f64::EPSILON * norm(&now.impulse) / stiffness);
+                pace += self.size[k] * norm(&now.impulse);
                 element.impulse = now.impulse;
             }
-            if worst <= floor {
+            if minimized && worst <= STICKING * pace {
                 effort.converged = true;
                 break;
             }
@@ -192,8 +195,9 @@ impl Workspace {
         }
     }
 
-    /// Minimises for the multipliers as they are: how many Newton steps it took. The responses are those at the minimum.
-    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> u32 {
+    /// Minimises for the multipliers as they are: how many Newton steps it took, and whether no more than
+    /// rounding is left of the gradient. The responses are those at the minimum.
+    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
         let mut floor = self.look(problem, speeds, &mut gradient);
@@ -202,10 +206,16 @@ impl Workspace {
             let mut step = gradient.map(|g| -g);
             self.factorize(problem);
             self.back_substitute(n, &mut step);
+            let before = norm(&gradient[..n]);
             floor = self.walk(problem, speeds, &step, &mut gradient);
             steps += 1;
+            let left = norm(&gradient[..n]);
+            if left >= 0.5 * before && left <= NEAR * floor {
+                // The bound is a guess at what sums of many terms lose; where steps help no more, this is what they do lose.
+                break;
+            }
         }
-        steps
+        (steps, norm(&gradient[..n]) <= NEAR * floor)
     }
 
     /// Moves along `step`: all of it unless the slope there has turned up again, then to where the slope is about zero.

@@ -178,7 +178,7 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
         tally.most = tally.most.max(effort.newton);
         if !effort.converged {
             tally.hard += 1;
-            if tally.hard < 20 { println!("seed {seed} step {step} h {h:e}: {effort:?}\n  {phenomena:?}"); }
+            if tally.hard < 10 { println!("seed {seed} step {step} h {h:e}: {effort:?}\n  {phenomena:?}"); }
         }
         assert!(now.is_finite(), "seed {seed}, step {step}: {phenomena:?}");
         assert!((state.q.length() - 1.0).abs() < 1e-15 * 4.0, "seed {seed}, step {step}: {}", state.q.length());
