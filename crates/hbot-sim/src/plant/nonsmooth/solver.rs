@@ -16,6 +16,8 @@ const PENALTY: f64 = 1.0e3;
 const MAX_PENALTY: f64 = 1.0e9;
 /// What may be left of a sticking velocity, relative to what the step's momentum and impulses would make.
 const STICKING: f64 = 1.0e-12;
+/// What part of the slope at the start counts as level.
+const LEVEL: f64 = 1.0e-2;
 /// How many times what is thought to be rounding may be rounding.
 const NEAR: f64 = 64.0;
 const MAX_ROUNDS: usize = 60;
@@ -218,11 +220,12 @@ impl Workspace {
         (steps, norm(&gradient[..n]) <= NEAR * floor)
     }
 
-    /// Moves along `step`: all of it unless the slope there has turned up again, then to where the slope is about zero.
+    /// Moves along `step`: all of it unless the slope there has turned up, then to where it falls half as steeply or
+    /// less. Before it turns up the function falls all the way; past that it may have risen, and steps might go in circles.
     fn walk(&mut self, problem: &Problem, speeds: &mut Vector, step: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let start = *speeds;
-        let slope = dot(gradient, step, n);
+        let slope = dot(gradient, step, n).abs();
         let (mut low, mut high, mut t) = (0.0, 1.0, 1.0);
         let mut floor = 0.0;
         for _ in 0..MAX_HALVINGS {
@@ -231,7 +234,7 @@ impl Workspace {
             }
             floor = self.look(problem, speeds, gradient);
             let here = dot(gradient, step, n);
-            if here.abs() <= 0.5 * slope.abs() || (t == 1.0 && here <= 0.0) {
+            if here <= LEVEL * slope && (t == 1.0 || here >= -0.5 * slope) {
                 break;
             }
             if here > 0.0 {

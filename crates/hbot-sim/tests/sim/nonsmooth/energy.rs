@@ -193,7 +193,8 @@ fn no_step_adds_energy() {
     let mut tally = Tally::default();
     let t0 = std::time::Instant::now();
     let n: u64 = std::env::var("SCENES").map_or(1000, |s| s.parse().unwrap());
-    for seed in 0..n {
+    let from: u64 = std::env::var("FROM").map_or(0, |s| s.parse().unwrap());
+    for seed in from..from + n {
         run(seed, 30, &mut tally);
     }
     println!(
