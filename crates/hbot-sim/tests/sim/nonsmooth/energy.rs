@@ -1,7 +1,7 @@
 //! Without input no step adds energy: random devices, random phenomena, figures as extreme as they are allowed.
 
+use hbot_core::Vec3;
 use hbot_core::device::{Device, WheelSpec};
-use hbot_core::{Quat, Vec3};
 use hbot_sim::hand::{Grip, Hand};
 use hbot_sim::phenomena::{
     CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
@@ -30,7 +30,7 @@ impl Dice {
 
     /// Evenly over the powers of ten.
     fn decade(&mut self, low: f64, high: f64) -> f64 {
-        self.between(low.log10(), high.log10()).exp10()
+        10.0f64.powf(self.between(low.log10(), high.log10()))
     }
 
     fn chance(&mut self, share: f64) -> bool {
@@ -52,16 +52,6 @@ impl Dice {
 
     fn some<T>(&mut self, share: f64, value: impl FnOnce(&mut Self) -> T) -> Option<T> {
         self.chance(share).then(|| value(self))
-    }
-}
-
-trait Exp10 {
-    fn exp10(self) -> f64;
-}
-
-impl Exp10 for f64 {
-    fn exp10(self) -> f64 {
-        10.0f64.powf(self)
     }
 }
 
@@ -128,27 +118,27 @@ fn phenomena(dice: &mut Dice) -> Phenomena {
     }
 }
 
-/// What a scene came to.
+/// What the scenes came to.
 #[derive(Default)]
 struct Tally {
+    scenes: u32,
     steps: u32,
-    hard: u32,
-    worst: f64,
-    most: u32,
+    /// Steps that the solver gave up before its own bounds were met.
+    unfinished: u32,
+    /// The largest rise of energy in a step, relative to the energy at the start and the swing of the weights.
+    rise: f64,
+    /// The most Newton steps of a step.
+    newton: u32,
 }
 
-/// One scene: `steps` steps; how much the energy rose at most, relative to the largest there was and to rounding of what
-/// makes it up.
+/// One scene of `steps` steps, if the seed makes one: a device that is none, or one whose gear has inertias that
+/// contradict each other, does not.
 fn run(seed: u64, steps: u32, tally: &mut Tally) {
     let mut dice = Dice(seed);
     let Some(device) = device(&mut dice) else { return };
     let phenomena = phenomena(&mut dice);
-    let mut state = State {
-        q: Quat::from_xyzw(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0), dice.between(-1.0, 1.0), dice.unit())
-            .normalize(),
-        omega: dice.vector(10.0),
-        ..State::default()
-    };
+    let mut state =
+        State { q: hbot_core::rotation::exp(dice.vector(3.0)), omega: dice.vector(10.0), ..State::default() };
     for i in 0..device.wheels().len() {
         (state.steer[i], state.drive[i]) = (dice.between(-9.0, 9.0), dice.between(-9.0, 9.0));
     }
@@ -157,48 +147,49 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
     if !dynamics.is_nonsmooth() {
         return;
     }
-    let target = dice.vector(2.0);
+    let aside = hbot_core::rotation::exp(dice.vector(2.0));
     let grip = phenomena.hand.map(|hand| {
         dynamics.set_sphere_inertia(device.sphere_inertia() + hand.inertia);
-        Grip::new(hand, 0.0, hbot_core::rotation::exp(target) * state.q)
+        Grip::new(hand, 0.0, aside * state.q)
     });
-    let total =
-        |dynamics: &Dynamics, state: &State| dynamics.energy(state) + grip.map_or(0.0, |g| g.energy(0.0, state.q));
-    // Potentials of weights have no zero of their own: their rounding is that of their swing.
+    let total = |dynamics: &Dynamics, state: &State| {
+        dynamics.energy(state) + grip.map_or(0.0, |grip| grip.energy(0.0, state.q))
+    };
     let swing = phenomena.eccentric.map_or(0.0, |e| device.sphere_mass() * 9.81 * e.offset.length())
         + phenomena.wheel_modules.map_or(0.0, |m| m.mass * 9.81 * 0.3 * device.wheels().len() as f64);
     let mut before = total(&dynamics, &state);
     let scale = before.abs() + swing;
-    let mut rise_worst: f64 = 0.0;
+    tally.scenes += 1;
     for step in 0..steps {
         dynamics.step(&mut state, 0.0, h, &[0.0; 16], Vec3::ZERO, grip.as_ref());
         let now = total(&dynamics, &state);
         let effort = dynamics.effort().unwrap();
+        let rise = (now - before) / scale;
+        // What the solver leaves of a velocity that ought to be none, 1e-12 of what the step's impulses would make, a few
+        // times: impulses of a step are at most a few times the momentum. Also false for what is not a number.
+        assert!(rise <= 1e-11, "seed {seed}, step {step} of {h:e} s: {rise:e} {effort:?} {phenomena:?}");
+        assert!((state.q.length() - 1.0).abs() < 4e-15, "seed {seed}, step {step}: {}", state.q.length());
         tally.steps += 1;
-        tally.most = tally.most.max(effort.newton);
-        if !effort.converged {
-            tally.hard += 1;
-            if tally.hard < 10 { println!("seed {seed} step {step} h {h:e}: {effort:?}\n  {phenomena:?}"); }
-        }
-        assert!(now.is_finite(), "seed {seed}, step {step}: {phenomena:?}");
-        assert!((state.q.length() - 1.0).abs() < 1e-15 * 4.0, "seed {seed}, step {step}: {}", state.q.length());
-        if (now - before) / scale > rise_worst { rise_worst = (now-before)/scale; if rise_worst > 1e-12 {println!("RISE seed {seed} step {step} h {h:e} {:e} of {scale:e} {effort:?} {} wheels {phenomena:?}", now - before, device.wheels().len()); } }
+        tally.unfinished += u32::from(!effort.converged);
+        tally.rise = tally.rise.max(rise);
+        tally.newton = tally.newton.max(effort.newton);
         before = now;
     }
-    tally.worst = tally.worst.max(rise_worst);
 }
 
+/// Ten thousand scenes of a few steps each, in which all that meets does so, and some of them for longer.
 #[test]
 fn no_step_adds_energy() {
     let mut tally = Tally::default();
-    let t0 = std::time::Instant::now();
-    let n: u64 = std::env::var("SCENES").map_or(1000, |s| s.parse().unwrap());
-    let from: u64 = std::env::var("FROM").map_or(0, |s| s.parse().unwrap());
-    for seed in from..from + n {
-        run(seed, 30, &mut tally);
+    let mut seed = 0;
+    while tally.scenes < 10_000 {
+        run(seed, if seed % 25 == 0 { 100 } else { 6 }, &mut tally);
+        seed += 1;
     }
     println!(
-        "{} steps: energy up by {:.1e} at most, {} not converged, {} Newton steps at most {:?}",
-        tally.steps, tally.worst, tally.hard, tally.most, t0.elapsed()
+        "{} scenes, {} steps: energy up by {:.1e} at most; {} steps not converged; at most {} Newton steps",
+        tally.scenes, tally.steps, tally.rise, tally.unfinished, tally.newton
     );
+    // Gears without play in a device that is held fast everywhere: forces that no equation determines settle slowly.
+    assert!(tally.unfinished * 10_000 <= tally.steps, "{} of {} steps", tally.unfinished, tally.steps);
 }

@@ -1,10 +1,8 @@
 //! The reference: the equations of motion of the physics notes, sections 1, 2, 5 and 8, written out anew, with every
-//! set-valued law regularised and moved on by a stiff method (Radau IIA of order 5).
+//! set-valued law regularised and moved on by a stiff method (backward differences of order 1 to 5).
 //!
 //! Friction is -limit s / sqrt(|s|² + v²), so what ought to stick creeps at v times the load's share of the limit; a gear's
 //! flanks are hard dampers that never pull. Both errors are shown by taking v and the damping otherwise.
-
-use core::cell::Cell;
 
 use differential_equations::ivp::IVP;
 use differential_equations::linalg::Matrix;
@@ -49,8 +47,6 @@ pub(super) struct Reference<'a> {
     pub(super) phenomena: &'a Phenomena,
     pub(super) input: Input,
     pub(super) sharpness: Sharpness,
-    /// The jacobians that were asked for: how much work it was.
-    pub(super) work: Cell<u32>,
 }
 
 /// One wheel at one instant.
@@ -59,7 +55,7 @@ struct Contact {
     c1: Triple,
     c2: Triple,
     c3: Triple,
-    /// R + d.c3 and how fast it changes.
+    /// R + d.c3.
     radius: Dual,
 }
 
@@ -81,13 +77,16 @@ impl Reference<'_> {
         }
         let lifted = y.map(constant);
         for i in 0..2 {
-            let rates = self.rolling(&lifted, i, &self.contact(&lifted, i));
+            let rates = self.rolling(i, &self.contact(&lifted, i));
             let [steer, drive] = rates.map(|row| dot(row, [lifted[4], lifted[5], lifted[6]]).value);
             y[7 + 6 * i + 2..7 + 6 * i + 6].copy_from_slice(&[steer, drive, state.drive[i], drive]);
         }
         let tolerance = self.sharpness.tolerance;
-        // A thousandth of the angles' tolerance for the rates would ask too much of what jumps.
-        let method = BackwardDifferentiationFormula::adaptive().h0(1.0e-6).rtol(tolerance).atol(tolerance).max_steps(300_000);
+        let method = BackwardDifferentiationFormula::adaptive()
+            .h0(1.0e-6)
+            .rtol(tolerance)
+            .atol(tolerance)
+            .max_steps(300_000);
         let solution = IVP::ode(self, 0.0, seconds, y).method(method).solve().expect("the reference fails");
         let y = solution.y.last().expect("no end");
         let norm = y[..4].iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -102,9 +101,9 @@ impl Reference<'_> {
     fn contact(&self, y: &[Dual; SIZE], i: usize) -> Contact {
         let spec = self.device.wheels()[i].spec();
         let l = spec.axis.normalize().to_array();
-        let ((sin, cos), th) = ((y[7 + 6 * i].sin(), y[7 + 6 * i].cos()), spec);
-        let (sa, ca) = th.cone.sin_cos();
-        let (sb, cb) = th.toe.sin_cos();
+        let (sin, cos) = (y[7 + 6 * i].sin(), y[7 + 6 * i].cos());
+        let (sa, ca) = spec.cone.sin_cos();
+        let (sb, cb) = spec.toe.sin_cos();
         let column = |v: [f64; 3]| {
             let rotated = [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], constant(v[2])];
             a0(l, rotated)
@@ -126,8 +125,8 @@ impl Reference<'_> {
         turned([y[0], y[1], y[2], y[3]], fixed(d))
     }
 
-    /// Rows of G by solving H zd = -Z w for each.
-    fn rolling(&self, _: &[Dual; SIZE], i: usize, at: &Contact) -> [Triple; 2] {
+    /// Rows of G: H zd + Z w = 0, row by row.
+    fn rolling(&self, i: usize, at: &Contact) -> [Triple; 2] {
         let r = self.device.wheels()[i].spec().radius;
         let steer = at.c2.map(|c| c / dot(at.axis, at.c2));
         let lc1 = dot(at.axis, at.c1);
@@ -158,7 +157,11 @@ impl Reference<'_> {
         let c = self.sharpness.flank;
         let half = constant(0.5 * gear.backlash);
         let push = |deep: Dual, closing: Dual| {
-            if deep.value > 0.0 { ((deep * 1000.0 + closing) * c).max_zero() * (deep / (deep + constant(1e-6))) } else { Dual::default() }
+            if deep.value > 0.0 {
+                ((deep * 1000.0 + closing) * c).max_zero() * (deep / (deep + constant(1e-6)))
+            } else {
+                Dual::default()
+            }
         };
         push(behind - half, rate) - push(-behind - half, -rate)
     }
@@ -192,7 +195,7 @@ impl Reference<'_> {
         for i in 0..2 {
             let (spec, base) = (self.device.wheels()[i].spec(), 7 + 6 * i);
             let at = self.contact(y, i);
-            let rows = self.rolling(y, i, &at);
+            let rows = self.rolling(i, &at);
             let (steer, drive) = match p.slip {
                 Some(_) => (y[base + 2], y[base + 3]),
                 None => (dot(rows[0], w), dot(rows[1], w)),
@@ -234,10 +237,8 @@ impl Reference<'_> {
                     -(at.radius * lc1 * steer) + drive * spec.radius + at.radius * dot(at.c1, w),
                 ];
                 let f = self.friction(constant(slip.limit()), s, 0.01);
-                let (a, b) = (
-                    at_steer + at.radius * (lc2 * f[0] - lc1 * f[1]),
-                    at_drive + f[1] * spec.radius,
-                );
+                let (a, b) =
+                    (at_steer + at.radius * (lc2 * f[0] - lc1 * f[1]), at_drive + f[1] * spec.radius);
                 let det = 1.0 / (jt * jp - jc * jc);
                 out[base + 2] = (a * jp - b * jc) * det;
                 out[base + 3] = (b * jt - a * jc) * det;
@@ -285,7 +286,6 @@ impl ODE<f64, Numbers> for Reference<'_> {
     }
 
     fn jacobian(&self, t: f64, y: &Numbers, j: &mut Matrix<f64>) {
-        self.work.set(self.work.get() + 1);
         for column in 0..SIZE {
             let mut lifted = y.map(constant);
             lifted[column].slope = 1.0;

@@ -1,6 +1,5 @@
 //! Motions in which something sticks, slides, slips or crosses its play, and how to run them on either plant.
 
-use core::cell::Cell;
 use core::f64::consts::PI;
 
 use hbot_core::device::Device;
@@ -28,11 +27,6 @@ pub(super) struct Scene {
 impl Scene {
     /// The end of the motion by the plant with steps of `h`.
     pub(super) fn stepped(&self, h: f64) -> End {
-        self.stepped_by(h, |_, _| {})
-    }
-
-    /// The same, with a look at the plant after every step.
-    pub(super) fn stepped_by(&self, h: f64, mut look: impl FnMut(&Dynamics, &State)) -> End {
         let mut state = self.start;
         let mut dynamics = Dynamics::new(&self.device, &self.phenomena, Method::Rk4, &state).unwrap();
         if let Some(grip) = &self.input.grip {
@@ -49,7 +43,6 @@ impl Scene {
             if let Some(effort) = dynamics.effort() {
                 assert!(effort.converged, "{}, step {i} of {h:e} s: {effort:?}", self.name);
             }
-            look(&dynamics, &state);
         }
         let encoders = dynamics.encoder_angles(&state);
         End {
@@ -62,16 +55,8 @@ impl Scene {
 
     /// The end of the motion by the reference.
     pub(super) fn by_reference(&self, sharpness: Sharpness) -> End {
-        let reference = Reference {
-            device: &self.device,
-            phenomena: &self.phenomena,
-            input: self.input,
-            sharpness,
-            work: Cell::new(0),
-        };
-        let end = reference.advance(&self.start, self.seconds);
-        println!("{}: {} jacobians", self.name, reference.work.get());
-        end
+        let (device, phenomena, input) = (&self.device, &self.phenomena, self.input);
+        Reference { device, phenomena, input, sharpness }.advance(&self.start, self.seconds)
     }
 
     /// The largest difference of an angle, rad: orientation, joints, and motors where they stand by themselves.
@@ -120,7 +105,11 @@ pub(super) fn held() -> Scene {
         name: "sticking under load",
         device: toed(2),
         phenomena: Phenomena {
-            joint_friction: Some(JointFriction { coulomb: 2e-3, breakaway: 2e-3, ..JointFriction::default() }),
+            joint_friction: Some(JointFriction {
+                coulomb: 2e-3,
+                breakaway: 2e-3,
+                ..JointFriction::default()
+            }),
             cage_friction: Some(CageFriction { torque: 0.02 }),
             slip: Some(Slip::default()),
             ..Phenomena::default()
@@ -176,7 +165,11 @@ pub(super) fn lossy() -> Scene {
     Scene {
         name: "backlash with losses",
         phenomena: Phenomena {
-            joint_friction: Some(JointFriction { coulomb: 1e-3, breakaway: 1e-3, ..JointFriction::default() }),
+            joint_friction: Some(JointFriction {
+                coulomb: 1e-3,
+                breakaway: 1e-3,
+                ..JointFriction::default()
+            }),
             gear: Some(Gear { backlash: 0.05, efficiency: 0.8, rotor_share: 0.8 }),
             ..Phenomena::default()
         },
@@ -270,8 +263,9 @@ pub(super) fn smooth() -> Scene {
             ..State::default()
         },
         input: Input {
-            tau: |t| [0.01 * t.cos(), 0.005, -0.01, 0.003 * (9.0 * t).sin()],
-            external: |t| [0.05 * (7.0 * t).sin(), 0.02, 0.0],
+            // Steady, since a step holds them.
+            tau: |_| [0.01, 0.005, -0.01, 0.003],
+            external: |_| [0.05, 0.02, 0.0],
             ..IDLE
         },
         seconds: 0.5,
