@@ -20,6 +20,9 @@ const STICKING: f64 = 1.0e-12;
 const LEVEL: f64 = 1.0e-2;
 /// How many times what is thought to be rounding may be rounding.
 const NEAR: f64 = 64.0;
+/// And where the largest penalties gain no more: impulses that no equation determines (a device held fast everywhere, a
+/// gear with next to no play) run away slowly while speeds stand.
+const STALLED: f64 = 1.0e-10;
 const MAX_ROUNDS: usize = 60;
 const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
@@ -100,7 +103,7 @@ impl Workspace {
             speeds[i] /= self.scale[i];
         }
         let mut effort = Effort::default();
-        let mut worst_before = f64::INFINITY;
+        let (mut worst_before, mut largest) = (f64::INFINITY, false);
         let momentum = norm(&problem.momentum[..n]);
         for _ in 0..MAX_ROUNDS {
             effort.rounds += 1;
@@ -115,13 +118,17 @@ impl Workspace {
                 pace += self.size[k] * norm(&now.impulse);
                 element.impulse = now.impulse;
             }
-            if minimized && worst <= STICKING * pace {
+            let stalled = largest && worst > 0.5 * worst_before;
+            if minimized && worst <= if stalled { STALLED } else { STICKING } * pace {
                 effort.converged = true;
                 break;
             }
             if worst > 0.1 * worst_before {
+                largest = true;
                 for (penalty, size) in self.penalty.iter_mut().zip(&self.size) {
-                    *penalty = (*penalty * 10.0).min(MAX_PENALTY / (size * size));
+                    let most = MAX_PENALTY / (size * size);
+                    largest &= *penalty >= most;
+                    *penalty = (*penalty * 10.0).min(most);
                 }
             }
             worst_before = worst;
@@ -331,3 +338,6 @@ fn dot(a: &Vector, b: &Vector, n: usize) -> f64 {
 fn norm(a: &[f64]) -> f64 {
     libm::sqrt(a.iter().map(|a| a * a).sum())
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,8 +8,8 @@ use differential_equations::ivp::IVP;
 use differential_equations::linalg::Matrix;
 use differential_equations::methods::BackwardDifferentiationFormula;
 use differential_equations::ode::ODE;
+use hbot_core::Quat;
 use hbot_core::device::Device;
-use hbot_core::{Quat, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::State;
@@ -92,7 +92,6 @@ impl Reference<'_> {
         let norm = y[..4].iter().map(|x| x * x).sum::<f64>().sqrt();
         End {
             q: Quat::from_xyzw(y[1] / norm, y[2] / norm, y[3] / norm, y[0] / norm),
-            omega: Vec3::new(y[4], y[5], y[6]),
             joints: [y[7], y[8], y[13], y[14]],
             motors: [y[11], y[17]],
         }
@@ -300,7 +299,6 @@ impl ODE<f64, Numbers> for Reference<'_> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct End {
     pub(super) q: Quat,
-    pub(super) omega: Vec3,
     /// th and ph of each wheel, rad.
     pub(super) joints: [f64; 4],
     /// Angles of the drive motors, rad.

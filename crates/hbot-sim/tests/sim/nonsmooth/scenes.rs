@@ -47,7 +47,6 @@ impl Scene {
         let encoders = dynamics.encoder_angles(&state);
         End {
             q: state.q,
-            omega: state.omega,
             joints: core::array::from_fn(|j| state.joints()[j]),
             motors: [encoders[1], encoders[3]],
         }
