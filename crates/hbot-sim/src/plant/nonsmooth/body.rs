@@ -13,6 +13,9 @@ use crate::phenomena::Phenomena;
 /// A loss of a gear off by less than this part of what stops its motor is as good as right.
 const SMALL_LOSS: f64 = 1.0e-9;
 
+/// The inertia of a joint that has none, as a part of the sphere's: a thousandth of a real one. Much less costs the solver digits.
+const LEAST_MASS: f64 = 1.0e-6;
+
 /// What holds during one step.
 pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
@@ -20,6 +23,20 @@ pub(super) struct Instant {
     radius: [f64; MAX_WHEELS],
     /// Rows of G: what a wheel that does not slip does.
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
+}
+
+/// What acts during one step, where the speeds at its end are thought to be `guess`.
+pub(super) struct Given<'a> {
+    pub(super) h: f64,
+    pub(super) tau: &'a JointTorques,
+    /// Of the torques on the sphere, N m s.
+    pub(super) impulse: Vec3,
+    /// What stands in the sphere's mass for torques that fall with its speed, kg m².
+    pub(super) implicit: f64,
+    /// The modules' torques are those over the way that this makes.
+    pub(super) guess: &'a Vector,
+    /// With the stiffness against the step that makes a guess of no speeds one that never gives energy.
+    pub(super) bounded: bool,
 }
 
 /// What moves, and how fast its joints do.
@@ -64,12 +81,27 @@ impl Body {
     pub(super) fn wheel_mass(&self, wheel: &Wheel) -> [f64; 3] {
         let spec = wheel.spec();
         let coupling = spec.axial_inertia * wheel.axis_along_axle();
-        [spec.steer_inertia, coupling, spec.drive_inertia - self.motor_mass(wheel)]
+        let least = self.least_mass();
+        let drive = (1.0 - self.rotor_share()) * spec.drive_inertia;
+        [spec.steer_inertia.max(least), coupling, drive.max(least)]
     }
 
     /// Inertia of a drive's motor behind its gear, in the joint's measure, kg m².
     pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
-        self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share * wheel.spec().drive_inertia)
+        self.phenomena
+            .gear
+            .map_or(0.0, |gear| (gear.rotor_share * wheel.spec().drive_inertia).max(self.least_mass()))
+    }
+
+    fn rotor_share(&self) -> f64 {
+        self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share)
+    }
+
+    /// A device may have joints without inertia, which nothing but the no-slip condition moves. Where they stand by
+    /// themselves they get some of their own.
+    fn least_mass(&self) -> f64 {
+        let apart = self.phenomena.slip.is_some() || self.phenomena.gear.is_some();
+        if apart { LEAST_MASS * self.device.sphere_inertia() } else { 0.0 }
     }
 
     /// The geometry at `ahead` seconds after `state`, by the rates as they are.
@@ -259,20 +291,9 @@ impl Body {
         stands
     }
 
-    /// Masses and momenta of this step. `impulse` is that of the torques on the sphere, `implicit` stands in the
-    /// sphere's mass for those that fall with its speed; `speeds` is the guess at which the modules' torques are taken;
-    /// `bounded`: with the stiffness that makes any guess of zero one that takes energy.
-    pub(super) fn assemble(
-        &self,
-        problem: &mut Problem,
-        state: &State,
-        now: &Instant,
-        h: f64,
-        tau: &JointTorques,
-        (impulse, implicit): (Vec3, f64),
-        speeds: &Vector,
-        bounded: bool,
-    ) {
+    /// Masses and momenta of this step.
+    pub(super) fn assemble(&self, problem: &mut Problem, state: &State, now: &Instant, given: &Given<'_>) {
+        let Given { h, tau, impulse, implicit, guess, bounded } = *given;
         let n = self.size();
         problem.n = n;
         for row in &mut problem.mass[..n] {
@@ -296,7 +317,7 @@ impl Body {
             }
             let mut steer_torque = tau[2 * i];
             if let Some(modules) = &self.modules {
-                let delta = h * joints[0].dot(speeds);
+                let delta = h * joints[0].dot(guess);
                 steer_torque += modules[i].torque_over(state.steer[i], delta);
                 if bounded {
                     problem.weigh(&joints[0], &joints[0], 0.5 * h * h * modules[i].curvature());

@@ -21,7 +21,7 @@ mod solver;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Vec3, rotation};
 
-use self::body::{Body, Instant};
+use self::body::{Body, Given, Instant};
 use self::law::Element;
 pub use self::solver::Effort;
 use self::solver::{Problem, Workspace};
@@ -38,6 +38,8 @@ type Vector = [f64; MAX_SPEEDS];
 const MAX_SWEEPS: usize = 12;
 /// They stand when the speeds change by no more than this part: the torque is then off by a step's turn less.
 const SETTLED: f64 = 1.0e-10;
+/// What sticks is no slower than this for being held more exactly, rad/s.
+const RESTING: f64 = 1.0e-6;
 /// A gear's loss may be that of the step before where the two are this near, for then it changes slowly: of the
 /// scheme's order. Where gears meet it does not.
 const LAG: f64 = 0.05;
@@ -229,15 +231,16 @@ impl Nonsmooth {
                 // The spring's change with the speed stands in the mass; taken out here, it is exact at the end.
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
-            let sphere = (torque * h + given, implicit);
-            self.body.assemble(&mut self.problem, state, &now, h, tau, sphere, &guess, last);
+            let impulse = torque * h + given;
+            let given = Given { h, tau, impulse, implicit, guess: &guess, bounded: last };
+            self.body.assemble(&mut self.problem, state, &now, &given);
             effort = self.workspace.solve(&mut self.problem, &mut self.elements, &mut speeds);
             let lag = if sweep == 0 { LAG } else { SETTLED_LOSS };
             let meshed = self.body.mesh(&mut self.elements, &speeds, h, lag);
             if potentials {
                 let moved = speeds.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 let size = speeds.iter().zip(&before).map(|(a, b)| a.abs().max(b.abs())).fold(0.0, f64::max);
-                settled = sweep > 0 && moved <= SETTLED * size;
+                settled = sweep > 0 && moved <= SETTLED * size.max(RESTING);
             }
             if settled && (meshed || sweep + 1 == MAX_SWEEPS) {
                 break;

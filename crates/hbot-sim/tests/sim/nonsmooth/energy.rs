@@ -55,14 +55,16 @@ impl Dice {
     }
 }
 
-/// A device whose inertias differ by up to six powers of ten, one time in four; else like a real one.
+/// A device whose inertias differ by up to six powers of ten, one time in four; else like a real one. One in twenty has
+/// joints without inertia.
 fn device(dice: &mut Dice) -> Option<Device> {
     let count = 2 + (dice.next() % 7) as usize;
     let extreme = dice.chance(0.25);
     let spread = if extreme { 1.0e3 } else { 3.0 };
+    let inertia = if dice.chance(0.05) { 0.0 } else { 1.0 };
     let specs: Vec<WheelSpec> = (0..count)
         .map(|_| {
-            let steer_inertia = 3.0e-5 * dice.decade(1.0 / spread, spread);
+            let steer_inertia = inertia * 3.0e-5 * dice.decade(1.0 / spread, spread);
             let drive_inertia = 4.0e-6 * dice.decade(1.0 / spread, spread);
             WheelSpec {
                 axis: dice.vector(1.0),
