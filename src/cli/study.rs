@@ -19,6 +19,8 @@ pub(crate) enum StudyCommand {
     Accuracy(StudyArgs),
     /// What each effect and each phenomenon of the simulated rig costs a tick, alone and in pairs
     Effects(StudyArgs),
+    /// How stiff a virtual wall may be, beside theory, and what holds over a day of simulated time
+    Stability(StudyArgs),
     /// Runs ticks to be counted; `hbot study effects` runs it under valgrind
     #[command(name = "effects-worker", hide = true)]
     EffectsWorker {
@@ -45,6 +47,7 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
     let (study, args) = match command {
         StudyCommand::Accuracy(args) => (Study::Accuracy, args),
         StudyCommand::Effects(args) => (Study::Effects, args),
+        StudyCommand::Stability(args) => (Study::Stability, args),
         StudyCommand::EffectsWorker { setups } => {
             hbot_study::count_worker(&setups, show).map_err(anyhow::Error::msg)?;
             return Ok(ExitCode::SUCCESS);

@@ -27,6 +27,7 @@ mod names;
 mod plot;
 mod report;
 mod rng;
+mod stability;
 mod timing;
 
 use std::path::{Path, PathBuf};
@@ -66,6 +67,8 @@ pub enum Study {
     Accuracy,
     /// What each effect and phenomenon costs a tick.
     Effects,
+    /// How stiff a wall may be, and what holds over a day.
+    Stability,
 }
 
 impl Study {
@@ -75,6 +78,7 @@ impl Study {
         match self {
             Self::Accuracy => "accuracy",
             Self::Effects => "effects",
+            Self::Stability => "stability",
         }
     }
 }
@@ -137,6 +141,7 @@ pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result
     let report = match study {
         Study::Accuracy => accuracy::study(&context),
         Study::Effects => effects::study(&context, options.show, options.counter.as_ref()),
+        Study::Stability => stability::study(&context),
     };
     context.finish();
     Ok(report?)
