@@ -4,4 +4,5 @@ mod by_hand;
 mod process;
 mod refusals;
 mod replay;
+mod study;
 mod wall;
