@@ -16,8 +16,8 @@ const DAY: u64 = 86_400_000;
 const TEN_MINUTES: u64 = 600_000;
 /// How far |q| may be from 1.
 const UNIT: f64 = 1.0e-12;
-/// How much energy the swing may gain, relative to what it began with. Rounding of 1e8 steps that all erred the same way would
-/// gain 2e-8.
+/// How much energy the swing may gain, relative to what it began with: some times what rk4 errs by within a swing, 2e-8, which
+/// does not add up. Rounding of 1e8 steps that all erred the same way would gain as much.
 const GAIN: f64 = 1.0e-7;
 
 /// What a day of the ideal plant was.
@@ -66,7 +66,7 @@ pub(super) fn study(
     report.say(&format!(
         "The ideal plant swings on a spring without damping for {} h of simulated time, {} ticks of 1 ms by rk4, in {:.1} s beside the rest of this study. Where it is after so long \
          nobody can say (the caster's sensitivity, `hbot study accuracy`); what it conserves can be told: |q| stays 1 to {:.1e}, and the energy, looked at every 64 ticks, stays between {:.9} and {:.9} of what it \
-         began with. rk4 takes a little energy out of a swing and gives it none.",
+         began with: rk4 errs to either side within a swing, and slowly takes energy out of it.",
         short(hours), day.ticks, day.seconds, day.unit, day.least, day.most
     ));
     report.family("long_day_ticks", "1", "ticks of 1 ms of the ideal plant");
