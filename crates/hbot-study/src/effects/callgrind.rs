@@ -33,8 +33,9 @@ pub fn count_worker(setups: &str, show: Show) -> Result<(), String> {
     let value: Value = serde_json::from_str(setups).map_err(|error| error.to_string())?;
     let setups: Option<Vec<Setup>> =
         value.as_array().and_then(|all| all.iter().map(Setup::from_json).collect());
+    let active = Desk::active();
     for setup in setups.ok_or("a list of {names, gone}")? {
-        let desk = Desk::new(&setup, show);
+        let desk = active.with(&setup, show);
         for ticks in [FEW, MANY] {
             std::hint::black_box(counted(&mut desk.clone(), ticks));
         }

@@ -96,6 +96,7 @@ impl Setup {
 #[derive(Clone)]
 pub(super) struct Desk {
     controller: Controller,
+    running: RunningScene,
     scene: Rc<CompiledScene>,
     readings: Rc<Vec<JointFeedback>>,
     exchange: Exchange,
@@ -104,8 +105,8 @@ pub(super) struct Desk {
 }
 
 impl Desk {
-    /// A desk that has run `setup` until it is active and nothing blends any more.
-    pub(super) fn new(setup: &Setup, show: Show) -> Self {
+    /// A desk that is active, without any effect or phenomenon.
+    pub(super) fn active() -> Self {
         let config = RigConfig::prototype();
         let mut rig = config.rig;
         // What the figures of an effect ask for is not what the study is about.
@@ -114,27 +115,33 @@ impl Desk {
         let simulated =
             simulated.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
         let mut running = RunningScene::new();
-        let empty = Setup::default();
         let mut desk = Self {
             controller: Controller::new(rig),
-            scene: Rc::new(running.load(empty.scene())),
+            scene: Rc::new(running.load(Setup::default().scene())),
+            running,
             readings: Rc::new(readings(&config)),
             exchange: Exchange::new(simulated, rig.device.joints()),
             tick: 0,
         };
         desk.run(STARTED);
-        desk.change(&mut running, setup, show);
+        desk
+    }
+
+    /// This desk once it has run `setup` until nothing blends any more.
+    pub(super) fn with(&self, setup: &Setup, show: Show) -> Self {
+        let empty = Setup::default();
+        let mut desk = self.clone();
+        desk.change(setup, show);
         // Scenes without a word of it go the same way, so that all stand at the same tick afterwards.
-        let last = if setup.gone { &empty } else { setup };
-        desk.change(&mut running, last, show);
+        desk.change(if setup.gone { &empty } else { setup }, show);
         desk
     }
 
     /// Takes over the scene of `setup`, and blends it in. The rig begins anew.
-    fn change(&mut self, running: &mut RunningScene, setup: &Setup, show: Show) {
+    fn change(&mut self, setup: &Setup, show: Show) {
         let file = setup.scene();
         show(self.exchange.rig_mut(), file.simulate().filter(|_| !setup.names.is_empty()));
-        self.scene = Rc::new(running.load(file));
+        self.scene = Rc::new(self.running.load(file));
         self.run(BLEND);
         self.exchange.rig_mut().set_state(State::default());
     }
