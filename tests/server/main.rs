@@ -6,4 +6,5 @@ mod process;
 mod refusals;
 mod replay;
 mod scenes;
+mod study;
 mod wall;
