@@ -5,7 +5,7 @@ use hbot_core::inputs::{Command, Inputs};
 use hbot_core::outputs::Drive;
 use hbot_core::{Controller, MAX_JOINTS, Vec3, rotation};
 use hbot_sim::exchange::Exchange;
-use hbot_sim::plant::State;
+use hbot_sim::plant::{Plant, State};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 use serde_json::json;
 
@@ -84,7 +84,8 @@ impl Loop {
             self.step();
         }
         let state = *self.exchange.rig().state();
-        let inertia = self.exchange.rig().plant().apparent_inertia(&state).x_axis.x;
+        let Ok(plant) = Plant::new(&self.controller.rig().device) else { return true };
+        let inertia = plant.apparent_inertia(&state).x_axis.x;
         let omega = Vec3::X * (THROWN * libm::sqrt(stiffness / inertia));
         self.exchange.rig_mut().set_state(State { omega, ..state });
         let (mut early, mut late) = (0.0_f64, 0.0_f64);
