@@ -13,7 +13,8 @@ use crate::phenomena::Phenomena;
 /// A loss of a gear off by less than this part of what stops its motor is as good as right.
 const SMALL_LOSS: f64 = 1.0e-9;
 
-/// The inertia of a joint that has none, as a part of the sphere's: a thousandth of a real one. Much less costs the solver digits.
+/// The inertia of a joint that has none, as a part of the sphere's: a thousandth of a real one. Much less costs the
+/// solver digits.
 const LEAST_MASS: f64 = 1.0e-6;
 
 /// What holds during one step.
@@ -276,14 +277,15 @@ impl Body {
             let off = wanted - motor.loss;
             // What would stop the motor within a step, to the digits that matter.
             let small = SMALL_LOSS * mass * motor.rate.abs().max(rate.abs()) / h;
-            stands &= off.abs() <= tolerance * wanted.max(motor.loss) + small;
+            // The friction of a geared drive stands before its gap. A motor that it holds with either limit is held.
+            let friction = &mut elements[at - 1];
+            let Law::Friction { limit } = &mut friction.law else { continue };
+            let held = friction.impulse[0].abs() < limit.min(*limit + h * off);
+            stands &= held || off.abs() <= tolerance * wanted.max(motor.loss) + small;
             // What is passed on falls by no more than the loss grows: from below, this never goes too far.
             let change = off / (1.0 + share);
             motor.loss += change;
-            // The friction of a geared drive stands before its gap.
-            if let Law::Friction { limit } = &mut elements[at - 1].law {
-                *limit = (*limit + h * change).max(0.0);
-            }
+            *limit = (*limit + h * change).max(0.0);
             at += 1;
         }
         stands

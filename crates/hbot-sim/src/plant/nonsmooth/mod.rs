@@ -38,8 +38,8 @@ type Vector = [f64; MAX_SPEEDS];
 const MAX_SWEEPS: usize = 12;
 /// They stand when the speeds change by no more than this part: the torque is then off by a step's turn less.
 const SETTLED: f64 = 1.0e-10;
-/// What sticks is no slower than this for being held more exactly, rad/s.
-const RESTING: f64 = 1.0e-6;
+/// Speeds below this settle as if they were it, rad/s: to 1e-12, about what the solver leaves of those that stick.
+const RESTING: f64 = 1.0e-2;
 /// A gear's loss may be that of the step before where the two are this near, for then it changes slowly: of the
 /// scheme's order. Where gears meet it does not.
 const LAG: f64 = 0.05;
