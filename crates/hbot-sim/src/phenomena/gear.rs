@@ -10,7 +10,8 @@ pub struct Gear {
     /// driven back, 0.01 to 1; default 0.9, of two stages, assumed.
     pub efficiency: f64,
     /// The part of the drive joint's inertia that sits on the motor's side of the gear, 0.01 to 0.99; default 0.8: seen
-    /// through 17:1 the rotor's is most of it, assumed.
+    /// through 17:1 the rotor's is most of it, assumed. Of a wheel with toe, a part of what the coupling of its joints leaves free,
+    /// J_ph - J_c² / J_th.
     pub rotor_share: f64,
 }
 

@@ -199,9 +199,11 @@ impl Reference<'_> {
                 Some(_) => (y[base + 2], y[base + 3]),
                 None => (dot(rows[0], w), dot(rows[1], w)),
             };
-            let behind_gear = p.gear.map_or(0.0, |gear| gear.rotor_share) * spec.drive_inertia;
-            let (jt, jp) = (spec.steer_inertia, spec.drive_inertia - behind_gear);
             let jc = spec.axial_inertia * spec.cone.sin() * spec.toe.sin();
+            // What the coupling needs stays with the wheel.
+            let free = spec.drive_inertia - jc * jc / spec.steer_inertia;
+            let behind_gear = p.gear.map_or(0.0, |gear| gear.rotor_share) * free;
+            let (jt, jp) = (spec.steer_inertia, spec.drive_inertia - behind_gear);
 
             let mut at_steer = constant(tau[2 * i]) + self.joint_friction(steer, Dual::default());
             let mut at_drive = constant(tau[2 * i + 1]);
