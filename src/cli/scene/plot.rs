@@ -48,8 +48,8 @@ fn axis(text: &str) -> Result<Axis, String> {
     Ok(Axis { name: text.to_owned(), unit })
 }
 
-/// Kinds whose energy is worth a picture on the sphere of directions.
-const LANDSCAPES: [&str; 2] = ["snaps", "texture"];
+/// The kind whose energy is worth a picture on the sphere of directions.
+const LANDSCAPE: &str = "snaps";
 /// Of curves, in turns; all dark enough on white.
 const COLORS: [RGBColor; 6] = [
     RGBColor(0, 90, 181),
@@ -86,7 +86,7 @@ fn draw(scene: &SceneFile, axes: &[Axis]) -> Drawn<String> {
     let kinds: Vec<&str> = scene.effects().iter().map(|effect| effect.kind_name()).collect();
     let mut probe = Probe::new(scene);
     let time = still_time(&kinds);
-    let landscape = kinds.iter().any(|kind| LANDSCAPES.contains(kind));
+    let landscape = kinds.contains(&LANDSCAPE);
     let panels = axes.len() as u32 + u32::from(time.is_some());
     let height = 40 + PANEL * panels + if landscape { picture::HEIGHT } else { 0 };
     let mut svg = String::new();

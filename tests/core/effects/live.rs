@@ -1,7 +1,7 @@
 //! Changes while the rig runs: scenes, parameters, references, fades. Torque never steps.
 
 use super::{active, anywhere, conservative, dissipative};
-use crate::bench::{Bench, FirstReply, TORQUE_RATE, effect, rig};
+use crate::bench::{Bench, FirstReply, effect, rig};
 use crate::rng::Rng;
 use hbot_core::effects::{Effect, Freedom, Guide, Kind, Span, Target};
 use hbot_core::inputs::{Command, Stamp};
@@ -92,7 +92,6 @@ fn nothing_that_a_client_does_is_faster_than_the_slew_limit() {
     }
     // Through the joints and back, to rounding.
     assert!((fastest - 20.0e-3).abs() < 1e-12, "{fastest} N m in a tick");
-    assert!(20.0 < TORQUE_RATE);
 }
 
 /// The clock of a fade is the tick's; ten roundings of its sum.

@@ -77,7 +77,8 @@ pub fn axis() -> Vec3 {
 
 /// Evenly over SO(3) (Shoemake 1992).
 pub fn anywhere(rng: &mut Rng) -> Quat {
-    let (u, a, b) = (rng.between(0.0, 1.0), rng.between(0.0, 6.2831853), rng.between(0.0, 6.2831853));
+    const TURN: f64 = core::f64::consts::TAU;
+    let (u, a, b) = (rng.between(0.0, 1.0), rng.between(0.0, TURN), rng.between(0.0, TURN));
     let (r, s) = ((1.0 - u).sqrt(), u.sqrt());
     Quat::from_xyzw(r * a.sin(), r * a.cos(), s * b.sin(), s * b.cos())
 }

@@ -1,7 +1,7 @@
 //! The effects that scenes are made of: one file a kind, and one list at the end of this one.
 //!
 //! An effect is a small immutable description; what it remembers from tick to tick stands in its slot of the renderer.
-//! Adding a kind means a file here, with what it is, its [`Law`] and its memory, and a line in the list. Equations and
+//! Adding a kind means a file here, with what it is, its `Law` and its memory, and a line in the list. Equations and
 //! sources are in docs/effects.md.
 //!
 //! New kinds are plain structs: hbot-config fills them after checking every range, and the core takes them as they are.
