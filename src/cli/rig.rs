@@ -140,10 +140,26 @@ fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
     })
 }
 
-/// Whether a frame a tick each way fits on the line.
+/// Whether a frame a tick each way fits on the lines.
 fn line(config: &RigConfig) -> bool {
-    let joints = config.rig.device.joints();
-    anstream::println!("\nserial line at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz);
+    // The simulated rig has one line for all.
+    let lines = match &config.link.port {
+        Port::Sim => vec![("sim".to_owned(), config.rig.device.joints())],
+        Port::Devices(devices) => devices
+            .iter()
+            .enumerate()
+            .map(|(port, device)| (device.clone(), config.ports.iter().filter(|p| **p == port).count()))
+            .collect(),
+    };
+    lines.iter().fold(true, |fits, (name, joints)| one_line(config, name, *joints) && fits)
+}
+
+fn one_line(config: &RigConfig, name: &str, joints: usize) -> bool {
+    anstream::println!(
+        "\nserial line {name} at {} baud, {} Hz, {joints} joints",
+        config.link.baud,
+        config.rate_hz
+    );
     let mut fits = true;
     for (name, bytes) in
         [("commands", command_frame_bytes(joints)), ("feedback", feedback_frame_bytes(joints))]

@@ -3,8 +3,9 @@
 //!
 //! # Layers, from the line up
 //!
-//! 1. [`wire`]: bytes in, bytes out, never waiting: a serial port, or the simulated rig in memory.
-//! 2. [`handshake`]: who the controllers are; [`engine`]: one tick, frames in, `Controller::tick`, frame out, sample.
+//! 1. [`wire`]: bytes in, bytes out, never waiting: a [`serial`] port, or the simulated rig in memory.
+//! 2. [`handshake`]: who the controllers are; `port`: the frames of one line; [`engine`]: one tick, frames in,
+//!    `Controller::tick`, frames out, sample.
 //! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], [`realtime`], [`clock`]) or in virtual time.
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
@@ -16,12 +17,17 @@ pub mod engine;
 #[cfg(test)]
 mod engine_tests;
 pub mod flight;
+#[cfg(test)]
+mod line_tests;
 pub mod handshake;
 pub mod pace;
+pub mod pace;
 mod phenomena;
+mod port;
 pub mod realtime;
 pub mod run_loop;
 pub mod sample;
+pub mod serial;
 pub mod server;
 pub mod service;
 pub mod wire;

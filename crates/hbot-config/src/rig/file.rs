@@ -85,8 +85,12 @@ pub(crate) struct Wheel {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Joint {
-    /// Position of the joint on the serial line, from 0; its place in the order steer, drive of each wheel where absent. All
-    /// joints together name each position once.
+    /// Which of the ports in `link.port` carries the joint, from 0.
+    #[serde(default)]
+    #[schemars(range(min = 0, max = 7))]
+    pub(crate) port: u32,
+    /// Position of the joint on its serial line, from 0; its place in the order steer, drive of each wheel among the joints of
+    /// its port where absent. All joints of a port together name each position once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 15))]
     pub(crate) controller: Option<u32>,

@@ -39,9 +39,9 @@ impl Default for Loop {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Link {
-    /// `sim` for the simulated rig, or the path of a serial device.
-    #[schemars(length(min = 1))]
-    pub(crate) port: String,
+    /// `sim` for the simulated rig, the path of a serial device, or a list of such paths where controllers share the rig.
+    #[schemars(extend("legal" = "`\"sim\"`, a path, or a list of 1 to 8 paths"))]
+    pub(crate) port: Ports,
     /// The protocol that the controllers speak.
     pub(crate) protocol: Protocol,
     /// Line rate. A USB device of its own (CDC) does not heed it.
@@ -60,13 +60,21 @@ pub(crate) struct Link {
 impl Default for Link {
     fn default() -> Self {
         Self {
-            port: "sim".to_owned(),
+            port: Ports::One("sim".to_owned()),
             protocol: Protocol::Hbot,
             baud: 3_000_000,
             watchdog_ms: None,
             timeout_ticks: 20,
         }
     }
+}
+
+/// One serial port, or several.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Ports {
+    One(#[schemars(length(min = 1))] String),
+    Several(#[schemars(length(min = 1, max = 8), inner(length(min = 1)))] Vec<String>),
 }
 
 /// What the controllers speak.
