@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use hbot_config::RigConfig;
 use hbot_core::inputs::Command::{Enable, Estop};
 use hbot_core::inputs::{Commands, Complaints, Inputs, JointFeedback, MAX_COMMANDS};
 use hbot_core::mode::Mode;
@@ -27,6 +28,8 @@ const DESCRIBE_EVERY: u64 = 100;
 pub struct Line {
     /// The place of each joint, in the order steer, drive of each wheel.
     pub places: Vec<Place>,
+    /// What is added to the count of each joint, so that zero is where the rig has it.
+    pub offsets: [i32; MAX_JOINTS],
     /// The controllers' watchdog time, ms.
     pub watchdog_ms: u16,
 }
@@ -41,10 +44,30 @@ pub struct Place {
 }
 
 impl Line {
+    /// The lines of a rig.
+    #[must_use]
+    pub fn of(rig: &RigConfig) -> Self {
+        let mut offsets = [0; MAX_JOINTS];
+        for (j, offset) in offsets.iter_mut().enumerate().take(rig.rig.device.joints()).step_by(2) {
+            let joint = &rig.rig.joints[j];
+            let counts =
+                rig.zero_offsets[j] / std::f64::consts::TAU * f64::from(joint.counts_per_turn) * joint.gear;
+            // Wraps as the controllers' own counter does.
+            *offset = (if joint.reversed { -counts } else { counts }).round() as i64 as i32;
+        }
+        if rig.link.port == hbot_config::rig::Port::Sim {
+            // The simulated controllers stand on one line in the order of the joints.
+            return Self { offsets, ..Self::single(0..rig.controllers.len(), rig.link.watchdog_ms) };
+        }
+        let places = rig.ports.iter().zip(&rig.controllers).map(|(port, at)| Place { port: *port, at: *at });
+        Self { places: places.collect(), offsets, watchdog_ms: rig.link.watchdog_ms }
+    }
+
     /// All joints on one line, `places` in the order steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>, watchdog_ms: u16) -> Self {
-        Self { places: places.into_iter().map(|at| Place { port: 0, at }).collect(), watchdog_ms }
+        let places = places.into_iter().map(|at| Place { port: 0, at }).collect();
+        Self { places, offsets: [0; MAX_JOINTS], watchdog_ms }
     }
 
     /// The joints on one of the lines, each with its place there.
@@ -111,7 +134,7 @@ impl<W: Wire> Engine<W> {
         bridge: LoopEnd,
         recorder: Option<Recorder>,
     ) -> Self {
-        let port = |(port, wire)| Port::new(wire, line.joints(port).collect());
+        let port = |(port, wire)| Port::new(wire, line.joints(port).collect(), line.offsets);
         Self {
             ports: wires.into_iter().enumerate().map(port).collect(),
             watchdog_ms: line.watchdog_ms,

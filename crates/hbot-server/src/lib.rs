@@ -9,18 +9,21 @@
 //! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], [`realtime`], [`clock`]) or in virtual time.
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
-//! 6. [`server`]: all of it put together, started and stopped; `phenomena`: what a scene wants of the simulated rig.
+//! 6. [`bringup`]: one joint at a time, and calibration; [`doctor`]: whether a machine can keep the loop's time.
+//! 7. [`server`]: all of it put together, started and stopped; `phenomena`: what a scene wants of the simulated rig.
 
 pub mod bridge;
+pub mod bringup;
 pub mod clock;
+pub mod doctor;
 pub mod engine;
 #[cfg(test)]
 mod engine_tests;
 pub mod flight;
+pub mod handshake;
 #[cfg(test)]
 mod line_tests;
-pub mod handshake;
-pub mod pace;
+pub mod metrics;
 pub mod pace;
 mod phenomena;
 mod port;

@@ -104,8 +104,7 @@ impl<W: Wire> Bench<W> {
     }
 
     fn tick(&mut self) -> Sample {
-        let moment =
-            Moment { tick: self.tick, t_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        let moment = Moment { tick: self.tick, t_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
         self.engine.tick(&moment);
         self.tick += 1;
         self.end.try_sample().expect("a sample a tick")
@@ -242,7 +241,8 @@ fn answers_to_commands_never_sent_and_from_other_controllers_are_counted() {
 fn two_lines() -> (Bench<Fake>, [Fake; 2]) {
     let fakes = [Fake::new(2), Fake::new(2)];
     let place = |port, at| Place { port, at };
-    let line = Line { places: vec![place(0, 0), place(0, 1), place(1, 1), place(1, 0)], watchdog_ms: 20 };
+    let places = vec![place(0, 0), place(0, 1), place(1, 1), place(1, 0)];
+    let line = Line { places, ..Line::single([], 20) };
     let mut bench = Bench::new(&RigConfig::prototype(), fakes.to_vec(), &line);
     bench.active();
     (bench, fakes)
@@ -419,8 +419,7 @@ fn a_line_that_takes_no_bytes_costs_no_allocation() {
     while full < 1000 {
         assert!(Instant::now() < deadline);
         let before = bench.engine.counters().send_failures;
-        let moment =
-            Moment { tick: bench.tick, t_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        let moment = Moment { tick: bench.tick, t_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
         let info = allocation_counter::measure(|| bench.engine.tick(&moment));
         assert_eq!((info.count_total, info.count_current), (0, 0));
         bench.tick += 1;

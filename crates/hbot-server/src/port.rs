@@ -25,6 +25,8 @@ pub(crate) struct Port<W> {
     pub(crate) wire: W,
     /// Which joints of the rig it carries, each with its place on it.
     joints: Vec<(usize, usize)>,
+    /// What is added to the count of each joint of the rig, so that zero is where the rig has it.
+    offsets: [i32; MAX_JOINTS],
     decoder: Decoder<FromController>,
     frame: [u8; MAX_COMMAND_FRAME],
     /// The line took only a part of the last frame.
@@ -46,10 +48,11 @@ pub(crate) struct Port<W> {
 }
 
 impl<W: Wire> Port<W> {
-    pub(crate) fn new(wire: W, joints: Vec<(usize, usize)>) -> Self {
+    pub(crate) fn new(wire: W, joints: Vec<(usize, usize)>, offsets: [i32; MAX_JOINTS]) -> Self {
         Self {
             wire,
             joints,
+            offsets,
             decoder: Decoder::new(),
             frame: [0; MAX_COMMAND_FRAME],
             cut: false,
@@ -102,7 +105,7 @@ impl<W: Wire> Port<W> {
     pub(crate) fn take(&self, feedback: &Feedback, readings: &mut JointFeedback) {
         for (joint, place) in &self.joints {
             let at = &feedback.joints[*place];
-            readings.counts[*joint] = at.count;
+            readings.counts[*joint] = at.count.wrapping_add(self.offsets[*joint]);
             readings.rates[*joint] = f64::from(at.rate);
             let bit = 1 << joint;
             readings.index_seen &= !bit;

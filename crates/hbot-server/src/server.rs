@@ -21,7 +21,7 @@ use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::bridge::{ServiceEnd, bridge};
 use crate::clock::now_ns;
-use crate::engine::{Engine, Line, Place, Recorder};
+use crate::engine::{Engine, Line, Recorder};
 use crate::handshake::{Expected, HandshakeError, handshake};
 use crate::phenomena::phenomena;
 use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
@@ -146,19 +146,12 @@ impl Server {
         for (wheel, name) in rig.wheels.iter().enumerate() {
             if rig.rig.joints[2 * wheel].zero == Zero::Calibrate {
                 notices.push(format!(
-                    "wheel {name}: its steering zero is left to a calibration, which this version has not: the rig stays \
-                     unreferenced; set wheel.steer.zero to \"absolute\", \"index\" or \"assume\""
+                    "wheel {name}: its steering zero is left to a calibration: the rig stays unreferenced; run `hbot rig calibrate` and \
+                     set wheel.steer.zero and zero_offset as it says"
                 ));
             }
         }
-        let line = if simulated {
-            // The simulated controllers stand on one line in the order of the joints.
-            Line::single(0..rig.controllers.len(), rig.link.watchdog_ms)
-        } else {
-            let places =
-                rig.ports.iter().zip(&rig.controllers).map(|(port, at)| Place { port: *port, at: *at });
-            Line { places: places.collect(), watchdog_ms: rig.link.watchdog_ms }
-        };
+        let line = Line::of(&rig);
 
         let controller = Controller::new(rig.rig);
         let (thread, pty, set): (_, _, Option<SetPhenomena>) = match (time, &rig.link.port) {
@@ -174,8 +167,8 @@ impl Server {
                     let _ = calls.send(call);
                 };
                 impair(shown, &call);
-                let engine =
-                    Engine::new(vec![wire], &line, controller, compiled, loop_end, recorder).enabling(simulated);
+                let engine = Engine::new(vec![wire], &line, controller, compiled, loop_end, recorder)
+                    .enabling(simulated);
                 let stop = stop.clone();
                 let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
                 (thread, None, Some(replace_by(call)))

@@ -28,6 +28,24 @@ pub trait Wire: Send {
     }
 }
 
+impl Wire for Box<dyn Wire> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.as_mut().read(buffer)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.as_mut().write(bytes)
+    }
+
+    fn set_time(&mut self, now_ns: u64) {
+        self.as_mut().set_time(now_ns);
+    }
+
+    fn renewed(&mut self) -> Option<Renewed> {
+        self.as_mut().renewed()
+    }
+}
+
 /// A line that was gone is there again, and the controllers on it are those of the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Renewed {

@@ -72,6 +72,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     file.r#loop.rate_estimate.check(report);
     let device = device(&file, report)?;
     let joints = joints(&file);
+    let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let timing = core::Timing {
         period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
         timeout_ticks: file.link.timeout_ticks,
@@ -93,6 +94,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         wheels,
         ports,
         controllers,
+        zero_offsets,
         rate_hz: file.r#loop.rate_hz,
         accuracy: file.r#loop.accuracy.name(),
         link,
@@ -277,6 +279,7 @@ fn limits(limits: &settings::Limits) -> core::Limits {
         enable_max_angle: limits.enable_max_angle,
         align_rate: limits.align_rate,
         reference_rate: limits.reference_rate,
+        thermal_time: limits.thermal_time,
         max_age_ticks: limits.max_age_ticks,
     }
 }

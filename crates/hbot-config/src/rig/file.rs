@@ -108,6 +108,10 @@ pub(crate) struct Joint {
     /// How the zero of a steering angle becomes known; without meaning for a drive joint.
     #[serde(default)]
     pub(crate) zero: Zero,
+    /// The joint's angle where its encoder says zero, as `hbot rig calibrate` finds it; without meaning for a drive joint.
+    #[serde(default)]
+    #[schemars(range(min = -6.3, max = 6.3), extend("unit" = "rad"))]
+    pub(crate) zero_offset: f64,
     /// Inertia about the joint's axis with everything that turns with it, the rotor seen through its gear.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "kg m²"))]

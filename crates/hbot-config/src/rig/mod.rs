@@ -38,6 +38,8 @@ pub struct RigConfig {
     pub ports: Vec<usize>,
     /// For each joint its position on that line: those of one line are a permutation of 0..n of them.
     pub controllers: Vec<usize>,
+    /// For each joint its angle where its encoder says zero, rad.
+    pub zero_offsets: Vec<f64>,
     /// Ticks a second, 50 to 20000.
     pub rate_hz: u32,
     /// The preset of methods: `fast`, `balanced`, `exact`, or `custom` where the file names each.

@@ -101,6 +101,11 @@ pub(crate) struct Limits {
     /// Largest slip of the powered sphere against its wheels; above it the fault slip.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "m/s"))]
     pub(crate) slip: f64,
+    /// Thermal time of the motors: where the mean square of a joint's torque over it is above that of its `continuous` torque,
+    /// the fault thermal. Absent: heat is left to the controllers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = 100_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "s"))]
+    pub(crate) thermal_time: Option<f64>,
     /// What the contacts hold. Absent where nobody knows: joint torques are then not limited by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Traction")]
@@ -126,6 +131,7 @@ impl Default for Limits {
             torque_rate: 200.0,
             speed: 30.0,
             slip: 0.05,
+            thermal_time: None,
             traction: None,
             enable_max_angle: 0.5,
             align_rate: 0.2,

@@ -197,7 +197,7 @@ fn types_names_and_keys() {
     assert_eq!(
         said("steer = { counts_per_turn = 4096", "steer = { geer = 17, counts_per_turn = 4096"),
         "x.toml:7:11: wheel[0].steer.geer: unknown key (did you mean `gear`?); legal: port, controller, counts_per_turn, \
-         gear, sign, zero, inertia, peak, continuous, motor"
+         gear, sign, zero, zero_offset, inertia, peak, continuous, motor"
     );
     assert_eq!(
         said("counts_per_turn = 4096", "counts_per_turn = 4096.5"),
@@ -301,8 +301,8 @@ fn a_rig_may_have_several_ports() {
     let text = format!("{first}[[wheel]]{second}[link]\nport = '/dev/ttyACM0'");
     assert_eq!(
         said_of(&text),
-        "x.toml:13:11: wheel[1].steer.port: 1 is past the last of 1 in link.port; legal: 0 to 0\n\
-         x.toml:14:11: wheel[1].drive.port: 1 is past the last of 1 in link.port; legal: 0 to 0"
+        "x.toml:13:18: wheel[1].steer.port: 1 is past the last of 1 in link.port; legal: 0 to 0\n\
+         x.toml:14:18: wheel[1].drive.port: 1 is past the last of 1 in link.port; legal: 0 to 0"
     );
     let text = format!("{first}[[wheel]]{second}[link]\nport = ['/dev/a', '/dev/a']");
     assert!(said_of(&text).contains("/dev/a is named twice"));

@@ -1,5 +1,6 @@
 //! The service over real sockets, with the real loop and the simulated rig in virtual time.
 
+mod attack;
 mod commands;
 mod faults;
 mod framing;
