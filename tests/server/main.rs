@@ -5,4 +5,5 @@ mod phenomena;
 mod process;
 mod refusals;
 mod replay;
+mod safety;
 mod wall;
