@@ -114,7 +114,8 @@ fn one_that_connects_again_and_again_is_served_and_counted_each_time() {
             drop(stream);
         } else {
             let mut stream = stream;
-            let _ = stream.write_all(b"{\"id\": 1, \"op\": \"hello\", \"version\": 1, \"name\": \"again\"}\n");
+            let _ =
+                stream.write_all(b"{\"id\": 1, \"op\": \"hello\", \"version\": 1, \"name\": \"again\"}\n");
         }
     }
     still_served(&mut watcher);
