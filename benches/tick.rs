@@ -14,7 +14,8 @@ macro_rules! width {
             use $core::impedance::{geodesic_law, quaternion_law};
             use $core::inputs::{Command, Complaints, Inputs, JointFeedback};
             use $core::kinematics::Posture;
-            use $core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Traction, Zero};
+            use $core::path::Trail;
+            use $core::rig::{Joint, Limits, Methods, OdometryMethod, PathFit, Rig, Timing, Traction, Zero};
             use $core::{
                 CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry,
                 rotation,
@@ -22,7 +23,7 @@ macro_rules! width {
 
             use super::*;
 
-            pub(super) fn rig(wheels: usize, odometry: OdometryMethod) -> Rig {
+            pub(super) fn rig(wheels: usize, methods: Methods) -> Rig {
                 let spec = |axis: [$real; 3], cone: $real| WheelSpec {
                     axis: Vec3::from_array(axis),
                     cone,
@@ -66,7 +67,7 @@ macro_rules! width {
                         max_age_ticks: 100,
                     },
                     timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-                    methods: Methods { odometry, ..Methods::BALANCED },
+                    methods,
                 }
             }
 
@@ -106,12 +107,10 @@ macro_rules! width {
             pub(super) fn whole(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("tick/{label}"));
                 for wheels in [2, 4] {
-                    for (name, method) in [
-                        ("fast", OdometryMethod::Euler),
-                        ("balanced", OdometryMethod::Midpoint),
-                        ("exact", OdometryMethod::Magnus4),
-                    ] {
-                        let mut rig = rig(wheels, method);
+                    for (name, methods) in
+                        [("fast", Methods::FAST), ("balanced", Methods::BALANCED), ("exact", Methods::EXACT)]
+                    {
+                        let mut rig = rig(wheels, methods);
                         // The feedback above is no turning sphere: its slip is no fault here.
                         rig.limits.slip = 1.0e6;
                         let mut controller = Controller::new(rig);
@@ -147,7 +146,7 @@ macro_rules! width {
             pub(super) fn stages(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("stage/{label}"));
                 for wheels in [2, 4] {
-                    let rig = rig(wheels, OdometryMethod::Midpoint);
+                    let rig = rig(wheels, Methods::BALANCED);
                     let device = rig.device;
                     let th = [0.3, -0.5, 1.1, 2.0];
                     let delta = [0.01, 0.02, -0.01, 0.015, 0.01, 0.0, -0.02, 0.01];
@@ -174,6 +173,20 @@ macro_rules! width {
                             });
                         });
                     }
+                    group.bench_function(BenchmarkId::new("odometry_magnus4_cubic", wheels), |b| {
+                        let (mut q, mut trail) = (Quat::IDENTITY, Trail::START);
+                        let mut turned = [0.0; MAX_JOINTS];
+                        turned[..delta.len()].copy_from_slice(&delta);
+                        b.iter(|| {
+                            let path = trail.step(PathFit::Cubic, black_box(&turned), 1.0);
+                            let method = OdometryMethod::Magnus4;
+                            q = odometry::advance(
+                                q,
+                                odometry::turn_along(&device, method, black_box(&th), &path),
+                            );
+                            q
+                        });
+                    });
                     let mut limits = JointLimits { peak: [0.93; MAX_JOINTS], weight: [3000.0; MAX_JOINTS] };
                     for i in (1..MAX_JOINTS).step_by(2) {
                         limits.peak[i] = 0.14;

@@ -34,7 +34,7 @@ enum Command {
     Server(server::ServerArgs),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),
-    /// Check scene files, or load one into a running server
+    /// Check, load and draw scene files; list what they can be made of
     #[command(subcommand)]
     Scene(scene::SceneCommand),
     /// Check rig files

@@ -1,4 +1,9 @@
-//! `hbot scene check` and `load`.
+//! `hbot scene check`, `load`, `plot` and `list`.
+
+mod list;
+mod picture;
+mod plot;
+mod sweep;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -22,6 +27,14 @@ pub(crate) enum SceneCommand {
         file: PathBuf,
         #[command(flatten)]
         address: ServerAddress,
+    },
+    /// Draw what a scene will feel like: torque against angle, and the wells of snaps
+    Plot(plot::PlotArgs),
+    /// List every kind of effect with its parameters, and the phenomena of the simulated rig
+    List {
+        /// Print JSON, for programs
+        #[arg(long)]
+        json: bool,
     },
 }
 
@@ -58,6 +71,8 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
                 );
             }
         }
+        SceneCommand::Plot(args) => plot::run(&args)?,
+        SceneCommand::List { json } => list::run(json)?,
     }
     Ok(ExitCode::SUCCESS)
 }

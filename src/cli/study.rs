@@ -4,7 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
-use hbot_study::{Interrupt, Options, Study, StudyError};
+use hbot_config::scene::Simulate;
+use hbot_sim::hand::Hand;
+use hbot_sim::rig::SimulatedRig;
+use hbot_study::{Counter, Interrupt, Options, Study, StudyError};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::style;
@@ -14,6 +17,16 @@ use super::style;
 pub(crate) enum StudyCommand {
     /// Error against time of every stage that has a choice, and of the whole tick
     Accuracy(StudyArgs),
+    /// What each effect and each phenomenon of the simulated rig costs a tick, alone and in pairs
+    Effects(StudyArgs),
+    /// How stiff a virtual wall may be, beside theory, and what holds over a day of simulated time
+    Stability(StudyArgs),
+    /// Runs ticks to be counted; `hbot study effects` runs it under valgrind
+    #[command(name = "effects-worker", hide = true)]
+    EffectsWorker {
+        /// The setups, as JSON
+        setups: String,
+    },
 }
 
 /// How to run a study.
@@ -33,10 +46,20 @@ const INTERRUPTED: u8 = 130;
 pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
     let (study, args) = match command {
         StudyCommand::Accuracy(args) => (Study::Accuracy, args),
+        StudyCommand::Effects(args) => (Study::Effects, args),
+        StudyCommand::Stability(args) => (Study::Stability, args),
+        StudyCommand::EffectsWorker { setups } => {
+            hbot_study::count_worker(&setups, show).map_err(anyhow::Error::msg)?;
+            return Ok(ExitCode::SUCCESS);
+        }
     };
     let interrupt = Interrupt::default();
     raise_on_signal(&interrupt)?;
-    let options = Options { out: args.out, quick: args.quick };
+    let counter = Counter {
+        program: std::env::current_exe()?,
+        arguments: ["study", "effects-worker"].map(str::to_owned).to_vec(),
+    };
+    let options = Options { out: args.out, quick: args.quick, show, counter: Some(counter) };
     let (report, out) = match hbot_study::run(study, &options, &interrupt) {
         Ok(done) => done,
         Err(StudyError::Interrupted) => {
@@ -53,6 +76,17 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
     anstream::println!("{} figures in {}", report.figures().len(), out.join("summary.json").display());
     anstream::println!("read {}", out.join("report.md").display());
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Has a simulated rig show the phenomena of a scene.
+fn show(rig: &mut SimulatedRig, simulate: Option<&Simulate>) {
+    rig.set_hand(simulate.and_then(|simulate| simulate.hand).map(|hand| Hand {
+        stiffness: hand.stiffness,
+        damping: hand.damping,
+        inertia: hand.inertia,
+        amplitude: hand.amplitude,
+        rate: hand.rate,
+    }));
 }
 
 /// Has SIGINT and SIGTERM stop the study between two steps, with nothing half written.

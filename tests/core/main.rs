@@ -5,6 +5,7 @@
 mod bench;
 mod designs;
 mod determinism;
+mod effects;
 mod energy;
 mod faults;
 mod geometry;
@@ -13,8 +14,10 @@ mod laws;
 mod motion;
 mod odometry;
 mod passivity;
+mod rates;
 mod references;
 mod rng;
 mod shaping;
+mod shelf;
 mod singularity;
 mod states;

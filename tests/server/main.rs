@@ -6,4 +6,6 @@ mod process;
 mod refusals;
 mod replay;
 mod safety;
+mod scenes;
+mod study;
 mod wall;

@@ -211,3 +211,49 @@ fn phenomena_change_with_the_scene() {
     assert_eq!(ages, [4, 1, 2, 1]);
     assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
 }
+
+/// A hand that turns the sphere hard, and contacts that hold `slip` (or any force).
+fn shoved(slip: &str) -> Vec<Tick> {
+    undisturbed(
+        &format!(
+            r#"
+            [[effect]]
+            id = "spring"
+            kind = "spring"
+            stiffness = 2
+            damping = 0.05
+            [simulate]
+            hand = {{ stiffness = 10, amplitude = 1, rate = 0.5 }}
+            {slip}
+            "#
+        ),
+        6,
+    )
+}
+
+/// Contacts that slip: the fault fires in the first tick whose slip is above its limit and not before. The same motion with contacts
+/// that hold shows no slip but the encoders' counts, and no fault.
+#[test]
+fn slip_is_seen_and_is_a_fault_at_its_limit() {
+    let limit = RigConfig::prototype().rig.limits.slip;
+    let slip = |tick: &Tick| tick.outputs.state.slip;
+
+    let held = shoved("");
+    assert!(held.iter().all(|tick| tick.outputs.state.cause.is_none()));
+    let seen = held.iter().map(slip).fold(0.0, f64::max);
+    // Rates come in 32 bits: of 100 rad/s at R that is 1e-6 m/s, and the geometry is half a tick old.
+    assert!(seen < 0.1 * limit, "{seen} m/s");
+    let firm = shoved("slip = {}");
+    assert!(firm.iter().all(|tick| tick.outputs.state.cause.is_none()), "mu N of 8 N holds this");
+
+    // A tenth of the grip: the wheels let go.
+    let loose = shoved("slip = { mu = 0.08 }");
+    let fault = loose.iter().position(|tick| tick.outputs.state.cause.is_some()).expect("it slips");
+    assert_eq!(loose[fault].outputs.state.cause, Some(Cause::Slip));
+    assert!(slip(&loose[fault]) > limit);
+    assert_eq!(loose[fault].outputs.drive.torque, [0.0; 16], "zero torque in the same tick");
+    let active = loose.iter().position(|tick| tick.outputs.state.mode == Mode::Enabling).expect("it starts");
+    for tick in &loose[active + 1..fault] {
+        assert!(slip(tick) <= limit, "{} m/s and no fault", slip(tick));
+    }
+}

@@ -36,6 +36,13 @@ pub(crate) fn legal(schema: &Value) -> String {
     }
 }
 
+/// The same, with the range of an array's numbers.
+pub(crate) fn legal_with_elements(schema: &Value) -> String {
+    let elements = range(&schema["items"]).filter(|_| schema.get("legal").is_none());
+    let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
+    elements.map_or_else(|| legal(schema), |range| format!("{}, each {range}{unit}", legal(schema)))
+}
+
 /// The range of a number, with its unit, such as `> 0 and <= 10 m` or `0 to 1000`.
 pub(crate) fn range(schema: &Value) -> Option<String> {
     let bound = |key: &str| schema.get(key).filter(|v| v.is_number());
@@ -111,6 +118,15 @@ pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>)
         .filter(|&(d, k)| d <= most && d < k.chars().count())
         .min_by_key(|&(d, _)| d)
         .map(|(_, k)| k)
+}
+
+/// A value as a person writes it: `[1, 0, 0]`, not `[1.0,0.0,0.0]`.
+pub(crate) fn short(value: &Value) -> String {
+    match value {
+        Value::Array(all) => format!("[{}]", all.iter().map(short).collect::<Vec<_>>().join(", ")),
+        Value::Number(_) => number(value),
+        _ => value.to_string(),
+    }
 }
 
 /// A bound as a person writes it: `10`, not `10.0`.

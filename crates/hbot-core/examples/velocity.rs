@@ -214,7 +214,8 @@ fn main() {
                 truths.iter().map(|truth| judge(&rig, &readings(&rig, truth), truth)).collect();
             let noise: Vec<String> = of.iter().map(|q| format!("{:.4}", q.noise)).collect();
             let slip = of.iter().fold(0.0, |most: f64, q| most.max(q.slip)) * 1e3;
-            let (lag, time) = (of[2].lag * 1e3, slow[k].max(brisk[k]));
+            // Tenths, and no minus before a zero.
+            let (lag, time) = ((of[2].lag * 1e4).round() / 10.0 + 0.0, slow[k].max(brisk[k]));
             println!("| {method} | {} | {lag:.1} | {slip:.0} | {time:.0} |", noise.join(" | "));
         }
         println!();

@@ -77,6 +77,11 @@ impl Renderer {
     pub(crate) fn enable(&mut self, scene: &CompiledScene, q: Quat) {
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
+            if effect.leaving {
+                // What was on its way out when the rig went idle does not come back.
+                state.leaving_s = Real::INFINITY;
+                continue;
+            }
             state.age_s = 0.0;
             state.memory = Memory::None;
             state.reference.q = state.reference.goal;

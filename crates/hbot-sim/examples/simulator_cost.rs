@@ -8,7 +8,7 @@ use hbot_core::rig::{Joint, Zero};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
 use hbot_sim::controller::SimulatedJoint;
-use hbot_sim::phenomena::{Hand, Phenomena};
+use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
 use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
 use hbot_sim::rig::{RigConfig, SimulatedRig};
 
@@ -44,8 +44,17 @@ fn main() {
     }
 
     println!("\n| one tick of 1 ms: command in, step, feedback out | ns |\n|---|---|");
-    for (name, hand) in [("nobody's hand", None), ("the default hand", Some(Hand::default()))] {
-        println!("| {name} | {:.0} |", tick(&device, hand));
+    let none = Phenomena::default();
+    let held = Phenomena { hand: Some(Hand::default()), ..none };
+    let cases = [
+        ("nobody's hand", none),
+        ("the default hand", held),
+        ("and encoders", Phenomena { encoder: Some(Encoder::default()), ..held }),
+        ("and motors", Phenomena { motor: Some(Motor::default()), ..held }),
+        ("and the line", Phenomena { link: Some(Link::default()), ..held }),
+    ];
+    for (name, phenomena) in cases {
+        println!("| {name} | {:.0} |", tick(&device, phenomena));
     }
 }
 
@@ -75,7 +84,7 @@ fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Loa
 }
 
 /// Nanoseconds of one tick of the rig.
-fn tick(device: &Device, hand: Option<Hand>) -> f64 {
+fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     let joint = Joint {
         counts_per_turn: 16384,
         gear: 17.0,
@@ -88,7 +97,7 @@ fn tick(device: &Device, hand: Option<Hand>) -> f64 {
         device: *device,
         joints: vec![SimulatedJoint::from(&joint); device.joints()],
         start: State::default(),
-        phenomena: Phenomena { hand, ..Phenomena::default() },
+        phenomena,
         method: Method::Rk4,
         max_step_ns: 1_000_000,
         max_jump_ns: 100_000_000,

@@ -96,7 +96,6 @@ pub(crate) struct Lane {
     /// On their way, the oldest first.
     frames: VecDeque<Frame>,
     bytes: VecDeque<u8>,
-    last_ns: u64,
     pub(crate) traffic: Traffic,
 }
 
@@ -111,7 +110,6 @@ impl Lane {
             length: 0,
             frames: VecDeque::with_capacity(FRAMES),
             bytes: VecDeque::with_capacity(BYTES),
-            last_ns: 0,
             traffic: Traffic::default(),
         }
     }
@@ -173,9 +171,9 @@ impl Lane {
             let place = (place % (frame.len() as u64 - 1).max(1)) as usize;
             frame[place] ^= (1 + flip % 255) as u8;
         }
-        let due_ns = now_ns + self.latency_ns + (late * self.jitter_ns) as u64;
-        self.last_ns = self.last_ns.max(due_ns);
-        self.frames.push_back(Frame { due_ns: self.last_ns, length: frame.len() });
+        // One that is due earlier than the one before it waits behind it.
+        let due_ns = now_ns.saturating_add(self.latency_ns).saturating_add((late * self.jitter_ns) as u64);
+        self.frames.push_back(Frame { due_ns, length: frame.len() });
         self.bytes.extend(&*frame);
     }
 }

@@ -5,6 +5,7 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`pty`] | serves a rig over a pseudo-terminal in wall time |
+//! | [`exchange`] | a rig at the end of a line in memory, tick by tick |
 //! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
 //! | [`controller`] | the firmware at the far end of the line: counts, torques, watchdog, faults |
 //! | [`hand`] | a person's hand on the sphere |
@@ -15,6 +16,7 @@
 //! the same bits on every machine. `docs/simulator.md` has the measurements.
 
 pub mod controller;
+pub mod exchange;
 pub mod hand;
 mod impairment;
 pub mod phenomena;

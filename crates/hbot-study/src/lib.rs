@@ -19,6 +19,7 @@
 
 mod accuracy;
 mod context;
+mod effects;
 mod extrapolation;
 mod machine;
 mod motion;
@@ -26,12 +27,14 @@ mod names;
 mod plot;
 mod report;
 mod rng;
+mod stability;
 mod timing;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use context::Interrupt;
+pub use effects::{Counter, Show, count_worker};
 pub use report::{Check, Figure, Report};
 
 use context::{Context, Interrupted};
@@ -62,6 +65,10 @@ mod single {
 pub enum Study {
     /// Error against time of every stage that has a choice.
     Accuracy,
+    /// What each effect and phenomenon costs a tick.
+    Effects,
+    /// How stiff a wall may be, and what holds over a day.
+    Stability,
 }
 
 impl Study {
@@ -70,6 +77,8 @@ impl Study {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Accuracy => "accuracy",
+            Self::Effects => "effects",
+            Self::Stability => "stability",
         }
     }
 }
@@ -81,6 +90,10 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// About 30 s, with fewer samples, instead of up to 5 minutes.
     pub quick: bool,
+    /// How a scene's phenomena come upon the simulated rig.
+    pub show: Show,
+    /// How this program counts its instructions, where it can.
+    pub counter: Option<Counter>,
 }
 
 /// Why a study has no result.
@@ -112,7 +125,7 @@ impl From<Interrupted> for StudyError {
 /// [`Report::holds`].
 pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Report, PathBuf), StudyError> {
     let started = Instant::now();
-    let mut report = measure(study, options.quick, interrupt)?;
+    let mut report = measure(study, options, interrupt)?;
     report.seconds = started.elapsed().as_secs_f64();
     let out = options.out.clone().unwrap_or_else(|| Path::new("target/study").join(study.name()));
     report.write(&out).map_err(|(path, source)| StudyError::Write { path, source })?;
@@ -123,10 +136,12 @@ pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Re
 ///
 /// # Errors
 /// Where `interrupt` was raised on the way.
-pub fn measure(study: Study, quick: bool, interrupt: &Interrupt) -> Result<Report, StudyError> {
-    let context = Context::new(study.name(), quick, interrupt);
+pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result<Report, StudyError> {
+    let context = Context::new(study.name(), options.quick, interrupt);
     let report = match study {
         Study::Accuracy => accuracy::study(&context),
+        Study::Effects => effects::study(&context, options.show, options.counter.as_ref()),
+        Study::Stability => stability::study(&context),
     };
     context.finish();
     Ok(report?)

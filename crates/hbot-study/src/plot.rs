@@ -18,6 +18,9 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(160, 110, 60),
 ];
 
+/// Width and height of a plot, pixels.
+const SIZE: (u32, u32) = (960, 540);
+
 /// One line of a plot.
 #[derive(Debug, Clone)]
 pub(crate) struct Series {
@@ -61,7 +64,7 @@ impl Lines {
     pub(crate) fn svg(&self) -> String {
         let mut out = String::new();
         let [x, y] = [0, 1].map(|axis| self.range(axis));
-        drawn(&mut out, (900, 560), |area| match self.log {
+        drawn(&mut out, SIZE, |area| match self.log {
             [true, true] => self.draw(area, x.log_scale(), y.log_scale()),
             [true, false] => self.draw(area, x.log_scale(), y),
             [false, true] => self.draw(area, x, y.log_scale()),
@@ -92,14 +95,17 @@ impl Lines {
         }
     }
 
-    fn draw<X, Y>(&self, area: &Surface<'_>, x: X, y: Y) -> Result<(), Failed>
+    fn draw<X, Y>(&self, whole: &Surface<'_>, x: X, y: Y) -> Result<(), Failed>
     where
         X: plotters::coord::ranged1d::AsRangedCoord<Value = f64>,
         Y: plotters::coord::ranged1d::AsRangedCoord<Value = f64>,
         X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
         Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
     {
-        let mut chart = ChartBuilder::on(area)
+        let longest = self.series.iter().map(|s| s.name.len()).max().unwrap_or(0).max(16);
+        let (area, legend) = whole.split_horizontally(SIZE.0 as i32 - 44 - 7 * longest as i32);
+        self.legend(&legend)?;
+        let mut chart = ChartBuilder::on(&area)
             .caption(&self.title, ("sans-serif", 20))
             .margin(12)
             .x_label_area_size(46)
@@ -111,6 +117,7 @@ impl Lines {
             .configure_mesh()
             .x_desc(&self.x)
             .y_desc(&self.y)
+            .x_labels(8)
             .x_label_formatter(&number)
             .y_label_formatter(&number)
             .light_line_style(RGBColor(238, 238, 238))
@@ -122,51 +129,55 @@ impl Lines {
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
             let points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| self.visible(p)).collect();
-            let (open, width) = (series.open, if series.open { 1 } else { 2 });
+            let width = if series.open { 1 } else { 2 };
             chart
                 .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(width)))
-                .map_err(failed)?
-                .label(&series.name)
-                .legend(move |(x, y)| {
-                    let dot = if open {
-                        Circle::new((x + 10, y), 4, colour.stroke_width(1))
-                    } else {
-                        Circle::new((x + 10, y), 4, colour.filled())
-                    };
-                    EmptyElement::at((0, 0))
-                        + PathElement::new(vec![(x, y), (x + 20, y)], colour.stroke_width(width))
-                        + dot
-                });
+                .map_err(failed)?;
             chart
                 .draw_series(points.iter().map(|p| {
-                    let style = if open { colour.stroke_width(1) } else { colour.filled() };
+                    let style = if series.open { colour.stroke_width(1) } else { colour.filled() };
                     Circle::new(*p, 4, style)
                 }))
                 .map_err(failed)?;
         }
         if self.front {
-            let ring = BLACK.stroke_width(2);
             chart
-                .draw_series(self.best().into_iter().map(|p| Circle::new(p, 8, ring)))
-                .map_err(failed)?
-                .label("the front: nothing is both better and cheaper")
-                .legend(move |(x, y)| Circle::new((x + 10, y), 6, ring));
+                .draw_series(self.best().into_iter().map(|p| Circle::new(p, 8, BLACK.stroke_width(2))))
+                .map_err(failed)?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(200, 200, 200))
-            .label_font(("sans-serif", 13))
-            .draw()
-            .map_err(failed)
+        Ok(())
     }
 
-    /// The points that no other beats in both.
+    /// What each line is, beside the plane.
+    fn legend(&self, area: &Surface<'_>) -> Result<(), Failed> {
+        let font = ("sans-serif", 13).into_font().color(&BLACK);
+        let mut y = 56;
+        for series in &self.series {
+            let colour = COLOURS[series.colour % COLOURS.len()];
+            let (line, dot) = if series.open {
+                (colour.stroke_width(1), colour.stroke_width(1))
+            } else {
+                (colour.stroke_width(2), colour.filled())
+            };
+            area.draw(&PathElement::new(vec![(4, y), (28, y)], line)).map_err(failed)?;
+            area.draw(&Circle::new((16, y), 4, dot)).map_err(failed)?;
+            area.draw(&Text::new(series.name.clone(), (34, y - 7), font.clone())).map_err(failed)?;
+            y += 19;
+        }
+        if self.front {
+            area.draw(&Circle::new((16, y + 4), 8, BLACK.stroke_width(2))).map_err(failed)?;
+            area.draw(&Text::new("the front", (34, y - 3), font)).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// The points that no other beats: none that is cheaper is as good to 5 %.
     fn best(&self) -> Vec<(f64, f64)> {
         let all: Vec<(f64, f64)> =
             self.series.iter().flat_map(|s| &s.points).copied().filter(|p| self.visible(p)).collect();
-        let beaten = |p: &(f64, f64)| all.iter().any(|o| o.0 <= p.0 && o.1 <= p.1 && o != p);
+        let beats =
+            |o: &(f64, f64), p: &(f64, f64)| (o.0 < p.0 && o.1 <= 1.05 * p.1) || (o.0 <= p.0 && o.1 < p.1);
+        let beaten = |p: &(f64, f64)| all.iter().any(|o| beats(o, p));
         all.iter().copied().filter(|p| !beaten(p)).collect()
     }
 }

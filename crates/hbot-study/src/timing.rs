@@ -38,6 +38,8 @@ pub(crate) struct Time {
     pub(crate) q1: f64,
     /// A quarter of the samples are above.
     pub(crate) q3: f64,
+    /// The quickest.
+    pub(crate) least: f64,
     /// How many there are.
     pub(crate) samples: usize,
 }
@@ -50,7 +52,7 @@ impl Time {
             let (low, high) = (x.floor() as usize, x.ceil() as usize);
             samples[low] + (samples[high] - samples[low]) * (x - x.floor())
         };
-        Self { median: at(0.5), q1: at(0.25), q3: at(0.75), samples: samples.len() }
+        Self { median: at(0.5), q1: at(0.25), q3: at(0.75), least: at(0.0), samples: samples.len() }
     }
 }
 

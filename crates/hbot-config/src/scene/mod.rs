@@ -76,7 +76,33 @@ pub fn phenomena() -> Vec<Listed> {
     NAMES.iter().map(|(name, schema)| Listed::new(name, schema)).collect()
 }
 
+/// One parameter of what is listed, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Parameter {
+    /// What files call it.
+    pub name: String,
+    /// What it does.
+    pub description: String,
+    /// What is legal, with the unit.
+    pub legal: String,
+    /// Its default, as JSON.
+    pub default: String,
+}
+
 impl Listed {
+    /// The parameters in words, in the order of the schema.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let properties = crate::schema::properties(&self.schema);
+        let words = properties.iter().map(|(name, schema)| Parameter {
+            name: name.clone(),
+            description: schema["description"].as_str().unwrap_or_default().replace('\n', " "),
+            legal: crate::legal::legal_with_elements(schema),
+            default: crate::legal::short(&schema["default"]),
+        });
+        words.collect()
+    }
+
     fn new(name: &'static str, schema: &Value) -> Self {
         let description = schema["description"].as_str().unwrap_or_default().to_owned();
         Self { name, description, schema: schema.clone() }

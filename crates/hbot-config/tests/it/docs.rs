@@ -1,4 +1,5 @@
-//! docs/files.md and the files agree: every key has its row, made from the schema that the checks use.
+//! The reference and the files agree: every key has its row in docs/files.md, or docs/effects.md for kinds of effects, made from
+//! the schema that the checks use.
 
 use std::fmt::Write;
 
@@ -8,8 +9,16 @@ use serde_json::Value;
 
 use crate::folder;
 
+const FILES: &str = "docs/files.md";
+const EFFECTS: &str = "docs/effects.md";
+
 /// What stands between the marks `<!-- NAME -->` and `<!-- end -->`, for each name.
-fn tables() -> Vec<(String, String)> {
+fn tables(page: &str) -> Vec<(String, String)> {
+    let described =
+        |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
+    if page == EFFECTS {
+        return kinds().into_iter().map(|kind| described(kind.name.to_owned(), kind)).collect();
+    }
     let rig = RigConfig::schema();
     let section = |name: &str| &rig["properties"][name];
     let mut all = vec![
@@ -27,10 +36,7 @@ fn tables() -> Vec<(String, String)> {
         let table = choices.iter().find(|choice| choice["type"] == "object").unwrap();
         all.push((name.to_owned(), rows(table)));
     }
-    let listed =
-        |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
-    all.extend(kinds().into_iter().map(|kind| listed(kind.name.to_owned(), kind)));
-    all.extend(phenomena().into_iter().map(|it| listed(format!("simulate.{}", it.name), it)));
+    all.extend(phenomena().into_iter().map(|it| described(format!("simulate.{}", it.name), it)));
     all
 }
 
@@ -123,38 +129,38 @@ fn angle(bound: &Value) -> String {
 /// With HBOT_BLESS set the tables are written; without, they must be there already.
 #[test]
 fn every_key_stands_in_the_reference_as_the_checks_have_it() {
-    let path = folder("docs/files.md");
-    let old = std::fs::read_to_string(&path).unwrap();
-    let mut new = old.clone();
-    for (name, table) in tables() {
-        let open = format!("<!-- {name} -->\n");
-        let start = new.find(&open).unwrap_or_else(|| panic!("no mark for {name}")) + open.len();
-        let end = start + new[start..].find("<!-- end -->").unwrap_or_else(|| panic!("no end of {name}"));
-        new.replace_range(start..end, &table);
-    }
-    if std::env::var_os("HBOT_BLESS").is_some() {
-        std::fs::write(&path, &new).unwrap();
-    } else if let Some((have, want)) = old.lines().zip(new.lines()).find(|(a, b)| a != b) {
-        panic!(
-            "docs/files.md says\n{have}\nand the schema says\n{want}\n(HBOT_BLESS=1 writes the tables anew)"
-        );
-    } else {
-        assert_eq!(old, new);
+    for page in [FILES, EFFECTS] {
+        let path = folder(page);
+        let old = std::fs::read_to_string(&path).unwrap();
+        let mut new = old.clone();
+        for (name, table) in tables(page) {
+            let open = format!("<!-- {name} -->\n");
+            let start = new.find(&open).unwrap_or_else(|| panic!("{page}: no mark for {name}")) + open.len();
+            let end = start + new[start..].find("<!-- end -->").unwrap_or_else(|| panic!("no end of {name}"));
+            new.replace_range(start..end, &table);
+        }
+        if std::env::var_os("HBOT_BLESS").is_some() {
+            std::fs::write(&path, &new).unwrap();
+        } else if let Some((have, want)) = old.lines().zip(new.lines()).find(|(a, b)| a != b) {
+            panic!("{page} says\n{have}\nand the schema says\n{want}\n(HBOT_BLESS=1 writes the tables anew)");
+        } else {
+            assert_eq!(old, new);
+        }
     }
 }
 
 /// The examples in the reference are legal.
 #[test]
 fn examples_load() {
-    let text = std::fs::read_to_string(folder("docs/files.md")).unwrap();
+    let text = [FILES, EFFECTS].map(|page| std::fs::read_to_string(folder(page)).unwrap()).concat();
     let examples: Vec<&str> =
         text.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
     assert!(examples.len() >= 2);
     for example in examples {
         if example.contains("[[wheel]]") {
-            RigConfig::from_toml(example, "docs/files.md").map(drop).unwrap_or_else(|e| panic!("{e}"));
+            RigConfig::from_toml(example, "docs").map(drop).unwrap_or_else(|e| panic!("{e}"));
         } else {
-            let scene = hbot_config::SceneFile::from_toml(example, "docs/files.md");
+            let scene = hbot_config::SceneFile::from_toml(example, "docs");
             scene.map(drop).unwrap_or_else(|e| panic!("{e}"));
         }
     }

@@ -2,6 +2,7 @@
 
 mod docs;
 mod garbage;
+mod kinds;
 mod ranges;
 mod rig;
 mod running;

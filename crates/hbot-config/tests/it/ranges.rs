@@ -115,7 +115,18 @@ fn of_scenes() {
         let mut all = Vec::new();
         numbers(&kind.schema, "effect[0]", &mut all);
         assert!(all.len() >= 3, "{all:?}");
-        let mut effect = defaults(&kind.schema);
+        let mut effect = toml::Table::new();
+        for (name, parameter) in kind.schema["properties"].as_object().unwrap() {
+            let mut value = toml::Value::try_from(&parameter["default"]).unwrap();
+            if let Some(list) = value.as_array_mut().filter(|list| list.is_empty()) {
+                // A list that is empty by default gets an element to be put out of range.
+                list.push(match parameter["items"]["minItems"].as_u64() {
+                    Some(numbers) => toml::Value::from(vec![0.0; numbers as usize]),
+                    None => 0.0.into(),
+                });
+            }
+            effect.insert(name.clone(), value);
+        }
         effect.insert("id".to_owned(), "e".into());
         effect.insert("kind".to_owned(), kind.name.into());
         let file = toml::Table::from_iter([("effect".to_owned(), toml::Value::from(vec![effect]))]);

@@ -71,17 +71,25 @@ fn parameters_reach_the_core() {
     assert_eq!(*spring.kind(), Kind::Spring(legal));
 }
 
+/// All of them, as a message lists them.
+const KINDS: &str = "\"constant\", \"spring\", \"damper\", \"inertia\", \"friction\", \"detents\", \"snaps\", \
+    \"end_stop\", \"guide\", \"texture\", \"vibration\", \"pendulum\", \"magnet\", \"pulse\", \"track\"";
+
 #[test]
 fn ids_and_kinds() {
     assert_eq!(
         said("[[effect]]\nid = 's'\nkind = 'sprng'\ngain = -1"),
-        "x.toml:3:8: effect[0].kind: \"sprng\" is not known here (did you mean \"spring\"?); legal: \"spring\", \"damper\"\n\
-         x.toml:4:8: effect[0].gain: -1 is out of range; legal: 0 to 10"
+        format!(
+            "x.toml:3:8: effect[0].kind: \"sprng\" is not known here (did you mean \"spring\"?); legal: {KINDS}\n\
+             x.toml:4:8: effect[0].gain: -1 is out of range; legal: 0 to 10"
+        )
     );
     assert_eq!(
         said("[[effect]]"),
-        "x.toml:1:1: effect[0].id: missing; legal: a string\n\
-         x.toml:1:1: effect[0].kind: missing; legal: \"spring\", \"damper\""
+        format!(
+            "x.toml:1:1: effect[0].id: missing; legal: a string\n\
+             x.toml:1:1: effect[0].kind: missing; legal: {KINDS}"
+        )
     );
     assert_eq!(
         said("[[effect]]\nid = 'a'\nkind = 'damper'\n[[effect]]\nid = 'a'\nkind = 'spring'"),
@@ -107,8 +115,8 @@ fn ids_and_kinds() {
 fn keys_and_types() {
     assert_eq!(
         said_of_spring("stifness = 3"),
-        "x.toml:4:1: effect[0].stifness: unknown key (did you mean `stiffness`?); legal: id, kind, gain, fade_s, law, \
-         stiffness, damping, reference, anchor"
+        "x.toml:4:1: effect[0].stifness: unknown key (did you mean `stiffness`?); legal: id, kind, gain, fade_s, \
+         fade_out_s, law, stiffness, damping, deadband, reference, anchor"
     );
     assert_eq!(
         said_of_spring("stiffness = 'soft'"),
@@ -183,14 +191,15 @@ fn json_mistakes_have_paths_and_no_lines() {
     assert_eq!(
         said(json!({"effect": [{"id": "d", "kind": "damper", "damping": -1, "\u{1b}[2J": 1}]})),
         "effect[0].damping: -1 is out of range; legal: 0 to 100 N m s/rad\n\
-         effect[0].\"\\u{1b}[2J\": unknown key; legal: id, kind, gain, fade_s, damping"
+         effect[0].\"\\u{1b}[2J\": unknown key; legal: id, kind, gain, fade_s, fade_out_s, damping, deadband"
     );
 }
 
 #[test]
 fn what_there_is_to_choose_from_is_listed_with_what_a_panel_needs() {
     let kinds = kinds();
-    assert_eq!(kinds.iter().map(|k| k.name).collect::<Vec<_>>(), ["spring", "damper"]);
+    let names: Vec<_> = kinds.iter().map(|k| format!("{:?}", k.name)).collect();
+    assert_eq!(names.join(", "), KINDS);
     for listed in kinds.iter().chain(&phenomena()) {
         assert!(!listed.description.is_empty(), "{}", listed.name);
         let properties = listed.schema["properties"].as_object().unwrap();
@@ -203,7 +212,7 @@ fn what_there_is_to_choose_from_is_listed_with_what_a_panel_needs() {
             }
         }
     }
-    let stiffness = &kinds[0].schema["properties"]["stiffness"];
+    let stiffness = &kinds[1].schema["properties"]["stiffness"];
     assert_eq!(stiffness["anyOf"][0]["maximum"], 1000.0);
     assert_eq!(stiffness["unit"], "N m/rad");
     let names: Vec<_> = phenomena().iter().map(|listed| listed.name).collect();

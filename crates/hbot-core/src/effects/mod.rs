@@ -270,4 +270,104 @@ mod tests {
         assert!(size_of::<Kind>() <= size_of::<Spring>() + size_of::<Real>(), "{}", size_of::<Kind>());
         assert!(size_of::<Memory>() <= 16 * size_of::<Real>(), "{}", size_of::<Memory>());
     }
+
+    /// In either width every kind is finite.
+    #[test]
+    fn every_kind_works_in_this_width() {
+        let target = Target::N;
+        let axis = Vec3::new(0.48, -0.6, 0.64);
+        let spring = Spring::new(
+            SpringLaw::Geodesic,
+            crate::real::Mat3::IDENTITY,
+            crate::real::Mat3::IDENTITY,
+            Quat::IDENTITY,
+            Anchor::Here,
+        );
+        let swing = Path::Swing { axis, amplitude: 0.3, from: 1.0, to: 2.0, sweep: 1.0, repeat: true };
+        let mass = crate::real::Mat3::IDENTITY * 0.001;
+        let kinds = [
+            Kind::Constant(Constant { torque: axis, frame: Frame::Sphere }),
+            Kind::Spring(spring.unwrap_or_else(|| unreachable!("a legal spring"))),
+            Kind::Damper(Damper::new(mass).unwrap_or_else(|| unreachable!("a legal damping"))),
+            Kind::Inertia(Inertia { mass, smoothing: 0.01 }),
+            Kind::Friction(Friction { torque: 0.05, stiffness: 5.0, damping: 0.01 }),
+            Kind::Detents(Detents {
+                target,
+                axis,
+                strength: 0.1,
+                width: 0.2,
+                count: 12,
+                end_stiffness: 0.0,
+                damping: 0.01,
+            }),
+            Kind::Snaps(Snaps {
+                target,
+                set: SnapSet::Icosahedron,
+                strength: 0.1,
+                width: 0.2,
+                rounding: Snaps::rounding(SnapSet::Icosahedron, &[]),
+                damping: 0.01,
+            }),
+            Kind::EndStop(EndStop {
+                target,
+                axis,
+                cone: Some(0.5),
+                twist: Some([-0.5, 0.5]),
+                stiffness: 3.0,
+                damping: 0.1,
+            }),
+            Kind::Guide(Guide {
+                target,
+                axis,
+                free: Freedom::Axis,
+                stiffness: 3.0,
+                damping: 0.1,
+                deadband: 0.1,
+            }),
+            Kind::Texture(Texture { at: axis, wave_number: 30.0, depth: 0.05 }),
+            Kind::Vibration(Vibration {
+                axis,
+                amplitude: 0.1,
+                frequency: 40.0,
+                wave: Wave::Sine,
+                attack: 0.0,
+                hold: 0.0,
+                release: 0.0,
+                repeat: 0.0,
+            }),
+            Kind::Pendulum(Pendulum { centre: axis * 0.05, weight: Vec3::new(0.0, 0.0, -4.0) }),
+            Kind::Magnet(Magnet { target, strength: 0.1, width: 0.3 }),
+            Kind::Pulse(Pulse {
+                target,
+                axis,
+                strength: 0.1,
+                duration: 0.01,
+                fire: 1,
+                period: 0.1,
+                count: 12,
+            }),
+            Kind::Track(Track { target, path: swing, stiffness: 1.0, damping: 0.1, deadband: 0.0 }),
+        ];
+        let mut shared = Shared::EMPTY;
+        for kind in kinds {
+            let mut memory = Memory::None;
+            for k in 0..500 {
+                let turn = Vec3::new(0.013, -0.007, 0.011) * k as Real;
+                let motion = Motion { q: crate::rotation::exp(turn), omega: axis * 3.0 };
+                shared.begin();
+                let mut now = Now {
+                    motion: &motion,
+                    dt: 0.001,
+                    reference: &Reference::STILL,
+                    figures: &[],
+                    shared: &mut shared,
+                };
+                let torque = kind.torque(&mut now, &mut memory);
+                assert!(torque.is_finite(), "{kind:?} at {turn}: {torque}");
+                let energy = kind.energy(&mut now, &memory);
+                assert!(energy.is_none_or(Real::is_finite), "{kind:?} at {turn}: {energy:?}");
+                shared.end(&motion, 0.001);
+            }
+        }
+    }
 }

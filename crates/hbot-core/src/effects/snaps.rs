@@ -17,8 +17,8 @@ use crate::rotation::vector_part;
 pub const MAX_OWN: usize = 16;
 /// Of the groups and of one's own the most.
 const MAX_WELLS: usize = 60;
-/// The most wells that are as near as the nearest: around a corner of the cube's, six.
-const MAX_NEAR: usize = 8;
+/// The most wells that can be as near as the nearest: of the groups six, at a corner of the tetrahedron's cells; of one's own all.
+const MAX_NEAR: usize = MAX_OWN;
 
 /// Which orientations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

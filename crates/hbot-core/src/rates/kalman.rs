@@ -163,6 +163,7 @@ impl Filter {
 mod tests {
     extern crate std;
 
+    use super::super::wide;
     use super::*;
     use std::vec::Vec;
 
@@ -203,22 +204,21 @@ mod tests {
         for uneven in [false, true] {
             let acceleration = 3.0;
             let filter = Filter::new(acceleration, 1.0, 1.0);
-            let mut joint = Joint { seed: 5, state: [0.0, 40.0, 0.0], jerk: f64::from(filter.jerk as f32) };
+            let mut joint = Joint { seed: 5, state: [0.0, 40.0, 0.0], jerk: wide(filter.jerk) };
             let mut kalman = Kalman::new(acceleration, &[1.0; MAX_JOINTS], 1.0);
             let mut last = 0.0;
             let (mut rates, mut accelerations) = (Vec::new(), Vec::new());
             for k in 0..6000 {
                 let ticks = if uneven && uniform(&mut joint.seed) < 0.3 { 3 } else { 1 };
                 joint.go(ticks);
-                // A joint that runs away is brought back, by the same for the truth and for the filter.
                 let reading = libm::round(joint.state[0]);
                 kalman.push(&[(reading - last) as i32; 1], ticks);
                 last = reading;
                 let f = &kalman.joints[0];
                 if k > 100 {
-                    let square = |error: f64, variance: Real| error * error / f64::from(variance as f32);
-                    rates.push(square(joint.state[1] - f64::from(f.rate as f32), f.p.vv));
-                    accelerations.push(square(joint.state[2] - f64::from(f.acceleration as f32), f.p.aa));
+                    let square = |error: f64, variance: Real| error * error / wide(variance);
+                    rates.push(square(joint.state[1] - wide(f.rate), f.p.vv));
+                    accelerations.push(square(joint.state[2] - wide(f.acceleration), f.p.aa));
                 }
             }
             for errors in [rates, accelerations] {

@@ -92,8 +92,8 @@ impl Rates {
                 let part = 1.0 - exp(-*corner * time);
                 for i in 0..n {
                     rate[i] += part * (moved.delta[i] / time - rate[i]);
-                    rates[i] = rate[i];
                 }
+                rates[..n].copy_from_slice(&rate[..n]);
             }
             Self::Window(window) => {
                 window.push(moved.counts, moved.ticks);
@@ -109,4 +109,11 @@ impl Rates {
             }
         }
     }
+}
+
+/// A real in 64 bits. One width of the two makes the conversion a no-op.
+#[cfg(test)]
+#[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
+fn wide(x: Real) -> f64 {
+    f64::from(x)
 }

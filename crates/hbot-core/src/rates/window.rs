@@ -18,8 +18,8 @@ pub(crate) struct Window {
     tolerance: i64,
     /// Ticks.
     longest: i64,
-    /// Counts turned between one reading and the next, in a ring.
-    counts: [[i32; MAX_JOINTS]; DEPTH],
+    /// Counts turned between one reading and the next, a ring for each joint.
+    counts: [[i32; DEPTH]; MAX_JOINTS],
     /// Ticks between them.
     ticks: [u32; DEPTH],
     newest: usize,
@@ -31,7 +31,7 @@ impl Window {
         Self {
             tolerance: i64::from(tolerance),
             longest: i64::from(longest.min(LONGEST_WINDOW)),
-            counts: [[0; MAX_JOINTS]; DEPTH],
+            counts: [[0; DEPTH]; MAX_JOINTS],
             ticks: [1; DEPTH],
             newest: 0,
             known: 0,
@@ -45,7 +45,9 @@ impl Window {
     #[inline]
     pub(super) fn push(&mut self, counts: &[i32; MAX_JOINTS], ticks: u32) {
         self.newest = (self.newest + 1) % DEPTH;
-        self.counts[self.newest] = *counts;
+        for (ring, counts) in self.counts.iter_mut().zip(counts) {
+            ring[self.newest] = *counts;
+        }
         self.ticks[self.newest] = ticks;
         self.known = (self.known + 1).min(DEPTH);
     }
@@ -59,9 +61,10 @@ impl Window {
         let mut longest = (0, 1);
         // Between these slopes, as fractions, a chord passes all readings so far.
         let (mut least, mut most) = ((0_i64, 1_i64), (0_i64, 1_i64));
+        let ring = &self.counts[joint];
         for k in 0..self.known {
             let at = (self.newest + DEPTH - k) % DEPTH;
-            counts += i64::from(self.counts[at][joint]);
+            counts += i64::from(ring[at]);
             ticks += i64::from(self.ticks[at]);
             if k == 0 {
                 longest = (counts, ticks);
@@ -69,15 +72,19 @@ impl Window {
             if ticks > self.longest {
                 break;
             }
-            if counts * least.1 >= least.0 * ticks && counts * most.1 <= most.0 * ticks {
+            // How far the chord is above the lower bound and below the upper one, times both times.
+            let above = counts * least.1 - least.0 * ticks;
+            let below = most.0 * ticks - counts * most.1;
+            if above >= 0 && below >= 0 {
                 longest = (counts, ticks);
             }
-            let (low, high) = ((counts - self.tolerance, ticks), (counts + self.tolerance, ticks));
-            if k == 0 || low.0 * least.1 > least.0 * low.1 {
-                least = low;
+            // A tolerance to either side of this reading, where that is narrower.
+            let narrower = (above > self.tolerance * least.1, below > self.tolerance * most.1);
+            if k == 0 || narrower.0 {
+                least = (counts - self.tolerance, ticks);
             }
-            if k == 0 || high.0 * most.1 < most.0 * high.1 {
-                most = high;
+            if k == 0 || narrower.1 {
+                most = (counts + self.tolerance, ticks);
             }
             if least.0 * most.1 > most.0 * least.1 {
                 break;
@@ -89,6 +96,9 @@ impl Window {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use super::super::wide;
     use super::*;
 
     /// The definition, word for word: the longest n whose chord is within the tolerance of each reading between.
@@ -138,8 +148,6 @@ mod tests {
         }
     }
 
-    extern crate std;
-
     #[test]
     fn a_steady_motion_fills_the_window_whatever_its_rate() {
         // Floors of a steady motion: no chord is off by a count.
@@ -150,7 +158,7 @@ mod tests {
                 window.push(&[step as i32; MAX_JOINTS], 1);
             }
             // The chord over 40 ticks, whose ends are off by less than a count together.
-            assert!((f64::from(window.slope(0) as f32) - speed).abs() < 1.0 / 40.0 + 1e-6, "{speed}");
+            assert!((wide(window.slope(0)) - speed).abs() < 1.0 / 40.0 + 1e-6, "{speed}");
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! They know time in nanoseconds as they are told it, the true joint angles and rates, and the messages of
 //! `hbot-link`; they know nothing of the sphere. Encoders are exact but for the floor to a count, and motors give what is
-//! asked of them, unless [`phenomena`](crate::phenomena) say otherwise.
+//! asked of them, unless [`phenomena`] say otherwise.
 
 mod disc;
 mod joint;

@@ -32,6 +32,11 @@ impl Weight {
         (q * self.offset).cross(Vec3::NEG_Z * self.weight)
     }
 
+    /// The most that the energy can curve along any turn, N m.
+    pub(crate) fn curvature(&self) -> f64 {
+        self.weight * self.offset.length()
+    }
+
     /// The torque over a turn by `phi` (rad, N) from `q`.
     pub(crate) fn torque_over(&self, q: Quat, phi: Vec3) -> Vec3 {
         let before = q * self.offset;
@@ -90,6 +95,11 @@ impl Module {
     /// The torque on the steering joint, N m.
     pub(crate) fn torque(&self, th: f64) -> f64 {
         self.cos * libm::sin(th) - self.sin * libm::cos(th)
+    }
+
+    /// The most that the energy can curve, N m.
+    pub(crate) fn curvature(&self) -> f64 {
+        libm::sqrt(self.cos * self.cos + self.sin * self.sin)
     }
 
     /// The torque over a turn of the joint by `delta` rad from `th`.

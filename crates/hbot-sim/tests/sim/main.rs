@@ -4,6 +4,7 @@ mod devices;
 mod golden;
 mod laws;
 mod line;
+mod nonsmooth;
 mod orders;
 mod phenomena;
 mod pty;

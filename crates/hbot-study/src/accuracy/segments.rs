@@ -24,8 +24,8 @@ struct Segment {
 const SPEED: f64 = 3.0;
 /// Rates that only tell the order: slower than any loop.
 const SLOW: [u32; 2] = [125, 250];
-/// The rate at which the order 4 has long met rounding: what is left of its error is the floor.
-const FLOOR_HZ: u32 = 16_000;
+/// What rounding of some ten thousand steps of 1e-16 leaves of a drift, rad: magnus4 at 16 kHz comes no nearer to the reference.
+const FLOOR: f64 = 3.0e-14;
 
 fn segments(device: &Device, count: usize) -> Vec<Segment> {
     let mut rng = Rng(11);
@@ -70,7 +70,6 @@ pub(super) fn study(
             let h = 1.0 / f64::from(hz);
             median(segments.iter().map(|s| angle(stages::odometry::segment(&device, method, s.th, &s.zd, h, ticks), s.end)).collect())
         };
-        let floor = drift(METHODS.len() - 1, FLOOR_HZ);
         for (method, (name, _)) in METHODS.iter().enumerate() {
             context.go_on()?;
             let drifts = RATES.map(|hz| drift(method, hz));
@@ -87,14 +86,14 @@ pub(super) fn study(
             if stages::WIDTH == "f64" {
                 let slow = SLOW.iter().map(|hz| (*hz, drift(method, *hz)));
                 let all = slow.chain(RATES.into_iter().zip(drifts));
-                orders.push((method, Errors(all.map(|(hz, drift)| (1.0 / f64::from(hz), drift)).collect()), floor));
+                orders.push((method, Errors(all.map(|(hz, drift)| (1.0 / f64::from(hz), drift)).collect())));
             }
         }
     });
     report.table(&table);
-    for (method, errors, floor) in orders {
+    for (method, errors) in orders {
         let what = format!("odometry at constant rates, {}, f64", METHODS[method].0);
-        errors.check(report, &what, floor, ORDERS[method]);
+        errors.check(report, &what, FLOOR, ORDERS[method]);
     }
     report.plot(
         "odometry_segments",

@@ -37,7 +37,7 @@ impl Case {
             }
         }
         let mut unlimited = limits;
-        unlimited.peak = limits.peak.map(|peak| peak * real(1.0e6));
+        unlimited.peak = limits.peak.map(|peak| peak * real(1.0e3));
         Self { posture: Posture::new(device, &th), limits, unlimited, wanted: vector(wanted) }
     }
 

@@ -75,7 +75,7 @@ pub(crate) fn unit_norm_after(
     device: &Device,
     method: usize,
     ticks: u64,
-    mut go_on: impl FnMut() -> bool,
+    go_on: impl Fn() -> bool,
 ) -> Option<f64> {
     // A table of turns, so that what is run is the odometry alone.
     let table: Vec<([Real; WHEELS], [Real; JOINTS])> = (0..1024)

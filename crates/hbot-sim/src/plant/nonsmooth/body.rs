@@ -10,6 +10,13 @@ use super::solver::Problem;
 use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
 use crate::phenomena::Phenomena;
 
+/// A loss of a gear off by less than this part of what stops its motor is as good as right.
+const SMALL_LOSS: f64 = 1.0e-9;
+
+/// The inertia of a joint that has none, as a part of the sphere's: a thousandth of a real one. Much less costs the
+/// solver digits.
+const LEAST_MASS: f64 = 1.0e-6;
+
 /// What holds during one step.
 pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
@@ -19,16 +26,18 @@ pub(super) struct Instant {
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
 }
 
-/// What acts in one step.
+/// What acts during one step, where the speeds at its end are thought to be `guess`.
 pub(super) struct Given<'a> {
-    /// Its length, s.
     pub(super) h: f64,
-    /// Torques of the motors, N m.
     pub(super) tau: &'a JointTorques,
-    /// Of the torques on the sphere, N, N m s.
+    /// Of the torques on the sphere, N m s.
     pub(super) impulse: Vec3,
     /// What stands in the sphere's mass for torques that fall with its speed, kg m².
     pub(super) implicit: f64,
+    /// The modules' torques are those over the way that this makes.
+    pub(super) guess: &'a Vector,
+    /// With the stiffness against the step that makes a guess of no speeds one that never gives energy.
+    pub(super) bounded: bool,
 }
 
 /// What moves, and how fast its joints do.
@@ -73,17 +82,25 @@ impl Body {
     pub(super) fn wheel_mass(&self, wheel: &Wheel) -> [f64; 3] {
         let spec = wheel.spec();
         let coupling = spec.axial_inertia * wheel.axis_along_axle();
-        [spec.steer_inertia, coupling, spec.drive_inertia - self.motor_mass(wheel)]
+        let least = self.least_mass();
+        let share = self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share);
+        let drive = spec.drive_inertia - share * free_inertia(wheel);
+        [spec.steer_inertia.max(least), coupling, drive.max(least)]
     }
 
     /// Inertia of a drive's motor behind its gear, in the joint's measure, kg m²: a share of what the coupling of the joints
     /// leaves free, so that the rest is an inertia that a wheel can have.
     pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
-        let spec = wheel.spec();
-        let coupling = spec.axial_inertia * wheel.axis_along_axle();
-        let free =
-            spec.drive_inertia - if coupling == 0.0 { 0.0 } else { coupling * coupling / spec.steer_inertia };
-        self.phenomena.gear.map_or(0.0, |gear| gear.rotor_share * free)
+        self.phenomena
+            .gear
+            .map_or(0.0, |gear| (gear.rotor_share * free_inertia(wheel)).max(self.least_mass()))
+    }
+
+    /// A device may have joints without inertia, which nothing but the no-slip condition moves. Where they stand by
+    /// themselves they get some of their own.
+    fn least_mass(&self) -> f64 {
+        let apart = self.phenomena.slip.is_some() || self.phenomena.gear.is_some();
+        if apart { LEAST_MASS * self.device.sphere_inertia() } else { 0.0 }
     }
 
     /// The geometry at `ahead` seconds after `state`, by the rates as they are.
@@ -210,7 +227,7 @@ impl Body {
                     let mut limit =
                         self.phenomena.joint_friction.map_or(0.0, |friction| friction.limit(rate));
                     if geared {
-                        limit += self.mesh_loss(i, rate);
+                        limit += self.motors[i].loss;
                     }
                     put(Law::Friction { limit: h * limit }, 1, [row, Row::EMPTY, Row::EMPTY]);
                 }
@@ -218,9 +235,10 @@ impl Body {
             if let (Some(gear), Some(motor)) = (self.phenomena.gear, self.motor_at(i)) {
                 let behind = self.motors[i].angle - state.drive[i];
                 let half = 0.5 * gear.backlash;
-                // What rounding left beyond the play is no reason to be thrown back.
-                let law =
-                    Law::Gap { low: ((-half - behind) / h).min(0.0), high: ((half - behind) / h).max(0.0) };
+                // What rounding of the angles leaves to either side is neither a way to go nor a reason to be thrown back.
+                let rounding = 16.0 * f64::EPSILON * (1.0 + state.drive[i].abs());
+                let room = |way: f64| if way > rounding { way / h } else { 0.0 };
+                let law = Law::Gap { low: -room(half + behind), high: room(half - behind) };
                 let row = match self.joint_at(i, 1) {
                     Some(at) => Row::EMPTY.and(motor, 1.0).and(at, -1.0),
                     None => on_sphere(-now.rows[i][1]).and(motor, 1.0),
@@ -239,25 +257,43 @@ impl Body {
         }
     }
 
-    /// Friction of a gear under load, at its motor's side, N m: what makes the other side get `efficiency` of the power.
-    /// By the load and the direction of the step before.
-    fn mesh_loss(&self, i: usize, rate: f64) -> f64 {
-        let Some(gear) = self.phenomena.gear else { return 0.0 };
-        let load = self.motors[i].load;
-        let share = if load * rate >= 0.0 { 1.0 / gear.efficiency - 1.0 } else { 1.0 - gear.efficiency };
-        share * load.abs()
+    /// Friction of the gears under load, at their motors' sides: what makes the other side get `efficiency` of the power.
+    /// It depends on the very impulse that it takes from, so it is found by sweeps: this one brings each limit nearer to
+    /// what the last solution's impulses would have, and says whether all were within `tolerance` of that.
+    pub(super) fn mesh(&mut self, elements: &mut [Element], speeds: &Vector, h: f64, tolerance: f64) -> bool {
+        let Some(gear) = self.phenomena.gear else { return true };
+        let mut stands = true;
+        let mut at = 0;
+        for i in 0..self.wheels() {
+            while !matches!(elements[at].law, Law::Gap { .. }) {
+                at += 1;
+            }
+            let Some(rate) = self.motor_at(i).map(|at| speeds[at]) else { continue };
+            let passed = elements[at].impulse[0] / h;
+            let share =
+                if passed * rate >= 0.0 { 1.0 / gear.efficiency - 1.0 } else { 1.0 - gear.efficiency };
+            let mass = self.motor_mass(&self.device.wheels()[i]);
+            let (motor, wanted) = (&mut self.motors[i], share * passed.abs());
+            let off = wanted - motor.loss;
+            // What would stop the motor within a step, to the digits that matter.
+            let small = SMALL_LOSS * mass * motor.rate.abs().max(rate.abs()) / h;
+            // The friction of a geared drive stands before its gap. A motor that it holds with either limit is held.
+            let friction = &mut elements[at - 1];
+            let Law::Friction { limit } = &mut friction.law else { continue };
+            let held = friction.impulse[0].abs() < limit.min(*limit + h * off);
+            stands &= held || off.abs() <= tolerance * wanted.max(motor.loss) + small;
+            // What is passed on falls by no more than the loss grows: from below, this never goes too far.
+            let change = off / (1.0 + share);
+            motor.loss += change;
+            *limit = (*limit + h * change).max(0.0);
+            at += 1;
+        }
+        stands
     }
 
-    /// Masses and momenta of this step; `speeds` is the guess at which the modules' torques are taken.
-    pub(super) fn assemble(
-        &self,
-        problem: &mut Problem,
-        state: &State,
-        now: &Instant,
-        given: &Given<'_>,
-        speeds: &Vector,
-    ) {
-        let &Given { h, tau, impulse, implicit } = given;
+    /// Masses and momenta of this step.
+    pub(super) fn assemble(&self, problem: &mut Problem, state: &State, now: &Instant, given: &Given<'_>) {
+        let Given { h, tau, impulse, implicit, guess, bounded } = *given;
         let n = self.size();
         problem.n = n;
         for row in &mut problem.mass[..n] {
@@ -281,8 +317,11 @@ impl Body {
             }
             let mut steer_torque = tau[2 * i];
             if let Some(modules) = &self.modules {
-                let delta = h * joints[0].dot(speeds);
+                let delta = h * joints[0].dot(guess);
                 steer_torque += modules[i].torque_over(state.steer[i], delta);
+                if bounded {
+                    problem.weigh(&joints[0], &joints[0], 0.5 * h * h * modules[i].curvature());
+                }
             }
             problem.push(&joints[0], steer_mass * steer + coupling * drive + h * steer_torque);
             let driven = self.driven_row(now, i, 1);
@@ -296,6 +335,13 @@ impl Body {
             }
         }
     }
+}
+
+/// What the coupling of a wheel's joints leaves of the drive's inertia to be anywhere else, kg m².
+fn free_inertia(wheel: &Wheel) -> f64 {
+    let spec = wheel.spec();
+    let coupling = spec.axial_inertia * wheel.axis_along_axle();
+    spec.drive_inertia - if coupling == 0.0 { 0.0 } else { coupling * coupling / spec.steer_inertia }
 }
 
 /// A component of the sphere's angular velocity.

@@ -122,3 +122,35 @@ impl Element {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answer(law: Law, y: f64) -> Response {
+        let element =
+            Element { law, dimension: 1, rows: [Row::EMPTY; MAX_DIMENSION], impulse: [0.0; MAX_DIMENSION] };
+        element.response(&[0.0; MAX_DIMENSION], &[y, 0.0, 0.0], 10.0)
+    }
+
+    #[test]
+    fn limits_of_none_and_without_end() {
+        assert_eq!(answer(Law::Friction { limit: 0.0 }, 3.0).impulse[0], 0.0);
+        assert_eq!(answer(Law::Friction { limit: 0.0 }, 0.0).impulse[0], 0.0);
+        assert_eq!(answer(Law::Friction { limit: f64::INFINITY }, -1e300).impulse[0], -1e300);
+        assert_eq!(answer(Law::Friction { limit: 2.0 }, -3.0).impulse[0], -2.0);
+        // At the limit itself it still sticks.
+        assert_eq!(answer(Law::Friction { limit: 2.0 }, 2.0).along, 10.0);
+    }
+
+    #[test]
+    fn a_gap_answers_beyond_its_ends_alone() {
+        let law = Law::Gap { low: -1.0, high: 0.5 };
+        for (y, impulse, along) in [(4.0, 0.0, 0.0), (-9.0, 0.0, 0.0), (6.0, 1.0, 10.0), (-12.0, -2.0, 10.0)]
+        {
+            let answer = answer(law, y);
+            assert_eq!((answer.impulse[0], answer.along), (impulse, along), "{y}");
+        }
+        assert_eq!(answer(Law::Gap { low: 0.0, high: 0.0 }, 1e-300).impulse[0], 1e-300);
+    }
+}

@@ -22,7 +22,7 @@ use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Vec3, rotation};
 
 use self::body::{Body, Given, Instant};
-use self::law::{Element, Law};
+use self::law::Element;
 pub use self::solver::Effort;
 use self::solver::{Problem, Workspace};
 use super::weights::{GRAVITY, Module, Spring, Weight};
@@ -34,10 +34,17 @@ use crate::phenomena::Phenomena;
 const MAX_SPEEDS: usize = 3 + 3 * MAX_WHEELS;
 type Vector = [f64; MAX_SPEEDS];
 
-/// How often the discrete gradients are taken anew within a step, at most; each time gains two digits or more.
+/// How often discrete gradients and losses of gears are taken anew within a step, at most; each time gains a digit or more.
 const MAX_SWEEPS: usize = 12;
 /// They stand when the speeds change by no more than this part: the torque is then off by a step's turn less.
 const SETTLED: f64 = 1.0e-10;
+/// Speeds below this settle as if they were it, rad/s: to 1e-12, about what the solver leaves of those that stick.
+const RESTING: f64 = 1.0e-2;
+/// A gear's loss may be that of the step before where the two are this near, for then it changes slowly: of the
+/// scheme's order. Where gears meet it does not.
+const LAG: f64 = 0.05;
+/// Else it is found anew, to this part.
+const SETTLED_LOSS: f64 = 1.0e-6;
 
 /// A device whose friction sticks, contacts slip, or gears have play.
 #[derive(Debug, Clone)]
@@ -56,8 +63,8 @@ pub(crate) struct Nonsmooth {
 struct Motor {
     angle: f64,
     rate: f64,
-    /// The torque that the gear passed on in the last step, N m.
-    load: f64,
+    /// What the gear lost in the last step by passing torque on, N m at the motor.
+    loss: f64,
 }
 
 impl Nonsmooth {
@@ -93,7 +100,7 @@ impl Nonsmooth {
                 self.body.rates[2 * i + k] = now.rows[i][k].dot(state.omega);
             }
             self.body.motors[i] =
-                Motor { angle: state.drive[i], rate: self.body.rates[2 * i + 1], load: 0.0 };
+                Motor { angle: state.drive[i], rate: self.body.rates[2 * i + 1], loss: 0.0 };
         }
         self.elements.clear();
     }
@@ -191,9 +198,19 @@ impl Nonsmooth {
 
         let mut speeds = before;
         let mut effort = Effort::default();
-        for sweep in 0..MAX_SWEEPS {
+        let potentials = weight.is_some() || hold.is_some() || self.body.modules.is_some();
+        let mut settled = !potentials;
+        for sweep in 0..=MAX_SWEEPS {
+            let last = sweep == MAX_SWEEPS;
             // What depends on the speeds at the end: torques of potentials, by the last guess.
-            let omega = Vec3::from_slice(&speeds[..3]);
+            let (guess, implicit) = if last {
+                // Sweeps that do not settle give way to what takes energy at any step: torques as they are now, and half
+                // the most that a potential can curve as a stiffness against the step.
+                ([0.0; MAX_SPEEDS], implicit + 0.5 * h * h * weight.map_or(0.0, |weight| weight.curvature()))
+            } else {
+                (speeds, implicit)
+            };
+            let omega = Vec3::from_slice(&guess[..3]);
             let phi = omega * h;
             let mut torque = external;
             if let Some(weight) = &weight {
@@ -205,16 +222,18 @@ impl Nonsmooth {
                 // The spring's change with the speed stands in the mass; taken out here, it is exact at the end.
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
-            let all = Given { h, tau, impulse: torque * h + given, implicit };
-            self.body.assemble(&mut self.problem, state, &now, &all, &speeds);
-            let guess = speeds;
+            let impulse = torque * h + given;
+            let given = Given { h, tau, impulse, implicit, guess: &guess, bounded: last };
+            self.body.assemble(&mut self.problem, state, &now, &given);
             effort = self.workspace.solve(&mut self.problem, &mut self.elements, &mut speeds);
-            if weight.is_none() && hold.is_none() && self.body.modules.is_none() {
-                break;
+            let lag = if sweep == 0 { LAG } else { SETTLED_LOSS };
+            let meshed = self.body.mesh(&mut self.elements, &speeds, h, lag);
+            if potentials {
+                let moved = speeds.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                let size = speeds.iter().zip(&before).map(|(a, b)| a.abs().max(b.abs())).fold(0.0, f64::max);
+                settled = sweep > 0 && moved <= SETTLED * size.max(RESTING);
             }
-            let moved = speeds.iter().zip(&guess).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            let size = speeds.iter().zip(&before).map(|(a, b)| a.abs().max(b.abs())).fold(0.0, f64::max);
-            if sweep > 0 && moved <= SETTLED * size {
+            if settled && (meshed || sweep + 1 == MAX_SWEEPS) {
                 break;
             }
         }
@@ -227,7 +246,6 @@ impl Nonsmooth {
     fn take(&mut self, state: &mut State, now: &Instant, speeds: &Vector, h: f64) {
         state.omega = Vec3::from_slice(&speeds[..3]);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
-        let mut gaps = self.elements.iter().filter(|element| matches!(element.law, Law::Gap { .. }));
         for i in 0..self.body.wheels() {
             for k in 0..2 {
                 self.body.rates[2 * i + k] = match self.body.joint_at(i, k) {
@@ -237,11 +255,10 @@ impl Nonsmooth {
             }
             state.steer[i] += h * self.body.rates[2 * i];
             state.drive[i] += h * self.body.rates[2 * i + 1];
-            if let (Some(at), Some(gap)) = (self.body.motor_at(i), gaps.next()) {
+            if let Some(at) = self.body.motor_at(i) {
                 let motor = &mut self.body.motors[i];
                 motor.rate = speeds[at];
                 motor.angle += h * motor.rate;
-                motor.load = gap.impulse[0] / h;
             }
         }
     }

@@ -14,8 +14,15 @@ use super::{MAX_SPEEDS, Vector};
 const PENALTY: f64 = 1.0e3;
 /// The largest: beyond, rounding of the Newton matrix is felt.
 const MAX_PENALTY: f64 = 1.0e9;
-/// What may be left of a sticking velocity, relative to the step's own.
+/// What may be left of a sticking velocity, relative to what the step's momentum and impulses would make.
 const STICKING: f64 = 1.0e-12;
+/// What part of the slope at the start counts as level.
+const LEVEL: f64 = 1.0e-2;
+/// How many times what is thought to be rounding may be rounding.
+const NEAR: f64 = 64.0;
+/// And where the largest penalties gain no more: impulses that no equation determines (a device held fast everywhere, a
+/// gear with next to no play) run away slowly while speeds stand.
+const STALLED: f64 = 1.0e-10;
 const MAX_ROUNDS: usize = 60;
 const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
@@ -96,27 +103,32 @@ impl Workspace {
             speeds[i] /= self.scale[i];
         }
         let mut effort = Effort::default();
-        let mut worst_before = f64::INFINITY;
-        let pace = norm(&problem.momentum[..n]);
+        let (mut worst_before, mut largest) = (f64::INFINITY, false);
+        let momentum = norm(&problem.momentum[..n]);
         for _ in 0..MAX_ROUNDS {
             effort.rounds += 1;
-            effort.newton += self.minimize(problem, speeds);
+            let (newton, minimized) = self.minimize(problem, speeds);
+            effort.newton += newton;
             // How far each velocity is from what its law would have with this impulse.
-            let (mut worst, mut floor): (f64, f64) = (0.0, STICKING * pace);
+            let (mut worst, mut pace) = (0.0f64, momentum);
             for (k, (element, now)) in self.scaled.iter_mut().zip(&self.responses).enumerate() {
                 let change = [0, 1, 2].map(|c| now.impulse[c] - element.impulse[c]);
                 let stiffness = self.penalty[k] * self.size[k];
                 worst = worst.max(norm(&change) / stiffness);
-                floor = floor.max(4.0 * f64::EPSILON * norm(&now.impulse) / stiffness);
+                pace += self.size[k] * norm(&now.impulse);
                 element.impulse = now.impulse;
             }
-            if worst <= floor {
+            let stalled = largest && worst > 0.5 * worst_before;
+            if minimized && worst <= if stalled { STALLED } else { STICKING } * pace {
                 effort.converged = true;
                 break;
             }
             if worst > 0.1 * worst_before {
+                largest = true;
                 for (penalty, size) in self.penalty.iter_mut().zip(&self.size) {
-                    *penalty = (*penalty * 10.0).min(MAX_PENALTY / (size * size));
+                    let most = MAX_PENALTY / (size * size);
+                    largest &= *penalty >= most;
+                    *penalty = (*penalty * 10.0).min(most);
                 }
             }
             worst_before = worst;
@@ -192,8 +204,9 @@ impl Workspace {
         }
     }
 
-    /// Minimises for the multipliers as they are: how many Newton steps it took. The responses are those at the minimum.
-    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> u32 {
+    /// Minimises for the multipliers as they are: how many Newton steps it took, and whether no more than
+    /// rounding is left of the gradient. The responses are those at the minimum.
+    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
         let mut floor = self.look(problem, speeds, &mut gradient);
@@ -202,17 +215,24 @@ impl Workspace {
             let mut step = gradient.map(|g| -g);
             self.factorize(problem);
             self.back_substitute(n, &mut step);
+            let before = norm(&gradient[..n]);
             floor = self.walk(problem, speeds, &step, &mut gradient);
             steps += 1;
+            let left = norm(&gradient[..n]);
+            if left >= 0.5 * before && left <= NEAR * floor {
+                // The bound is a guess at what sums of many terms lose; where steps help no more, this is what they do lose.
+                break;
+            }
         }
-        steps
+        (steps, norm(&gradient[..n]) <= NEAR * floor)
     }
 
-    /// Moves along `step`: all of it unless the slope there has turned up again, then to where the slope is about zero.
+    /// Moves along `step`: all of it unless the slope there has turned up, then to where it falls half as steeply or
+    /// less. Before it turns up the function falls all the way; past that it may have risen, and steps might go in circles.
     fn walk(&mut self, problem: &Problem, speeds: &mut Vector, step: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let start = *speeds;
-        let slope = dot(gradient, step, n);
+        let slope = dot(gradient, step, n).abs();
         let (mut low, mut high, mut t) = (0.0, 1.0, 1.0);
         let mut floor = 0.0;
         for _ in 0..MAX_HALVINGS {
@@ -221,7 +241,7 @@ impl Workspace {
             }
             floor = self.look(problem, speeds, gradient);
             let here = dot(gradient, step, n);
-            if here.abs() <= 0.5 * slope.abs() || (t == 1.0 && here <= 0.0) {
+            if here <= LEVEL * slope && (t == 1.0 || here >= -0.5 * slope) {
                 break;
             }
             if here > 0.0 {
@@ -318,3 +338,6 @@ fn dot(a: &Vector, b: &Vector, n: usize) -> f64 {
 fn norm(a: &[f64]) -> f64 {
     libm::sqrt(a.iter().map(|a| a * a).sum())
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,102 @@
+//! What each kind of effect costs a tick: rendering alone for an empty scene, each kind with its defaults and 16 of mixed kinds; and the whole
+//! tick of a controller for the empty scene and the 16.
+//!
+//! `cargo bench --bench effects`
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use hbot_config::scene::kinds;
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::effects::Motion;
+use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::mode::Mode;
+use hbot_core::render::Renderer;
+use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, Vec3, rotation};
+use serde_json::{Value, json};
+
+fn scene(effects: &[Value]) -> CompiledScene {
+    let file = SceneFile::from_json(json!({ "effect": effects })).expect("defaults are legal");
+    RunningScene::new().load(file)
+}
+
+/// One of each kind, and a second spring somewhere else.
+fn mixed() -> CompiledScene {
+    let mut effects: Vec<Value> = kinds().iter().map(|k| json!({"id": k.name, "kind": k.name})).collect();
+    effects.push(json!({"id": "other", "kind": "spring", "reference": [1, 0.1, 0, 0], "damping": 0.01}));
+    assert_eq!(effects.len(), 16);
+    scene(&effects)
+}
+
+/// A sphere that wanders: every tick differs, and no law takes a short cut for rest.
+fn motions() -> Vec<Motion> {
+    let turn = |k: usize| {
+        let t = k as f64 * 0.01;
+        Vec3::new(0.9 * t.sin(), 0.7 * (0.7 * t).cos(), 0.8 * (1.3 * t).sin())
+    };
+    (0..1024)
+        .map(|k| {
+            let (q, next) = (rotation::exp(turn(k)), rotation::exp(turn(k + 1)));
+            Motion { q, omega: rotation::difference(next, q) / 1e-3 }
+        })
+        .collect()
+}
+
+fn rendering(c: &mut Criterion) {
+    let rig = RigConfig::prototype().rig;
+    let motions = motions();
+    let mut group = c.benchmark_group("render");
+    let single = kinds().into_iter().map(|k| (k.name, scene(&[json!({"id": "e", "kind": k.name})])));
+    for (name, scene) in [("empty", CompiledScene::empty()), ("16_mixed", mixed())].into_iter().chain(single)
+    {
+        let mut renderer = Renderer::new(&rig);
+        renderer.adopt(&scene, Quat::IDENTITY);
+        let mut tick = 0_u64;
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                tick += 1;
+                let motion = &motions[tick as usize % motions.len()];
+                renderer.torque(black_box(&scene), black_box(motion), tick, 1e-3, 1e-3)
+            });
+        });
+    }
+    group.finish();
+}
+
+fn whole_ticks(c: &mut Criterion) {
+    let mut rig = RigConfig::prototype().rig;
+    // The feedback below is no turning sphere: its slip is no fault here, and it stays near all references.
+    (rig.limits.slip, rig.limits.speed, rig.limits.enable_max_angle) = (1e6, 1e6, 10.0);
+    let mut group = c.benchmark_group("tick");
+    for (name, scene) in [("empty", CompiledScene::empty()), ("16_mixed", mixed())] {
+        let mut controller = Controller::new(rig);
+        let mut tick = 0_u64;
+        let mut run = |controller: &mut Controller| {
+            let phase = tick as f64 * 0.006;
+            let mut counts = [0; MAX_JOINTS];
+            let mut rates = [0.0; MAX_JOINTS];
+            for i in 0..4 {
+                counts[i] = (600.0 * (phase + i as f64).sin()) as i32;
+                rates[i] = 0.3 * (phase + i as f64).cos();
+            }
+            let complaints = Complaints::default();
+            let mut inputs = Inputs::quiet(tick);
+            inputs.feedback =
+                Some(JointFeedback { sequence: tick as u32, counts, rates, index_seen: 0, complaints });
+            if tick == 1 {
+                let _ = inputs.commands.push(Command::Enable);
+            }
+            tick += 1;
+            controller.tick(&scene, &inputs)
+        };
+        for _ in 0..1000 {
+            run(&mut controller);
+        }
+        assert_eq!(run(&mut controller).state.mode, Mode::Active);
+        group.bench_function(name, |b| b.iter(|| black_box(run(&mut controller)).state.torque));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, rendering, whole_ticks);
+criterion_main!(benches);

@@ -1,0 +1,217 @@
+//! What single kinds of effects check beyond their ranges, recorded files, and fading out.
+
+use hbot_config::{RunningScene, SceneFile};
+use hbot_core::effects::{Kind, MAX_OWN};
+use hbot_core::scene::{MAX_EFFECTS, MAX_FIGURES};
+use serde_json::{Map, Value, json};
+
+/// What is said of an effect of a kind with one more line, its fourth.
+fn said(kind: &str, line: &str) -> String {
+    let text = format!("[[effect]]\nid = 'e'\nkind = '{kind}'\n{line}");
+    SceneFile::from_toml(&text, "x.toml").expect_err(&text).to_string()
+}
+
+fn map(value: Value) -> Map<String, Value> {
+    value.as_object().unwrap().clone()
+}
+
+#[test]
+fn axes_have_a_direction() {
+    let kinds = ["detents", "end_stop", "guide", "vibration", "pulse", "track"];
+    for (kind, key) in
+        kinds.map(|kind| (kind, "axis")).into_iter().chain([("texture", "at"), ("guide", "pointer")])
+    {
+        assert_eq!(
+            said(kind, &format!("{key} = [0, 0, 0]")),
+            format!(
+                "x.toml:4:{}: effect[0].{key}: the vector has no length; legal: [x, y, z], not all zero",
+                key.len() + 4
+            )
+        );
+    }
+}
+
+#[test]
+fn positions_ascend_and_ranges_have_two_ends() {
+    assert_eq!(
+        said("detents", "positions = [0, 1, 1.001]"),
+        "x.toml:4:20: effect[0].positions[2]: 1.001 does not follow 1; legal: ascending, 0.002 rad apart or more"
+    );
+    assert_eq!(
+        said("end_stop", "twist = [1, -1]"),
+        "x.toml:4:9: effect[0].twist: from 1 to -1; legal: [from, to], ascending"
+    );
+    assert_eq!(
+        said("detents", "count = 0"),
+        "x.toml:4:9: effect[0].count: 0 is out of range; legal: 1 to 720"
+    );
+}
+
+#[test]
+fn orientations_of_one_s_own_are_apart_and_stand_with_their_set_alone() {
+    assert_eq!(
+        said("snaps", "set = 'own'"),
+        "x.toml:1:1: effect[0].orientations: the set is \"own\" and there is none; legal: 1 to 16 quaternions"
+    );
+    assert_eq!(
+        said("snaps", "orientations = [[1, 0, 0, 0]]"),
+        "x.toml:4:16: effect[0].orientations: the set is not \"own\"; legal: no orientations, or set = \"own\""
+    );
+    assert_eq!(
+        said("snaps", "orientations = [[1, 0, 0, 0], [0, 1, 0, 0], [2, 0.1, 0, 0]]\nset = 'own'"),
+        "x.toml:4:45: effect[0].orientations[2]: only 0.100 rad from orientation 0; legal: 0.2 rad apart or more"
+    );
+    assert_eq!(
+        said("snaps", "orientations = [[1, 0, 0]]\nset = 'own'"),
+        "x.toml:4:17: effect[0].orientations[0]: found an array of 3 elements; legal: an array of 4 numbers"
+    );
+    let many = format!("orientations = {:?}\nset = 'own'", vec![[1, 0, 0, 0]; MAX_OWN + 1]);
+    assert_eq!(
+        said("snaps", &many),
+        "x.toml:4:16: effect[0].orientations: found an array of 17 elements; legal: up to 16 quaternions [w, x, y, z]"
+    );
+}
+
+#[test]
+fn points_begin_at_zero_ascend_and_close_where_they_repeat() {
+    let said =
+        |points: &str| said("track", &format!("points = [{points}]\npath = 'waypoints'\nrepeat = true"));
+    assert_eq!(
+        said("[0, 1, 0, 0, 0]"),
+        "x.toml:4:10: effect[0].points: 1 points make no path; legal: 2 to 800 points [t, w, x, y, z]"
+    );
+    assert_eq!(
+        said("[1, 1, 0, 0, 0], [2, 1, 0, 0, 0]"),
+        "x.toml:4:12: effect[0].points[0][0]: the time 1 s does not follow; legal: 0 s at the first point"
+    );
+    assert_eq!(
+        said("[0, 1, 0, 0, 0], [2, 1, 0, 0, 0], [2, 1, 0, 0, 0]"),
+        "x.toml:4:46: effect[0].points[2][0]: the time 2 s does not follow; legal: 2.001 s or more"
+    );
+    assert_eq!(
+        said("[0, 1, 0, 0, 0], [2, 0, 0, 0, 0]"),
+        "x.toml:4:28: effect[0].points[1]: the quaternion has no length; legal: [w, x, y, z], not all zero"
+    );
+    assert_eq!(
+        said("[0, 1, 0, 0, 0], [2, 0, 1, 0, 0]"),
+        "x.toml:6:10: effect[0].repeat: the path would jump from its end to its start; legal: a last point that is the first \
+         one again"
+    );
+}
+
+#[test]
+fn a_scene_file_may_name_a_recorded_file_and_nobody_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    let text = "[[effect]]\nid = 'e'\nkind = 'track'\npath = 'record'\nfile = 'way.csv'\n";
+    std::fs::write(&scene, text).unwrap();
+    let said = || {
+        SceneFile::from_path(&scene)
+            .unwrap_err()
+            .to_string()
+            .replace(&format!("{}", folder.path().display()), "")
+    };
+    assert!(said().starts_with("/scene.toml:5:8: effect[0].file: /way.csv: "), "{}", said());
+    assert!(
+        said().ends_with("legal: a CSV file with the columns t, w, x, y, z and 2 to 800 rows"),
+        "{}",
+        said()
+    );
+    for (csv, what) in [
+        ("w,x,y,z\n1,0,0,0\n", "the first line is \"w,x,y,z\""),
+        ("t,w,x,y,z\n0,1,0,0,nan\n", "row 1 has a number that is not finite"),
+        ("t,w,x,y,z\n0,1,0,0\n", "found record with 4 fields"),
+        (
+            &format!("t,w,x,y,z\n{}", (0..801).map(|k| format!("{k},1,0,0,0\n")).collect::<String>()),
+            "more than 800 rows",
+        ),
+    ] {
+        std::fs::write(folder.path().join("way.csv"), csv).unwrap();
+        assert!(said().contains(what), "{}", said());
+    }
+    std::fs::write(folder.path().join("way.csv"), "t, w, x, y, z\n# a comment\n0,1,0,0,0\n1.5,0,2,0,0\n")
+        .unwrap();
+    let file = SceneFile::from_path(&scene).unwrap();
+    let json = file.to_json();
+    assert_eq!(json["effect"][0]["points"], json!([[0.0, 1.0, 0.0, 0.0, 0.0], [1.5, 0.0, 2.0, 0.0, 0.0]]));
+    assert_eq!(SceneFile::from_json(json).unwrap(), file, "what goes over the wire carries its points");
+    let mut running = RunningScene::new();
+    let compiled = running.load(file);
+    let figures = compiled.figures(compiled.effects()[0].figures);
+    assert_eq!(figures, [0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0, 1.0, 0.0, 0.0]);
+    let said = SceneFile::from_toml(text, "x.toml").unwrap_err().to_string();
+    assert_eq!(
+        said,
+        "x.toml:5:8: effect[0].file: a file is read with a scene file alone; legal: points here, or a scene file that names the \
+         file"
+    );
+}
+
+fn points(count: usize) -> Value {
+    (0..count).map(|k| json!([k, 1, 0, 0, 0])).collect()
+}
+
+#[test]
+fn figures_have_room_or_the_scene_is_refused_and_set_changes_nothing() {
+    let track =
+        |id: &str, count| json!({"id": id, "kind": "track", "path": "record", "points": points(count)});
+    let said =
+        SceneFile::from_json(json!({"effect": [track("a", 800), track("b", 20)]})).unwrap_err().to_string();
+    assert_eq!(
+        said,
+        "effect: positions, orientations and points take 4100 figures; legal: at most 4096 in a scene (a point takes 5)"
+    );
+    let file = SceneFile::from_json(json!({"effect": [track("a", 800), track("b", 10)]})).unwrap();
+    let mut running = RunningScene::new();
+    running.load(file);
+    let before = running.clone();
+    let error = running.set("b", &map(json!({"points": points(20)}))).unwrap_err();
+    assert!(error.to_string().contains("take 4100 figures"), "{error}");
+    assert_eq!(running, before);
+    running.set("b", &map(json!({"points": points(19)}))).unwrap();
+}
+
+#[test]
+fn each_effect_s_figures_are_its_own() {
+    let file = SceneFile::from_toml(
+        "[[effect]]\nid = 'a'\nkind = 'detents'\npositions = [1, 2]\n[[effect]]\nid = 'b'\nkind = 'damper'\n\
+         [[effect]]\nid = 'c'\nkind = 'snaps'\nset = 'own'\norientations = [[0, 2, 0, 0]]",
+        "x.toml",
+    );
+    let mut running = RunningScene::new();
+    let scene = running.load(file.unwrap());
+    let figures: Vec<&[f64]> = scene.effects().iter().map(|effect| scene.figures(effect.figures)).collect();
+    assert_eq!(figures, [&[1.0, 2.0][..], &[], &[0.0, 1.0, 0.0, 0.0]]);
+    let Kind::Snaps(snaps) = scene.effects()[2].kind else { panic!("the third") };
+    assert!(snaps.rounding > 0.0);
+    assert_eq!((running.id_at(0), running.id_at(2), running.id_at(3)), (Some("a"), Some("c"), None));
+}
+
+#[test]
+fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
+    let scene = |ids: &[&str], fade: f64| {
+        let effects: Vec<Value> = ids
+            .iter()
+            .map(|id| json!({"id": id, "kind": "detents", "positions": [1, 2], "fade_out_s": fade}))
+            .collect();
+        SceneFile::from_json(json!({ "effect": effects })).unwrap()
+    };
+    let mut running = RunningScene::new();
+    let first = running.load(scene(&["a", "b"], 2.0));
+    let second = running.load(scene(&["a"], 0.0));
+    let all: Vec<_> = second.effects().iter().map(|e| (e.slot, e.epoch, e.leaving)).collect();
+    assert_eq!(all, [(2, 3, false), (0, 1, true), (1, 2, true)]);
+    assert_eq!(second.figures(second.effects()[2].figures), first.figures(first.effects()[1].figures));
+    assert_eq!(running.slot_of("a").unwrap().slot, 2);
+    assert!(running.slot_of("b").is_none() && running.id_at(0).is_none());
+    // It stays while parameters are set, and is gone with the scene after the next.
+    assert_eq!(running.set("a", &map(json!({"gain": 2}))).unwrap().effects().len(), 3);
+    assert_eq!(running.load(scene(&["a"], 0.0)).effects().len(), 1);
+    // Where the next scene is full there is no room to leave in.
+    running.load(scene(&["a", "b"], 2.0));
+    let ids: Vec<String> = (0..MAX_EFFECTS).map(|i| format!("e{i}")).collect();
+    let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
+    let full = running.load(scene(&ids, 2.0));
+    assert!(full.effects().len() == MAX_EFFECTS && full.effects().iter().all(|effect| !effect.leaving));
+    assert!(full.effects().iter().map(|e| usize::from(e.figures.len)).sum::<usize>() <= MAX_FIGURES);
+}

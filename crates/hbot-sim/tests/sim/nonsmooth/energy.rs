@@ -1,0 +1,196 @@
+//! Without input no step adds energy: random devices, random phenomena, figures as extreme as they are allowed.
+
+use hbot_core::Vec3;
+use hbot_core::device::{Device, WheelSpec};
+use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::phenomena::{
+    CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
+};
+use hbot_sim::plant::{Dynamics, Method, State};
+
+/// A sequence that looks random: splitmix64 (Steele, Lea and Flood 2014).
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Evenly over the powers of ten.
+    fn decade(&mut self, low: f64, high: f64) -> f64 {
+        10.0f64.powf(self.between(low.log10(), high.log10()))
+    }
+
+    fn chance(&mut self, share: f64) -> bool {
+        self.unit() < share
+    }
+
+    /// One time in five nothing, one in five huge, else between.
+    fn figure(&mut self, low: f64, high: f64, huge: f64) -> f64 {
+        match self.next() % 5 {
+            0 => 0.0,
+            1 => huge,
+            _ => self.decade(low, high),
+        }
+    }
+
+    fn vector(&mut self, size: f64) -> Vec3 {
+        Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
+    }
+
+    fn some<T>(&mut self, share: f64, value: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        self.chance(share).then(|| value(self))
+    }
+}
+
+/// A device whose inertias differ by up to six powers of ten, one time in four; else like a real one. One in twenty has
+/// joints without inertia.
+fn device(dice: &mut Dice) -> Option<Device> {
+    let count = 2 + (dice.next() % 7) as usize;
+    let extreme = dice.chance(0.25);
+    let spread = if extreme { 1.0e3 } else { 3.0 };
+    let inertia = if dice.chance(0.05) { 0.0 } else { 1.0 };
+    let specs: Vec<WheelSpec> = (0..count)
+        .map(|_| {
+            let steer_inertia = inertia * 3.0e-5 * dice.decade(1.0 / spread, spread);
+            let drive_inertia = 4.0e-6 * dice.decade(1.0 / spread, spread);
+            WheelSpec {
+                axis: dice.vector(1.0),
+                cone: dice.between(0.1, 1.2),
+                toe: if dice.chance(0.5) { dice.between(-0.6, 0.6) } else { 0.0 },
+                radius: dice.between(0.005, 0.05),
+                steer_inertia,
+                drive_inertia,
+                axial_inertia: if dice.chance(0.5) {
+                    0.4 * (steer_inertia * drive_inertia).sqrt()
+                } else {
+                    0.0
+                },
+            }
+        })
+        .collect();
+    Device::new(dice.between(0.05, 0.2), 0.5 * dice.decade(1.0 / spread, spread), &specs).ok()
+}
+
+fn phenomena(dice: &mut Dice) -> Phenomena {
+    Phenomena {
+        joint_friction: dice.some(0.5, |dice| JointFriction {
+            coulomb: dice.figure(1e-5, 1e-1, 10.0),
+            viscous: dice.figure(1e-6, 1e-2, 10.0),
+            breakaway: dice.figure(1e-5, 1e-1, 10.0),
+            stribeck_rate: dice.decade(1e-3, 1e2),
+        }),
+        cage_friction: dice.some(0.5, |dice| CageFriction { torque: dice.figure(1e-5, 1e-1, 10.0) }),
+        slip: dice.some(0.5, |dice| Slip {
+            mu: dice.figure(1e-3, 1.0, 1e6),
+            normal_force: dice.figure(0.1, 100.0, 1e4),
+        }),
+        pivoting: dice.some(0.4, |dice| Pivoting {
+            mu: dice.figure(1e-3, 1.0, 1e6),
+            normal_force: 10.0,
+            patch_radius: dice.figure(1e-5, 1e-2, 0.1),
+        }),
+        eccentric: dice.some(0.4, |dice| Eccentric { offset: dice.vector(0.01) }),
+        wheel_modules: dice.some(0.4, |dice| WheelModules { mass: dice.figure(1e-3, 0.2, 1.0) }),
+        gear: dice.some(0.4, |dice| Gear {
+            backlash: dice.figure(1e-4, 0.1, 1.0),
+            efficiency: dice.between(0.01, 1.0),
+            rotor_share: dice.between(0.01, 0.99),
+        }),
+        hand: dice.some(0.3, |dice| Hand {
+            stiffness: dice.decade(0.1, 30.0),
+            damping: dice.figure(1e-3, 1.0, 10.0),
+            inertia: dice.decade(1e-6, 1e-2),
+            amplitude: 0.0,
+            rate: 0.25,
+        }),
+        ..Phenomena::default()
+    }
+}
+
+/// What the scenes came to.
+#[derive(Default)]
+struct Tally {
+    scenes: u32,
+    steps: u32,
+    /// Steps that the solver gave up before its own bounds were met.
+    unfinished: u32,
+    /// The largest rise of energy in a step, relative to the energy at the start and the swing of the weights.
+    rise: f64,
+    /// The most Newton steps of a step.
+    newton: u32,
+}
+
+/// One scene of `steps` steps, if the seed makes one: a device that is none, or one whose gear has inertias that
+/// contradict each other, does not.
+fn run(seed: u64, steps: u32, tally: &mut Tally) {
+    let mut dice = Dice(seed);
+    let Some(device) = device(&mut dice) else { return };
+    let phenomena = phenomena(&mut dice);
+    let mut state =
+        State { q: hbot_core::rotation::exp(dice.vector(3.0)), omega: dice.vector(10.0), ..State::default() };
+    for i in 0..device.wheels().len() {
+        (state.steer[i], state.drive[i]) = (dice.between(-9.0, 9.0), dice.between(-9.0, 9.0));
+    }
+    let h = dice.decade(1e-5, 1e-3);
+    let Ok(mut dynamics) = Dynamics::new(&device, &phenomena, Method::Rk4, &state) else { return };
+    if !dynamics.is_nonsmooth() {
+        return;
+    }
+    let aside = hbot_core::rotation::exp(dice.vector(2.0));
+    let grip = phenomena.hand.map(|hand| {
+        dynamics.set_sphere_inertia(device.sphere_inertia() + hand.inertia);
+        Grip::new(hand, 0.0, aside * state.q)
+    });
+    let total = |dynamics: &Dynamics, state: &State| {
+        dynamics.energy(state) + grip.map_or(0.0, |grip| grip.energy(0.0, state.q))
+    };
+    let swing = phenomena.eccentric.map_or(0.0, |e| device.sphere_mass() * 9.81 * e.offset.length())
+        + phenomena.wheel_modules.map_or(0.0, |m| m.mass * 9.81 * 0.3 * device.wheels().len() as f64);
+    let mut before = total(&dynamics, &state);
+    let scale = before.abs() + swing;
+    tally.scenes += 1;
+    for step in 0..steps {
+        dynamics.step(&mut state, 0.0, h, &[0.0; 16], Vec3::ZERO, grip.as_ref());
+        let now = total(&dynamics, &state);
+        let effort = dynamics.effort().unwrap();
+        let rise = (now - before) / scale;
+        // What the solver leaves of a velocity that ought to be none, 1e-12 of what the step's impulses would make, a few
+        // times: impulses of a step are at most a few times the momentum. Also false for what is not a number.
+        assert!(rise <= 1e-11, "seed {seed}, step {step} of {h:e} s: {rise:e} {effort:?} {phenomena:?}");
+        assert!((state.q.length() - 1.0).abs() < 4e-15, "seed {seed}, step {step}: {}", state.q.length());
+        tally.steps += 1;
+        tally.unfinished += u32::from(!effort.converged);
+        tally.rise = tally.rise.max(rise);
+        tally.newton = tally.newton.max(effort.newton);
+        before = now;
+    }
+}
+
+/// Ten thousand scenes of a few steps each, in which all that meets does so, and some of them for longer.
+#[test]
+fn no_step_adds_energy() {
+    let mut tally = Tally::default();
+    let mut seed = 0;
+    while tally.scenes < 10_000 {
+        run(seed, if seed % 25 == 0 { 100 } else { 6 }, &mut tally);
+        seed += 1;
+    }
+    println!(
+        "{} scenes, {} steps: energy up by {:.1e} at most; {} steps not converged; at most {} Newton steps",
+        tally.scenes, tally.steps, tally.rise, tally.unfinished, tally.newton
+    );
+    assert_eq!(tally.unfinished, 0);
+}

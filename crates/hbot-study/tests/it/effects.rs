@@ -1,0 +1,28 @@
+//! `effects`: everything that a scene can name is in it.
+
+use hbot_config::scene::{kinds, phenomena};
+use hbot_study::{Study, count_worker};
+
+use crate::{assert_documented, measure, show, value};
+
+#[test]
+fn every_kind_and_phenomenon_has_its_cost() {
+    let report = measure(Study::Effects);
+    assert_documented(&report);
+    for listed in kinds().iter().chain(&phenomena()) {
+        let text = report.markdown();
+        assert!(text.contains(&format!("| {} |", listed.name)), "{} has no row", listed.name);
+        // What it adds may be less than the noise, and is a number.
+        assert!(value(&report, &format!("effects_{}_added_ns", listed.name)).is_finite());
+    }
+    assert!(value(&report, "effects_none_ns") > 0.0);
+}
+
+#[test]
+fn the_worker_takes_what_the_study_gives_it_and_nothing_else() {
+    let setups = r#"[{"names": ["spring", "hand"], "gone": false}, {"names": ["damper"], "gone": true}]"#;
+    assert_eq!(count_worker(setups, show), Ok(()));
+    for wrong in ["", "{}", "[{}]", r#"[{"names": [1], "gone": false}]"#, r#"[{"names": []}]"#] {
+        assert!(count_worker(wrong, show).is_err(), "{wrong}");
+    }
+}

@@ -1,0 +1,66 @@
+//! What a study leaves in its folder: all of it, or nothing.
+
+use hbot_study::{Interrupt, Options, Study, StudyError, run};
+use serde_json::Value;
+
+use crate::options;
+
+#[test]
+fn a_study_leaves_a_report_plots_and_a_summary() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("deep/down");
+    let options = Options { out: Some(out.clone()), ..options() };
+    let (report, place) = run(Study::Effects, &options, &Interrupt::default()).expect("it runs");
+    assert_eq!(place, out);
+    let text = std::fs::read_to_string(out.join("report.md")).expect("a report");
+    let plots: Vec<&str> = text.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect();
+    assert!(!plots.is_empty());
+    for plot in plots {
+        let svg = std::fs::read_to_string(out.join(plot)).expect("a plot that the report shows");
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{plot}");
+    }
+    let summary = std::fs::read_to_string(out.join("summary.json")).expect("a summary");
+    let summary: Value = serde_json::from_str(&summary).expect("JSON");
+    assert_eq!(summary["study"], "effects");
+    assert_eq!(summary["version"], env!("CARGO_PKG_VERSION"));
+    assert!(summary["seconds"].as_f64().is_some_and(|seconds| seconds > 0.0));
+    for key in ["cpu", "cores", "os", "rustc", "profile"] {
+        assert!(!summary["machine"][key].is_null(), "machine.{key}");
+    }
+    let results = summary["results"].as_array().expect("a flat list");
+    assert_eq!(results.len(), report.figures().len());
+    for result in results {
+        assert!(
+            result["id"].is_string() && result["value"].is_number() && result["unit"].is_string(),
+            "{result}"
+        );
+    }
+    // Times of a program that was not compiled for speed say so.
+    let time = results.iter().find(|r| r["id"] == "effects_none_ns").expect("a time");
+    assert_eq!(time["marked"].is_null(), !cfg!(debug_assertions), "{time}");
+    for file in std::fs::read_dir(&out).expect("a folder") {
+        let name = file.expect("an entry").file_name();
+        assert!(!name.to_string_lossy().ends_with(".partial"), "{name:?} is left over");
+    }
+}
+
+#[test]
+fn a_study_that_is_stopped_leaves_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    for study in [Study::Accuracy, Study::Effects, Study::Stability] {
+        let interrupt = Interrupt::default();
+        interrupt.raise();
+        let options = Options { out: Some(out.clone()), ..options() };
+        assert!(matches!(run(study, &options, &interrupt), Err(StudyError::Interrupted)));
+        assert!(!out.exists(), "{}", study.name());
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let options = Options { out: Some(file.path().join("below")), ..options() };
+    let error = run(Study::Effects, &options, &Interrupt::default()).expect_err("a file is no folder");
+    assert!(error.to_string().contains("below"), "{error}");
+}

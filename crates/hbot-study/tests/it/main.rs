@@ -1,0 +1,52 @@
+//! Studies as their callers see them: figures with the ids that others rely on, checks that hold, files that are whole.
+
+mod accuracy;
+mod effects;
+mod files;
+mod stability;
+
+use std::collections::HashSet;
+
+use hbot_config::scene::Simulate;
+use hbot_sim::hand::Hand;
+use hbot_sim::rig::SimulatedRig;
+use hbot_study::{Interrupt, Options, Report, Study};
+
+/// A quick run, without counting instructions.
+fn options() -> Options {
+    Options { out: None, quick: true, show, counter: None }
+}
+
+fn show(rig: &mut SimulatedRig, simulate: Option<&Simulate>) {
+    rig.set_hand(simulate.and_then(|simulate| simulate.hand).map(|_| Hand::default()));
+}
+
+fn measure(study: Study) -> Report {
+    hbot_study::measure(study, &options(), &Interrupt::default()).expect("nobody stops it")
+}
+
+/// Every figure has a unique id in lower_snake_case, a finite value, and a family in the report that says what it is.
+fn assert_documented(report: &Report) {
+    let mut seen = HashSet::new();
+    for figure in report.figures() {
+        let id = &figure.id;
+        assert!(seen.insert(id.clone()), "{id} is there twice");
+        let snake = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
+        assert!(id.as_bytes()[0].is_ascii_lowercase() && id.bytes().all(snake), "{id}");
+        assert!(figure.value.is_finite(), "{id} is {}", figure.value);
+        assert!(!figure.unit.is_empty(), "{id} is of no family that the report documents");
+    }
+}
+
+fn assert_holds(report: &Report) {
+    for check in report.checks() {
+        assert!(check.holds, "{}: {}", check.what, check.found);
+    }
+    assert!(!report.checks().is_empty());
+}
+
+/// The figure of an id.
+fn value(report: &Report, id: &str) -> f64 {
+    let figure = report.figures().iter().find(|figure| figure.id == id);
+    figure.unwrap_or_else(|| panic!("no figure {id}")).value
+}

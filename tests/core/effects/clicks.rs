@@ -1,0 +1,179 @@
+//! What goes by time: vibrations, pulses, tracks.
+
+use super::{Felt, askew, axis, pulse, vibration};
+use crate::bench::{Bench, DT, effect, rig};
+use hbot_core::effects::{Anchor, Effect, Kind, Path, Pulse, Span, Target, Track, Wave};
+use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+
+fn along(felt: &mut Felt, q: Quat, ticks: u32) -> Vec<f64> {
+    (0..ticks).map(|_| felt.at(q).dot(axis())).collect()
+}
+
+#[test]
+fn a_vibration_rises_holds_dies_and_comes_again() {
+    let torque = along(&mut Felt::new(Kind::Vibration(vibration(Wave::Sine))), Quat::IDENTITY, 700);
+    let crest = |from: usize, to: usize| torque[from..to].iter().fold(0.0_f64, |m, t| m.max(t.abs()));
+    assert!(crest(0, 10) < 0.05 && crest(20, 100) > 0.0997 && crest(20, 100) <= 0.1);
+    assert!(crest(125, 150) < 0.06);
+    assert_eq!(crest(152, 300), 0.0);
+    // Again at 0.3 s, within the tick that the sum of its time's rounding may take.
+    assert!((0..150).all(|k| (torque[k] - torque[300 + k]).abs() < 1e-9), "the second is as the first");
+    for wave in [Wave::Square, Wave::Saw] {
+        let torque = along(&mut Felt::new(Kind::Vibration(vibration(wave))), Quat::IDENTITY, 100);
+        let mean = torque[25..100].iter().sum::<f64>() / 75.0;
+        // Over three whole periods; a saw of 25 samples misses its middle by half a step.
+        assert!(mean.abs() < 0.1 / 20.0, "{wave:?}: {mean}");
+    }
+}
+
+#[test]
+fn a_pulse_clicks_when_told_at_its_period_and_from_notch_to_notch() {
+    let quiet = Pulse { period: 0.0, count: 0, ..pulse() };
+    let clicks = |torque: &[f64]| torque.windows(2).filter(|w| w[0] == 0.0 && w[1] != 0.0).count();
+    let frame = askew().reference().0 * axis();
+    let run = |pulse: Pulse, rate: f64| {
+        let mut felt = Felt::new(Kind::Pulse(pulse));
+        let torque = (0..1001).map(|k| {
+            let q = askew().reference().0 * rotation::exp(axis() * (rate * DT * f64::from(k)));
+            felt.moving(q, frame * rate).dot(frame)
+        });
+        torque.collect::<Vec<_>>()
+    };
+    assert_eq!(clicks(&run(quiet, 3.0)), 0);
+    let fired = run(Pulse { fire: 1, ..quiet }, 0.0);
+    assert_eq!(clicks(&fired), 1);
+    assert!(fired.iter().sum::<f64>().abs() < 1e-12, "its impulse is zero");
+    // A sine over ten ticks is seen at 36 degrees, not at its crest.
+    assert!(
+        (fired.iter().fold(0.0_f64, |m, t| m.max(*t)) - 0.2 * (0.4 * core::f64::consts::PI).sin()).abs()
+            < 1e-12
+    );
+    assert_eq!(clicks(&run(Pulse { period: 0.1, ..quiet }, 0.0)), 10);
+    // Half a turn a second passes six of twelve notches, whichever way, and each click pushes along first.
+    for rate in [core::f64::consts::PI, -core::f64::consts::PI] {
+        let torque = run(Pulse { count: 12, ..quiet }, rate);
+        assert_eq!(clicks(&torque), 6);
+        assert!(torque.iter().find(|t| **t != 0.0).unwrap() * rate > 0.0);
+    }
+}
+
+/// Setting another number, as `set` does, clicks once.
+#[test]
+fn a_pulse_that_is_set_clicks_in_the_controller() {
+    let quiet = Pulse { period: 0.0, count: 0, target: Target::N, ..pulse() };
+    let scene = |revision, fire| {
+        CompiledScene::new(revision, &[effect(0, 1, Kind::Pulse(Pulse { fire, ..quiet }))]).unwrap()
+    };
+    let mut bench = Bench::active(rig(), scene(1, 0));
+    bench.scene = scene(2, 7);
+    let torque: Vec<f64> = (0..30).map(|_| bench.step().state.torque.dot(axis())).collect();
+    assert!(torque.iter().any(|t| *t > 0.15) && torque.iter().any(|t| *t < -0.15), "{torque:?}");
+    assert!(torque[12..].iter().all(|t| t.abs() < 1e-9));
+}
+
+fn track(path: Path, figures: &[f64]) -> Felt {
+    let track = Track { target: askew(), path, stiffness: 2.0, damping: 0.0, deadband: 0.0 };
+    Felt::with_figures(Kind::Track(track), figures)
+}
+
+#[test]
+fn a_swing_goes_as_its_sine_and_a_chirp_s_phase_is_the_integral_of_its_frequency() {
+    let base = askew().reference().0;
+    let swing =
+        |from, to, sweep, repeat| Path::Swing { axis: axis(), amplitude: 0.3, from, to, sweep, repeat };
+    let phase = |t: f64| 0.5 * t + 0.5 * (2.0 - 0.5) * t * t / 4.0;
+    let mut sine = track(swing(0.5, 0.5, 0.0, false), &[]);
+    let mut chirp = track(swing(0.5, 2.0, 4.0, false), &[]);
+    for k in 0..4000 {
+        let t = f64::from(k) * DT;
+        for (felt, phase) in [(&mut sine, 0.5 * t), (&mut chirp, phase(t))] {
+            let want = axis() * (2.0 * 0.3 * (core::f64::consts::TAU * phase).sin());
+            let torque = felt.at(base);
+            // The sum of 4000 roundings of the phase.
+            assert!((torque - want).length() < 1e-11, "at {t} s: {torque} against {want}");
+        }
+    }
+}
+
+#[test]
+fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
+    let base = askew().reference().0;
+    let turns = [Vec3::ZERO, Vec3::new(0.3, 0.1, 0.0), Vec3::new(-0.2, 0.4, 0.5)];
+    let points: Vec<f64> = turns
+        .iter()
+        .zip([0.0, 0.5, 1.25])
+        .flat_map(|(v, t)| {
+            let [w, x, y, z] = rotation::to_wxyz(rotation::exp(*v));
+            [t, w, x, y, z]
+        })
+        .collect();
+    for rest in [true, false] {
+        let mut felt = track(Path::Points { rest, repeat: false }, &points);
+        let mut places = Vec::new();
+        for _ in 0..1500 {
+            // 2 N m/rad: half of the torque is the turn to the reference.
+            places.push(rotation::exp(felt.at(base) * 0.5) * base);
+        }
+        for (turn, tick) in [(0, 0), (1, 500), (2, 1250), (2, 1499)] {
+            let off = rotation::angle_between(places[tick], rotation::exp(turns[turn]) * base);
+            assert!(off < 1e-9, "rest {rest}: {off} rad off at tick {tick}");
+        }
+        let rate = |k: usize| rotation::angle_between(places[k + 1], places[k]) / DT;
+        if rest {
+            assert!(rate(0) < 1e-3 && rate(499) < 1e-3 && rate(500) < 1e-3 && rate(1248) < 1e-3);
+            // The crest of least jerk is 15/8 of the mean.
+            assert!((rate(250) - 1.875 * turns[1].length() / 0.5).abs() < 1e-3);
+        } else {
+            assert!((rate(100) - turns[1].length() / 0.5).abs() < 1e-9);
+        }
+    }
+}
+
+/// Its own rate is what its damper is against: a sphere that goes along feels nothing.
+#[test]
+fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
+    let points = vec![0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.8, 0.6, 0.0, 0.0];
+    for rest in [true, false] {
+        let path = Path::Points { rest, repeat: false };
+        let track = Track {
+            target: Target::new(Quat::IDENTITY, Anchor::Absolute).unwrap(),
+            path,
+            stiffness: 2.0,
+            damping: 0.5,
+            deadband: 0.0,
+        };
+        let mut felt = Felt::with_figures(Kind::Track(track), &points);
+        let angle = 2.0 * 0.6_f64.asin();
+        for k in 0..1000 {
+            let u = f64::from(k) * DT;
+            let (part, rate) = if rest {
+                (u.powi(3) * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) * (1.0 - u))
+            } else {
+                (u, 1.0)
+            };
+            let torque = felt.moving(rotation::exp(Vec3::X * (angle * part)), Vec3::X * (angle * rate));
+            assert!(torque.length() < 1e-9, "at {u}: {torque}");
+        }
+    }
+}
+
+/// In a scene the figures of several effects stand side by side.
+#[test]
+fn each_effect_finds_its_own_figures() {
+    let figures = [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.25];
+    let still = |start| {
+        let path = Path::Points { rest: false, repeat: false };
+        let kind =
+            Kind::Track(Track { target: Target::N, path, stiffness: 1.0, damping: 0.0, deadband: 0.0 });
+        Effect { figures: Span { start, len: 5 }, ..effect(start as u8, 1, kind) }
+    };
+    let scene = CompiledScene::with_figures(1, &[still(0), still(5)], &figures).unwrap();
+    assert_eq!(scene.figures(scene.effects()[1].figures), &figures[5..10]);
+    assert!(CompiledScene::with_figures(1, &[still(7)], &figures).is_err());
+    assert!(CompiledScene::with_figures(1, &[], &[0.0; 5000]).is_err());
+    // The second alone stands half a turn away.
+    let mut rig = rig();
+    rig.limits.enable_max_angle = 4.0;
+    let torque = Bench::active(rig, scene).step().state.torque;
+    assert!(torque.length() > 1.0, "{torque}");
+}

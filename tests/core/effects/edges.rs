@@ -1,0 +1,132 @@
+//! Exactly at the edges: half turns, swings of a half turn, rims of walls and notches, poles. Every torque there is finite and, but for
+//! the geodesic spring's at its half turn, continuous.
+
+use super::{Felt, all, anywhere, askew, axis, conservative, pointer};
+use crate::rng::Rng;
+use hbot_core::effects::{EndStop, Kind, Spring};
+use hbot_core::{Quat, Vec3, rotation};
+
+/// Orientations in the reference's frame at which something is undefined or begins.
+fn corners() -> Vec<Quat> {
+    let half = |v: Vec3| rotation::from_parts(0.0, v);
+    let across = axis().any_orthonormal_vector();
+    let mut all = vec![
+        Quat::IDENTITY,
+        -Quat::IDENTITY,
+        half(axis()),
+        half(-axis()),
+        half(across),
+        half(axis().cross(across)),
+        half(Vec3::X),
+        half(pointer()),
+        rotation::exp(axis() * core::f64::consts::PI),
+        rotation::exp(axis() * -0.3),
+        rotation::exp(axis() * 0.8),
+        rotation::exp(across * 0.5),
+        rotation::exp(axis() * (core::f64::consts::TAU / 24.0)),
+        rotation::exp(axis() * 0.2),
+        rotation::exp(Vec3::X * core::f64::consts::FRAC_PI_4),
+        rotation::exp(Vec3::ONE.normalize() * core::f64::consts::FRAC_PI_3),
+        // The pointer along the plane's normal.
+        Quat::from_rotation_arc(pointer(), axis()),
+        Quat::from_rotation_arc(pointer(), -axis()),
+    ];
+    // A swing of exactly a half turn, with any twist.
+    all.extend([0.3, 1.0, 2.0].map(|twist| half(across) * rotation::exp(axis() * twist)));
+    // Next to nothing away from each.
+    let near: Vec<Quat> =
+        all.iter().flat_map(|x| [1e-300, 1e-16, 1e-9].map(|t| rotation::exp(pointer() * t) * *x)).collect();
+    all.extend(near);
+    all
+}
+
+#[test]
+fn every_kind_is_finite_wherever_it_is_asked() {
+    let mut rng = Rng(40);
+    let base = askew().reference().0;
+    for (kind, figures) in all() {
+        for x in corners() {
+            for omega in [Vec3::ZERO, Vec3::X * 1e-300, rng.vector(30.0), Vec3::Y * 1e6] {
+                // Fresh at the very place, and come there from elsewhere.
+                let mut felt = Felt::with_figures(kind, &figures);
+                felt.moving(base * x, omega);
+                felt.moving(anywhere(&mut rng), rng.vector(5.0));
+                felt.moving(base * x, omega);
+            }
+        }
+    }
+}
+
+#[test]
+fn no_conservative_torque_jumps_anywhere_but_a_geodesic_spring_s_at_a_half_turn() {
+    const STEP: f64 = 1e-7;
+    let mut rng = Rng(41);
+    let base = askew().reference().0;
+    for case in conservative() {
+        if matches!(case.kind, Kind::Spring(_)) && case.name.contains("geodesic") {
+            continue;
+        }
+        let anywhere = (0..2000).map(|_| anywhere(&mut rng)).collect::<Vec<_>>();
+        for x in corners().into_iter().map(|x| base * x).chain(anywhere) {
+            let mut felt = Felt::with_figures(case.kind, &case.figures);
+            let here = felt.at(x);
+            for direction in [Vec3::X, Vec3::Y, Vec3::Z, axis(), pointer()] {
+                let mut felt = felt.clone();
+                let there = felt.at(rotation::exp(direction * STEP) * x);
+                // The steepest slope is a twist wall's where its dial fades, some 30 N m/rad, and a ridge's; a quaternion spring's side of
+                // a half turn changes what an uneven stiffness pushes along.
+                let most = if matches!(case.kind, Kind::Spring(_)) { continue } else { 300.0 * STEP };
+                assert!((there - here).length() < most, "{}: {here} to {there} at {x}", case.name);
+            }
+        }
+    }
+}
+
+/// What an uneven spring does at a half turn is documented: it keeps the side that it came from at exactly a half turn, then
+/// changes sides; its size is the same on both.
+#[test]
+fn a_geodesic_spring_keeps_its_side_at_exactly_a_half_turn() {
+    let spring = Spring::new(
+        hbot_core::effects::SpringLaw::Geodesic,
+        hbot_core::Mat3::IDENTITY,
+        hbot_core::Mat3::ZERO,
+        Quat::IDENTITY,
+        hbot_core::effects::Anchor::Absolute,
+    );
+    let half = rotation::from_parts(0.0, Vec3::X);
+    for side in [1.0, -1.0] {
+        let mut felt = Felt::new(Kind::Spring(spring.unwrap()));
+        felt.at(rotation::exp(Vec3::X * (side * 3.0)));
+        let torque = felt.at(half);
+        assert!((torque + Vec3::X * (side * core::f64::consts::PI)).length() < 1e-12, "{torque}");
+        let torque = felt.at(rotation::exp(Vec3::X * (side * 3.2)));
+        assert!((torque - Vec3::X * (side * (core::f64::consts::TAU - 3.2))).length() < 1e-12, "{torque}");
+    }
+}
+
+#[test]
+fn walls_begin_at_nothing_are_damped_on_the_way_in_alone_and_only_push() {
+    let stop =
+        EndStop { target: askew(), axis: axis(), cone: Some(0.5), twist: None, stiffness: 3.0, damping: 0.1 };
+    let base = askew().reference().0;
+    let across = axis().any_orthonormal_vector();
+    let out = base * across;
+    let torque = |depth: f64, rate: f64| {
+        let mut felt = Felt::new(Kind::EndStop(stop));
+        felt.moving(base * rotation::exp(across * (0.5 + depth)), out * rate).dot(out)
+    };
+    assert_eq!(torque(-1e-9, 5.0), 0.0);
+    // At the edge to the rounding of its place, and half way into the soft first 10 mrad.
+    assert!(torque(0.0, 5.0).abs() < 1e-12);
+    assert!((torque(0.005, 5.0) + 0.015 + 0.25).abs() < 1e-12, "{}", torque(0.005, 5.0));
+    assert!((torque(0.1, 2.0) + 0.3 + 0.2).abs() < 1e-12);
+    assert!((torque(0.1, -2.0) + 0.3).abs() < 1e-12, "not damped on the way out");
+    for rate in [-50.0, -1.0, 0.0, 1.0, 50.0] {
+        for depth in [0.0, 1e-6, 0.01, 0.3, 2.0, 2.6] {
+            assert!(torque(depth, rate) <= 1e-15, "it pulls at {depth}, {rate}");
+        }
+    }
+    // In the opposite direction there is no way out, and no torque.
+    let mut felt = Felt::new(Kind::EndStop(stop));
+    assert!(felt.at(base * rotation::from_parts(0.0, across)).length() < 1e-12);
+}

@@ -1,0 +1,176 @@
+//! What effects store and what they take: every torque against its energy, around closed paths and along open ones.
+
+use super::{Felt, anywhere, askew, conservative, dissipative, uneven};
+use crate::bench::DT;
+use crate::rng::Rng;
+use hbot_core::effects::{Friction, Inertia, Kind};
+use hbot_core::{Quat, Vec3, rotation};
+
+/// Orientations that a case is about.
+fn somewhere(rng: &mut Rng, everywhere: bool) -> Quat {
+    // The near ones stay within 1.2 rad of the reference, and paths around them within 2.4.
+    if everywhere { anywhere(rng) } else { rotation::exp(rng.vector(0.68)) * askew().reference().0 }
+}
+
+#[test]
+fn every_conservative_torque_is_the_gradient_of_its_energy() {
+    /// Central differences: h²/6 of a third derivative (900 x 0.05 of the texture) is 1e-11, rounding 1e-16/h is 1e-10; where a
+    /// second derivative jumps, by 0.1/0.017 at a ridge of the icosahedron, 6 h/4.
+    const H: f64 = 1e-6;
+    let mut rng = Rng(1);
+    for case in conservative() {
+        let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+        for _ in 0..3000 {
+            // Afresh each time: turns are counted from here.
+            let mut felt = Felt::with_figures(case.kind, &case.figures);
+            let q = somewhere(&mut rng, case.everywhere);
+            let torque = felt.at(q);
+            let slope = |axis: Vec3, felt: &mut Felt| {
+                let ahead = felt.energy(rotation::exp(axis * H) * q);
+                let behind = felt.energy(rotation::exp(axis * -H) * q);
+                (ahead - behind) / (2.0 * H)
+            };
+            let want =
+                -Vec3::new(slope(Vec3::X, &mut felt), slope(Vec3::Y, &mut felt), slope(Vec3::Z, &mut felt));
+            worst = worst.max((torque - want).length());
+            largest = largest.max(torque.length());
+        }
+        assert!(worst < 2e-6, "{}: off by {worst:e}", case.name);
+        assert!(largest > 0.02, "{}: the test saw at most {largest} N m", case.name);
+    }
+}
+
+/// A closed path: two fixed axes, each turned by a trigonometric polynomial of its own; orientation and exact rate.
+struct Loop {
+    start: Quat,
+    axes: [Vec3; 2],
+    /// Of sin, 1 - cos, sin 2 and 1 - cos 2.
+    terms: [[f64; 4]; 2],
+}
+
+impl Loop {
+    fn random(rng: &mut Rng, start: Quat, size: f64) -> Self {
+        let unit = |rng: &mut Rng| rotation::exp(rng.vector(3.0)) * Vec3::X;
+        let axes = [unit(rng), unit(rng)];
+        let terms = [0, 1].map(|_| [0; 4].map(|_| rng.between(-size, size)));
+        Self { start, axes, terms }
+    }
+
+    fn at(&self, t: f64) -> (Quat, Vec3) {
+        let angle = |[a, b, c, d]: [f64; 4]| {
+            let (s, k) = t.sin_cos();
+            let (s2, k2) = (2.0 * t).sin_cos();
+            (a * s + b * (1.0 - k) + c * s2 + d * (1.0 - k2), a * k + b * s + 2.0 * c * k2 + 2.0 * d * s2)
+        };
+        let [(one, one_rate), (two, two_rate)] = self.terms.map(angle);
+        let first = rotation::exp(self.axes[0] * one);
+        let q = first * rotation::exp(self.axes[1] * two) * self.start;
+        (q, self.axes[0] * one_rate + first * (self.axes[1] * two_rate))
+    }
+
+    /// Work done around it by the trapezoid rule, which for a smooth periodic integrand is exact to rounding, and the work
+    /// that went to and fro.
+    fn work(&self, felt: &mut Felt, steps: usize) -> (f64, f64) {
+        let h = core::f64::consts::TAU / steps as f64;
+        let (mut sum, mut size) = (0.0, 0.0);
+        for k in 0..steps {
+            let (q, omega) = self.at(k as f64 * h);
+            let power = felt.at(q).dot(omega);
+            sum += power * h;
+            size += power.abs() * h;
+        }
+        (sum, size)
+    }
+}
+
+#[test]
+fn around_a_thousand_closed_paths_no_conservative_effect_does_net_work() {
+    /// The trapezoid rule over corners of the torque's slope (rims of notches, walls, ridges): an eighth of the jump in slope times
+    /// the square of a step, 1.6 N m/rad x (2 pi/12000 x 8 rad/s)² / 8 = 4e-6 J, at some corners of either sign.
+    const SMALL: f64 = 2e-5;
+    let mut rng = Rng(2);
+    for case in conservative() {
+        let (mut worst, mut busiest) = (0.0_f64, 0.0_f64);
+        for _ in 0..1000 {
+            let start = somewhere(&mut rng, case.everywhere);
+            let path = Loop::random(&mut rng, start, if case.everywhere { 0.8 } else { 0.12 });
+            let mut felt = Felt::with_figures(case.kind, &case.figures);
+            let (mut net, size) = path.work(&mut felt.clone(), 1500);
+            if net.abs() > SMALL {
+                // An error of the rule over a corner goes with the square of the step; work does not.
+                (net, _) = path.work(&mut felt, 12_000);
+            }
+            worst = worst.max(net.abs());
+            busiest = busiest.max(size);
+        }
+        println!("{:28} {worst:8.1e} J of {busiest:.3} J", case.name);
+        assert!(worst < SMALL, "{}: {worst:e} J", case.name);
+        assert!(busiest > 0.01, "{}: only {busiest} J went to and fro", case.name);
+    }
+}
+
+#[test]
+fn what_damps_never_pushes_along() {
+    let mut rng = Rng(3);
+    for (kind, figures) in dissipative() {
+        let mut taken = 0.0_f64;
+        for _ in 0..20_000 {
+            let mut felt = Felt::with_figures(kind, &figures);
+            let q = anywhere(&mut rng);
+            let omega = rng.vector(10.0);
+            let still = felt.at(q);
+            let power = (felt.moving(q, omega) - still).dot(omega);
+            // To the rounding of a torque of 10 N m at 17 rad/s.
+            assert!(power <= 1e-13, "{kind:?} gives {power} W");
+            taken = taken.max(-power);
+        }
+        assert!(taken > 0.01, "{kind:?} took at most {taken} W");
+    }
+}
+
+/// Along any path from where its bristle was at rest, friction has taken more than it stores. The torque at a step's end, times the
+/// step, is what a held torque can do at most: over the way in a convex energy it is more than the energy's growth.
+#[test]
+fn friction_never_gives_more_than_its_bristle_holds() {
+    let mut rng = Rng(4);
+    let friction = Friction { torque: 0.05, stiffness: 5.0, damping: 0.0 };
+    let held = 0.5 * friction.torque * friction.torque / friction.stiffness;
+    let mut taken_most = 0.0_f64;
+    for _ in 0..200 {
+        let mut felt = Felt::new(Kind::Friction(friction));
+        let mut q = anywhere(&mut rng);
+        felt.at(q);
+        let (mut taken, mut step) = (0.0, Vec3::ZERO);
+        for _ in 0..5000 {
+            step = step * 0.98 + rng.vector(1e-3);
+            q = rotation::renormalized(rotation::exp(step) * q);
+            let torque = felt.at(q);
+            taken -= torque.dot(step);
+            assert!(taken > -1e-15, "{taken} J taken since the start");
+            assert!(torque.length() < friction.torque + 1e-15);
+            taken_most = taken_most.max(taken);
+        }
+    }
+    assert!(taken_most > 100.0 * held, "{taken_most} J: it slid");
+}
+
+/// Its impedance is positive real without delay: from rest, whatever the motion, more has gone in than has come out.
+#[test]
+fn a_virtual_mass_never_gives_more_than_it_took() {
+    let mut rng = Rng(5);
+    for smoothing in [0.001, 0.01, 0.1] {
+        for _ in 0..100 {
+            let mut felt = Felt::new(Kind::Inertia(Inertia { mass: uneven(1e-4, 2e-4, 3e-4), smoothing }));
+            let (mut omega, mut taken, mut gave) = (Vec3::ZERO, 0.0, 0.0_f64);
+            felt.moving(Quat::IDENTITY, omega);
+            for _ in 0..2000 {
+                omega = omega * 0.99 + rng.vector(0.2);
+                let power = felt.moving(Quat::IDENTITY, omega).dot(omega);
+                taken -= power * DT;
+                gave = gave.max(power);
+                assert!(taken > -1e-15, "{taken} J");
+            }
+            assert!(gave > 0.0, "it gives back what it took");
+        }
+    }
+}

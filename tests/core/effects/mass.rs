@@ -1,0 +1,80 @@
+//! Virtual masses: felt as such, and never more than the loop can make of them.
+
+use super::Felt;
+use crate::bench::{DT, effect, rig};
+use hbot_core::effects::{Inertia, Kind, Motion};
+use hbot_core::render::Renderer;
+use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
+
+fn mass(mass: f64, smoothing: f64) -> Kind {
+    Kind::Inertia(Inertia { mass: Mat3::from_diagonal(Vec3::splat(mass)), smoothing })
+}
+
+#[test]
+fn a_steady_acceleration_is_opposed_by_the_mass() {
+    let mut felt = Felt::new(mass(0.002, 0.01));
+    let mut torque = Vec3::ZERO;
+    for k in 0..200 {
+        torque = felt.moving(Quat::IDENTITY, Vec3::Y * (3.0 * DT * f64::from(k)));
+    }
+    // 3 rad/s²; twenty time constants of smoothing leave 2e-9.
+    assert!((torque + Vec3::Y * 0.006).length() < 1e-10, "{torque}");
+}
+
+/// A free sphere of the rig's own inertia under the scene's torque, `delay` ticks late, kicked once: how far its rate goes at most,
+/// and at the end.
+fn kicked(effects: &[Kind], delay: usize) -> (f64, f64) {
+    let rig = rig();
+    let scene: Vec<_> =
+        effects.iter().enumerate().map(|(i, kind)| effect(i as u8, 1 + i as u32, *kind)).collect();
+    let scene = CompiledScene::new(1, &scene).unwrap();
+    let mut renderer = Renderer::new(&rig);
+    renderer.adopt(&scene, Quat::IDENTITY);
+    let mut late = std::collections::VecDeque::from(vec![Vec3::ZERO; delay]);
+    let (mut omega, mut most) = (Vec3::ZERO, 0.0_f64);
+    for tick in 0..20_000 {
+        late.push_back(renderer.torque(&scene, &Motion { q: Quat::IDENTITY, omega }, tick, DT, 1.0));
+        let torque = late.pop_front().unwrap();
+        omega += torque * (DT / rig.device.sphere_inertia());
+        if tick == 10 {
+            omega += Vec3::X;
+        }
+        most = most.max(omega.length());
+    }
+    (most, omega.length())
+}
+
+#[test]
+fn whatever_a_scene_asks_for_a_free_sphere_stays_calm() {
+    for smoothing in [0.001, 0.003, 0.01, 0.1, 1.0] {
+        for asked in [1e-3, 1e-2, 0.1, 1.0] {
+            for delay in [0, 1, 2] {
+                for kinds in
+                    [vec![mass(asked, smoothing)], vec![mass(0.5 * asked, smoothing), mass(asked, 0.02)]]
+                {
+                    let (most, last) = kicked(&kinds, delay);
+                    // The kick, and a ring of at most as much again while the mass joins in.
+                    assert!(most < 2.0, "{asked} kg m², {smoothing} s, {delay} ticks late: {most} rad/s");
+                    assert!(last <= 1.0 + 1e-9, "{last} rad/s left");
+                }
+            }
+        }
+    }
+}
+
+/// What is rendered of it, by the bound of docs/effects.md: half of the sphere's inertia over a = h/(smoothing + h).
+#[test]
+fn a_mass_beyond_the_bound_is_rendered_up_to_it() {
+    let inertia = rig().device.sphere_inertia();
+    let bound = 0.5 * inertia * (0.01 + DT) / DT;
+    for (asked, want) in [(0.5 * bound, 0.5 * bound), (bound, bound), (3.0 * bound, bound)] {
+        let mut felt = Felt::new(mass(asked, 0.01));
+        let mut torque = Vec3::ZERO;
+        for k in 0..300 {
+            torque = felt.moving(Quat::IDENTITY, Vec3::Z * (DT * f64::from(k)));
+        }
+        assert!((torque.z + want).abs() < 1e-9, "asked for {asked}, {torque}");
+    }
+    // The prototype's: five times what its own sphere has.
+    assert!((bound / inertia - 5.5).abs() < 1e-9);
+}

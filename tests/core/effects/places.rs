@@ -1,0 +1,98 @@
+//! Detents: where they hold, and what it takes to leave them.
+
+use super::{Felt, askew, axis, detents};
+use crate::rng::Rng;
+use hbot_core::effects::{Detents, Kind};
+use hbot_core::{Quat, Vec3, rotation};
+
+fn felt(detents: Detents, positions: &[f64]) -> Felt {
+    Felt::with_figures(Kind::Detents(detents), positions)
+}
+
+/// The dial turned to `psi`, its axis tilted a little.
+fn turned(psi: f64, tilt: Vec3) -> Quat {
+    askew().reference().0 * rotation::exp(tilt) * rotation::exp(axis() * psi)
+}
+
+/// Lets a sphere without inertia go: it turns as the torque says.
+fn settle(felt: &mut Felt, mut q: Quat, load: Vec3, steps: usize) -> Quat {
+    for _ in 0..steps {
+        let torque = felt.at(q) + load;
+        // A tenth of the notch's own rate, pi A/w.
+        q = rotation::renormalized(rotation::exp(torque * 0.06) * q);
+    }
+    q
+}
+
+#[test]
+fn a_dial_rests_at_its_notches_to_a_microradian() {
+    let mut rng = Rng(20);
+    for (dial, positions) in [(detents(12, 0.0), vec![]), (detents(0, 0.0), vec![-0.9, -0.4, 0.1, 0.3])] {
+        for _ in 0..300 {
+            // On a dial of 0.524 rad from notch to notch the ground is level from 0.2 to 0.324.
+            let at = if positions.is_empty() {
+                core::f64::consts::TAU / 12.0 * rng.below(12) as f64
+            } else {
+                positions[rng.below(positions.len() as u64) as usize]
+            };
+            let start = at + rng.between(-0.09, 0.09);
+            let mut felt = felt(dial, &positions);
+            let q = settle(&mut felt, turned(start, Vec3::ZERO), Vec3::ZERO, 600);
+            let off = rotation::angle_between(q, turned(at, Vec3::ZERO));
+            assert!(off < 1e-6, "{off:e} rad from the notch at {at}");
+        }
+    }
+}
+
+#[test]
+fn a_dial_steps_over_at_its_strength() {
+    let dial = detents(12, 0.0);
+    let along = askew().reference().0 * axis();
+    let mut felt = felt(dial, &[]);
+    let mut q = turned(0.0, Vec3::ZERO);
+    let mut load = 0.9 * dial.strength;
+    while rotation::angle_between(q, turned(0.0, Vec3::ZERO)) < 0.3 {
+        load += 1e-4 * dial.strength;
+        assert!(load < 1.1 * dial.strength, "it never left");
+        q = settle(&mut felt, q, along * load, 200);
+    }
+    println!("detents: steps over at {:.4} of the strength", load / dial.strength);
+    assert!((load / dial.strength - 1.0).abs() < 0.01, "{load} N m");
+}
+
+/// What a tick gives at an angle of the dial, along its axis.
+fn along(dial: Detents, positions: &[f64], psi: f64) -> f64 {
+    let mut felt = felt(dial, positions);
+    // Round to there, in steps that a turn count follows.
+    let steps = (psi.abs() / 0.5).ceil();
+    let mut torque = felt.at(turned(0.0, Vec3::ZERO));
+    for k in 1..=steps as u32 {
+        torque = felt.at(turned(psi * f64::from(k) / steps, Vec3::ZERO));
+    }
+    torque.dot(askew().reference().0 * axis())
+}
+
+#[test]
+fn ends_are_one_sided_walls_or_open() {
+    let positions = [-1.0, 0.0, 9.0];
+    let closed = detents(0, 0.0);
+    let open = Detents { end_stiffness: 0.0, ..closed };
+    // Exactly at the edge, and to both sides of it.
+    for (psi, want) in [(9.0, 0.0), (9.25, -0.5), (-1.0, 0.0), (-1.5, 1.0), (9.0 - 0.1, 0.1), (-0.9, -0.1)] {
+        let torque = along(closed, &positions, psi);
+        assert!((torque - want).abs() < 1e-12, "at {psi}: {torque}");
+    }
+    for (psi, want) in [(9.1, -0.1), (9.3, 0.0), (-1.1, 0.1), (30.0, 0.0), (-1.2, 0.0)] {
+        let torque = along(open, &positions, psi);
+        assert!((torque - want).abs() < 1e-12, "at {psi}: {torque}");
+    }
+}
+
+#[test]
+fn a_dial_counts_its_turns() {
+    let positions = [0.0, 13.0];
+    let torque = along(detents(0, 0.0), &positions, 12.9);
+    assert!((torque - 0.1).abs() < 1e-12, "in its third turn: {torque}");
+    let torque = along(detents(0, 0.0), &positions, -12.9);
+    assert!((torque - 25.8).abs() < 1e-9, "against the wall of the first: {torque}");
+}

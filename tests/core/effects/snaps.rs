@@ -1,0 +1,120 @@
+//! Snaps: from anywhere to the nearest.
+
+use super::{Felt, anywhere, askew, own, snaps};
+use crate::rng::Rng;
+use hbot_core::effects::{Kind, SnapSet, Snaps};
+use hbot_core::{Quat, Vec3, rotation};
+
+/// The wells of a set, found by what a well is: of a fine sample of orientations, those that everything ends in.
+fn wells(set: SnapSet, figures: &[f64]) -> Vec<Quat> {
+    let base = askew().reference().0;
+    let quats =
+        |all: &[[f64; 4]]| all.iter().map(|g| base * rotation::from_wxyz(*g).unwrap()).collect::<Vec<_>>();
+    let x = rotation::exp(Vec3::X * core::f64::consts::FRAC_PI_2);
+    let third = rotation::exp(Vec3::ONE.normalize() * (core::f64::consts::TAU / 3.0));
+    let half = rotation::exp(Vec3::X * core::f64::consts::PI);
+    let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
+    let fifth = rotation::exp(Vec3::new(0.0, golden, 1.0).normalize() * (core::f64::consts::TAU / 5.0));
+    match set {
+        SnapSet::Own => quats(figures.as_chunks().0),
+        SnapSet::Cube => generated(&[x, third]).into_iter().map(|g| base * g).collect(),
+        SnapSet::Tetrahedron => generated(&[half, third]).into_iter().map(|g| base * g).collect(),
+        SnapSet::Icosahedron => generated(&[fifth, third]).into_iter().map(|g| base * g).collect(),
+    }
+}
+
+/// The group that some turns generate.
+fn generated(by: &[Quat]) -> Vec<Quat> {
+    let mut group = vec![Quat::IDENTITY];
+    let mut next = 0;
+    while next < group.len() {
+        for g in by {
+            let product = group[next] * *g;
+            if group.iter().all(|known| known.dot(product).abs() < 0.999) {
+                group.push(product);
+            }
+        }
+        next += 1;
+    }
+    group
+}
+
+/// sin² of half the angle to each, ascending, and which.
+fn distances(q: Quat, wells: &[Quat]) -> Vec<(f64, usize)> {
+    let mut all: Vec<_> = wells.iter().enumerate().map(|(i, g)| (1.0 - q.dot(*g).powi(2), i)).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all
+}
+
+/// A sphere without inertia, or with so much damping that it has none: it turns as the torque says, until it rests.
+fn settled(felt: &mut Felt, mut q: Quat) -> Quat {
+    for _ in 0..400 {
+        let step = felt.at(q) * 0.4;
+        q = rotation::renormalized(rotation::exp(step) * q);
+        if step.length() < 1e-6 {
+            break;
+        }
+    }
+    q
+}
+
+#[test]
+fn from_ten_thousand_orientations_it_settles_in_the_nearest_well() {
+    let figures = own();
+    for (set, order) in
+        [(SnapSet::Tetrahedron, 12), (SnapSet::Cube, 24), (SnapSet::Icosahedron, 60), (SnapSet::Own, 4)]
+    {
+        let wells = wells(set, &figures);
+        assert_eq!(wells.len(), order);
+        let figures: &[f64] = if set == SnapSet::Own { &figures } else { &[] };
+        let snaps = snaps(set, figures);
+        let mut felt = Felt::with_figures(Kind::Snaps(snaps), figures);
+        let mut rng = Rng(30);
+        let mut contested = 0;
+        for _ in 0..10_000 {
+            let start = anywhere(&mut rng);
+            let from = distances(start, &wells);
+            let to = distances(settled(&mut felt, start), &wells);
+            assert!(to[0].0 < 1e-8, "{set:?}: it rests {} from any well", to[0].0);
+            // On the way down it may come by where a third well is as near as the first, within the rounding: then the ridge between
+            // the first two is no mirror.
+            let near = from.iter().filter(|(u, _)| *u < from[0].0 + snaps.rounding).count();
+            if near > 2 {
+                contested += 1;
+                let among = from[..near].iter().any(|(_, i)| *i == to[0].1);
+                assert!(among, "{set:?}: not in one of the {near} nearest");
+            } else {
+                assert_eq!(to[0].1, from[0].1, "{set:?}: from {start}, {from:?}");
+            }
+        }
+        println!("{set:?}: 10000 of 10000, {contested} of them where three wells are about as near");
+        assert!(contested < 700, "{set:?}: {contested} said nothing");
+    }
+}
+
+/// With inertia a lightly damped sphere may run over a lower ridge; how often is a figure, not a promise, but it does rest in a well.
+#[test]
+fn a_sphere_with_inertia_rests_in_a_well() {
+    const INERTIA: f64 = 3.24e-3;
+    let wells = wells(SnapSet::Cube, &[]);
+    // A ratio of 0.6 of critical for the stiffness of a well, 2 sqrt(K I); the default's is 0.01 N m s/rad, a ratio of 0.12.
+    for (damping, least) in [(0.05, 0.98), (0.01, 0.7)] {
+        let mut rng = Rng(31);
+        let mut nearest = 0;
+        for _ in 0..500 {
+            let kind = Kind::Snaps(Snaps { damping, ..snaps(SnapSet::Cube, &[]) });
+            let mut felt = Felt::new(kind);
+            let (mut q, mut omega) = (anywhere(&mut rng), Vec3::ZERO);
+            let from = distances(q, &wells)[0].1;
+            for _ in 0..8000 {
+                omega += felt.moving(q, omega) * (1e-3 / INERTIA);
+                q = rotation::renormalized(rotation::exp(omega * 1e-3) * q);
+            }
+            let to = distances(q, &wells)[0];
+            assert!(to.0 < 1e-6, "{} from any well", to.0);
+            nearest += usize::from(to.1 == from);
+        }
+        println!("snaps: with inertia and {damping} N m s/rad {nearest} of 500 rest in the nearest");
+        assert!(nearest as f64 >= least * 500.0, "{nearest}");
+    }
+}
