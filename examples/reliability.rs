@@ -24,7 +24,7 @@ use serde_json::{Value, json};
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// How long the client's torque holds, ms.
-const VALID_MS: u32 = 100;
+const VALID_MS: u64 = 100;
 /// The ramp that follows it, ms, and the ticks for taking note.
 const RAMP_MS: u64 = 20;
 const NOTE: u64 = 2;
@@ -203,7 +203,7 @@ fn client_lost(fault: &str, signal: Signal) -> Outcome<()> {
         taken = state.tick - client.age_ticks;
     };
     let ticks = over.tick - taken;
-    let bound = u64::from(VALID_MS) + RAMP_MS + NOTE;
+    let bound = VALID_MS + RAMP_MS + NOTE;
     row(
         &format!("client {fault} while it commands 0.3 N m"),
         &format!("zero within {bound} ticks of the last message"),

@@ -302,7 +302,10 @@ fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
 
 /// The rig behind `link`, active, with a line that is kept open.
 fn plugged(link: &Path) -> (Bench<Serial>, PtyRig) {
-    let rig = RigConfig::prototype();
+    plugged_in(RigConfig::prototype(), link)
+}
+
+fn plugged_in(rig: RigConfig, link: &Path) -> (Bench<Serial>, PtyRig) {
     let pty = plug(SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("it can be simulated"), link);
     let port = link.to_str().expect("UTF-8");
     let line = Line::single(0..4, 1000);
@@ -361,6 +364,24 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
     until(&mut bench, "idle: the zeros are those of before", |sample| sample.state.mode == Mode::Idle);
     bench.order(Order::Enable);
     until(&mut bench, "active", |sample| sample.state.mode == Mode::Active);
+}
+
+#[test]
+fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
+    if !has_pty() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("hbot");
+    let mut patient = RigConfig::prototype();
+    patient.rig.timing.timeout_ticks = 1_000_000;
+    let (mut bench, pty) = plugged_in(patient, &link);
+    let rig = pty.stop().expect("it ran");
+    until(&mut bench, "gone", |sample| sample.counters.send_failures > 0);
+    let _pty = plug(rig, &link);
+    until(&mut bench, "back", |sample| sample.counters.reopened == 1);
+    let state = until(&mut bench, "a reading", |sample| sample.state.fresh).state;
+    assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::LinkLost)));
 }
 
 #[test]
