@@ -1,6 +1,8 @@
 //! The command line.
 
+mod bringup;
 mod commands;
+mod doctor;
 mod rig;
 mod scene;
 mod server;
@@ -41,6 +43,8 @@ enum Command {
     /// Measure on this machine what accuracy costs, what effects cost, where stability ends
     #[command(subcommand)]
     Study(study::StudyCommand),
+    /// Check this machine for real-time use and serial access, measure, and say how to mend what is wanting
+    Doctor(doctor::DoctorArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
     Estop(ServerAddress),
     /// Let a running server's torque ramp down
@@ -72,6 +76,7 @@ impl Cli {
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
             Command::Study(command) => study::run(command),
+            Command::Doctor(args) => doctor::run(args),
             Command::Estop(address) => commands::run(&address, commands::Order::Estop),
             Command::Disable(address) => commands::run(&address, commands::Order::Disable),
             Command::Enable(address) => commands::run(&address, commands::Order::Enable),

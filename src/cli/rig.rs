@@ -14,7 +14,7 @@ use hbot_core::singularity::{
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 use hbot_link::{command_frame_bytes, feedback_frame_bytes};
 
-use super::style;
+use super::{bringup, style};
 
 /// Steering angles looked at for each wheel; the torus of two wheels is sampled at their square.
 const SAMPLES: usize = 4096;
@@ -27,17 +27,25 @@ pub(crate) enum RigCommand {
         /// The rig file (TOML); the prototype where none is given
         file: Option<PathBuf>,
     },
+    /// Push one joint with a small torque, within watched limits: sign, counts, gear
+    Test(bringup::TestArgs),
+    /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, motors off
+    Calibrate(bringup::CalibrateArgs),
 }
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
-    let RigCommand::Check { file } = command;
+    let file = match command {
+        RigCommand::Check { file } => file,
+        RigCommand::Test(args) => return bringup::test(&args),
+        RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
+    };
     let config = RigConfig::load(file.as_deref(), &[])?;
     anstream::println!("{}{}{}: a legal design", style::NAME, config.name, style::OFF);
     for (wheel, name) in config.wheels.iter().enumerate() {
         if config.rig.joints[2 * wheel].zero == hbot_core::rig::Zero::Calibrate {
             anstream::println!(
-                "  {}warning:{} wheel {name} leaves its steering zero to a calibration, which this version has not: set \
-                 wheel.steer.zero to \"absolute\", \"index\" or \"assume\"",
+                "  {}warning:{} wheel {name} leaves its steering zero to a calibration: the rig stays unreferenced until \
+                 `hbot rig calibrate` has found it and the file says so",
                 style::WARN,
                 style::OFF
             );
@@ -140,10 +148,26 @@ fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
     })
 }
 
-/// Whether a frame a tick each way fits on the line.
+/// Whether a frame a tick each way fits on the lines.
 fn line(config: &RigConfig) -> bool {
-    let joints = config.rig.device.joints();
-    anstream::println!("\nserial line at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz);
+    // The simulated rig has one line for all.
+    let lines = match &config.link.port {
+        Port::Sim => vec![("sim".to_owned(), config.rig.device.joints())],
+        Port::Devices(devices) => devices
+            .iter()
+            .enumerate()
+            .map(|(port, device)| (device.clone(), config.ports.iter().filter(|p| **p == port).count()))
+            .collect(),
+    };
+    lines.iter().fold(true, |fits, (name, joints)| one_line(config, name, *joints) && fits)
+}
+
+fn one_line(config: &RigConfig, name: &str, joints: usize) -> bool {
+    anstream::println!(
+        "\nserial line {name} at {} baud, {} Hz, {joints} joints",
+        config.link.baud,
+        config.rate_hz
+    );
     let mut fits = true;
     for (name, bytes) in
         [("commands", command_frame_bytes(joints)), ("feedback", feedback_frame_bytes(joints))]

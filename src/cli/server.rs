@@ -46,6 +46,9 @@ pub(crate) struct ServerArgs {
     /// File with the token that clients must know
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; another address than loopback needs a token
+    #[arg(long, value_name = "ADDR:PORT")]
+    metrics: Option<SocketAddr>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -111,6 +114,17 @@ async fn serve(
     let listen = rig.api.listen;
     let listener = tokio::net::TcpListener::bind(listen).await.with_context(|| in_use(listen))?;
     let address = listener.local_addr()?;
+    let metrics = match args.metrics {
+        None => None,
+        Some(at) if !at.ip().is_loopback() && token.is_none() => {
+            bail!("--metrics {at} lets other machines in: name a file with a token by --token-file")
+        }
+        Some(at) => {
+            Some(tokio::net::TcpListener::bind(at).await.with_context(|| format!("cannot listen on {at}"))?)
+        }
+    };
+    let metrics_at = metrics.as_ref().map(tokio::net::TcpListener::local_addr).transpose()?;
+    let metrics_token = metrics_at.filter(|at| !at.ip().is_loopback()).and_then(|_| token.clone());
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
     let mut hangup = signal(SignalKind::hangup())?;
@@ -127,12 +141,18 @@ async fn serve(
         flight_dir: flight_dir(),
         recorder: None,
     })?;
+    if let Some(at) = metrics_at {
+        anstream::println!("metrics http://{at}/metrics");
+    }
     anstream::println!("{banner}");
     for notice in server.notices() {
         anstream::println!("  {}note{}     {notice}", style::WARN, style::OFF);
     }
 
     let (control_in, control) = tokio::sync::mpsc::channel(8);
+    if let Some(metrics) = metrics {
+        tokio::spawn(hbot_server::metrics::serve(metrics, control_in.clone(), metrics_token));
+    }
     let (status_in, status) = tokio::sync::watch::channel(Status::default());
     tokio::spawn(async move {
         while user.recv().await.is_some() {
@@ -228,7 +248,7 @@ fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
 }
 
 /// Where flight logs go: the user's state folder (XDG base directories).
-fn flight_dir() -> Option<PathBuf> {
+pub(crate) fn flight_dir() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
     state.map(|dir| dir.join("hbot/flight"))

@@ -282,3 +282,47 @@ fn the_end_of_all_ticks_is_no_danger() {
         }
     }
 }
+
+#[test]
+fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
+    let thermal_time = 4.0;
+    let ticks_until_hot = |factor: f64| {
+        let mut rig = rig();
+        rig.limits.thermal_time = Some(thermal_time);
+        // The joint that works hardest holds `factor` times its continuous torque.
+        let mut probe = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
+        let torques = probe.run(10).state.joint_torque;
+        for (joint, torque) in rig.joints.iter_mut().zip(torques) {
+            joint.continuous = (torque.abs() / factor).max(1e-9);
+        }
+        for j in [0, 2] {
+            rig.joints[j].continuous = 10.0;
+        }
+        let mut bench = Bench::active(rig, CompiledScene::empty());
+        bench.scene = spring_scene(2, 2.0, Vec3::X * 0.1);
+        (0..40_000).find(|_| bench.step().state.cause == Some(Cause::Thermal))
+    };
+    for factor in [1.5, 3.0] {
+        let ticks = ticks_until_hot(factor).expect("hot some time");
+        let square = factor * factor;
+        let expected = thermal_time * (square / (square - 1.0)).ln() / DT;
+        // Half the fade of the new scene (50 ms) comes on top, and a thousandth for the steps.
+        let off = ticks as f64 - expected;
+        assert!((-20.0..80.0).contains(&off), "{factor}: {ticks} ticks, {expected} expected");
+    }
+    assert_eq!(ticks_until_hot(0.98), None, "below the continuous torque it works for ever");
+}
+
+#[test]
+fn a_hot_motor_must_cool_down_before_reset() {
+    let mut rig = rig();
+    rig.limits.thermal_time = Some(1.0);
+    rig.joints.iter_mut().for_each(|joint| joint.continuous = 1e-3);
+    let mut bench = Bench::active(rig, CompiledScene::empty());
+    bench.scene = spring_scene(2, 2.0, Vec3::X * 0.1);
+    let hot = (0..5000).map(|_| bench.step()).find(|o| o.state.cause.is_some()).expect("hot some time");
+    assert_eq!((hot.state.cause, hot.state.torque), (Some(Cause::Thermal), Vec3::ZERO));
+    assert!(matches!(bench.command(Command::Reset).reply(), Reply::Refused(_)));
+    bench.run(1000);
+    assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
+}

@@ -1,10 +1,12 @@
 //! The program as its users meet it: the binary, its serial line, its TCP port, its files.
 
+mod bringup;
 mod by_hand;
 mod phenomena;
 mod process;
 mod refusals;
 mod replay;
+mod safety;
 mod scenes;
 mod study;
 mod wall;

@@ -120,6 +120,7 @@ fn rig(counts: [u32; 2], rate: RateEstimate) -> Rig {
             enable_max_angle: 0.5,
             align_rate: 0.2,
             reference_rate: 2.0,
+            thermal_time: None,
             max_age_ticks: 100,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },

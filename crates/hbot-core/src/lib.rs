@@ -26,6 +26,7 @@ pub mod controller;
 pub mod device;
 pub mod effects;
 mod encoder;
+mod heat;
 pub mod impedance;
 pub mod inputs;
 mod joints;

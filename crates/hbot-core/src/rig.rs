@@ -61,6 +61,9 @@ pub struct Limits {
     pub speed: Real,
     /// Largest slip of the powered sphere, m/s; above it: fault slip.
     pub slip: Real,
+    /// The thermal time of the motors, s: a joint whose mean square of torque over it is above that of its continuous torque is
+    /// the fault thermal. `None`: heat is left to the controllers.
+    pub thermal_time: Option<Real>,
     /// What the contacts hold; `None` where nobody knows.
     pub traction: Option<Traction>,
     /// How far a spring's reference may be from the orientation at enable, rad.

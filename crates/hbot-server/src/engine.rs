@@ -2,18 +2,17 @@
 
 use std::time::Duration;
 
+use hbot_config::RigConfig;
 use hbot_core::inputs::Command::{Enable, Estop};
 use hbot_core::inputs::{Commands, Complaints, Inputs, JointFeedback, MAX_COMMANDS};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::Drive;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
-use hbot_link::{
-    Command, ControllerFlags, Decoder, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME, ToController,
-    encode,
-};
+use hbot_link::ToController;
 
 use crate::bridge::LoopEnd;
 use crate::clock::now_ns;
+use crate::port::{NO_READINGS, Port};
 use crate::sample::{Answer, Counters, Sample, Timing};
 use crate::wire::Wire;
 
@@ -24,31 +23,74 @@ const STOPS: u32 = 3;
 /// A rebooted controller is asked to describe itself this often, ticks.
 const DESCRIBE_EVERY: u64 = 100;
 
-/// Where each joint stands on the serial line, and how long controllers hold out without the host.
+/// Where each joint stands on the serial lines, and how long controllers hold out without the host.
 #[derive(Debug, Clone)]
 pub struct Line {
-    /// The place on the line of each joint, in the order steer, drive of each wheel.
-    pub places: Vec<usize>,
+    /// The place of each joint, in the order steer, drive of each wheel.
+    pub places: Vec<Place>,
+    /// What is added to the count of each joint, so that zero is where the rig has it.
+    pub offsets: [i32; MAX_JOINTS],
     /// The controllers' watchdog time, ms.
     pub watchdog_ms: u16,
 }
 
+/// Where a joint stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// The line that carries it.
+    pub port: usize,
+    /// Its place on that line.
+    pub at: usize,
+}
+
+impl Line {
+    /// The lines of a rig.
+    #[must_use]
+    pub fn of(rig: &RigConfig) -> Self {
+        let mut offsets = [0; MAX_JOINTS];
+        for (j, offset) in offsets.iter_mut().enumerate().take(rig.rig.device.joints()).step_by(2) {
+            let joint = &rig.rig.joints[j];
+            let counts =
+                rig.zero_offsets[j] / std::f64::consts::TAU * f64::from(joint.counts_per_turn) * joint.gear;
+            // Wraps as the controllers' own counter does.
+            *offset = (if joint.reversed { -counts } else { counts }).round() as i64 as i32;
+        }
+        if rig.link.port == hbot_config::rig::Port::Sim {
+            // The simulated controllers stand on one line in the order of the joints.
+            return Self { offsets, ..Self::single(0..rig.controllers.len(), rig.link.watchdog_ms) };
+        }
+        let places = rig.ports.iter().zip(&rig.controllers).map(|(port, at)| Place { port: *port, at: *at });
+        Self { places: places.collect(), offsets, watchdog_ms: rig.link.watchdog_ms }
+    }
+
+    /// All joints on one line, `places` in the order steer, drive of each wheel.
+    #[must_use]
+    pub fn single(places: impl IntoIterator<Item = usize>, watchdog_ms: u16) -> Self {
+        let places = places.into_iter().map(|at| Place { port: 0, at }).collect();
+        Self { places, offsets: [0; MAX_JOINTS], watchdog_ms }
+    }
+
+    /// The joints on one of the lines, each with its place there.
+    pub fn joints(&self, port: usize) -> impl Iterator<Item = (usize, usize)> {
+        let all = self.places.iter().enumerate();
+        all.filter(move |(_, place)| place.port == port).map(|(joint, place)| (joint, place.at))
+    }
+}
+
 /// Everything that a tick touches. Nothing here allocates, frees or waits once it runs.
 pub(crate) struct Engine<W> {
-    wire: W,
-    line: Line,
+    ports: Vec<Port<W>>,
+    watchdog_ms: u16,
     controller: Controller,
     scene: Box<CompiledScene>,
     bridge: LoopEnd,
-    decoder: Decoder<FromController>,
     received: [u8; 4096],
-    frame: [u8; MAX_COMMAND_FRAME],
+    /// What the joints of all lines have told last, each in its own time.
+    readings: JointFeedback,
     /// When each of the last commands went out, ns, by sequence.
     sent_at: [u64; SENT],
     counters: Counters,
     recorder: Option<Recorder>,
-    /// The line took only a part of the last frame.
-    cut: bool,
     /// Enable as soon as the rig is idle, once.
     enable_when_idle: bool,
     /// Idle after the last tick.
@@ -74,7 +116,7 @@ pub(crate) struct Moment {
     pub(crate) skipped: u64,
 }
 
-/// What the line brought since the last tick.
+/// What the lines brought since the last tick.
 #[derive(Default)]
 struct Received {
     feedback: Option<JointFeedback>,
@@ -83,27 +125,27 @@ struct Received {
 }
 
 impl<W: Wire> Engine<W> {
+    /// `wires` are the lines in the order of `line`'s ports.
     pub(crate) fn new(
-        wire: W,
-        line: Line,
+        wires: Vec<W>,
+        line: &Line,
         controller: Controller,
         scene: Box<CompiledScene>,
         bridge: LoopEnd,
         recorder: Option<Recorder>,
     ) -> Self {
+        let port = |(port, wire)| Port::new(wire, line.joints(port).collect(), line.offsets);
         Self {
-            wire,
-            line,
+            ports: wires.into_iter().enumerate().map(port).collect(),
+            watchdog_ms: line.watchdog_ms,
             controller,
             scene,
             bridge,
-            decoder: Decoder::new(),
             received: [0; 4096],
-            frame: [0; MAX_COMMAND_FRAME],
+            readings: NO_READINGS,
             sent_at: [0; SENT],
             counters: Counters::default(),
             recorder,
-            cut: false,
             enable_when_idle: false,
             idle: false,
         }
@@ -115,8 +157,15 @@ impl<W: Wire> Engine<W> {
         self
     }
 
-    pub(crate) fn wire(&mut self) -> &mut W {
-        &mut self.wire
+    /// Tells simulated lines what time it is, ns.
+    pub(crate) fn set_time(&mut self, now_ns: u64) {
+        self.ports.iter_mut().for_each(|port| port.wire.set_time(now_ns));
+    }
+
+    /// What has been counted so far.
+    #[cfg(test)]
+    pub(crate) fn counters(&self) -> &Counters {
+        &self.counters
     }
 
     pub(crate) fn bridge(&self) -> &LoopEnd {
@@ -126,7 +175,7 @@ impl<W: Wire> Engine<W> {
     /// One tick.
     pub(crate) fn tick(&mut self, moment: &Moment) {
         let started = now_ns();
-        let received = self.receive();
+        let received = self.receive(moment.tick as u32);
         let (commands, tickets) = self.orders();
         self.adopt_scene();
         let inputs = Inputs {
@@ -144,7 +193,9 @@ impl<W: Wire> Engine<W> {
 
         self.send(moment.tick as u32, &outputs.drive);
         if received.rebooted && moment.tick.is_multiple_of(DESCRIBE_EVERY) {
-            self.describe();
+            for port in self.ports.iter_mut().filter(|port| port.undescribed) {
+                self.counters.send_failures += u64::from(!port.write(&ToController::Describe));
+            }
         }
         let sent = now_ns();
         self.sent_at[moment.tick as usize % SENT] = sent;
@@ -192,29 +243,30 @@ impl<W: Wire> Engine<W> {
         }
     }
 
-    /// Reads and decodes what has arrived; the newest feedback counts.
-    fn receive(&mut self) -> Received {
+    /// Reads and decodes what has arrived on all lines; of each the newest feedback counts.
+    fn receive(&mut self, tick: u32) -> Received {
         let mut all = Received::default();
-        // A line that babbles faster than it is read is read on next tick.
-        for _ in 0..4 {
-            let n = self.wire.read(&mut self.received).unwrap_or(0);
-            let (places, counters) = (&self.line.places, &mut self.counters);
-            self.decoder.feed(&self.received[..n], |frame| match frame {
-                Ok(FromController::Feedback(feedback)) if feedback.joints.len() == places.len() => {
-                    all.rebooted |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
-                    // The newest reading counts, and every complaint.
-                    let complaints = all.feedback.map(|last| last.complaints).unwrap_or_default();
-                    let mut reading = reading(&feedback, places);
-                    reading.complaints = reading.complaints.or(complaints);
-                    all.feedback = Some(reading);
-                }
-                Ok(FromController::Feedback(_)) => counters.foreign_frames += 1,
-                Ok(FromController::Description(_)) => {}
-                Err(_) => all.corrupt = all.corrupt.saturating_add(1),
-            });
-            if n < self.received.len() {
-                break;
+        let mut complaints = Complaints::default();
+        let mut news = false;
+        for port in &mut self.ports {
+            port.receive(tick, &mut self.received, &mut self.counters);
+            all.corrupt = all.corrupt.saturating_add(std::mem::take(&mut port.corrupt));
+            all.rebooted |= port.undescribed | std::mem::take(&mut port.rebooted);
+            complaints = complaints.or(std::mem::take(&mut port.complaints));
+            if let Some(feedback) = port.fresh.take() {
+                news = true;
+                port.take(&feedback, &mut self.readings);
             }
+        }
+        // The oldest answer tells how new all together are: what the core takes as news is news of every joint. Complaints it
+        // takes at any rate.
+        let age = |sequence: u32| tick.wrapping_sub(sequence);
+        let oldest = self.ports.iter().try_fold(tick, |oldest, port| {
+            port.sequence.map(|sequence| if age(sequence) > age(oldest) { sequence } else { oldest })
+        });
+        if let Some(sequence) = oldest.filter(|_| news || complaints != Complaints::default()) {
+            self.readings.sequence = sequence;
+            all.feedback = Some(JointFeedback { complaints, ..self.readings });
         }
         all
     }
@@ -250,57 +302,9 @@ impl<W: Wire> Engine<W> {
     }
 
     fn send(&mut self, sequence: u32, drive: &Drive) {
-        let mut command = Command {
-            sequence,
-            enable: drive.enable,
-            watchdog_ms: self.line.watchdog_ms,
-            ..Command::default()
-        };
-        let mut torque = [0.0_f32; MAX_JOINTS];
-        for (joint, place) in self.line.places.iter().enumerate() {
-            torque[*place] = drive.torque[joint] as f32;
+        for port in &mut self.ports {
+            let command = port.command(sequence, self.watchdog_ms, drive);
+            self.counters.send_failures += u64::from(!port.write(&ToController::Command(command)));
         }
-        // At most MAX_JOINTS, which is what it holds.
-        let _ = command.torque.extend_from_slice(&torque[..self.line.places.len()]);
-        self.write(&ToController::Command(command));
     }
-
-    fn describe(&mut self) {
-        self.write(&ToController::Describe);
-    }
-
-    fn write(&mut self, message: &ToController) {
-        if self.cut {
-            // A zero ends the half frame, or it would spoil this one too.
-            self.cut = !self.wire.write(&[0]).is_ok_and(|written| written == 1);
-        }
-        let whole = encode(message, &mut self.frame)
-            .is_ok_and(|n| self.wire.write(&self.frame[..n]).is_ok_and(|written| written == n));
-        self.cut |= !whole;
-        self.counters.send_failures += u64::from(!whole);
-    }
-}
-
-/// A feedback frame in the order of the rig's joints.
-fn reading(feedback: &Feedback, places: &[usize]) -> JointFeedback {
-    let mut reading = JointFeedback {
-        sequence: feedback.sequence,
-        counts: [0; MAX_JOINTS],
-        rates: [0.0; MAX_JOINTS],
-        index_seen: 0,
-        complaints: Complaints {
-            fault: feedback.flags.contains(ControllerFlags::FAULT),
-            watchdog: feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED),
-            ..Complaints::default()
-        },
-    };
-    for (joint, place) in places.iter().enumerate() {
-        let at = &feedback.joints[*place];
-        reading.counts[joint] = at.count;
-        reading.rates[joint] = f64::from(at.rate);
-        reading.index_seen |= u16::from(at.flags.contains(JointFlags::INDEX_SEEN)) << joint;
-        reading.complaints.overcurrent |= at.flags.contains(JointFlags::OVERCURRENT);
-        reading.complaints.overtemperature |= at.flags.contains(JointFlags::OVERTEMPERATURE);
-    }
-    reading
 }

@@ -12,8 +12,9 @@ use serde_json::{Map, json};
 
 use crate::bridge::{ServiceEnd, bridge};
 use crate::engine::{Engine, Line, Moment};
-use crate::handshake::handshake;
-use crate::wire::{Memory, Serial, Wire};
+use crate::handshake::{Expected, handshake};
+use crate::serial::Serial;
+use crate::wire::{Memory, Wire};
 
 const TICKS: u64 = 10_000;
 
@@ -35,8 +36,8 @@ fn simulated() -> (RigConfig, SimulatedRig) {
 impl<W: Wire> Bench<W> {
     /// Call it on a tokio runtime.
     fn new(rig: &RigConfig, mut wire: W) -> Self {
-        let line = Line { places: (0..4).collect(), watchdog_ms: rig.link.watchdog_ms };
-        handshake(&mut wire, "sim", &rig.rig, &line).expect("the simulated rig answers");
+        let line = Line::single(0..4, rig.link.watchdog_ms);
+        handshake(&mut wire, &Expected::new("sim", &rig.rig, &line, 0)).expect("the simulated rig answers");
         let (inner, end) = bridge().expect("a bridge");
         let mut running = RunningScene::new();
         let first = Box::new(running.load(SceneFile::default_scene()));
@@ -46,7 +47,7 @@ impl<W: Wire> Bench<W> {
                 Box::new(running.set("spring", &stiffness).expect("a legal stiffness"))
             })
             .collect();
-        let engine = Engine::new(wire, line, Controller::new(rig.rig), first, inner, None);
+        let engine = Engine::new(vec![wire], &line, Controller::new(rig.rig), first, inner, None);
         Self { engine, end, scenes, mode: Mode::Unreferenced, seen: 0 }
     }
 
@@ -97,7 +98,7 @@ fn ten_thousand_ticks_allocate_and_free_nothing_in_memory() {
     let (rig, simulated) = simulated();
     let (_calls, inbox) = mpsc::channel();
     let mut bench = Bench::new(&rig, Memory::new(simulated, inbox));
-    let found = allocations(&mut bench, |engine, tick| engine.wire().set_time(tick * 1_000_000));
+    let found = allocations(&mut bench, |engine, tick| engine.set_time(tick * 1_000_000));
     assert_eq!(found, 0, "allocations in the tick");
     assert_eq!((bench.mode, bench.seen), (Mode::Active, TICKS));
     let counted = allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1))));
@@ -128,12 +129,12 @@ fn an_estop_is_done_in_the_next_tick_whatever_waits_before_it() {
     let (rig, simulated) = simulated();
     let (_calls, inbox) = mpsc::channel();
     let mut bench = Bench::new(&rig, Memory::new(simulated, inbox));
-    let found = allocations(&mut bench, |engine, tick| engine.wire().set_time(tick * 1_000_000));
+    let found = allocations(&mut bench, |engine, tick| engine.set_time(tick * 1_000_000));
     assert_eq!((found, bench.mode), (0, Mode::Active));
     while bench.end.order(Command::Disable).is_ok() {}
     // The ring is full, and has no place for this one either.
     assert!(bench.end.order(Command::Estop).is_err());
-    bench.engine.wire().set_time(TICKS * 1_000_000);
+    bench.engine.set_time(TICKS * 1_000_000);
     bench.engine.tick(&moment(TICKS));
     let sample = bench.end.try_sample().expect("a sample");
     assert_eq!((sample.state.mode, sample.state.torque), (Mode::Estop, Vec3::ZERO));

@@ -1,10 +1,13 @@
-//! Before the first tick: the controllers say who they are.
+//! Before the first tick, and when a line is back: the controllers say who they are.
 
 use std::io;
 use std::time::Duration;
 
 use hbot_core::Rig;
-use hbot_link::{Decoder, Description, FromController, PROTOCOL_VERSION, ToController, encode};
+use hbot_link::{
+    Command, ControllerFlags, Decoder, Description, FromController, MAX_COMMAND_FRAME, PROTOCOL_VERSION,
+    ToController, encode,
+};
 use thiserror::Error;
 
 use crate::engine::Line;
@@ -42,8 +45,10 @@ pub enum HandshakeError {
         theirs: u16,
     },
     /// Another number of joints.
-    #[error("the controllers have {theirs} joints, the rig file {ours}: correct its wheels")]
+    #[error("the controllers on {port} have {theirs} joints, the rig file {ours} there: correct its wheels")]
     Joints {
+        /// The port.
+        port: String,
         /// On the line.
         theirs: usize,
         /// In the rig file.
@@ -66,34 +71,85 @@ pub enum HandshakeError {
     },
 }
 
+/// Who must be at the other end of a line.
+#[derive(Debug, Clone)]
+pub struct Expected {
+    /// The port, for messages.
+    port: String,
+    /// In the order of the line: each joint's number in the rig, and its counts a turn.
+    joints: Vec<(usize, u32)>,
+}
+
+impl Expected {
+    /// The controllers of `rig` on line number `port` of `line`, which is called `name`.
+    #[must_use]
+    pub fn new(name: &str, rig: &Rig, line: &Line, port: usize) -> Self {
+        let mut joints: Vec<_> = line.joints(port).collect();
+        joints.sort_by_key(|(_, at)| *at);
+        let joints =
+            joints.into_iter().map(|(joint, _)| (joint, rig.joints[joint].counts_per_turn)).collect();
+        Self { port: name.to_owned(), joints }
+    }
+
+    /// How many joints are on the line.
+    #[must_use]
+    pub fn joints(&self) -> usize {
+        self.joints.len()
+    }
+}
+
 /// Asks the controllers on `wire` to describe themselves and holds the answer against the rig.
 ///
 /// # Errors
 /// They do not answer, or are not those of the rig.
-pub fn handshake(
+pub fn handshake(wire: &mut dyn Wire, expected: &Expected) -> Result<Description, HandshakeError> {
+    let answer = ask(wire, &expected.port, &ToController::Describe, |message| match message {
+        FromController::Description(description) => Some(description),
+        FromController::Feedback(_) => None,
+    })?;
+    check(answer, expected)
+}
+
+/// Switches the motors on `wire` off, and says whether their controllers have lost power since they were asked to describe
+/// themselves last.
+///
+/// # Errors
+/// They do not answer.
+pub fn switch_off(wire: &mut dyn Wire, expected: &Expected) -> Result<bool, HandshakeError> {
+    let mut off = Command { watchdog_ms: 1, ..Command::default() };
+    // At most as many as a line may have.
+    let _ = off.torque.resize(expected.joints(), 0.0);
+    ask(wire, &expected.port, &ToController::Command(off), |message| match message {
+        FromController::Feedback(feedback) => Some(feedback.flags.contains(ControllerFlags::UNDESCRIBED)),
+        FromController::Description(_) => None,
+    })
+}
+
+/// Says `message` until the answer comes.
+fn ask<T>(
     wire: &mut dyn Wire,
     port: &str,
-    rig: &Rig,
-    line: &Line,
-) -> Result<Description, HandshakeError> {
+    message: &ToController,
+    mut answer: impl FnMut(FromController) -> Option<T>,
+) -> Result<T, HandshakeError> {
     let failed = |error| HandshakeError::Line { port: port.to_owned(), error };
     let mut decoder = Decoder::<FromController>::new();
     let mut buffer = [0; 512];
     // A zero first ends whatever was on the line before.
-    let mut ask = [0; 64];
-    let n = 1 + encode(&ToController::Describe, &mut ask[1..]).unwrap_or(0);
+    let mut frame = [0; 1 + MAX_COMMAND_FRAME];
+    let n = 1 + encode(message, &mut frame[1..]).unwrap_or(0);
     for _ in 0..TRIES {
-        wire.write(&ask[..n]).map_err(failed)?;
+        wire.write(&frame[..n]).map_err(failed)?;
         for _ in 0..WAIT.as_millis() {
             let mut found = None;
             let got = wire.read(&mut buffer).map_err(failed)?;
             decoder.feed(&buffer[..got], |frame| {
-                if let Ok(FromController::Description(description)) = frame {
-                    found = Some(description);
+                if let Some(it) = frame.ok().and_then(&mut answer) {
+                    found = Some(it);
                 }
             });
-            if let Some(description) = found {
-                return check(description, rig, line);
+            if let Some(found) = found {
+                return Ok(found);
             }
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -101,19 +157,19 @@ pub fn handshake(
     Err(HandshakeError::Silent { port: port.to_owned() })
 }
 
-fn check(description: Description, rig: &Rig, line: &Line) -> Result<Description, HandshakeError> {
+fn check(description: Description, expected: &Expected) -> Result<Description, HandshakeError> {
     if description.protocol != PROTOCOL_VERSION {
         return Err(HandshakeError::Protocol { theirs: description.protocol });
     }
-    let ours = rig.device.joints();
-    if description.joints.len() != ours {
-        return Err(HandshakeError::Joints { theirs: description.joints.len(), ours });
+    let (theirs, ours) = (description.joints.len(), expected.joints());
+    if theirs != ours {
+        return Err(HandshakeError::Joints { port: expected.port.clone(), theirs, ours });
     }
-    for (i, place) in line.places.iter().enumerate() {
-        let (theirs, ours) = (description.joints[*place].counts_per_turn, rig.joints[i].counts_per_turn);
-        if theirs != ours {
-            let field = format!("wheel[{}].{}", i / 2, if i % 2 == 0 { "steer" } else { "drive" });
-            return Err(HandshakeError::Counts { joint: i + 1, field, theirs, ours });
+    for (described, (joint, ours)) in description.joints.iter().zip(&expected.joints) {
+        let theirs = described.counts_per_turn;
+        if theirs != *ours {
+            let field = format!("wheel[{}].{}", joint / 2, if joint % 2 == 0 { "steer" } else { "drive" });
+            return Err(HandshakeError::Counts { joint: joint + 1, field, theirs, ours: *ours });
         }
     }
     Ok(description)

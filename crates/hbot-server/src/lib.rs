@@ -3,25 +3,34 @@
 //!
 //! # Layers, from the line up
 //!
-//! 1. [`wire`]: bytes in, bytes out, never waiting: a serial port, or the simulated rig in memory.
-//! 2. [`handshake`]: who the controllers are; [`engine`]: one tick, frames in, `Controller::tick`, frame out, sample.
+//! 1. [`wire`]: bytes in, bytes out, never waiting: a [`serial`] port, or the simulated rig in memory.
+//! 2. [`handshake`]: who the controllers are; `port`: the frames of one line; [`engine`]: one tick, frames in,
+//!    `Controller::tick`, frames out, sample.
 //! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], [`realtime`], [`clock`]) or in virtual time.
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
-//! 6. [`server`]: all of it put together, started and stopped; `phenomena`: what a scene wants of the simulated rig.
+//! 6. [`bringup`]: one joint at a time, and calibration; [`doctor`]: whether a machine can keep the loop's time.
+//! 7. [`server`]: all of it put together, started and stopped; `phenomena`: what a scene wants of the simulated rig.
 
 pub mod bridge;
+pub mod bringup;
 pub mod clock;
+pub mod doctor;
 pub mod engine;
 #[cfg(test)]
 mod engine_tests;
 pub mod flight;
 pub mod handshake;
+#[cfg(test)]
+mod line_tests;
+pub mod metrics;
 pub mod pace;
 mod phenomena;
+mod port;
 pub mod realtime;
 pub mod run_loop;
 pub mod sample;
+pub mod serial;
 pub mod server;
 pub mod service;
 pub mod wire;

@@ -80,7 +80,7 @@ pub(crate) fn lockstep<W: Wire>(
                 std::thread::yield_now();
             }
             let t_ns = tick * period_ns;
-            engine.wire().set_time(t_ns);
+            engine.set_time(t_ns);
             engine.tick(&Moment { tick, t_ns, lateness_ns: 0, late: false, skipped: 0 });
             tick += 1;
         }

@@ -58,6 +58,8 @@ pub struct Counters {
     pub foreign_frames: u64,
     /// Commands that the serial line did not take whole.
     pub send_failures: u64,
+    /// Times that a serial line was gone and came back.
+    pub reopened: u64,
     /// Samples that found no place because nobody fetched them.
     pub dropped_samples: u64,
 }

@@ -1,7 +1,7 @@
 //! A whole server: the line, the loop's thread and the service, put together and taken apart again.
 
 use std::future::Future;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
@@ -22,12 +22,13 @@ use tokio::sync::{mpsc as async_mpsc, watch};
 use crate::bridge::{ServiceEnd, bridge};
 use crate::clock::now_ns;
 use crate::engine::{Engine, Line, Recorder};
-use crate::handshake::{HandshakeError, handshake};
+use crate::handshake::{Expected, HandshakeError, handshake};
 use crate::phenomena::phenomena;
 use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
 use crate::run_loop::{Ended, StopFlag, lockstep, wall};
+use crate::serial::{LatencyTimer, OpenError, Serial};
 use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
-use crate::wire::{Memory, OpenError, Serial, SimulatorCall};
+use crate::wire::{Memory, SimulatorCall};
 
 /// What a server is to be.
 pub struct Options {
@@ -145,29 +146,29 @@ impl Server {
         for (wheel, name) in rig.wheels.iter().enumerate() {
             if rig.rig.joints[2 * wheel].zero == Zero::Calibrate {
                 notices.push(format!(
-                    "wheel {name}: its steering zero is left to a calibration, which this version has not: the rig stays \
-                     unreferenced; set wheel.steer.zero to \"absolute\", \"index\" or \"assume\""
+                    "wheel {name}: its steering zero is left to a calibration: the rig stays unreferenced; run `hbot rig calibrate` and \
+                     set wheel.steer.zero and zero_offset as it says"
                 ));
             }
         }
-        // The simulated controllers stand on their line in the order of the joints.
-        let places = if simulated { (0..rig.controllers.len()).collect() } else { rig.controllers.clone() };
-        let line = Line { places, watchdog_ms: rig.link.watchdog_ms };
+        let line = Line::of(&rig);
 
         let controller = Controller::new(rig.rig);
         let (thread, pty, set): (_, _, Option<SetPhenomena>) = match (time, &rig.link.port) {
-            (Time::Virtual, Port::Device(device)) => return Err(StartError::VirtualHardware(device.clone())),
+            (Time::Virtual, Port::Devices(_)) => {
+                return Err(StartError::VirtualHardware(rig.link.port.to_string()));
+            }
             (Time::Virtual, Port::Sim) => {
                 let (calls, inbox) = mpsc::channel::<SimulatorCall>();
                 let mut wire = Memory::new(simulator(&rig, shown)?, inbox);
-                handshake(&mut wire, "sim", &rig.rig, &line)?;
+                handshake(&mut wire, &Expected::new("sim", &rig.rig, &line, 0))?;
                 let call = move |call: SimulatorCall| {
                     // A loop that has ended needs none.
                     let _ = calls.send(call);
                 };
                 impair(shown, &call);
-                let engine =
-                    Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
+                let engine = Engine::new(vec![wire], &line, controller, compiled, loop_end, recorder)
+                    .enabling(simulated);
                 let stop = stop.clone();
                 let thread = spawn(move || lockstep(engine, period_ns, ticks, &stop))?;
                 (thread, None, Some(replace_by(call)))
@@ -176,14 +177,15 @@ impl Server {
                 if let Err(reason) = lock_memory() {
                     notices.push(format!("memory is not locked ({reason}): page faults may delay ticks; run as root, or raise the limit memlock"));
                 }
-                let (mut wire, pty) = match port {
+                let (wires, pty) = match port {
                     Port::Sim => {
                         let pty = Arc::new(serve_pty(simulator(&rig, shown)?)?);
-                        (Serial::open(&pty.path().display().to_string(), rig.link.baud)?, Some(pty))
+                        let mut wire = Serial::open(&pty.path().display().to_string(), rig.link.baud)?;
+                        handshake(&mut wire, &Expected::new("sim", &rig.rig, &line, 0))?;
+                        (vec![wire], Some(pty))
                     }
-                    Port::Device(device) => (Serial::open(device, rig.link.baud)?, None),
+                    Port::Devices(devices) => (ports(devices, &rig, &line, &mut notices)?, None),
                 };
-                handshake(&mut wire, &port.to_string(), &rig.rig, &line)?;
                 let set = pty.clone().map(|pty| {
                     let call = move |call: SimulatorCall| {
                         // A rig whose thread has ended shows in the loop as a lost link.
@@ -193,7 +195,7 @@ impl Server {
                     replace_by(call)
                 });
                 let engine =
-                    Engine::new(wire, line, controller, compiled, loop_end, recorder).enabling(simulated);
+                    Engine::new(wires, &line, controller, compiled, loop_end, recorder).enabling(simulated);
                 let stop = stop.clone();
                 let (settled, heard) = mpsc::sync_channel(1);
                 let thread = spawn(move || {
@@ -249,6 +251,30 @@ impl Server {
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
         Ok(Finished { summary, panicked: ended == Ended::Panicked, speed })
     }
+}
+
+/// Opens the rig's serial ports, meets the controllers on them, and has them kept open.
+fn ports(
+    devices: &[String],
+    rig: &RigConfig,
+    line: &Line,
+    notices: &mut Vec<String>,
+) -> Result<Vec<Serial>, StartError> {
+    let open = |(port, device): (usize, &String)| {
+        let mut wire = Serial::open(device, rig.link.baud)?;
+        let expected = Expected::new(device, &rig.rig, line, port);
+        handshake(&mut wire, &expected)?;
+        wire.keep_open(device, rig.link.baud, expected)?;
+        if let Some(timer) = LatencyTimer::of(Path::new(device)).filter(|timer| timer.ms > 1) {
+            notices.push(format!(
+                "{device} holds readings back for {} ms: write 1 to {} (contrib/ has a udev rule)",
+                timer.ms,
+                timer.path.display()
+            ));
+        }
+        Ok(wire)
+    };
+    devices.iter().enumerate().map(open).collect()
 }
 
 fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinHandle<Ended>> {

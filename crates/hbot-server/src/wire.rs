@@ -1,12 +1,9 @@
-//! A serial line, real or simulated: bytes in, bytes out, never waiting.
+//! A serial line as the loop sees it: bytes in, bytes out, never waiting. Real ones are in [`serial`](crate::serial).
 
-use std::io::{self, Read as _, Write as _};
+use std::io;
 use std::sync::mpsc::Receiver;
-use std::time::Duration;
 
 use hbot_sim::rig::SimulatedRig;
-use serialport::{SerialPort as _, TTYPort};
-use thiserror::Error;
 
 /// Bytes to and from the motor controllers.
 pub trait Wire: Send {
@@ -24,88 +21,36 @@ pub trait Wire: Send {
 
     /// Tells a simulated line what time it is, ns; a real one knows.
     fn set_time(&mut self, _now_ns: u64) {}
-}
 
-/// A serial port, or a pseudo-terminal that looks like one.
-#[derive(Debug)]
-pub struct Serial {
-    port: TTYPort,
-    /// Once the line is gone it is not asked again, so a dead line costs the loop nothing.
-    gone: bool,
-}
-
-/// A port that does not open.
-#[derive(Debug, Error)]
-#[error("cannot open serial port {port}: {reason}\n{}", list(.available))]
-pub struct OpenError {
-    port: String,
-    reason: String,
-    available: Vec<String>,
-}
-
-fn list(available: &[String]) -> String {
-    if available.is_empty() {
-        "no serial port was found on this machine; `--port sim` runs without hardware".to_owned()
-    } else {
-        format!("ports on this machine: {}; `--port sim` runs without hardware", available.join(", "))
+    /// Whether the line was gone and is there again since this was asked last. Never waits.
+    fn renewed(&mut self) -> Option<Renewed> {
+        None
     }
 }
 
-impl Serial {
-    /// Opens `port` at `baud`, 8N1, without flow control, and for this process alone.
-    ///
-    /// # Errors
-    /// It is not there, is in use, or may not be opened; the error lists the ports that are there.
-    pub fn open(port: &str, baud: u32) -> Result<Self, OpenError> {
-        let opened = serialport::new(port, baud).timeout(Duration::ZERO).open_native();
-        opened.map(|port| Self { port, gone: false }).map_err(|error| OpenError {
-            port: port.to_owned(),
-            reason: error.to_string(),
-            available: serialport::available_ports()
-                .map(|ports| ports.into_iter().map(|p| p.port_name).collect())
-                .unwrap_or_default(),
-        })
-    }
-
-    fn check<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
-        self.gone |= result.as_ref().is_err_and(|e| !would_block(e));
-        result
-    }
-}
-
-fn would_block(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
-}
-
-impl Wire for Serial {
+impl Wire for Box<dyn Wire> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.gone {
-            return Err(io::ErrorKind::BrokenPipe.into());
-        }
-        // Asked first, because the port's read makes (and allocates) an error where there is nothing to read.
-        let waiting = self.port.bytes_to_read().map_err(io::Error::from);
-        match self.check(waiting)? {
-            0 => Ok(0),
-            _ => {
-                let result = self.port.read(buffer);
-                match self.check(result) {
-                    Err(e) if would_block(&e) => Ok(0),
-                    other => other,
-                }
-            }
-        }
+        self.as_mut().read(buffer)
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.gone {
-            return Err(io::ErrorKind::BrokenPipe.into());
-        }
-        let result = self.port.write(bytes);
-        match self.check(result) {
-            Err(e) if would_block(&e) => Ok(0),
-            other => other,
-        }
+        self.as_mut().write(bytes)
     }
+
+    fn set_time(&mut self, now_ns: u64) {
+        self.as_mut().set_time(now_ns);
+    }
+
+    fn renewed(&mut self) -> Option<Renewed> {
+        self.as_mut().renewed()
+    }
+}
+
+/// A line that was gone is there again, and the controllers on it are those of the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Renewed {
+    /// They have lost power meanwhile: their zeros are not those of before.
+    pub rebooted: bool,
 }
 
 /// Something to do with the simulated rig between two ticks.

@@ -156,6 +156,7 @@ fn rig() -> Option<Rig> {
             enable_max_angle: 0.5,
             align_rate: 0.5,
             reference_rate: 5.0,
+            thermal_time: None,
             max_age_ticks: 50,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },

@@ -66,12 +66,13 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
 /// Checks what wheels, loop, link and service must agree on, and compiles. `None` where the report says why.
 pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let wheels = wheel_names(&file, report);
-    let controllers = controllers(&file, report);
     let link = link(&file, report);
+    let (ports, controllers) = controllers(&file, &link.port, report);
     let api = api(&file, report);
     file.r#loop.rate_estimate.check(report);
     let device = device(&file, report)?;
     let joints = joints(&file);
+    let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let timing = core::Timing {
         period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
         timeout_ticks: file.link.timeout_ticks,
@@ -91,7 +92,9 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         name: file.name,
         rig,
         wheels,
+        ports,
         controllers,
+        zero_offsets,
         rate_hz: file.r#loop.rate_hz,
         accuracy: file.r#loop.accuracy.name(),
         link,
@@ -119,35 +122,60 @@ fn each_joint(file: &RigFile) -> impl Iterator<Item = (String, &file::Joint)> {
     })
 }
 
-fn controllers(file: &RigFile, report: &mut Report) -> Vec<usize> {
-    let count = 2 * file.wheel.len();
+/// For each joint the line that carries it, and its place there.
+fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>, Vec<usize>) {
+    let ports: Vec<usize> = each_joint(file).map(|(_, settings)| settings.port as usize).collect();
     let mut taken = HashSet::new();
     let mut order = Vec::new();
     for (joint, (path, settings)) in each_joint(file).enumerate() {
-        let position = settings.controller.map_or(joint, |c| c as usize);
+        let line = ports[joint];
+        let count = ports.iter().filter(|p| **p == line).count();
+        let own = ports[..joint].iter().filter(|p| **p == line).count();
+        let position = settings.controller.map_or(own, |c| c as usize);
         let words = || {
             format!(
-                "each of 0 to {} once; the place of a joint that names none is its own, here {joint}",
+                "each of 0 to {} once; the place of a joint that names none is its own, here {own}",
                 count - 1
             )
         };
         if position >= count {
             let message = format!("{position} is past the last of {count} joints");
             report.push(&format!("{path}.controller"), message, words());
-        } else if !taken.insert(position) {
+        } else if !taken.insert((line, position)) {
             report.push(
                 &format!("{path}.controller"),
                 format!("{position} is taken by another joint"),
                 words(),
             );
         }
+        // The simulated rig has one line, whatever the real one has.
+        if let Port::Devices(devices) = port
+            && line >= devices.len()
+        {
+            let message = format!("{line} is past the last of {} in link.port", devices.len());
+            report.push(&format!("{path}.port"), message, format!("0 to {}", devices.len() - 1));
+        }
         order.push(position);
     }
-    order
+    if let Port::Devices(devices) = port {
+        for (line, device) in devices.iter().enumerate() {
+            if !ports.contains(&line) {
+                report.push("link.port", format!("no joint is on {device}"), "ports with joints".to_owned());
+            }
+            if devices[..line].contains(device) {
+                report.push("link.port", format!("{device} is named twice"), "ports that differ".to_owned());
+            }
+        }
+    }
+    (ports, order)
 }
 
 fn link(file: &RigFile, report: &mut Report) -> LinkConfig {
-    let port = Port::from(file.link.port.as_str());
+    let port = match &file.link.port {
+        settings::Ports::One(name) => Port::from(name.as_str()),
+        settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
+        settings::Ports::Several(names) => Port::Devices(names.clone()),
+    };
     let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
     let rate_hz = file.r#loop.rate_hz;
@@ -251,6 +279,7 @@ fn limits(limits: &settings::Limits) -> core::Limits {
         enable_max_angle: limits.enable_max_angle,
         align_rate: limits.align_rate,
         reference_rate: limits.reference_rate,
+        thermal_time: limits.thermal_time,
         max_age_ticks: limits.max_age_ticks,
     }
 }

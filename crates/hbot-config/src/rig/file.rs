@@ -85,8 +85,12 @@ pub(crate) struct Wheel {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Joint {
-    /// Position of the joint on the serial line, from 0; its place in the order steer, drive of each wheel where absent. All
-    /// joints together name each position once.
+    /// Which of the ports in `link.port` carries the joint, from 0.
+    #[serde(default)]
+    #[schemars(range(min = 0, max = 7))]
+    pub(crate) port: u32,
+    /// Position of the joint on its serial line, from 0; its place in the order steer, drive of each wheel among the joints of
+    /// its port where absent. All joints of a port together name each position once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 15))]
     pub(crate) controller: Option<u32>,
@@ -104,6 +108,10 @@ pub(crate) struct Joint {
     /// How the zero of a steering angle becomes known; without meaning for a drive joint.
     #[serde(default)]
     pub(crate) zero: Zero,
+    /// The joint's angle where its encoder says zero, as `hbot rig calibrate` finds it; without meaning for a drive joint.
+    #[serde(default)]
+    #[schemars(range(min = -6.3, max = 6.3), extend("unit" = "rad"))]
+    pub(crate) zero_offset: f64,
     /// Inertia about the joint's axis with everything that turns with it, the rotor seen through its gear.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "kg m²"))]

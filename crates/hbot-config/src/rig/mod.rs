@@ -34,8 +34,12 @@ pub struct RigConfig {
     pub rig: Rig,
     /// What people call the wheels, in their order.
     pub wheels: Vec<String>,
-    /// For each joint (steer, drive of each wheel) its position on the serial line: a permutation of 0..2n.
+    /// For each joint (steer, drive of each wheel) the serial line that carries it.
+    pub ports: Vec<usize>,
+    /// For each joint its position on that line: those of one line are a permutation of 0..n of them.
     pub controllers: Vec<usize>,
+    /// For each joint its angle where its encoder says zero, rad.
+    pub zero_offsets: Vec<f64>,
     /// Ticks a second, 50 to 20000.
     pub rate_hz: u32,
     /// The preset of methods: `fast`, `balanced`, `exact`, or `custom` where the file names each.
@@ -76,22 +80,22 @@ impl LinkConfig {
 pub enum Port {
     /// The simulated rig.
     Sim,
-    /// A serial device, such as `/dev/ttyACM0`.
-    Device(String),
+    /// Serial devices, such as `/dev/ttyACM0`; at least one.
+    Devices(Vec<String>),
 }
 
 impl From<&str> for Port {
     fn from(name: &str) -> Self {
-        if name == "sim" { Self::Sim } else { Self::Device(name.to_owned()) }
+        if name == "sim" { Self::Sim } else { Self::Devices(vec![name.to_owned()]) }
     }
 }
 
 impl fmt::Display for Port {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Sim => "sim",
-            Self::Device(path) => path,
-        })
+        match self {
+            Self::Sim => f.write_str("sim"),
+            Self::Devices(paths) => f.write_str(&paths.join(", ")),
+        }
     }
 }
 

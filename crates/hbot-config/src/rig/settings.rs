@@ -39,9 +39,9 @@ impl Default for Loop {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Link {
-    /// `sim` for the simulated rig, or the path of a serial device.
-    #[schemars(length(min = 1))]
-    pub(crate) port: String,
+    /// `sim` for the simulated rig, the path of a serial device, or a list of such paths where controllers share the rig.
+    #[schemars(extend("legal" = "`\"sim\"`, a path, or a list of 1 to 8 paths"))]
+    pub(crate) port: Ports,
     /// The protocol that the controllers speak.
     pub(crate) protocol: Protocol,
     /// Line rate. A USB device of its own (CDC) does not heed it.
@@ -60,13 +60,21 @@ pub(crate) struct Link {
 impl Default for Link {
     fn default() -> Self {
         Self {
-            port: "sim".to_owned(),
+            port: Ports::One("sim".to_owned()),
             protocol: Protocol::Hbot,
             baud: 3_000_000,
             watchdog_ms: None,
             timeout_ticks: 20,
         }
     }
+}
+
+/// One serial port, or several.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Ports {
+    One(#[schemars(length(min = 1))] String),
+    Several(#[schemars(length(min = 1, max = 8), inner(length(min = 1)))] Vec<String>),
 }
 
 /// What the controllers speak.
@@ -93,6 +101,11 @@ pub(crate) struct Limits {
     /// Largest slip of the powered sphere against its wheels; above it the fault slip.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "m/s"))]
     pub(crate) slip: f64,
+    /// Thermal time of the motors: where the mean square of a joint's torque over it is above that of its `continuous` torque,
+    /// the fault thermal. Absent: heat is left to the controllers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = 100_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "s"))]
+    pub(crate) thermal_time: Option<f64>,
     /// What the contacts hold. Absent where nobody knows: joint torques are then not limited by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Traction")]
@@ -118,6 +131,7 @@ impl Default for Limits {
             torque_rate: 200.0,
             speed: 30.0,
             slip: 0.05,
+            thermal_time: None,
             traction: None,
             enable_max_angle: 0.5,
             align_rate: 0.2,

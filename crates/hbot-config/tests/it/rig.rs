@@ -196,8 +196,8 @@ fn types_names_and_keys() {
     );
     assert_eq!(
         said("steer = { counts_per_turn = 4096", "steer = { geer = 17, counts_per_turn = 4096"),
-        "x.toml:7:11: wheel[0].steer.geer: unknown key (did you mean `gear`?); legal: controller, counts_per_turn, gear, \
-         sign, zero, inertia, peak, continuous, motor"
+        "x.toml:7:11: wheel[0].steer.geer: unknown key (did you mean `gear`?); legal: port, controller, counts_per_turn, \
+         gear, sign, zero, zero_offset, inertia, peak, continuous, motor"
     );
     assert_eq!(
         said("counts_per_turn = 4096", "counts_per_turn = 4096.5"),
@@ -283,6 +283,34 @@ fn values_that_do_not_fit_each_other() {
 }
 
 #[test]
+fn a_rig_may_have_several_ports() {
+    let ports = "[link]\nport = ['/dev/ttyACM0', '/dev/ttyACM1']";
+    let (first, second) = LEAST.rsplit_once("[[wheel]]").unwrap();
+    let second = second.replace("{ counts", "{ port = 1, counts");
+    let config = RigConfig::from_toml(&format!("{first}[[wheel]]{second}{ports}"), "x.toml").unwrap();
+    assert_eq!(config.link.port.to_string(), "/dev/ttyACM0, /dev/ttyACM1");
+    // Places are counted on each line by itself.
+    assert_eq!((config.ports, config.controllers), (vec![0, 0, 1, 1], vec![0, 1, 0, 1]));
+    // On the simulated rig the same file works: it has one line for all.
+    let simulated = RigConfig::from_toml(&format!("{first}[[wheel]]{second}"), "x.toml").unwrap();
+    assert_eq!(simulated.link.port, Port::Sim);
+    assert_eq!(
+        said_of(&format!("{LEAST}{ports}")),
+        "x.toml:16:8: link.port: no joint is on /dev/ttyACM1; legal: ports with joints"
+    );
+    let text = format!("{first}[[wheel]]{second}[link]\nport = '/dev/ttyACM0'");
+    assert_eq!(
+        said_of(&text),
+        "x.toml:13:18: wheel[1].steer.port: 1 is past the last of 1 in link.port; legal: 0 to 0\n\
+         x.toml:14:18: wheel[1].drive.port: 1 is past the last of 1 in link.port; legal: 0 to 0"
+    );
+    let text = format!("{first}[[wheel]]{second}[link]\nport = ['/dev/a', '/dev/a']");
+    assert!(said_of(&text).contains("/dev/a is named twice"));
+    assert!(said_of(&format!("{LEAST}[link]\nport = []")).contains("a list of 1 to 8 paths"));
+    assert!(said_of(&format!("{LEAST}[link]\nport = 3")).contains("a list of 1 to 8 paths"));
+}
+
+#[test]
 fn geometry_that_no_device_can_have() {
     assert_eq!(
         said("[1, 0, -1]", "[0, 0, 0.0]"),
@@ -331,7 +359,7 @@ fn mistakes_are_told_all_at_once() {
 fn the_command_line_overrides_and_is_named_in_messages() {
     let load = |path, value, from| RigConfig::load(None, &[Override { path, value, from }]);
     let config = load("link.port", json!("/dev/ttyACM0"), "--port").unwrap();
-    assert_eq!(config.link.port, Port::Device("/dev/ttyACM0".to_owned()));
+    assert_eq!(config.link.port, Port::Devices(vec!["/dev/ttyACM0".to_owned()]));
     assert_eq!(config.link.watchdog_ms, 20, "the default follows the port");
     assert_eq!(load("loop.accuracy", json!("exact"), "--accuracy").unwrap().accuracy, "exact");
     let error = load("loop.rate_hz", json!(7), "--rate").unwrap_err();

@@ -10,6 +10,7 @@ mod commands;
 use crate::allocation::{self, ContactArms, JointLimits};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
+use crate::heat::Heat;
 use crate::inputs::{Command, Inputs, JointFeedback, Stamp};
 use crate::joints::Joints;
 use crate::mode::{Cause, Machine, Mode};
@@ -50,6 +51,9 @@ pub struct Controller {
     stream: Stream,
     observer: Observer,
     guard: Option<Guard>,
+    heat: Option<Heat>,
+    /// A motor is too hot by its torques.
+    hot: bool,
     /// Torque of the last tick, from which the next may differ by the slew limit.
     torque: Vec3,
     last_tick: Option<u64>,
@@ -86,6 +90,8 @@ impl Controller {
             arms,
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
+            heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
+            hot: false,
             rig,
             orientation: Orientation::new(),
             machine: Machine::START,
@@ -118,6 +124,9 @@ impl Controller {
         let elapsed = self.last_tick.map_or(1, |last| inputs.tick.saturating_sub(last));
         self.last_tick = Some(inputs.tick);
         let dt = elapsed.min(SKIPPED_FAULT) as Real * self.rig.timing.period_s();
+        if let Some(heat) = &mut self.heat {
+            self.hot = heat.held(dt);
+        }
 
         let measured = self.measure(inputs, elapsed);
         let align_step =
@@ -180,7 +189,7 @@ impl Controller {
         if complaints.overcurrent {
             return Some(Cause::Overtorque);
         }
-        if complaints.overtemperature {
+        if complaints.overtemperature || self.hot {
             return Some(Cause::Thermal);
         }
         if feedback.is_err() {
@@ -300,6 +309,9 @@ impl Controller {
         }
         self.torque = torque;
         self.observer.sent(tick as u32, torque);
+        if let Some(heat) = &mut self.heat {
+            heat.hold(&joint_torque);
+        }
         let mut drive = Drive { enable: self.machine.powered(), torque: [0.0; MAX_JOINTS] };
         for i in 0..n {
             drive.torque[i] = self.joints.command(i, joint_torque[i]);

@@ -188,6 +188,7 @@ impl Summary {
             "corrupt_frames": counters.corrupt_frames,
             "foreign_frames": counters.foreign_frames,
             "send_failures": counters.send_failures,
+            "reopened_ports": counters.reopened,
             "dropped_samples": counters.dropped_samples,
             "faults": faults,
             "estops": events.estops,

@@ -82,6 +82,7 @@ pub(crate) fn rig() -> Rig {
             enable_max_angle: 0.5,
             align_rate: 0.1,
             reference_rate: 1.0,
+            thermal_time: None,
             max_age_ticks: 20,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },

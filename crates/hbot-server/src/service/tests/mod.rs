@@ -1,5 +1,6 @@
 //! The service over real sockets, with the real loop and the simulated rig in virtual time.
 
+mod attack;
 mod commands;
 mod faults;
 mod framing;
@@ -129,9 +130,10 @@ impl Bench {
                 let n = hbot_link::encode(&hbot_link::ToController::Describe, &mut ask).unwrap();
                 simulated.receive(0, &ask[..n], &mut Vec::new());
                 let wire = Breathing(Memory::new(simulated, calls), breath);
-                let line = Line { places: rig.controllers.clone(), watchdog_ms: rig.link.watchdog_ms };
-                let engine = Engine::new(wire, line, Controller::new(rig.rig), compiled, loop_end, None)
-                    .enabling(enable_at_start);
+                let line = Line::single(rig.controllers.clone(), rig.link.watchdog_ms);
+                let engine =
+                    Engine::new(vec![wire], &line, Controller::new(rig.rig), compiled, loop_end, None)
+                        .enabling(enable_at_start);
                 let period_ns = rig.rig.timing.period_ns;
                 let ticking = std::thread::spawn(move || {
                     lockstep(engine, period_ns, ticks, &stop_loop);

@@ -1,0 +1,151 @@
+//! Bringing a rig up, before any loop is closed over it: one joint at a time under a small torque ([`joint`]), and what the joints
+//! say of each other while a person turns the sphere ([`calibrate`]). A wrong sign or zero in a closed loop is a runaway.
+
+pub mod calibrate;
+pub mod joint;
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::mpsc;
+use std::time::Duration;
+
+use hbot_config::{RigConfig, rig as config};
+use hbot_core::inputs::JointFeedback;
+use hbot_core::outputs::Drive;
+use hbot_core::{MAX_JOINTS, Rig};
+use hbot_link::ToController;
+use hbot_sim::hand::Hand;
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use thiserror::Error;
+
+use crate::engine::Line;
+use crate::handshake::{Expected, handshake};
+use crate::port::{NO_READINGS, Port};
+use crate::sample::Counters;
+use crate::serial::Serial;
+use crate::server::StartError;
+use crate::wire::{Memory, Wire};
+
+/// How long a controller holds a torque that no other follows, ms.
+const WATCHDOG_MS: u16 = 20;
+/// Readings that may be missing in a row.
+const PATIENCE: u32 = 50;
+
+/// The line says nothing any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the motor controllers have stopped answering: motors are off by their own watchdog")]
+pub struct Silent;
+
+/// The rig's lines without a loop: one command, one reading.
+pub struct Bench<W> {
+    ports: Vec<Port<W>>,
+    rig: Rig,
+    readings: JointFeedback,
+    counters: Counters,
+    buffer: [u8; 4096],
+    tick: u32,
+    period: Duration,
+    /// The lines are simulated: their time is told, and does not pass.
+    simulated: bool,
+}
+
+/// Opens the lines of `rig` and has the controllers on them say who they are. The simulated rig is held by a hand that turns it
+/// about widely where `turned` says so, and stands free otherwise.
+///
+/// # Errors
+/// A port does not open, or its controllers are not those of the rig.
+pub fn open(rig: &RigConfig, turned: bool) -> Result<Bench<Box<dyn Wire>>, StartError> {
+    let line = Line::of(rig);
+    let meet = |mut wire: Box<dyn Wire>, name: &str, port: usize| {
+        handshake(&mut wire, &Expected::new(name, &rig.rig, &line, port))?;
+        Ok::<_, StartError>(wire)
+    };
+    let (wires, simulated) = match &rig.link.port {
+        config::Port::Sim => {
+            let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig))?;
+            simulated.set_hand(turned.then(|| Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
+            let wire = Memory::new(simulated, mpsc::channel().1);
+            (vec![meet(Box::new(wire), "sim", 0)?], true)
+        }
+        config::Port::Devices(devices) => {
+            let open = |(port, device): (usize, &String)| {
+                meet(Box::new(Serial::open(device, rig.link.baud)?), device, port)
+            };
+            (devices.iter().enumerate().map(open).collect::<Result<_, _>>()?, false)
+        }
+    };
+    Ok(Bench::new(&rig.rig, wires, &line, simulated))
+}
+
+impl<W: Wire> Bench<W> {
+    /// A bench on lines whose controllers have said who they are.
+    #[must_use]
+    pub fn new(rig: &Rig, wires: Vec<W>, line: &Line, simulated: bool) -> Self {
+        let port = |(port, wire)| Port::new(wire, line.joints(port).collect(), line.offsets);
+        Self {
+            ports: wires.into_iter().enumerate().map(port).collect(),
+            rig: *rig,
+            readings: NO_READINGS,
+            counters: Counters::default(),
+            buffer: [0; 4096],
+            tick: 0,
+            period: Duration::from_nanos(rig.timing.period_ns),
+            simulated,
+        }
+    }
+
+    /// The rig as its file has it.
+    #[must_use]
+    pub fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// The time between two exchanges, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        self.rig.timing.period_s()
+    }
+
+    /// One command, with torques in the controllers' own sense or motors off, and the reading that comes back. Waits a period.
+    ///
+    /// # Errors
+    /// Nothing has come for many periods.
+    pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointFeedback, Silent> {
+        let drive = Drive { enable: torque.is_some(), torque: torque.copied().unwrap_or([0.0; MAX_JOINTS]) };
+        for _ in 0..PATIENCE {
+            let mut heard = 0;
+            for port in &mut self.ports {
+                port.wire.set_time(u64::from(self.tick) * self.rig.timing.period_ns);
+                let command = port.command(self.tick, WATCHDOG_MS, &drive);
+                // A frame that is not taken is missed by the reading that does not come.
+                let _ = port.write(&ToController::Command(command));
+            }
+            self.tick += 1;
+            if !self.simulated {
+                std::thread::sleep(self.period);
+            }
+            self.readings.complaints = Default::default();
+            for port in &mut self.ports {
+                port.receive(self.tick, &mut self.buffer, &mut self.counters);
+                let complaints = std::mem::take(&mut port.complaints);
+                self.readings.complaints = self.readings.complaints.or(complaints);
+                if let Some(feedback) = port.fresh.take() {
+                    port.take(&feedback, &mut self.readings);
+                    heard += 1;
+                }
+            }
+            if heard == self.ports.len() {
+                return Ok(self.readings);
+            }
+        }
+        Err(Silent)
+    }
+
+    /// The turn of a joint in its controller's sense for so many counts, rad.
+    #[must_use]
+    pub fn turned(&self, joint: usize, counts: i32) -> f64 {
+        let joint = &self.rig.joints[joint];
+        f64::from(counts) * std::f64::consts::TAU / (f64::from(joint.counts_per_turn) * joint.gear)
+    }
+}

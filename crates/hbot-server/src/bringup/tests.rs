@@ -1,0 +1,136 @@
+//! Simulated rigs with something wrong, which must be caught and named.
+
+use hbot_sim::controller::Fault;
+
+use super::calibrate::{Calibration, Counts, calibrate};
+use super::joint::{Verdict, test};
+use super::*;
+
+fn bench(
+    spoil: impl FnOnce(&mut SimulatedConfig),
+    hand: bool,
+    then: impl FnOnce(&mut SimulatedRig),
+) -> Bench<Memory> {
+    let rig = RigConfig::prototype().rig;
+    let mut config = SimulatedConfig::new(&rig);
+    spoil(&mut config);
+    let mut simulated = SimulatedRig::new(&config).unwrap();
+    if hand {
+        simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
+    }
+    then(&mut simulated);
+    let (_calls, inbox) = mpsc::channel();
+    let mut wire = Memory::new(simulated, inbox);
+    let line = Line::single(0..4, 50);
+    handshake(&mut wire, &Expected::new("sim", &rig, &line, 0)).unwrap();
+    Bench::new(&rig, vec![wire], &line, true)
+}
+
+fn watched(bench: &mut Bench<Memory>) -> Calibration {
+    let mut counts: Vec<Counts> = Vec::new();
+    for k in 0..20_000 {
+        let reading = bench.exchange(None).unwrap();
+        if k % 20 == 0 {
+            counts.push(reading.counts);
+        }
+    }
+    let rig = *bench.rig();
+    calibrate(&rig, &counts).unwrap()
+}
+
+#[test]
+fn every_joint_of_a_good_rig_is_good() {
+    for joint in 0..4 {
+        for torque in [0.01, -0.01] {
+            let outcome = test(&mut bench(|_| (), false, |_| ()), joint, torque, 50.0).unwrap();
+            assert_eq!(outcome.verdict, Verdict::Good, "{outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
+    let mut hot = bench(|_| (), false, |rig| rig.inject(Fault::Hot { joint: 1, on: true }));
+    assert!(
+        matches!(test(&mut hot, 1, 0.01, 50.0).unwrap().verdict, Verdict::Complains(c) if c.overtemperature)
+    );
+    let mut dead = bench(|c| c.joints[1].peak = 0.0, false, |_| ());
+    let outcome = test(&mut dead, 1, 0.01, 50.0).unwrap();
+    assert!(matches!(outcome.verdict, Verdict::Stands | Verdict::Complains(_)), "{outcome:?}");
+    let mut geared = bench(|c| c.joints[1].gear = 20.0, false, |_| ());
+    let Verdict::Gear(ratio) = test(&mut geared, 1, 0.01, 50.0).unwrap().verdict else { panic!("not seen") };
+    // A real gear of 20 where the file says 17: counts say 20/17 of what the rates say, to a count in some thousand.
+    assert!((ratio - 17.0 / 20.0).abs() < 0.01, "{ratio}");
+    let outcome = test(&mut bench(|_| (), false, |_| ()), 1, 0.05, 0.5).unwrap();
+    assert_eq!(outcome.verdict, Verdict::TooFast);
+}
+
+#[test]
+fn a_line_that_falls_silent_is_told() {
+    let rig = RigConfig::prototype().rig;
+    let (calls, inbox) = mpsc::channel::<crate::wire::SimulatorCall>();
+    let mut wire = Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox);
+    let line = Line::single(0..4, 50);
+    handshake(&mut wire, &Expected::new("sim", &rig, &line, 0)).unwrap();
+    let mut bench = Bench::new(&rig, vec![wire], &line, true);
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    calls.send(Box::new(|rig| rig.inject(Fault::Deaf(true)))).unwrap();
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Silent));
+}
+
+#[test]
+fn a_rig_as_its_file_has_it_is_left_alone() {
+    let found = watched(&mut bench(|_| (), true, |_| ()));
+    assert!(found.known && found.before < 0.01, "{found:?}");
+    for wheel in &found.wheels {
+        assert_eq!(wheel.wrong_sign, [false; 2]);
+        // A count of the drive encoder is 2e-5 rad of 0.02 rad a step: a thousandth of a step, over a thousand steps.
+        assert!(wheel.zero.abs() < 2e-3 && (wheel.radius / 0.0155 - 1.0).abs() < 2e-3, "{found:?}");
+    }
+}
+
+#[test]
+fn one_wrong_sign_is_named_whichever_it_is() {
+    for joint in 0..4 {
+        let mut bench = bench(|c| c.joints[joint].reversed = true, true, |_| ());
+        let found = watched(&mut bench);
+        let flipped: Vec<bool> = found.wheels.iter().flat_map(|wheel| wheel.wrong_sign).collect();
+        assert_eq!(flipped, std::array::from_fn::<_, 4, _>(|j| j == joint), "{found:?}");
+        assert!(found.before > 0.05 && found.after < 0.01, "{found:?}");
+    }
+}
+
+#[test]
+fn one_wrong_zero_is_found() {
+    for (joint, angle) in [(0, 0.3), (2, -1.2), (0, 3.0)] {
+        let found = watched(&mut bench(|_| (), true, |rig| rig.inject(Fault::Slipped { joint, angle })));
+        for (i, wheel) in found.wheels.iter().enumerate() {
+            // The encoder says more than is true by `angle`.
+            let expected = if 2 * i == joint { -angle } else { 0.0 };
+            assert!((wheel.zero - expected).abs() < 5e-3, "{expected}: {found:?}");
+            assert_eq!(wheel.wrong_sign, [false; 2]);
+        }
+        assert!(found.known && found.before > 5.0 * found.after, "{found:?}");
+    }
+}
+
+#[test]
+fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
+    let spoil = |c: &mut SimulatedConfig| {
+        let mut specs: Vec<_> = c.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
+        specs[0].radius *= 1.03;
+        specs[1].cone += 0.02;
+        c.device = hbot_core::Device::new(c.device.sphere_radius(), c.device.sphere_mass(), &specs).unwrap();
+    };
+    let found = watched(&mut bench(spoil, true, |rig| rig.inject(Fault::Slipped { joint: 2, angle: 0.4 })));
+    let [a, b] = &found.wheels[..] else { panic!("two wheels") };
+    assert!((a.radius / b.radius - 1.03).abs() < 3e-3, "{found:?}");
+    assert!((b.cone - a.cone - 0.02).abs() < 5e-3, "{found:?}");
+    assert!((b.zero + 0.4).abs() < 1e-2 && found.after < 0.2 * found.before, "{found:?}");
+}
+
+#[test]
+fn a_sphere_that_nobody_turns_tells_nothing() {
+    let rig = RigConfig::prototype().rig;
+    assert_eq!(calibrate(&rig, &[[5; MAX_JOINTS]; 100]), None);
+}

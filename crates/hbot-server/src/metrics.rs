@@ -1,0 +1,237 @@
+//! What a server counts and measures, for Prometheus: `GET /metrics` over HTTP, read only.
+//!
+//! A task of the service's runtime asks the hub as any client's `stats` does, so a scrape costs the loop nothing. At most a few
+//! connections at a time, each short and bounded. On an address that other machines reach it wants the API's token as
+//! `Authorization: Bearer TOKEN`.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+use std::time::Duration;
+
+use hbot_api::ErrorCode;
+use hbot_core::mode::Cause;
+use prometheus_client::collector::Collector;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric as _};
+use prometheus_client::metrics::counter::ConstCounter;
+use prometheus_client::metrics::gauge::ConstGauge;
+use prometheus_client::registry::{Registry, Unit};
+use subtle::ConstantTimeEq as _;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Semaphore, mpsc, oneshot};
+use tokio::time::timeout;
+
+use crate::service::{Control, Distribution, Summary, convert};
+
+/// Connections at a time; more wait in the system's queue.
+const CONNECTIONS: usize = 4;
+/// How long one may take in all.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// The longest request, bytes.
+const REQUEST: usize = 8 * 1024;
+/// How long nothing is accepted after the system has refused to.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// Answers scrapes on `listener` for as long as it is polled, with what the service behind `control` says. `token`: what a
+/// scrape must show, where one is asked for.
+pub async fn serve(listener: TcpListener, control: mpsc::Sender<Control>, token: Option<String>) {
+    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    let token = Arc::new(token);
+    loop {
+        // The semaphore is never closed.
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                let (control, token) = (control.clone(), Arc::clone(&token));
+                tokio::spawn(async move {
+                    // Who is too slow gets nothing.
+                    let _ = timeout(PATIENCE, answer(stream, &control, token.as_deref())).await;
+                    drop(place);
+                });
+            }
+            Err(_) => tokio::time::sleep(PAUSE).await,
+        }
+    }
+}
+
+async fn answer(
+    mut stream: TcpStream,
+    control: &mpsc::Sender<Control>,
+    token: Option<&str>,
+) -> std::io::Result<()> {
+    let mut request = Vec::new();
+    let mut piece = [0; 1024];
+    while !request.windows(4).any(|end| end == b"\r\n\r\n") {
+        let n = stream.read(&mut piece).await?;
+        request.extend_from_slice(&piece[..n]);
+        if n == 0 || request.len() > REQUEST {
+            return Ok(());
+        }
+    }
+    let (status, kind, body) = match judge(&String::from_utf8_lossy(&request), token) {
+        Ok(()) => match summary(control).await {
+            Some(summary) => {
+                ("200 OK", "application/openmetrics-text; version=1.0.0; charset=utf-8", text(summary))
+            }
+            None => ("503 Service Unavailable", "text/plain", "the server stops\n".to_owned()),
+        },
+        Err(status) => (status, "text/plain", format!("{status}\n")),
+    };
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+        body.len()
+    );
+    stream.write_all(head.as_bytes()).await?;
+    stream.write_all(body.as_bytes()).await?;
+    stream.shutdown().await
+}
+
+/// What a request is answered where it is not `GET /metrics` by somebody who may.
+fn judge(request: &str, token: Option<&str>) -> Result<(), &'static str> {
+    let mut lines = request.split("\r\n");
+    let mut words = lines.next().unwrap_or_default().split(' ');
+    if words.next() != Some("GET") {
+        return Err("405 Method Not Allowed");
+    }
+    if words.next().map(|path| path.split('?').next().unwrap_or_default()) != Some("/metrics") {
+        return Err("404 Not Found");
+    }
+    let Some(token) = token else { return Ok(()) };
+    let shown = lines.find_map(|line| {
+        let (name, value) = line.split_once(':')?;
+        name.eq_ignore_ascii_case("authorization").then(|| value.trim().strip_prefix("Bearer ")).flatten()
+    });
+    let same = shown.is_some_and(|shown| bool::from(shown.as_bytes().ct_eq(token.as_bytes())));
+    if same { Ok(()) } else { Err("401 Unauthorized") }
+}
+
+async fn summary(control: &mpsc::Sender<Control>) -> Option<Box<Summary>> {
+    let (wanted, told) = oneshot::channel();
+    control.send(Control::Summarize(wanted)).await.ok()?;
+    told.await.ok()
+}
+
+/// A summary in the text format of OpenMetrics.
+fn text(summary: Box<Summary>) -> String {
+    let mut registry = Registry::with_prefix("hbot");
+    registry.register_collector(Box::new(Figures(summary)));
+    let mut out = String::new();
+    // A string takes everything; should an encoder fail all the same, that is told and not half of it.
+    if let Err(error) = encode(&mut out, &registry) {
+        out.clear();
+        let _ = writeln!(out, "# {error}\n# EOF");
+    }
+    out
+}
+
+/// A summary as metrics.
+#[derive(Debug)]
+struct Figures(Box<Summary>);
+
+impl Collector for Figures {
+    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), std::fmt::Error> {
+        let Summary { ticks, counters, events, .. } = &*self.0;
+        for (name, help, value) in [
+            ("ticks", "Ticks of the loop", *ticks),
+            ("late_ticks", "Ticks that started more than a quarter period late", counters.late),
+            (
+                "skipped_ticks",
+                "Ticks whose deadline passed before the one before them ended",
+                counters.skipped,
+            ),
+            ("missed_ticks", "Ticks without a new reading", counters.missed),
+            ("corrupt_frames", "Damaged frames on the serial lines", counters.corrupt_frames),
+            ("foreign_frames", "Whole frames that were not for this rig", counters.foreign_frames),
+            ("send_failures", "Commands that a serial line did not take whole", counters.send_failures),
+            ("reopened_ports", "Times that a serial line was gone and came back", counters.reopened),
+            ("dropped_samples", "Samples that the service did not fetch in time", counters.dropped_samples),
+            ("estops", "Emergency stops", events.estops),
+            ("requests", "Requests read", events.requests),
+            ("refused_streams", "Stream messages refused", events.refused_streams),
+            ("dropped_states", "States that slow readers did not get", events.dropped_states),
+            ("connections", "Connections taken", events.connections),
+            ("connections_turned_away", "Connections turned away", events.turned_away),
+            ("connections_cut", "Connections cut because their client did not read", events.cut),
+            ("flight_logs", "Flight logs written", events.flight_logs),
+            ("flight_logs_failed", "Flight logs that could not be written", events.flight_logs_failed),
+        ] {
+            let counter = ConstCounter::new(value);
+            counter.encode(encoder.encode_descriptor(name, help, None, counter.metric_type())?)?;
+        }
+        let faults = Cause::ALL.iter().map(|cause| convert::fault(*cause).as_str()).zip(events.faults);
+        family(&mut encoder, "faults", "Faults by cause", "cause", faults)?;
+        let refused = ErrorCode::ALL.iter().map(|code| code.as_str()).zip(events.refused);
+        family(&mut encoder, "refused", "Requests refused by code", "code", refused)?;
+        for (name, help, distribution) in [
+            ("lateness", "From a tick's deadline to its start", &self.0.lateness_us),
+            ("compute", "In the controller", &self.0.compute_us),
+            ("link", "On the serial lines", &self.0.link_us),
+            ("torque_age", "From a reading to the torque on the wire", &self.0.age_us),
+        ] {
+            let Distribution { p50, p90, p99, p99_9, p99_99, max, .. } = *distribution;
+            let none = ConstGauge::new(0.0_f64);
+            let mut gauge =
+                encoder.encode_descriptor(name, help, Some(&Unit::Seconds), none.metric_type())?;
+            let quantiles =
+                [("0.5", p50), ("0.9", p90), ("0.99", p99), ("0.999", p99_9), ("0.9999", p99_99), ("1", max)];
+            for (quantile, us) in quantiles {
+                ConstGauge::new(us * 1e-6).encode(gauge.encode_family(&[("quantile", quantile)])?)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn family(
+    encoder: &mut DescriptorEncoder<'_>,
+    name: &str,
+    help: &str,
+    label: &str,
+    counts: impl Iterator<Item = (&'static str, u64)>,
+) -> Result<(), std::fmt::Error> {
+    let none = ConstCounter::new(0_u64);
+    let mut counter = encoder.encode_descriptor(name, help, None, none.metric_type())?;
+    for (value, count) in counts {
+        ConstCounter::new(count).encode(counter.encode_family(&[(label, value)])?)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_get_of_metrics_by_somebody_who_may_is_answered() {
+        let get = "GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n";
+        assert_eq!(judge(get, None), Ok(()));
+        assert_eq!(judge("GET /metrics?x=1 HTTP/1.1\r\n\r\n", None), Ok(()));
+        assert_eq!(judge("POST /metrics HTTP/1.1\r\n\r\n", None), Err("405 Method Not Allowed"));
+        assert_eq!(judge("GET / HTTP/1.1\r\n\r\n", None), Err("404 Not Found"));
+        assert_eq!(judge("\r\n\r\n", None), Err("405 Method Not Allowed"));
+        assert_eq!(judge(get, Some("secret")), Err("401 Unauthorized"));
+        let with = |shown: &str| format!("GET /metrics HTTP/1.1\r\nauthorization: {shown}\r\n\r\n");
+        assert_eq!(judge(&with("Bearer secret"), Some("secret")), Ok(()));
+        for wrong in ["Bearer secre", "Bearer secret2", "secret", ""] {
+            assert_eq!(judge(&with(wrong), Some("secret")), Err("401 Unauthorized"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn every_figure_has_its_line() {
+        let mut summary = Summary { ticks: 42, ..Summary::default() };
+        summary.events.faults[0] = 3;
+        summary.lateness_us.p99 = 250.0;
+        let text = text(Box::new(summary));
+        for line in [
+            "hbot_ticks_total 42",
+            "hbot_faults_total{cause=\"link_lost\"} 3",
+            "hbot_refused_total{code=\"bad_request\"} 0",
+            "hbot_lateness_seconds{quantile=\"0.99\"} 0.00025",
+        ] {
+            assert!(text.lines().any(|l| l == line), "{line} in\n{text}");
+        }
+        assert!(text.ends_with("# EOF\n"));
+    }
+}

@@ -1,0 +1,125 @@
+//! Those who mean no good: the service stands, the loop's samples all come, and everything refused is counted.
+
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+use super::*;
+
+/// A watcher's round trips while others do their worst: the hub serves it all the same.
+fn still_served(client: &mut Client) {
+    for _ in 0..20 {
+        client.call(Op::Ping { data: Value::Null }).unwrap();
+    }
+}
+
+#[test]
+fn a_thousand_connections_are_turned_away_and_the_first_are_served() {
+    // Both ends of each are in this process.
+    let limit = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }).unwrap();
+    let room = limit.maximum.is_none_or(|most| most >= 2500);
+    let many = if room { 1000 } else { 300 };
+    let bench = bench();
+    let mut watcher = bench.client("watcher");
+    let mut held = Vec::new();
+    for _ in 0..many {
+        // One that the system itself refuses has been turned away as well.
+        held.extend(TcpStream::connect(bench.address));
+    }
+    still_served(&mut watcher);
+    drop(held);
+    let bounds = Bounds::default();
+    eventually("a place", || Client::connect(&bench.address.to_string(), "later").is_ok());
+    let summary = bench.finish();
+    let (taken, away) = (summary.events.connections, summary.events.turned_away);
+    assert!(away >= many - bounds.connections as u64, "{taken} taken, {away} turned away");
+    assert_eq!(summary.counters.dropped_samples, 0);
+}
+
+#[test]
+fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
+    let bounds = Bounds { hello: Duration::from_millis(300), ..Bounds::default() };
+    let bench = Bench::start(Options { bounds, ..Options::default() });
+    let mut slow = bench.raw();
+    let mut writer = slow.stream.try_clone().unwrap();
+    let trickle = std::thread::spawn(move || {
+        let line = b"{\"id\": 1, \"op\": \"hello\", \"version\": 1, \"name\": \"so slow that it never gets to its end\"}";
+        // Until the server has closed.
+        for byte in line.iter().cycle() {
+            if writer.write_all(&[*byte]).is_err() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    });
+    let answer = slow.line();
+    assert!(answer["error"]["message"].as_str().unwrap().contains("no hello"), "{answer}");
+    slow.rest();
+    trickle.join().unwrap();
+    assert_eq!(bench.finish().events.refused.iter().sum::<u64>(), 1);
+}
+
+#[test]
+fn half_a_line_can_be_held_and_holds_nobody_up() {
+    let bench = bench();
+    let mut half: Vec<_> = (0..20).map(|_| Raw::greeted(&bench)).collect();
+    for raw in &mut half {
+        raw.bytes(b"{\"id\": 5, \"op\": \"pi");
+    }
+    still_served(&mut bench.client("other"));
+    for raw in &mut half {
+        raw.bytes(b"ng\"}\n");
+        assert_eq!(raw.answer()["id"], 5);
+    }
+    assert_eq!(bench.finish().events.refused.iter().sum::<u64>(), 0);
+}
+
+#[test]
+fn garbage_is_answered_once_before_hello_and_counted_after_it() {
+    let bench = bench();
+    let mut watcher = bench.client("watcher");
+    let garbage: Vec<u8> = (0..20_000_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let attackers: Vec<_> = (0..20)
+        .map(|k| {
+            let mut raw = if k % 2 == 0 { bench.raw() } else { Raw::greeted(&bench) };
+            let garbage = garbage.clone();
+            std::thread::spawn(move || {
+                for _ in 0..20 {
+                    if raw.stream.write_all(&garbage).is_err() {
+                        break;
+                    }
+                }
+                // One that has said hello stays and gets an answer to each line.
+                raw.stream.shutdown(std::net::Shutdown::Write).ok();
+                let mut rest = Vec::new();
+                let _ = raw.reader.read_to_end(&mut rest);
+            })
+        })
+        .collect();
+    still_served(&mut watcher);
+    attackers.into_iter().for_each(|attacker| attacker.join().unwrap());
+    still_served(&mut watcher);
+    let summary = bench.finish();
+    assert!(summary.events.refused.iter().sum::<u64>() >= 20, "{:?}", summary.events);
+    assert_eq!(summary.counters.dropped_samples, 0);
+}
+
+#[test]
+fn one_that_connects_again_and_again_is_served_and_counted_each_time() {
+    let bench = bench();
+    let mut watcher = bench.client("watcher");
+    for k in 0..300 {
+        let stream = TcpStream::connect(bench.address).unwrap();
+        if k % 3 == 0 {
+            // Gone without a word, after a word, and by a reset.
+            drop(stream);
+        } else {
+            let mut stream = stream;
+            let _ =
+                stream.write_all(b"{\"id\": 1, \"op\": \"hello\", \"version\": 1, \"name\": \"again\"}\n");
+        }
+    }
+    still_served(&mut watcher);
+    bench.wait_until("the watcher alone", |status| status.clients == 1);
+    let events = bench.finish().events;
+    assert_eq!(events.connections + events.turned_away, 301, "{events:?}");
+}

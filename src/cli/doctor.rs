@@ -1,0 +1,143 @@
+//! `hbot doctor`: whether this machine can run a rig, with the numbers behind it, and how to mend what is wanting.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Args;
+use hbot_config::rig::Port;
+use hbot_config::{Override, RigConfig};
+use hbot_server::doctor::{Finding, Machine, Mark, punctuality, rights, serial, verdict};
+use serde_json::{Value, json};
+
+use super::{ServerAddress, commands, server, style};
+
+/// Flight logs shown.
+const LOGS: usize = 5;
+
+/// Options of `hbot doctor`.
+#[derive(Debug, Args)]
+pub(crate) struct DoctorArgs {
+    /// Rig file whose port and rate are meant [default: the prototype, built in]
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// Serial device to look at, in place of the rig file's
+    #[arg(long, value_name = "DEVICE")]
+    port: Option<String>,
+    /// Ticks a second to measure at, in place of the rig file's
+    #[arg(long, value_name = "HZ")]
+    rate: Option<u32>,
+    /// How long to measure
+    #[arg(long, value_name = "SECONDS", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=3600))]
+    seconds: u64,
+    /// Also ask a running server how its loop does
+    #[arg(long, value_name = "ADDR")]
+    server: Option<String>,
+    /// File with the token that the server asks for
+    #[arg(long, value_name = "FILE", requires = "server")]
+    token_file: Option<PathBuf>,
+    /// One object of JSON, for programs
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
+    let over = |path, from, value: Option<Value>| value.map(|value| Override { path, value, from });
+    let overrides: Vec<Override> = over("link.port", "--port", args.port.map(Value::from))
+        .into_iter()
+        .chain(over("loop.rate_hz", "--rate", args.rate.map(Value::from)))
+        .collect();
+    let rig = RigConfig::load(args.rig.as_deref(), &overrides)?;
+    let mut findings = Machine::default().findings();
+    findings.extend(rights());
+    if let Port::Devices(devices) = &rig.link.port {
+        findings.extend(devices.iter().flat_map(|device| serial(device)));
+    }
+    if !args.json {
+        findings.iter().for_each(show);
+        anstream::println!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF);
+    }
+    let measured = punctuality(rig.rate_hz, Duration::from_secs(args.seconds));
+    let judged = verdict(&measured);
+    if !args.json {
+        show(&judged);
+    }
+    findings.push(judged);
+    let address = args.server.map(|server| ServerAddress { server, token_file: args.token_file });
+    let stats = address
+        .map(|address| commands::connect(&address, "hbot doctor")?.stats().map_err(anyhow::Error::from));
+    let stats = stats.transpose()?;
+    let logs = flight_logs();
+    let worst = findings.iter().map(|finding| finding.mark).max().unwrap_or(Mark::Good);
+    if args.json {
+        let all = json!({
+            "verdict": worst, "findings": findings, "punctuality": measured, "server": stats, "flight_logs": logs,
+        });
+        anstream::println!("{all}");
+    } else {
+        if let Some(stats) = &stats {
+            show_server(stats);
+        }
+        for log in &logs {
+            anstream::println!("  flight log       {}", log.display());
+        }
+        let (colour, word) = mark(worst);
+        anstream::println!("\n{colour}{word}{}", style::OFF);
+    }
+    Ok(if worst == Mark::NotSufficient { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+fn mark(mark: Mark) -> (anstyle::Style, &'static str) {
+    match mark {
+        Mark::Good => (style::GOOD, "good"),
+        Mark::Usable => (style::WARN, "usable"),
+        Mark::NotSufficient => (style::BAD, "not sufficient"),
+    }
+}
+
+fn show(finding: &Finding) {
+    let (colour, word) = mark(finding.mark);
+    let off = style::OFF;
+    anstream::println!("  {:<16} {colour}{word:<14}{off} {}", finding.id, finding.found);
+    if let Some(mend) = &finding.mend {
+        anstream::println!("  {:<16} {:<14} {}to mend it: {mend}{off}", "", "", style::DIM);
+    }
+}
+
+/// What a running server says of its loop.
+fn show_server(stats: &Value) {
+    anstream::println!(
+        "\nthe running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
+        stats["ticks"],
+        stats["late_ticks"],
+        stats["skipped_ticks"],
+        stats["missed_ticks"],
+        stats["corrupt_frames"],
+        stats["send_failures"],
+    );
+    for name in ["lateness_us", "compute_us", "link_us", "age_us"] {
+        let d = &stats[name];
+        let at = |key: &str| d[key].as_f64().unwrap_or(f64::NAN);
+        anstream::println!(
+            "  {name:<12} median {:.1}, 99 % {:.1}, 99.9 % {:.1}, 99.99 % {:.1}, most {:.1}",
+            at("p50"),
+            at("p99"),
+            at("p99_9"),
+            at("p99_99"),
+            at("max")
+        );
+    }
+}
+
+/// The newest flight logs; their names sort by time.
+fn flight_logs() -> Vec<PathBuf> {
+    let entries = server::flight_dir().and_then(|dir| std::fs::read_dir(dir).ok());
+    let mut logs: Vec<PathBuf> = entries
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "csv"))
+        .collect();
+    logs.sort();
+    logs.split_off(logs.len().saturating_sub(LOGS))
+}

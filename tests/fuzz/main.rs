@@ -1,0 +1,136 @@
+//! The decoders under inputs at random: seeded mutations of `fuzz/corpus`, the same ones in every run. So many a decoder as
+//! `HBOT_FUZZ_INPUTS` says (default 20,000); ten million are minutes in release:
+//!
+//! ```text
+//! HBOT_FUZZ_INPUTS=10000000 cargo test --release --test fuzz -- --nocapture
+//! ```
+
+mod harness;
+
+use std::path::Path;
+use std::time::Instant;
+
+use harness::{TARGETS, Target};
+use oorandom::Rand64;
+
+/// Inputs of a decoder where nobody says how many.
+const INPUTS: u64 = 20_000;
+/// The longest input, bytes: several frames, a line with room to grow.
+const LONGEST: usize = 4096;
+
+fn corpus(target: &Target) -> Vec<Vec<u8>> {
+    let folder = Path::new("fuzz/corpus").join(target.name);
+    let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut paths: Vec<_> = entries.map(|entry| entry.expect("a file").path()).collect();
+    // The system gives them in any order.
+    paths.sort();
+    assert!(!paths.is_empty(), "{} is empty", folder.display());
+    paths.iter().map(|path| std::fs::read(path).expect("readable")).collect()
+}
+
+/// Bytes that decoders take for something.
+const TELLING: &[u8] = b"\0\x01\x7f\x80\xfe\xff\n\"{}[],:.-+eE0#='\\ ";
+
+/// Changes an input by one of the ways in which it may go wrong.
+fn mutate(input: &mut Vec<u8>, others: &[Vec<u8>], random: &mut Rand64) {
+    let below = |n: usize, random: &mut Rand64| random.rand_range(0..n.max(1) as u64) as usize;
+    let at = below(input.len(), random);
+    let span = 1 + below(16, random);
+    match below(8, random) {
+        0 if !input.is_empty() => input[at] ^= 1 << below(8, random),
+        1 if !input.is_empty() => input[at] = random.rand_u64() as u8,
+        2 if !input.is_empty() => input[at] = TELLING[below(TELLING.len(), random)],
+        3 => drop(input.drain(at..(at + span).min(input.len()))),
+        4 => input.insert(at, TELLING[below(TELLING.len(), random)]),
+        5 => {
+            let piece: Vec<u8> = input[at..(at + span).min(input.len())].to_vec();
+            input.splice(at..at, piece);
+        }
+        6 => input.truncate(at),
+        _ => {
+            let other = &others[below(others.len(), random)];
+            let from = below(other.len(), random);
+            let to = (from + 4 * span).min(other.len());
+            input.splice(at..at, other[from..to].iter().copied());
+        }
+    }
+    input.truncate(LONGEST);
+}
+
+/// Mends the check of a link frame, so that what is behind it is reached too.
+fn reframe(input: &mut Vec<u8>) {
+    let end = input.iter().position(|byte| *byte == 0).unwrap_or(input.len());
+    let mut body = input[..end].to_vec();
+    let Ok(n) = cobs::decode_in_place(&mut body) else { return };
+    let Some(length) = n.checked_sub(4) else { return };
+    let check = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&body[..length]);
+    body.truncate(length);
+    body.extend(check.to_le_bytes());
+    let mut frame = vec![0; cobs::max_encoding_length(body.len()) + 1];
+    let n = cobs::encode(&body, &mut frame);
+    frame.truncate(n + 1);
+    input.splice(..(end + 1).min(input.len()), frame);
+}
+
+fn run(name: &str) {
+    let target = TARGETS.iter().find(|target| target.name == name).expect("a target");
+    let inputs = std::env::var("HBOT_FUZZ_INPUTS").map_or(INPUTS, |n| n.parse().expect("a number"));
+    let seeds = corpus(target);
+    seeds.iter().for_each(|seed| (target.check)(seed));
+    let mut random = Rand64::new(1);
+    let (mut input, mut longest) = (Vec::new(), std::time::Duration::ZERO);
+    let start = Instant::now();
+    for _ in 0..inputs {
+        input.clone_from(&seeds[random.rand_range(0..seeds.len() as u64) as usize]);
+        for _ in 0..random.rand_range(0..8) {
+            mutate(&mut input, &seeds, &mut random);
+        }
+        if name.starts_with("link") && random.rand_range(0..2) == 0 {
+            reframe(&mut input);
+        }
+        let begun = Instant::now();
+        (target.check)(&input);
+        longest = longest.max(begun.elapsed());
+    }
+    let took = start.elapsed().as_secs_f64();
+    println!("{name}: {inputs} inputs in {took:.1} s, the slowest {:.3} ms", longest.as_secs_f64() * 1e3);
+}
+
+#[test]
+fn frames_from_controllers() {
+    run("link_from_controller");
+}
+
+#[test]
+fn frames_to_controllers() {
+    run("link_to_controller");
+}
+
+#[test]
+fn lines_of_json() {
+    run("api_json");
+}
+
+#[test]
+fn maps_of_messagepack() {
+    run("api_msgpack");
+}
+
+#[test]
+fn rig_files() {
+    run("rig_file");
+}
+
+#[test]
+fn scene_files() {
+    run("scene_file");
+}
+
+#[test]
+fn every_target_has_its_file_and_its_entry() {
+    let manifest = std::fs::read_to_string("fuzz/Cargo.toml").expect("readable");
+    for target in TARGETS {
+        assert!(Path::new(&format!("fuzz/fuzz_targets/{}.rs", target.name)).exists(), "{}", target.name);
+        assert!(manifest.contains(&format!("name = \"{}\"", target.name)), "{}", target.name);
+    }
+}

@@ -1,0 +1,98 @@
+//! The machine and the rig before any loop runs: `hbot doctor`, `hbot rig test`, `hbot rig calibrate`; metrics of one that does.
+
+use std::io::{Read as _, Write as _};
+
+use predicates::prelude::PredicateBooleanExt as _;
+use predicates::str::contains;
+use serde_json::Value;
+
+use crate::process::{Process, hbot};
+
+fn run(args: &[&str]) -> assert_cmd::assert::Assert {
+    assert_cmd::Command::from_std(hbot()).args(args).timeout(std::time::Duration::from_secs(120)).assert()
+}
+
+#[test]
+fn the_doctor_tells_programs_what_it_found_and_the_exit_code_follows() {
+    let output = run(&["doctor", "--seconds", "1", "--json"]).get_output().clone();
+    let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let findings = told["findings"].as_array().expect("a list");
+    for id in ["kernel", "governor", "idle_states", "rt_throttling", "priority", "memlock", "punctuality"] {
+        assert!(findings.iter().any(|finding| finding["id"] == id), "{id}: {told}");
+    }
+    assert_eq!(told["punctuality"]["ticks"], 1000);
+    assert_eq!(output.status.success(), told["verdict"] != "not_sufficient", "{told}");
+    for finding in findings {
+        assert_eq!(finding["mend"].is_null(), finding["mark"] == "good", "{finding}");
+    }
+}
+
+#[test]
+fn a_port_that_is_not_there_is_not_sufficient() {
+    run(&["doctor", "--seconds", "1", "--port", "/dev/no-such-port"])
+        .failure()
+        .stdout(contains("/dev/no-such-port is not there").and(contains("to mend it")));
+}
+
+#[test]
+fn each_joint_of_the_simulated_rig_passes_its_test() {
+    for joint in ["1", "2", "3", "4"] {
+        run(&["rig", "test", "--joint", joint, "--torque", "0.01", "--speed", "50"])
+            .success()
+            .stdout(contains("good"));
+    }
+    run(&["rig", "test", "--joint", "5", "--torque", "0.01"]).failure().stderr(contains("1 to 4"));
+    run(&["rig", "test", "--joint", "1", "--torque", "2"]).failure().stderr(contains("0.93"));
+    run(&["rig", "test", "--joint", "2", "--torque", "0.05", "--speed", "0.1"])
+        .failure()
+        .stdout(contains("faster than --speed"));
+}
+
+#[test]
+fn the_simulated_rig_is_as_its_file_says_and_one_with_another_zero_is_not() {
+    run(&["rig", "calibrate"]).success().stdout(contains("slip over rolling"));
+    // The file says that the encoder's zero is at 0.2 rad; the rig is not asked and has it at 0.
+    let off = include_str!("../../rigs/prototype.toml").replacen(
+        "zero = \"assume\"",
+        "zero = \"assume\"\nzero_offset = 0.2 #",
+        1,
+    );
+    let file = tempfile::Builder::new().suffix(".toml").tempfile().expect("a file");
+    std::fs::write(&file, off).expect("written");
+    let path = file.path().to_str().expect("UTF-8");
+    let found = run(&["rig", "calibrate", "--rig", path]).failure();
+    let text = String::from_utf8_lossy(&found.get_output().stdout).into_owned();
+    assert!(
+        text.contains("wheel A: steering zero off by -0.") && text.contains("wheel[0].steer.zero_offset = "),
+        "{text}"
+    );
+    assert!(!text.contains("wheel[1].steer.zero_offset"), "{text}");
+}
+
+#[test]
+fn metrics_are_read_over_http_and_only_from_this_machine_without_a_token() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--time", "virtual", "--metrics", "127.0.0.1:0"], state.path());
+    let line = server.banner.lines().find(|line| line.starts_with("metrics")).expect("where metrics are");
+    let address = line.trim_start_matches("metrics http://").trim_end_matches("/metrics").to_owned();
+    let get = |path: &str| {
+        let mut stream = std::net::TcpStream::connect(&address).expect("it listens");
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").expect("sent");
+        let mut text = String::new();
+        stream.read_to_string(&mut text).expect("readable");
+        text
+    };
+    let page = get("/metrics");
+    assert!(page.starts_with("HTTP/1.1 200 OK") && page.ends_with("# EOF\n"), "{page}");
+    for name in [
+        "hbot_ticks_total",
+        "hbot_lateness_seconds{quantile=\"0.9999\"}",
+        "hbot_faults_total{cause=\"link_lost\"} 0",
+    ] {
+        assert!(page.contains(name), "{name} in\n{page}");
+    }
+    assert!(get("/").starts_with("HTTP/1.1 404"));
+    run(&["server", "--listen", "127.0.0.1:0", "--metrics", "0.0.0.0:0"])
+        .failure()
+        .stderr(contains("--token-file"));
+}

@@ -1,0 +1,35 @@
+//! SAFETY.md names tests that exist.
+
+use std::path::Path;
+
+fn sources(folder: &Path, into: &mut String) {
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            sources(&path, into);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            into.push_str(&std::fs::read_to_string(&path).expect("readable"));
+        }
+    }
+}
+
+#[test]
+fn every_test_that_the_page_names_is_there() {
+    let mut code = String::new();
+    for folder in ["crates", "src", "tests"] {
+        sources(Path::new(folder), &mut code);
+    }
+    let page = std::fs::read_to_string("SAFETY.md").expect("readable");
+    let mut named = 0;
+    for row in page.lines().filter(|line| line.starts_with('|')) {
+        let shown = row.trim_end_matches('|').rsplit('|').next().unwrap_or_default();
+        for name in shown.split('`').skip(1).step_by(2) {
+            let is_test = name.matches('_').count() >= 3 && !name.contains(['/', '.', ' ']);
+            if is_test {
+                named += 1;
+                assert!(code.contains(&format!("fn {name}()")), "SAFETY.md names {name}, which is no test");
+            }
+        }
+    }
+    assert!(named > 30, "{named} tests are named");
+}
