@@ -3,7 +3,7 @@
 use eframe::egui::{self, RichText, TextEdit, Ui};
 
 use super::Desk;
-use super::theme::{Palette, heading, named, weak};
+use super::theme::{Palette, heading, lamp, named, weak};
 use crate::model::{Link, Model};
 use crate::net::{Intent, Lease};
 
@@ -15,7 +15,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
             Link::Connecting => (palette.warn, "connecting".to_owned()),
             Link::Offline { .. } => (palette.bad, "no server".to_owned()),
         };
-        ui.colored_label(color, "\u{25cf}");
+        lamp(ui, color);
         ui.label(RichText::new(text).strong());
         weak(ui, &model.server);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

@@ -70,7 +70,7 @@ fn times(ui: &mut Ui, stats: &Stats) {
     ];
     Grid::new("times").num_columns(5).spacing(vec2(10.0, 2.0)).striped(true).show(ui, |ui| {
         for head in ["us", "median", "99 %", "99.9 %", "max"] {
-            weak(ui, head);
+            ui.label(RichText::new(head).weak());
         }
         ui.end_row();
         for (name, d, hint) in rows {

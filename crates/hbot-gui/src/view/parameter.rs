@@ -1,6 +1,6 @@
 //! Controls for a value, drawn from its schema.
 
-use eframe::egui::{self, Align, ComboBox, DragValue, Layout, Ui};
+use eframe::egui::{self, ComboBox, DragValue, Ui};
 use serde_json::Value;
 
 use super::schema::{Shape, converted, explain, fits, shape};
@@ -105,13 +105,17 @@ fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [us
     let mut parts = value.as_array().cloned().unwrap_or_default();
     let mut changed = false;
     let nested = matches!(shape(item), Shape::List { .. } | Shape::Group(_));
-    let layout = if nested { Layout::top_down(Align::Min) } else { Layout::left_to_right(Align::Center) };
-    ui.with_layout(layout.with_main_wrap(!nested), |ui| {
+    let row = |ui: &mut Ui, add: &mut dyn FnMut(&mut Ui)| {
+        if nested { ui.vertical(|ui| add(ui)) } else { ui.horizontal_wrapped(|ui| add(ui)) }
+    };
+    row(ui, &mut |ui| {
+        // Four numbers of a quaternion stand side by side.
+        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.spacing_mut().button_padding.x = 3.0;
         for (k, part) in parts.iter_mut().enumerate() {
             let name = format!("{name} {}", k + 1);
             let item = if nested { item.clone() } else { without_unit(item) };
-            let edited = ui.push_id(k, |ui| edit(ui, &name, &item, part)).inner;
-            if let Some(new) = edited {
+            if let Some(new) = edit(ui, &name, &item, part) {
                 *part = new;
                 changed = true;
             }

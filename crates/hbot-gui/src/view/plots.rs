@@ -185,18 +185,22 @@ fn against_time(
 fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &PlotDesk, zero: DQuat) {
     let samples = history.last(plots.window);
     let fits = fit(samples.clone(), zero);
-    let step = samples.len().div_ceil(CLOUD).max(1);
     let clouds: [Vec<[f64; 2]>; 3] = std::array::from_fn(|k| {
         let turned = zero.conjugate();
-        samples.clone().step_by(step).map(|s| [s.deflection(zero)[k], (turned * s.torque)[k]]).collect()
+        let step = samples.len().div_ceil(CLOUD).max(1);
+        let active = samples.clone().step_by(step).filter(|sample| sample.active);
+        active.map(|s| [s.deflection(zero)[k], (turned * s.torque)[k]]).collect()
     });
     ui.horizontal_wrapped(|ui| {
         if fits.iter().all(Option::is_none) {
             weak(ui, "Turn the sphere by some hundredths of a radian, active and within its limits, to see its stiffness.");
         }
+        if fits.iter().any(Option::is_some) {
+            weak(ui, "fitted, N m/rad (N m s/rad):");
+        }
         for (k, fit) in fits.iter().enumerate() {
             let Some(Fit { stiffness, damping, .. }) = fit else { continue };
-            let text = format!("n{}: {stiffness:.3} N m/rad, {damping:.4} N m s/rad", k + 1);
+            let text = format!("n{} {stiffness:.3} ({damping:.4})", k + 1);
             ui.colored_label(palette.axes[k], text);
         }
     });
@@ -208,7 +212,7 @@ fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &
             );
             if let Some(Fit { stiffness, offset, range, .. }) = fits[k] {
                 let ends: Vec<[f64; 2]> = range.iter().map(|x| [*x, offset - stiffness * x]).collect();
-                plot.line(Line::new(format!("n{} fitted", k + 1), ends).color(color).width(2.5));
+                plot.line(Line::new(format!("n{}", k + 1), ends).color(color).width(2.5));
             }
         }
     });

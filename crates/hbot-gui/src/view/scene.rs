@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::parameter;
 use super::schema::explain;
-use super::theme::{heading, named, weak};
+use super::theme::{column, heading, named, weak};
 use super::{Act, Desk};
 use crate::files;
 use crate::model::{Effect, Model};
@@ -124,13 +124,15 @@ fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut 
                 let value =
                     model.scene.value(effect, key).or_else(|| schema.get("default")).unwrap_or(&Value::Null);
                 let name = format!("{} {key}", effect.id);
-                ui.horizontal(|ui| {
-                    ui.set_min_width(ui.available_width());
-                    let label = egui::Label::new(RichText::new(key).weak()).truncate();
-                    ui.add_sized([84.0, 18.0], label).on_hover_text(explain(schema));
-                    if let Some(value) = parameter::edit(ui, &name, schema, value) {
-                        acts.push(set(key, value));
-                    }
+                ui.horizontal_top(|ui| {
+                    column(ui, 74.0, RichText::new(key).weak()).on_hover_text(explain(schema));
+                    let room = ui.available_width();
+                    ui.vertical(|ui| {
+                        ui.set_max_width(room);
+                        if let Some(value) = parameter::edit(ui, &name, schema, value) {
+                            acts.push(set(key, value));
+                        }
+                    });
                 });
             }
         });
@@ -144,7 +146,7 @@ fn save(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let field = TextEdit::singleline(&mut shelf.save_as).hint_text("file name").desired_width(width);
         named(ui.add(field), "Save scene as");
         let name = shelf.save_as.trim();
-        let path = shelf.folder.join(name).with_extension("toml");
+        let path = shelf.folder.join(format!("{}.toml", name.trim_end_matches(".toml")));
         let taken = !name.is_empty() && path.exists();
         let legal = !name.is_empty() && model.is_online();
         let text = if taken { "Overwrite" } else { "Save" };

@@ -15,9 +15,11 @@ use crate::model::Model;
 use crate::model::sample::quaternion;
 
 /// How far what stands out of the sphere reaches, in radii.
-const REACH: f64 = 1.62;
-/// Length of the torque's arrow at the rig's limit, in radii.
-const TORQUE_LENGTH: f64 = 0.55;
+const REACH: f64 = 1.5;
+/// Height of the readouts below it, points.
+const READOUTS: f32 = 50.0;
+/// Length of the torque's arrow, in radii: a little, so that its direction shows, and so much more at the rig's limit.
+const TORQUE_LENGTH: [f64; 2] = [0.2, 0.32];
 /// Points of a circle.
 const CIRCLE: usize = 48;
 
@@ -25,8 +27,9 @@ const CIRCLE: usize = 48;
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
     let rect = response.rect;
-    let middle = rect.center();
-    let radius = (rect.width().min(rect.height()) / 2.0 / REACH as f32).max(10.0);
+    let room = rect.with_max_y(rect.bottom() - READOUTS);
+    let middle = room.center();
+    let radius = (room.width().min(room.height()) / 2.0 / REACH as f32).max(10.0);
     if response.dragged() {
         desk.camera.orbit(response.drag_delta(), radius);
     }
@@ -203,7 +206,7 @@ impl Drawing {
             return;
         }
         let color = self.palette.torque;
-        let tip = direction * (1.02 + TORQUE_LENGTH * share.min(1.0));
+        let tip = direction * (1.0 + TORQUE_LENGTH[0] + TORQUE_LENGTH[1] * share.min(1.0));
         self.arrow(direction, tip, Stroke::new(5.0, color));
         // Which way it turns: an arc about the arrow, by the right hand.
         let across = direction.any_orthonormal_vector();
@@ -224,7 +227,7 @@ impl Drawing {
 
     /// N's own axes in a corner of the picture.
     fn corner(&self, rect: egui::Rect, desk: &Desk) {
-        let view = desk.camera.onto(rect.right_bottom() - vec2(46.0, 46.0), 26.0);
+        let view = desk.camera.onto(rect.right_top() + vec2(-46.0, 48.0), 26.0);
         for (k, axis) in DVec3::AXES.into_iter().enumerate() {
             let color = self.palette.axes[k];
             let tip = view.point(axis);

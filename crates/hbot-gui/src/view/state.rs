@@ -4,16 +4,16 @@ use eframe::egui::{self, Button, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use hbot_api::Mode;
 
-use super::theme::{Palette, STOP, coloured, named, weak};
+use super::theme::{Palette, STOP, coloured, column, named, weak};
 use crate::model::{Model, words};
 use crate::net::Intent;
 
 /// The button that stops; there whatever else is.
 pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     let text = RichText::new("STOP").size(30.0).strong().color(egui::Color32::WHITE);
-    let button = Button::new(text).fill(STOP).min_size(vec2(ui.available_width(), 60.0)).corner_radius(8);
-    let response =
-        named(ui.add(button), "Stop").on_hover_text("zero torque at once: Esc and Space do the same");
+    let button = Button::new(text).fill(STOP).corner_radius(8);
+    let response = named(ui.add_sized(vec2(ui.available_width(), 60.0), button), "Stop")
+        .on_hover_text("zero torque at once: Esc and Space do the same");
     if response.clicked() {
         intents.push(Intent::Stop);
     }
@@ -45,8 +45,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
                 let (what, cure) = words::fault(fault);
                 coloured(ui, palette.bad, what);
                 ui.add(egui::Label::new(cure).wrap());
-                let told = model.fault.as_ref().map_or("", |told| told.message.as_str());
-                weak(ui, format!("{fault}: {}", without_log(told)));
+                match &model.fault {
+                    Some(told) => weak(ui, format!("{fault}: {}", without_log(&told.message))),
+                    None => weak(ui, fault.as_str()),
+                };
             }
             None => {
                 weak(ui, words::mode(state.mode));
@@ -69,13 +71,13 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         (
             "Enable",
             Intent::Enable,
-            may && !matches!(mode, Some(Mode::Active | Mode::Enabling)),
+            may && matches!(mode, Some(Mode::Idle)),
             "begin to render, with a soft start of half a second",
         ),
         (
             "Disable",
             Intent::Disable,
-            model.is_online() && !matches!(mode, Some(Mode::Idle)),
+            model.is_online() && matches!(mode, Some(Mode::Active | Mode::Enabling)),
             "stop rendering, with a ramp of 50 ms",
         ),
         (
@@ -137,8 +139,8 @@ fn meter(ui: &mut Ui, palette: Palette, name: &str, share: f64, figures: String)
         _ => palette.good,
     };
     ui.horizontal(|ui| {
-        ui.add_sized([70.0, 16.0], egui::Label::new(name).halign(egui::Align::LEFT));
-        let width = (ui.available_width() - 128.0).max(24.0);
+        column(ui, 70.0, name);
+        let width = (ui.available_width() - 122.0).max(24.0);
         let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
         response
             .widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
@@ -147,6 +149,6 @@ fn meter(ui: &mut Ui, palette: Palette, name: &str, share: f64, figures: String)
         let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
         painter.rect_filled(full, 3.0, color);
         painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
-        ui.label(RichText::new(figures).small());
+        ui.label(RichText::new(figures).size(12.0));
     });
 }

@@ -105,3 +105,20 @@ pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
 pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> Response {
     ui.add(egui::Label::new(RichText::new(text).color(color)).wrap())
 }
+
+/// A label at the left of a row, in a column of this width.
+pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>) -> Response {
+    let layout = egui::Layout::left_to_right(egui::Align::Center);
+    ui.allocate_ui_with_layout(egui::vec2(width, ui.spacing().interact_size.y), layout, |ui| {
+        ui.set_min_width(width);
+        ui.set_max_width(width);
+        ui.add(egui::Label::new(text).truncate())
+    })
+    .inner
+}
+
+/// A lamp.
+pub(crate) fn lamp(ui: &mut Ui, color: Color32) {
+    let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
+    ui.painter().circle_filled(rect.center(), 5.0, color);
+}
