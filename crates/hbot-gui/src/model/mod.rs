@@ -180,7 +180,7 @@ impl Model {
             }
             News::Scene(scene) => {
                 self.messages.add(Weight::Good, format!("scene: {}", scene.name));
-                self.scene.take_costs(&scene.effects);
+                self.scene.take_costs(scene.effects);
             }
             News::Dropped(dropped) => self.dropped = dropped.total,
             News::Stopping(message) => self.messages.add(Weight::Bad, format!("the server ends: {message}")),

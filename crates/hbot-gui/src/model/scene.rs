@@ -23,6 +23,8 @@ pub(crate) struct Scene {
     told: Value,
     /// Values on their way to the server; they are shown until it has answered.
     pending: BTreeMap<Place, Value>,
+    /// What the effects of the scene loaded last cost; told once, and before `info` tells the scene.
+    costs: Vec<EffectCost>,
 }
 
 /// One effect.
@@ -32,8 +34,6 @@ pub(crate) struct Effect {
     pub(crate) kind: String,
     /// All that `set` can change.
     pub(crate) parameters: Map<String, Value>,
-    /// What it takes of each tick, ns, where that is known.
-    pub(crate) cost_ns: Option<u64>,
 }
 
 impl Scene {
@@ -42,18 +42,12 @@ impl Scene {
         if *told == self.told {
             return;
         }
-        let costs: BTreeMap<_, _> =
-            self.effects.drain(..).filter_map(|e| Some(((e.id, e.kind), e.cost_ns?))).collect();
         self.name = told["name"].as_str().unwrap_or("unnamed").to_owned();
         self.effects = told["effect"]
             .as_array()
             .into_iter()
             .flatten()
             .filter_map(|effect| Effect::read(effect.as_object()?))
-            .map(|effect| {
-                let cost_ns = costs.get(&(effect.id.clone(), effect.kind.clone())).copied();
-                Effect { cost_ns, ..effect }
-            })
             .collect();
         self.simulate = told.get("simulate").cloned();
         self.told = told.clone();
@@ -62,11 +56,13 @@ impl Scene {
     }
 
     /// What the effects of a scene just loaded cost.
-    pub(crate) fn take_costs(&mut self, costs: &[EffectCost]) {
-        for effect in &mut self.effects {
-            effect.cost_ns =
-                costs.iter().find(|c| c.id == effect.id && c.kind == effect.kind).map(|c| c.cost_ns);
-        }
+    pub(crate) fn take_costs(&mut self, costs: Vec<EffectCost>) {
+        self.costs = costs;
+    }
+
+    /// What an effect takes of each tick, ns, where the server has told.
+    pub(crate) fn cost_ns(&self, effect: &Effect) -> Option<u64> {
+        self.costs.iter().find(|c| c.id == effect.id && c.kind == effect.kind).map(|c| c.cost_ns)
     }
 
     pub(crate) fn name(&self) -> &str {
@@ -158,7 +154,7 @@ impl Effect {
             .filter(|(key, _)| !matches!(key.as_str(), "id" | "kind"))
             .map(|(key, value)| (key.clone(), value.clone()))
             .collect();
-        Some(Self { id: text("id")?, kind: text("kind")?, parameters, cost_ns: None })
+        Some(Self { id: text("id")?, kind: text("kind")?, parameters })
     }
 }
 

@@ -109,7 +109,7 @@ fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut 
             }
         }
         ui.label(RichText::new(&effect.id).strong());
-        let cost = effect.cost_ns.map(|ns| format!(", {ns} ns a tick")).unwrap_or_default();
+        let cost = model.scene.cost_ns(effect).map(|ns| format!(", {ns} ns a tick")).unwrap_or_default();
         let response = weak(ui, format!("{}{cost}", effect.kind));
         response.on_hover_text(kind.map_or("", |kind| kind.description.as_str()));
     });

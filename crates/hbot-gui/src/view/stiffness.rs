@@ -16,7 +16,7 @@ const STIFFEST_AT: f64 = 0.1;
 const DAMPING_SHARE: f64 = 0.02;
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
-    heading(ui, "Stiffness");
+    heading(ui, "Stiffness and damping");
     let ids: Vec<&str> = model.scene.springs(&model.info).map(|effect| effect.id.as_str()).collect();
     let Some(effect) = model
         .scene

@@ -165,6 +165,12 @@ impl Witness {
         panic!("{what} did not come; the last state: {last:?}");
     }
 
+    /// The state some seconds of the loop's time from now; those that wait to be read are older.
+    pub(crate) fn later(&mut self, seconds: f64) -> StateEvent {
+        let from = self.0.ping(serde_json::Value::Null).expect("an answer").t + seconds;
+        self.state("a later state", |state| state.t > from)
+    }
+
     /// The parameter of an effect that the server runs now.
     pub(crate) fn parameter(&mut self, effect: &str, key: &str) -> serde_json::Value {
         let info = self.0.info().expect("info");

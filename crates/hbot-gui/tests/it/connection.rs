@@ -157,7 +157,6 @@ fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
     let bench = Bench::start(&Setup::default());
     let (seat, mut witness) = seated(&bench);
     drop(seat);
-    let from = witness.state("a state", |_| true).t + 50.0;
-    let state = witness.state("a later state", |state| state.t > from);
+    let state = witness.later(50.0);
     assert_eq!(state.mode, Mode::Active);
 }

@@ -19,8 +19,7 @@ pub(crate) fn seated(bench: &Bench) -> (Seat, Witness) {
 
 /// The torque once the scene has faded in and the sphere rests.
 fn settled(witness: &mut Witness) -> f64 {
-    let from = witness.state("a state", |_| true).t + 5.0;
-    norm(witness.state("a settled state", |state| state.t > from).torque)
+    norm(witness.later(5.0).torque)
 }
 
 /// Waits until the server runs this value, so that the panel's wish has arrived.
