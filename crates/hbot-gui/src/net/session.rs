@@ -37,7 +37,7 @@ pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) 
                 pause = FIRST_PAUSE;
                 Session::new(client, &mut options, outgoing, mailbox).run()
             }
-            Err(error) => Over::Lost(error.to_string()),
+            Err(error) => Over::Lost(no_connection(&error)),
         };
         match over {
             Over::Window => return,
@@ -50,6 +50,14 @@ pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) 
                 pause = (2 * pause).min(LONGEST_PAUSE);
             }
         }
+    }
+}
+
+/// Why there is no connection, where the address is named beside it.
+fn no_connection(error: &ClientError) -> String {
+    match error {
+        ClientError::NoServer { .. } => "nobody listens there (connection refused)".to_owned(),
+        error => error.to_string(),
     }
 }
 

@@ -87,8 +87,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         state::stop(ui, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
             state::show(ui, model, &mut intents);
-            ui.separator();
-            ui.add_enabled_ui(model.may_command(), |ui| stiffness::show(ui, model, desk, &mut intents));
+            if model.is_online() {
+                ui.separator();
+                ui.add_enabled_ui(model.may_command(), |ui| stiffness::show(ui, model, desk, &mut intents));
+            }
             ui.add_space(8.0);
         });
     });
@@ -158,4 +160,22 @@ fn toasts(ui: &Ui, model: &Model) {
             });
         }
     });
+}
+
+/// The next of 1, 2 or 5 times a power of ten.
+fn round_up(x: f64) -> f64 {
+    let decade = 10_f64.powf(x.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * decade).find(|y| *y >= x * (1.0 - 1e-9)).unwrap_or(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_end_at_round_numbers() {
+        for (x, end) in [(9.0, 10.0), (10.0, 10.0), (0.13, 0.2), (42.0, 50.0), (1.0, 1.0)] {
+            assert!((round_up(x) - end).abs() < 1e-12 * end, "{x}: {}", round_up(x));
+        }
+    }
 }

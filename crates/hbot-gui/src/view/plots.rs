@@ -1,9 +1,10 @@
 //! Torque and angle against time, torque against deflection with the stiffness fitted to it.
 
 use eframe::egui::{self, ComboBox, Role, Ui, WidgetInfo};
-use egui_plot::{Corner, HLine, Legend, Line, LineStyle, Plot, Points};
+use egui_plot::{Corner, GridInput, GridMark, HLine, Legend, Line, LineStyle, Plot, Points};
 use glam::DQuat;
 
+use super::round_up;
 use super::theme::{Palette, named, weak};
 use super::{Act, Desk};
 use crate::model::{Fit, History, Model, SPAN_S, Sample, fit, thinned};
@@ -11,6 +12,9 @@ use crate::net::Intent;
 
 /// Points of the cloud of torque against deflection, of each axis.
 const CLOUD: usize = 400;
+
+/// Both ways from zero, N m or rad: noise below it is not blown up to fill the plot.
+const LEAST_SPAN: f64 = 0.02;
 
 /// What a plot shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -135,11 +139,24 @@ fn plot<'a>(id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
         .legend(Legend::default().position(Corner::LeftTop))
         .y_axis_label(y)
         .y_axis_min_width(44.0)
+        .x_grid_spacer(round_steps)
+        .y_grid_spacer(round_steps)
         .allow_drag(still)
         .allow_zoom(still)
         .allow_scroll(still)
         .allow_boxed_zoom(still)
         .allow_axis_zoom_drag(still)
+}
+
+/// Grid lines at 1, 2 or 5 times a power of ten, some five of them, each with its number.
+fn round_steps(input: GridInput) -> Vec<GridMark> {
+    let (low, high) = input.bounds;
+    let step_size = round_up((high - low) / 6.0);
+    if !(step_size.is_normal() && step_size > 0.0) {
+        return Vec::new();
+    }
+    let (first, last) = ((low / step_size).ceil() as i64, (high / step_size).floor() as i64);
+    (first..=last.min(first + 20)).map(|k| GridMark { value: k as f64 * step_size, step_size }).collect()
 }
 
 fn against_time(
@@ -164,6 +181,8 @@ fn against_time(
     let shown = plot(y, plots, y)
         .include_x(-plots.window)
         .include_x(0.0)
+        .include_y(-LEAST_SPAN)
+        .include_y(LEAST_SPAN)
         .x_axis_label("time before now, s")
         .show(ui, |plot| {
             for (k, points) in lines.into_iter().enumerate() {

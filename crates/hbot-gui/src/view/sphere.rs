@@ -42,7 +42,6 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let state = model.state.as_ref();
     let q = state.map_or(DQuat::IDENTITY, |state| quaternion(state.q));
     response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, describe(state)));
-    response.on_hover_text("drag or arrow keys turn the view; a double click turns it back");
 
     let palette = Palette::of(ui);
     let draw = Drawing { painter, view: desk.camera.onto(middle, radius), palette };
@@ -62,6 +61,11 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     }
     draw.corner(rect, desk);
     readouts(&draw.painter, rect, state, model, palette);
+    if rect.width() > 500.0 {
+        let at = rect.right_bottom() - vec2(8.0, 6.0);
+        let hint = "drag to turn the view, double click to turn it back";
+        draw.painter.text(at, Align2::RIGHT_BOTTOM, hint, FontId::proportional(12.0), palette.weak);
+    }
 }
 
 fn arrow_keys(ui: &Ui) -> Vec2 {

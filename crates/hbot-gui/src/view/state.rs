@@ -111,13 +111,7 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
         share(torque, limits.torque),
         format!("{torque:.2} / {:.2} N m", limits.torque),
     );
-    meter(
-        ui,
-        palette,
-        "Speed",
-        share(speed, limits.speed),
-        format!("{speed:.2} / {:.0} rad/s", limits.speed),
-    );
+    meter(ui, palette, "Speed", share(speed, limits.speed), format!("{speed:.2} / {} rad/s", limits.speed));
     meter(ui, palette, "Traction", state.traction, format!("{:.0} % of friction", 100.0 * state.traction));
     let slip = format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip);
     meter(ui, palette, "Slip", share(state.slip, limits.slip), slip);

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::Desk;
 use super::parameter;
+use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
 use crate::model::{Effect, Model};
 use crate::net::Intent;
@@ -54,12 +55,6 @@ fn stiffest(model: &Model) -> f64 {
     let limit = model.info.limits.torque;
     let by_torque = if limit > 0.0 { limit / STIFFEST_AT } else { 10.0 };
     round_up(by_torque.max(1.5 * model.info.render.stiffness_stable.unwrap_or(0.0)))
-}
-
-/// 1, 2 or 5 times a power of ten.
-fn round_up(x: f64) -> f64 {
-    let decade = 10_f64.powf(x.log10().floor());
-    [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * decade).find(|y| *y >= x * (1.0 - 1e-9)).unwrap_or(x)
 }
 
 fn law(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
@@ -223,13 +218,6 @@ fn has_off_diagonal(value: &Value) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_slider_ends_at_a_round_number() {
-        for (x, end) in [(9.0, 10.0), (10.0, 10.0), (0.13, 0.2), (42.0, 50.0), (1.0, 1.0)] {
-            assert!((round_up(x) - end).abs() < 1e-12 * end, "{x}: {}", round_up(x));
-        }
-    }
 
     #[test]
     fn a_diagonal_is_set_and_the_rest_stays() {

@@ -6,8 +6,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use hbot_server::server::Time;
-
 use crate::bench::{Bench, PATIENCE, Setup, alone};
 
 /// A display without a screen.
@@ -54,7 +52,7 @@ fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &
     let _ = std::fs::remove_file(&path);
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
     let mut panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
-        .args(["--server", server, "--theme", theme, "--picture-after", "4"])
+        .args(["--server", server, "--theme", theme, "--picture-after", "5"])
         .arg(format!("--size={}x{}", size[0], size[1]))
         .arg("--picture")
         .arg(&path)
@@ -113,12 +111,8 @@ const DESKTOP: [u32; 2] = [1280, 800];
 fn pictures_of_five_situations() {
     let _alone = alone();
     let Some(display) = Display::start() else { return };
-    // In wall-clock time where there are pseudo-terminals: plots of virtual time race.
-    let time = if has_pty() { Time::Wall } else { Time::Virtual };
-    let patient: &[_] = &[("timeout_ticks = 20 ", "timeout_ticks = 1000\nwatchdog_ms = 1000 ")];
-    let bench = |scene: &str, more: &[(&str, &str)]| {
-        let rig = [patient, more].concat();
-        Bench::beside(&Setup { scene, rig: &rig, time, ..Setup::default() })
+    let bench = |scene: &str, rig: &[(&str, &str)]| {
+        Bench::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
     };
     let spring = include_str!("../../../../scenes/spring.toml");
     // Stiffer than the rig has torque for: 10 N m/rad reaches its 0.9 N m at 0.09 rad.
@@ -155,9 +149,4 @@ fn pictures_of_five_situations() {
     let pixels = picture(&display, "no-server", &address, DESKTOP, "dark");
     assert!(count(&pixels, STOP) > 10_000, "the stop button is there whatever else is");
     assert!(count(&pixels, GOOD) < 50, "nothing looks well");
-}
-
-/// Whether the simulated rig can run in wall-clock time here.
-fn has_pty() -> bool {
-    Path::new("/dev/ptmx").exists()
 }
