@@ -33,6 +33,8 @@ pub(crate) enum Link {
     /// None; why, and when another attempt is made.
     Offline {
         why: String,
+        /// Nobody listens at the address.
+        absent: bool,
         again: Instant,
     },
     Online(HelloOk),
@@ -149,11 +151,11 @@ impl Model {
                 self.fault = None;
                 self.dropped = 0;
             }
-            News::Offline { why, again_in } => {
+            News::Offline { why, absent, again_in } => {
                 if self.is_online() {
                     self.messages.add(Weight::Bad, format!("connection lost: {why}"));
                 }
-                self.link = Link::Offline { why, again: Instant::now() + again_in };
+                self.link = Link::Offline { why, absent, again: Instant::now() + again_in };
                 self.lease = Lease::Unknown;
                 self.state = None;
                 self.stats = None;

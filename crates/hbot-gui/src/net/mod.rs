@@ -114,6 +114,8 @@ pub(crate) enum News {
     Connected(HelloOk),
     Offline {
         why: String,
+        /// Nobody listens at the address.
+        absent: bool,
         again_in: Duration,
     },
     Info(Box<Value>),

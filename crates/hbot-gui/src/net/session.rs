@@ -24,8 +24,10 @@ enum Over {
     Window,
     /// Another server is wanted.
     Elsewhere,
-    /// The connection broke or the server left.
+    /// The connection broke, or the server left or refuses.
     Lost(String),
+    /// Nobody listens there.
+    Absent,
 }
 
 pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) {
@@ -37,27 +39,24 @@ pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) 
                 pause = FIRST_PAUSE;
                 Session::new(client, &mut options, outgoing, mailbox).run()
             }
-            Err(error) => Over::Lost(no_connection(&error)),
+            Err(ClientError::NoServer { .. }) => Over::Absent,
+            Err(error) => Over::Lost(error.to_string()),
         };
         match over {
             Over::Window => return,
             Over::Elsewhere => pause = FIRST_PAUSE,
-            Over::Lost(why) => {
-                mailbox.post(News::Offline { why, again_in: pause });
+            over @ (Over::Lost(_) | Over::Absent) => {
+                let (why, absent) = match over {
+                    Over::Lost(why) => (why, false),
+                    _ => ("nobody listens there (connection refused)".to_owned(), true),
+                };
+                mailbox.post(News::Offline { why, absent, again_in: pause });
                 if !wait(pause, &mut options, outgoing, mailbox) {
                     return;
                 }
                 pause = (2 * pause).min(LONGEST_PAUSE);
             }
         }
-    }
-}
-
-/// Why there is no connection, where the address is named beside it.
-fn no_connection(error: &ClientError) -> String {
-    match error {
-        ClientError::NoServer { .. } => "nobody listens there (connection refused)".to_owned(),
-        error => error.to_string(),
     }
 }
 

@@ -13,7 +13,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         let (color, text) = match &model.link {
             Link::Online(hello) => (palette.good, format!("{}  {} Hz", hello.rig, hello.rate_hz)),
             Link::Connecting => (palette.warn, "connecting".to_owned()),
-            Link::Offline { .. } => (palette.bad, "no server".to_owned()),
+            Link::Offline { .. } => (palette.bad, "not connected".to_owned()),
         };
         lamp(ui, color);
         ui.label(RichText::new(text).strong());
@@ -66,16 +66,20 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, intents: &mut Vec<Intent>
 pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| {
         ui.add_space((ui.available_height() * 0.22).min(160.0));
-        let (title, why) = match &model.link {
-            Link::Offline { why, .. } => (format!("No server at {}", model.server), why.clone()),
-            _ => (format!("Looking for a server at {}", model.server), String::new()),
+        let (title, why, absent) = match &model.link {
+            Link::Offline { why, absent: true, .. } => (format!("No server at {}", model.server), why.as_str(), true),
+            Link::Offline { why, .. } => (format!("No connection to {}", model.server), why.as_str(), false),
+            _ => (format!("Looking for a server at {}", model.server), "", false),
         };
         heading(ui, &title);
         weak(ui, why);
-        ui.add_space(12.0);
-        ui.label("Start one in the project's folder:");
-        ui.label(RichText::new("cargo run server").monospace().size(16.0).strong());
-        weak(ui, "It drives a simulated rig unless it is told a serial port. This window connects as soon as it is there.");
+        if absent {
+            ui.add_space(12.0);
+            ui.label("Start one in the project's folder:");
+            ui.label(RichText::new("cargo run server").monospace().size(16.0).strong());
+            let hint = "It drives a simulated rig unless it is told a serial port. This window connects as soon as it is there.";
+            weak(ui, hint);
+        }
         if let Link::Offline { again, .. } = &model.link {
             let left = again.saturating_duration_since(std::time::Instant::now()).as_secs_f64();
             weak(ui, format!("next attempt in {left:.0} s"));

@@ -139,8 +139,10 @@ fn plot<'a>(id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
         .legend(Legend::default().position(Corner::LeftTop))
         .y_axis_label(y)
         .y_axis_min_width(44.0)
-        .x_grid_spacer(round_steps)
-        .y_grid_spacer(round_steps)
+        .x_grid_spacer(|input| round_steps(input, 9.0))
+        .y_grid_spacer(|input| round_steps(input, 4.0))
+        .x_axis_formatter(|mark, _| figure(mark))
+        .y_axis_formatter(|mark, _| figure(mark))
         .allow_drag(still)
         .allow_zoom(still)
         .allow_scroll(still)
@@ -148,15 +150,22 @@ fn plot<'a>(id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
         .allow_axis_zoom_drag(still)
 }
 
-/// Grid lines at 1, 2 or 5 times a power of ten, some five of them, each with its number.
-fn round_steps(input: GridInput) -> Vec<GridMark> {
+/// Grid lines at 1, 2 or 5 times a power of ten, `apart` times the least distance that the plot asks for, so that each has
+/// room for its number.
+fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
     let (low, high) = input.bounds;
-    let step_size = round_up((high - low) / 6.0);
+    let step_size = round_up(apart * input.base_step_size);
     if !(step_size.is_normal() && step_size > 0.0) {
         return Vec::new();
     }
     let (first, last) = ((low / step_size).ceil() as i64, (high / step_size).floor() as i64);
-    (first..=last.min(first + 20)).map(|k| GridMark { value: k as f64 * step_size, step_size }).collect()
+    (first..=last.min(first + 50)).map(|k| GridMark { value: k as f64 * step_size, step_size }).collect()
+}
+
+/// As many decimals as the step between grid lines has.
+fn figure(mark: GridMark) -> String {
+    let decimals = (-mark.step_size.log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
+    format!("{:.decimals$}", mark.value)
 }
 
 fn against_time(
@@ -238,4 +247,18 @@ fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &
     shown
         .response
         .widget_info(|| WidgetInfo::labeled(Role::Image, true, "Plot of torque against deflection"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grid_lines_have_round_numbers_with_their_decimals() {
+        let marks = round_steps(GridInput { bounds: (-1.02, 1.02), base_step_size: 0.07 }, 4.0);
+        let figures: Vec<_> = marks.into_iter().map(figure).collect();
+        assert_eq!(figures, ["-1.0", "-0.5", "0.0", "0.5", "1.0"]);
+        let marks = round_steps(GridInput { bounds: (-30.0, 0.0), base_step_size: 1.0 }, 9.0);
+        assert_eq!(marks.into_iter().map(figure).collect::<Vec<_>>(), ["-30", "-20", "-10", "0"]);
+    }
 }

@@ -53,11 +53,13 @@ pub(crate) struct Setup<'a> {
     /// Virtual time goes no faster than the clock: for what people look at. Other work on the machine then makes no tick late.
     pub(crate) paced: bool,
     pub(crate) address: SocketAddr,
+    /// What clients must know.
+    pub(crate) token: Option<&'a str>,
 }
 
 impl Default for Setup<'_> {
     fn default() -> Self {
-        Self { scene: STILL, rig: &[], paced: false, address: ([127, 0, 0, 1], 0).into() }
+        Self { scene: STILL, rig: &[], paced: false, address: ([127, 0, 0, 1], 0).into(), token: None }
     }
 }
 
@@ -83,6 +85,7 @@ impl Bench {
         let rig = RigConfig::from_toml(&rig, "test.toml").expect("a legal rig");
         let scene = SceneFile::from_toml(setup.scene, "test.toml").expect("a legal scene");
         let (paced, listen) = (setup.paced, setup.address);
+        let token = setup.token.map(str::to_owned);
         let (shutdown, stopped) = oneshot::channel();
         let (ready, started) = mpsc::channel();
         let thread = std::thread::spawn(move || {
@@ -98,7 +101,7 @@ impl Bench {
                     scene,
                     time: Time::Virtual,
                     duration: None,
-                    token: None,
+                    token,
                     flight_dir: None,
                     recorder: paced.then_some(Box::new(move |_, _, _| {
                         ticks += 1;
@@ -201,7 +204,9 @@ pub(crate) struct Seat {
     pub(crate) harness: Harness<'static, Option<Panel>>,
     /// The longest that a frame has taken.
     pub(crate) longest: Duration,
-    pub(crate) frames: u64,
+    /// All frames together.
+    pub(crate) drawing: Duration,
+    pub(crate) frames: u32,
     pub(crate) out: tempfile::TempDir,
 }
 
@@ -229,13 +234,15 @@ impl Seat {
             },
             None,
         );
-        Self { harness, longest: Duration::ZERO, frames: 0, out }
+        Self { harness, longest: Duration::ZERO, drawing: Duration::ZERO, frames: 0, out }
     }
 
     pub(crate) fn frame(&mut self) {
         let start = Instant::now();
         self.harness.step();
-        self.longest = self.longest.max(start.elapsed());
+        let took = start.elapsed();
+        self.drawing += took;
+        self.longest = self.longest.max(took);
         self.frames += 1;
     }
 

@@ -30,6 +30,17 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
 }
 
 #[test]
+fn a_server_that_refuses_says_why() {
+    let bench = Bench::start(&Setup { token: Some("a token of some length"), ..Setup::default() });
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("No connection to");
+    assert!(seat.shows("see the server's token file"));
+    let token = Some("a token of some length".to_owned().into());
+    let mut seat = Seat::with(Options { token, ..Options::new(&bench.address.to_string()) });
+    seat.until_text("you command");
+}
+
+#[test]
 fn another_address_can_be_typed() {
     let bench = Bench::start(&Setup::default());
     let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
@@ -126,7 +137,7 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
     let mut counter = bench.client("a counter");
     let before = counter.stats().expect("stats");
     let start = std::time::Instant::now();
-    seat.frames = 0;
+    (seat.frames, seat.drawing) = (0, Duration::ZERO);
     seat.longest = Duration::ZERO;
     while start.elapsed() < Duration::from_secs(4) {
         seat.frame();
@@ -137,10 +148,11 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
     let passed = |key: &str| after[key].as_f64().expect("a number") - before[key].as_f64().expect("a number");
     let received = passed("ticks") - passed("dropped_states");
     println!(
-        "{:.0} samples/s received of {:.0}/s; {:.0} frames/s, the longest {:?}",
+        "{:.0} samples/s received of {:.0}/s; {:.0} frames/s of {:?}, the longest {:?}",
         received / seconds,
         passed("ticks") / seconds,
-        seat.frames as f64 / seconds,
+        f64::from(seat.frames) / seconds,
+        seat.drawing / seat.frames,
         seat.longest
     );
     assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);

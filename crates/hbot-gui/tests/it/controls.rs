@@ -95,9 +95,10 @@ fn a_value_that_the_server_refuses_is_told_and_not_shown() {
 
 #[test]
 fn the_button_esc_and_space_stop_and_reset_and_enable_lead_back() {
+    type Way = dyn Fn(&mut Seat);
     let bench = Bench::start(&Setup::default());
     let (mut seat, mut witness) = seated(&bench);
-    let ways: [(&str, &dyn Fn(&mut Seat)); 4] = [
+    let ways: [(&str, &Way); 4] = [
         ("the button", &|seat| seat.click("Stop")),
         ("Esc", &|seat| seat.harness.key_press(Key::Escape)),
         ("Space", &|seat| seat.harness.key_press(Key::Space)),

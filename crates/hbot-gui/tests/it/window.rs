@@ -48,11 +48,13 @@ impl Drop for Display {
 /// Runs the panel until it has taken a picture of itself.
 fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &str) -> Vec<u8> {
     let path = folder().join(format!("{name}.png"));
+    // The one for people shows curves over all of its width.
+    let after = if name == "running" { "12" } else { "4" };
     // The last run's must not pass for this one's.
     let _ = std::fs::remove_file(&path);
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
     let mut panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
-        .args(["--server", server, "--theme", theme, "--picture-after", "5"])
+        .args(["--server", server, "--theme", theme, "--picture-after", after])
         .arg(format!("--size={}x{}", size[0], size[1]))
         .arg("--picture")
         .arg(&path)
