@@ -3,11 +3,28 @@
 use eframe::egui::{self, ComboBox, DragValue, Ui};
 use serde_json::Value;
 
-use super::schema::{Shape, converted, explain, fits, shape};
+use super::schema::{Shape, converted, explain, fits, may_be_absent, shape};
 use super::theme::{named, weak};
 
 /// Draws a control for `value` and returns what it was changed to. `name` is what screen readers call it.
 pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
+    if !may_be_absent(schema) {
+        return present(ui, name, schema, value);
+    }
+    ui.horizontal(|ui| {
+        if value.is_null() {
+            let set = named(ui.small_button("set"), &format!("{name}: set")).on_hover_text(explain(schema));
+            return set.clicked().then(|| converted(schema, value));
+        }
+        let edited = present(ui, name, schema, value);
+        let none = named(ui.small_button("none"), &format!("{name}: none"));
+        if none.clicked() { Some(Value::Null) } else { edited }
+    })
+    .inner
+}
+
+/// The same for a value that is there.
+fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     match shape(schema) {
         Shape::Number { whole, least, most } => number(ui, name, schema, value, whole, [least, most]),
         Shape::Flag => {
@@ -201,4 +218,51 @@ fn text(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value>
         ui.data_mut(|data| data.insert_temp(id, typed));
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use serde_json::json;
+
+    /// Presses the controls of these names one after the other, and tells what the value has become.
+    fn pressed(schema: Value, value: Value, names: &[&str]) -> Value {
+        let mut harness = Harness::new_ui_state(
+            move |ui, value: &mut Value| {
+                if let Some(new) = edit(ui, "p", &schema, value) {
+                    *value = new;
+                }
+            },
+            value,
+        );
+        for name in names {
+            harness.get_by_label(name).click_accesskit();
+            harness.run_steps(2);
+        }
+        harness.check_accessibility();
+        harness.into_state()
+    }
+
+    #[test]
+    fn forms_that_no_kind_has_yet_are_edited_too() {
+        assert_eq!(pressed(json!({"type": "boolean"}), json!(false), &["p"]), json!(true));
+        let points = json!({"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2,
+            "items": {"type": "number"}}});
+        assert_eq!(pressed(points.clone(), json!([]), &["p: one more"]), json!([[0.0, 0.0]]));
+        assert_eq!(
+            pressed(points, json!([[1, 2]]), &["p: one more", "p: one more", "p: one fewer"]),
+            json!([[1, 2], [1, 2]])
+        );
+        let group =
+            json!({"type": "object", "properties": {"on": {"type": "boolean"}, "size": {"type": "integer"}}});
+        assert_eq!(
+            pressed(group, json!({"on": true, "size": 3}), &["p on"]),
+            json!({"on": false, "size": 3})
+        );
+        let optional = json!({"type": ["number", "null"], "minimum": 2, "default": null});
+        assert_eq!(pressed(optional.clone(), Value::Null, &["p: set"]), json!(2.0));
+        assert_eq!(pressed(optional, json!(5.0), &["p: none"]), Value::Null);
+    }
 }

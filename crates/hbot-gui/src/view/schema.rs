@@ -52,7 +52,7 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
             };
         }
     }
-    // `["number", "null"]`: a value that may be absent is drawn as its other type; null is none of the panel's to choose.
+    // `["number", "null"]`: a value that may be absent is drawn as its other type.
     let kind = match &schema["type"] {
         Value::Array(kinds) => kinds.iter().find(|kind| *kind != "null").unwrap_or(&NULL),
         kind => kind,
@@ -82,6 +82,11 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
     }
 }
 
+/// Whether null stands for a value that is not there.
+pub(crate) fn may_be_absent(schema: &Value) -> bool {
+    schema["type"].as_array().is_some_and(|kinds| kinds.iter().any(|kind| kind == "null"))
+}
+
 /// Whether a value has the form that a schema asks for; ranges are the server's to judge.
 pub(crate) fn fits(schema: &Value, value: &Value) -> bool {
     match shape(schema) {
@@ -104,7 +109,7 @@ pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
     if fits(schema, value) {
         return value.clone();
     }
-    if let Some(default) = schema.get("default") {
+    if let Some(default) = schema.get("default").filter(|default| !default.is_null()) {
         return default.clone();
     }
     match shape(schema) {
