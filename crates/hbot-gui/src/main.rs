@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow, bail};
 use clap::{Parser, ValueEnum};
 use eframe::egui;
 use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Options, Panel, Picture};
@@ -102,6 +102,10 @@ fn main() -> ExitCode {
 }
 
 fn run(args: Args) -> anyhow::Result<()> {
+    let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
+        bail!("no display: set DISPLAY or WAYLAND_DISPLAY. `hbot watch` shows the state in a terminal");
+    }
     let token = match &args.token_file {
         Some(file) => {
             let text =
@@ -134,8 +138,6 @@ fn run(args: Args) -> anyhow::Result<()> {
             Ok(Box::new(App { panel, picture, failed }))
         }),
     )
-    .map_err(|error| {
-        anyhow::anyhow!("no window: {error}. Is there a display (DISPLAY or WAYLAND_DISPLAY)?")
-    })?;
+    .map_err(|error| anyhow!("no window: {error}"))?;
     why.try_recv().map_or(Ok(()), Err)
 }

@@ -14,6 +14,7 @@ mod session;
 mod stop_line;
 
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use hbot_api::{DroppedEvent, FaultEvent, HelloOk, LeaseCause, SceneEvent, Token};
@@ -140,11 +141,17 @@ pub(crate) enum News {
 /// Wakes the window; called from the threads.
 pub(crate) type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// The window's end. Dropping it ends the threads without waiting for them.
+/// How long the window's end waits for the lease to be given back. A rig may be told to take the loss of its commander for a
+/// fault; a window that is closed is none.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// The window's end. Dropping it ends the threads.
 pub(crate) struct Network {
     outgoing: Arc<Outgoing>,
     pub(crate) mailbox: Arc<Mailbox>,
     stop: stop_line::StopLine,
+    /// Closed where the session has ended.
+    ended: Receiver<()>,
 }
 
 impl Network {
@@ -154,10 +161,12 @@ impl Network {
         let outgoing = Arc::new(Outgoing::default());
         let stop = stop_line::StopLine::start(&options, Arc::clone(&mailbox), Arc::clone(&outgoing))?;
         let (inside, post) = (Arc::clone(&outgoing), Arc::clone(&mailbox));
-        std::thread::Builder::new()
-            .name("hbot-session".to_owned())
-            .spawn(move || session::run(options, &inside, &post))?;
-        Ok(Self { outgoing, mailbox, stop })
+        let (running, ended) = channel();
+        std::thread::Builder::new().name("hbot-session".to_owned()).spawn(move || {
+            session::run(options, &inside, &post);
+            drop(running);
+        })?;
+        Ok(Self { outgoing, mailbox, stop, ended })
     }
 
     /// Never waits.
@@ -181,5 +190,7 @@ impl Network {
 impl Drop for Network {
     fn drop(&mut self) {
         self.outgoing.close();
+        // A server that hangs does not keep the window open.
+        let _ = self.ended.recv_timeout(FAREWELL);
     }
 }

@@ -129,6 +129,9 @@ impl<'a> Session<'a> {
     fn serve(&mut self) -> Result<Over, ClientError> {
         loop {
             if self.outgoing.is_closed() {
+                if self.lease == Lease::Mine {
+                    self.client.release()?;
+                }
                 return Ok(Over::Window);
             }
             while let Some(intent) = self.outgoing.pop() {

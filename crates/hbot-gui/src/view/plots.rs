@@ -133,9 +133,11 @@ fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
 }
 
 /// A plot that moves with its data, and can be dragged and zoomed while paused.
-fn plot<'a>(id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
+fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
     let still = plots.paused.is_some();
     Plot::new(id)
+        // Room for half of the last number below.
+        .width(ui.available_width() - 12.0)
         .legend(Legend::default().position(Corner::LeftTop))
         .y_axis_label(y)
         .y_axis_min_width(44.0)
@@ -187,7 +189,7 @@ fn against_time(
         thinned(history.last(plots.window).map(|sample| [sample.t - now, values(sample)[k]]), columns)
     });
     let most = lines.iter().flatten().fold(0.0_f64, |most, point| most.max(point[1].abs()));
-    let shown = plot(y, plots, y)
+    let shown = plot(ui, y, plots, y)
         .include_x(-plots.window)
         .include_x(0.0)
         .include_y(-LEAST_SPAN)
@@ -232,18 +234,17 @@ fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &
             ui.colored_label(palette.axes[k], text);
         }
     });
-    let shown = plot("deflection", plots, "torque, N m").x_axis_label("deflection, rad").show(ui, |plot| {
-        for (k, cloud) in clouds.into_iter().enumerate() {
-            let color = palette.axes[k];
-            plot.points(
-                Points::new(format!("n{}", k + 1), cloud).color(color.gamma_multiply(0.8)).radius(1.6),
-            );
-            if let Some(Fit { stiffness, offset, range, .. }) = fits[k] {
-                let ends: Vec<[f64; 2]> = range.iter().map(|x| [*x, offset - stiffness * x]).collect();
-                plot.line(Line::new(format!("n{}", k + 1), ends).color(color).width(2.5));
+    let shown =
+        plot(ui, "deflection", plots, "torque, N m").x_axis_label("deflection, rad").show(ui, |plot| {
+            for (k, cloud) in clouds.into_iter().enumerate() {
+                let color = palette.axes[k];
+                plot.points(Points::new(format!("n{}", k + 1), cloud).color(color).radius(1.6));
+                if let Some(Fit { stiffness, offset, range, .. }) = fits[k] {
+                    let ends: Vec<[f64; 2]> = range.iter().map(|x| [*x, offset - stiffness * x]).collect();
+                    plot.line(Line::new(format!("n{}", k + 1), ends).color(color).width(2.5));
+                }
             }
-        }
-    });
+        });
     shown
         .response
         .widget_info(|| WidgetInfo::labeled(Role::Image, true, "Plot of torque against deflection"));

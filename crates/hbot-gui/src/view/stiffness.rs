@@ -219,6 +219,36 @@ fn has_off_diagonal(value: &Value) -> bool {
 mod tests {
     use super::*;
 
+    /// What the section says for a rig of 0.9 N m under a spring of this stiffness.
+    fn said(stiffness: f64, render: &Value) -> String {
+        let kinds = hbot_config::scene::kinds();
+        let scene = json!({"name": "S", "effect": [
+            {"id": "s", "kind": "spring", "gain": 1.0, "stiffness": stiffness, "damping": 0.0}]});
+        let info = json!({"limits": {"torque": 0.9}, "effects": kinds, "scene": scene, "render": render});
+        let mut model = Model::new("", 1);
+        model.info = serde_json::from_value(info).expect("an answer to info");
+        model.scene.take(&scene);
+        let mut desk = Desk::new(".".into(), "");
+        let mut harness =
+            egui_kittest::Harness::new_ui(move |ui| show(ui, &model, &mut desk, &mut Vec::new()));
+        harness.run();
+        format!("{:?}", harness.root())
+    }
+
+    #[test]
+    fn what_the_rig_can_be_expected_to_render_is_marked_where_the_server_says_it() {
+        let told = json!({"stiffness_stable": 5.2});
+        assert!(said(2.0, &told).contains("expected to be stable up to 5.20 N m/rad"));
+        assert!(said(7.0, &told).contains("beyond 5.20 N m/rad"));
+        for nothing in [json!({}), json!({"stiffness_stable": null})] {
+            let said = said(7.0, &nothing);
+            assert!(
+                said.contains("reaches the rig's 0.9 N m at 0.13 rad") && !said.contains("stable"),
+                "{said}"
+            );
+        }
+    }
+
     #[test]
     fn a_diagonal_is_set_and_the_rest_stays() {
         let value = json!([[1, 0.5, 0], [0.5, 2, 0], [0, 0, 3]]);

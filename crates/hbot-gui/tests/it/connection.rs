@@ -166,7 +166,9 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
 
 #[test]
 fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
-    let bench = Bench::start(&Setup::default());
+    // Even where the loss of the commander is a fault: a window that is closed says goodbye.
+    let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
+    let bench = Bench::start(&Setup { rig: &rig, ..Setup::default() });
     let (seat, mut witness) = seated(&bench);
     drop(seat);
     let state = witness.later(50.0);
