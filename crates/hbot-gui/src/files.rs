@@ -1,0 +1,107 @@
+//! Files of this machine: scenes, and exported samples.
+
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::Context as _;
+use hbot_config::SceneFile;
+use serde_json::Value;
+
+use crate::model::Sample;
+
+/// The scene files of a folder, in the order of their names; none where it cannot be read.
+pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<_> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    files.sort();
+    files
+}
+
+/// A scene as `load_scene` takes it.
+pub(crate) fn load(path: &Path) -> anyhow::Result<Value> {
+    Ok(SceneFile::from_path(path)?.to_json())
+}
+
+/// Writes a scene as TOML, whole or not at all.
+pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
+    let text = toml::to_string(scene).context("the scene cannot be written as TOML")?;
+    let beside = path.with_extension("toml.new");
+    std::fs::write(&beside, text)
+        .and_then(|()| std::fs::rename(&beside, path))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Writes samples as CSV into `folder`, and says where.
+pub(crate) fn export(folder: &Path, samples: &[Sample]) -> anyhow::Result<PathBuf> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
+    let path = folder.join(format!("hbot-{now}.csv"));
+    let write = || -> anyhow::Result<()> {
+        let mut csv = csv::Writer::from_path(&path)?;
+        csv.write_record(COLUMNS)?;
+        for s in samples {
+            csv.serialize((
+                (s.tick, s.t),
+                (s.q.w, s.q.x, s.q.y, s.q.z),
+                s.omega.to_array(),
+                s.torque.to_array(),
+                (s.scale, s.slip, s.energy, s.lateness_us),
+            ))?;
+        }
+        Ok(csv.flush()?)
+    };
+    write().with_context(|| format!("cannot write {}", path.display()))?;
+    Ok(path)
+}
+
+/// SI but for the last, as in the state events of docs/api.md.
+const COLUMNS: [&str; 16] = [
+    "tick",
+    "t",
+    "q_w",
+    "q_x",
+    "q_y",
+    "q_z",
+    "omega_1",
+    "omega_2",
+    "omega_3",
+    "torque_1",
+    "torque_2",
+    "torque_3",
+    "scale",
+    "slip",
+    "energy",
+    "lateness_us",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::sample::blank;
+
+    #[test]
+    fn a_scene_that_is_saved_is_the_scene_that_is_loaded() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let scenes_of_the_project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        let files = scenes(&scenes_of_the_project);
+        assert!(files.len() >= 3, "{files:?}");
+        for file in files {
+            let scene = load(&file).expect("legal");
+            let path = folder.path().join("saved.toml");
+            save(&path, &scene).expect("written");
+            assert_eq!(load(&path).expect("legal"), scene, "{}", file.display());
+        }
+    }
+
+    #[test]
+    fn every_sample_is_a_line_of_as_many_figures_as_there_are_columns() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let samples = [Sample::of(&blank()); 3];
+        let path = export(folder.path(), &samples).expect("written");
+        let text = std::fs::read_to_string(path).expect("a file");
+        assert_eq!(text.lines().count(), 4);
+        assert!(text.lines().all(|line| line.split(',').count() == COLUMNS.len()), "{text}");
+    }
+}

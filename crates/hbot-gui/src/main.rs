@@ -1,0 +1,143 @@
+//! `hbot-gui`: the panel in a window.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context as _, anyhow, bail};
+use clap::{Parser, ValueEnum};
+use eframe::egui;
+use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Options, Panel, Picture};
+
+/// The panel of an Hbot: see the sphere, set its stiffness, stop it
+#[derive(Debug, Parser)]
+#[command(name = "hbot-gui", version)]
+struct Args {
+    /// Where the server is
+    #[arg(long, value_name = "HOST[:PORT]", default_value = "127.0.0.1:4268")]
+    server: String,
+    /// File with the token that the server asks for
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+    /// Only watch: never take the lease unasked
+    #[arg(long)]
+    observe: bool,
+    /// Folder with scenes to choose from
+    #[arg(long, value_name = "DIR", default_value = "scenes")]
+    scenes: PathBuf,
+    /// Folder for exported samples
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+    /// States a second to ask for
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES_PER_S, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    samples: u32,
+    /// Ground to draw on
+    #[arg(long, value_enum, default_value_t = Theme::System)]
+    theme: Theme,
+    /// Size of the window, points
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x800", value_parser = size)]
+    size: [f32; 2],
+    /// Take a picture of the window as a PNG file, then end
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// How long after the start to take it
+    #[arg(long, value_name = "SECONDS", default_value_t = 5, requires = "picture", value_parser = clap::value_parser!(u64).range(0..=3600))]
+    picture_after: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Theme {
+    /// As the desktop has it
+    System,
+    /// Dark ground
+    Dark,
+    /// Light ground
+    Light,
+}
+
+/// The least size that the panel is made for.
+const LEAST: [f32; 2] = [900.0, 600.0];
+
+fn size(text: &str) -> Result<[f32; 2], String> {
+    let parts = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    parts
+        .filter(|[w, h]: &[f32; 2]| (LEAST[0]..=10_000.0).contains(w) && (LEAST[1]..=10_000.0).contains(h))
+        .ok_or_else(|| "WIDTHxHEIGHT from 900x600 to 10000x10000".to_owned())
+}
+
+/// The panel as an application of eframe.
+struct App {
+    panel: Panel,
+    picture: Option<Picture>,
+    /// Why no picture was taken.
+    failed: std::sync::mpsc::Sender<anyhow::Error>,
+}
+
+impl eframe::App for App {
+    fn logic(&mut self, _: &egui::Context, _: &mut eframe::Frame) {
+        self.panel.catch_up();
+    }
+
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        self.panel.ui(ui);
+        if let Some(done) = self.picture.as_mut().and_then(|picture| picture.frame(ui.ctx())) {
+            self.picture = None;
+            if let Err(error) = done {
+                // The receiver lives until the window is closed.
+                let _ = self.failed.send(error);
+            }
+            ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    match run(Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: Args) -> anyhow::Result<()> {
+    let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
+        bail!("no display: set DISPLAY or WAYLAND_DISPLAY. `hbot watch` shows the state in a terminal");
+    }
+    let token = match &args.token_file {
+        Some(file) => {
+            let text =
+                std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
+            Some(text.trim().to_owned().into())
+        }
+        None => None,
+    };
+    let options =
+        Options { token, observe: args.observe, samples_per_s: args.samples, ..Options::new(&args.server) };
+    let folders = Folders { scenes: args.scenes, out: args.out };
+    let picture = args.picture.map(|path| Picture::new(path, Duration::from_secs(args.picture_after)));
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("hbot panel")
+        .with_app_id("hbot-gui")
+        .with_inner_size(args.size)
+        .with_min_inner_size(LEAST);
+    let native = eframe::NativeOptions { viewport, ..Default::default() };
+    let (failed, why) = std::sync::mpsc::channel();
+    eframe::run_native(
+        "hbot-gui",
+        native,
+        Box::new(move |context| {
+            context.egui_ctx.set_theme(match args.theme {
+                Theme::System => egui::ThemePreference::System,
+                Theme::Dark => egui::ThemePreference::Dark,
+                Theme::Light => egui::ThemePreference::Light,
+            });
+            let panel = Panel::new(&context.egui_ctx, options, folders)?;
+            Ok(Box::new(App { panel, picture, failed }))
+        }),
+    )
+    .map_err(|error| anyhow!("no window: {error}"))?;
+    why.try_recv().map_or(Ok(()), Err)
+}

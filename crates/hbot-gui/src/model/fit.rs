@@ -1,0 +1,128 @@
+//! Stiffness and damping from what is seen: torque against deflection, as in the paper's figure 8.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::Sample;
+
+/// Fewer samples say nothing.
+const LEAST_SAMPLES: usize = 20;
+/// A deflection that spreads less says nothing, rad (its standard deviation).
+const LEAST_SPREAD: f64 = 2e-3;
+
+/// What one axis does: torque = offset - stiffness deflection - damping rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Fit {
+    /// N m/rad
+    pub(crate) stiffness: f64,
+    /// N m s/rad
+    pub(crate) damping: f64,
+    /// N m
+    pub(crate) offset: f64,
+    /// Of the deflection, rad.
+    pub(crate) range: [f64; 2],
+}
+
+/// Least squares about each axis of `zero`; `None` where the samples do not say. Samples that a limit has cut, and those of
+/// a rig that is not active, are left out.
+pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, zero: DQuat) -> [Option<Fit>; 3] {
+    let mut axes = [Axis::default(); 3];
+    for sample in samples.filter(|sample| sample.active && sample.scale > 0.999) {
+        let deflection = sample.deflection(zero);
+        let omega = zero.conjugate() * sample.omega;
+        let torque = zero.conjugate() * sample.torque;
+        for (k, axis) in axes.iter_mut().enumerate() {
+            axis.add(deflection[k], omega[k], torque[k]);
+        }
+    }
+    axes.map(|axis| axis.solve())
+}
+
+/// Sums of the normal equations in (deflection, rate, 1).
+#[derive(Clone, Copy, Default)]
+struct Axis {
+    count: usize,
+    matrix: [[f64; 3]; 3],
+    right: [f64; 3],
+    range: Option<[f64; 2]>,
+}
+
+impl Axis {
+    fn add(&mut self, deflection: f64, rate: f64, torque: f64) {
+        let row = [deflection, rate, 1.0];
+        for i in 0..3 {
+            for j in 0..3 {
+                self.matrix[i][j] += row[i] * row[j];
+            }
+            self.right[i] += row[i] * torque;
+        }
+        self.count += 1;
+        let [low, high] = self.range.unwrap_or([deflection; 2]);
+        self.range = Some([low.min(deflection), high.max(deflection)]);
+    }
+
+    fn solve(self) -> Option<Fit> {
+        let n = self.count as f64;
+        let variance = self.matrix[0][0] / n - (self.matrix[0][2] / n).powi(2);
+        if self.count < LEAST_SAMPLES || variance < LEAST_SPREAD * LEAST_SPREAD {
+            return None;
+        }
+        let matrix = DMat3::from_cols_array_2d(&self.matrix) * (1.0 / n);
+        let right = DVec3::from(self.right) / n;
+        // Where the rate says nothing of its own (a sphere that creeps), only the deflection is asked.
+        let rate_variance = self.matrix[1][1] / n - (self.matrix[1][2] / n).powi(2);
+        let solution = if rate_variance > 1e-6 && matrix.determinant() > 1e-9 * variance * rate_variance {
+            matrix.inverse() * right
+        } else {
+            let mean = self.matrix[0][2] / n;
+            let slope = (right.x - mean * right.z) / variance;
+            DVec3::new(slope, 0.0, right.z - slope * mean)
+        };
+        let range = self.range?;
+        let fit = Fit { stiffness: -solution.x, damping: -solution.y, offset: solution.z, range };
+        (fit.stiffness.is_finite() && fit.damping.is_finite()).then_some(fit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::sample::blank;
+    use hbot_api::{Mode, StateEvent};
+
+    fn moving(k: usize, zero: DQuat, stiffness: DVec3, damping: f64) -> Sample {
+        let t = k as f64 * 1e-2;
+        let deflection = DVec3::new(0.02 * t.sin(), 0.01 * (1.7 * t).cos(), 0.0);
+        let rate = DVec3::new(0.02 * t.cos(), -0.017 * (1.7 * t).sin(), 0.0);
+        let torque = zero * (-stiffness * deflection - damping * rate);
+        let state = StateEvent { mode: Mode::Active, ..blank() };
+        let mut sample = Sample::of(&state);
+        sample.q = zero * DQuat::from_scaled_axis(deflection);
+        sample.omega = zero * rate;
+        sample.torque = torque;
+        sample
+    }
+
+    #[test]
+    fn stiffness_and_damping_are_found_again() {
+        let zero = DQuat::from_rotation_y(0.7);
+        let samples: Vec<_> = (0..1000).map(|k| moving(k, zero, DVec3::new(4.0, 2.0, 1.0), 0.05)).collect();
+        let [a, b, c] = fit(samples.iter(), zero);
+        let (a, b) = (a.expect("moved"), b.expect("moved"));
+        // A line through points on a line: rounding alone, magnified by the condition of the sums.
+        assert!((a.stiffness - 4.0).abs() < 1e-9 && (a.damping - 0.05).abs() < 1e-9, "{a:?}");
+        assert!((b.stiffness - 2.0).abs() < 1e-9 && b.offset.abs() < 1e-9, "{b:?}");
+        assert_eq!(c, None, "an axis that did not move says nothing");
+    }
+
+    #[test]
+    fn what_a_limit_has_cut_is_left_out() {
+        let mut samples: Vec<_> =
+            (0..1000).map(|k| moving(k, DQuat::IDENTITY, DVec3::splat(1.0), 0.0)).collect();
+        for sample in samples.iter_mut().step_by(2) {
+            sample.torque *= 0.5;
+            sample.scale = 0.5;
+        }
+        let [a, ..] = fit(samples.iter(), DQuat::IDENTITY);
+        assert!((a.expect("moved").stiffness - 1.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,140 @@
+//! The last seconds, in bounded memory whatever the rate.
+
+use std::collections::VecDeque;
+
+use super::Sample;
+
+/// The most samples kept: 30 s at 1 kHz, 4 MB.
+const MAX_SAMPLES: usize = 32_768;
+
+/// How far back plots can look, s of the loop's time.
+pub(crate) const SPAN_S: f64 = 30.0;
+
+/// Samples in the order of time. Where they come faster than memory holds them for [`SPAN_S`], some are passed over.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct History {
+    samples: VecDeque<Sample>,
+}
+
+impl History {
+    pub(crate) fn push(&mut self, sample: Sample) {
+        if let Some(last) = self.samples.back() {
+            if sample.tick <= last.tick {
+                // Another server, or the same one started again: another clock.
+                self.samples.clear();
+            } else if sample.t - last.t < SPAN_S / MAX_SAMPLES as f64 {
+                return;
+            }
+        }
+        if self.samples.len() == MAX_SAMPLES {
+            self.samples.pop_front();
+        }
+        self.samples.push_back(sample);
+        while self.samples.front().is_some_and(|first| sample.t - first.t > SPAN_S) {
+            self.samples.pop_front();
+        }
+    }
+
+    /// The samples of the last `seconds`, oldest first.
+    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &Sample> + Clone {
+        let from = self.newest().map_or(0.0, |newest| newest.t - seconds);
+        let start = self.samples.partition_point(|sample| sample.t < from);
+        self.samples.range(start..)
+    }
+
+    pub(crate) fn newest(&self) -> Option<&Sample> {
+        self.samples.back()
+    }
+
+    #[cfg(test)]
+    fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.samples.clear();
+    }
+}
+
+/// Points of a curve for a plot of `columns` columns: of each column the lowest and the highest, in their order, so that no
+/// spike is lost.
+pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
+    let count = samples.len();
+    let width = count.div_ceil(columns.max(1));
+    if width <= 2 {
+        return samples.collect();
+    }
+    let mut out = Vec::with_capacity(2 * columns + 2);
+    let mut column: Option<([f64; 2], [f64; 2])> = None;
+    for (k, point) in samples.enumerate() {
+        let (low, high) = column.get_or_insert((point, point));
+        if point[1] < low[1] {
+            *low = point;
+        }
+        if point[1] > high[1] {
+            *high = point;
+        }
+        if (k + 1) % width == 0 || k + 1 == count {
+            let (low, high) = (*low, *high);
+            column = None;
+            if low == high {
+                out.push(low);
+            } else if low[0] < high[0] {
+                out.extend([low, high]);
+            } else {
+                out.extend([high, low]);
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::sample::blank;
+    use hbot_api::StateEvent;
+
+    fn sample(tick: u64, rate_hz: f64) -> Sample {
+        Sample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..blank() })
+    }
+
+    #[test]
+    fn memory_is_bounded_and_spans_30_s_at_any_rate() {
+        for rate_hz in [100.0, 1000.0, 10_000.0] {
+            let mut history = History::default();
+            let ticks = (40.0 * rate_hz) as u64;
+            (0..ticks).for_each(|tick| history.push(sample(tick, rate_hz)));
+            assert!(history.len() <= MAX_SAMPLES);
+            let oldest = history.last(f64::INFINITY).next().expect("samples").t;
+            let span = history.newest().expect("samples").t - oldest;
+            // To a sample, and where samples are passed over to one in 32,768.
+            assert!((span - SPAN_S).abs() < 0.02, "{span} s at {rate_hz} Hz");
+        }
+    }
+
+    #[test]
+    fn at_1_khz_no_sample_is_passed_over() {
+        let mut history = History::default();
+        (0..30_000).for_each(|tick| history.push(sample(tick, 1000.0)));
+        assert_eq!(history.len(), 30_000);
+        assert_eq!(history.last(1.0).len(), 1001);
+    }
+
+    #[test]
+    fn a_clock_that_begins_again_begins_a_new_history() {
+        let mut history = History::default();
+        (0..100).for_each(|tick| history.push(sample(tick, 100.0)));
+        history.push(sample(3, 100.0));
+        assert_eq!(history.len(), 1);
+    }
+
+    #[test]
+    fn a_thinned_curve_keeps_its_spikes() {
+        let curve = (0..10_000).map(|k| [f64::from(k), if k == 4321 { 9.0 } else { 0.0 }]);
+        let thin = thinned(curve.collect::<Vec<_>>().into_iter(), 300);
+        assert!(thin.len() <= 602, "{}", thin.len());
+        assert!(thin.contains(&[4321.0, 9.0]));
+        assert!(thin.windows(2).all(|w| w[0][0] < w[1][0]), "in order");
+    }
+}

@@ -1,0 +1,212 @@
+//! What the panel knows. The views show it and nothing else; only [`Model::take`] changes it.
+
+mod fit;
+mod histogram;
+mod history;
+pub(crate) mod info;
+mod messages;
+pub(crate) mod sample;
+mod scene;
+pub(crate) mod words;
+
+use std::time::{Duration, Instant};
+
+use hbot_api::{FaultEvent, HelloOk, LeaseCause, Mode, StateEvent};
+
+pub(crate) use fit::{Fit, fit};
+pub(crate) use histogram::{BINS, Histogram};
+pub(crate) use history::{History, SPAN_S, thinned};
+use info::{Info, Stats};
+pub(crate) use messages::{Messages, Weight};
+pub(crate) use sample::Sample;
+pub(crate) use scene::{Effect, Scene};
+
+use crate::net::{Delivery, Intent, Lease, News};
+
+/// A connected server that says nothing for this long is told as silent.
+const SILENT_AFTER: Duration = Duration::from_millis(1500);
+
+/// The connection.
+#[derive(Clone, Debug)]
+pub(crate) enum Link {
+    Connecting,
+    /// None; why, and when another attempt is made.
+    Offline {
+        why: String,
+        /// Nobody listens at the address.
+        absent: bool,
+        again: Instant,
+    },
+    Online(HelloOk),
+}
+
+/// Everything.
+#[derive(Debug)]
+pub(crate) struct Model {
+    pub(crate) server: String,
+    pub(crate) link: Link,
+    pub(crate) lease: Lease,
+    /// The newest state.
+    pub(crate) state: Option<StateEvent>,
+    /// When it came.
+    heard: Option<Instant>,
+    pub(crate) history: History,
+    pub(crate) lateness: Histogram,
+    pub(crate) info: Info,
+    pub(crate) stats: Option<Stats>,
+    pub(crate) scene: Scene,
+    /// What the server said of the fault or stop that lasts.
+    pub(crate) fault: Option<FaultEvent>,
+    pub(crate) messages: Messages,
+    /// Samples lost on the way here, since the connection was made.
+    pub(crate) dropped: u64,
+    /// States a second that are asked for.
+    pub(crate) samples_per_s: u32,
+}
+
+impl Model {
+    pub(crate) fn new(server: &str, samples_per_s: u32) -> Self {
+        Self {
+            server: server.to_owned(),
+            link: Link::Connecting,
+            lease: Lease::Unknown,
+            state: None,
+            heard: None,
+            history: History::default(),
+            lateness: Histogram::default(),
+            info: Info::default(),
+            stats: None,
+            scene: Scene::default(),
+            fault: None,
+            messages: Messages::default(),
+            dropped: 0,
+            samples_per_s,
+        }
+    }
+
+    pub(crate) const fn is_online(&self) -> bool {
+        matches!(self.link, Link::Online(_))
+    }
+
+    /// How long the server has said nothing, where that is too long.
+    pub(crate) fn silent_for(&self) -> Option<Duration> {
+        let silent = self.heard?.elapsed();
+        (self.is_online() && silent > SILENT_AFTER).then_some(silent)
+    }
+
+    /// Whether a command could be obeyed: nobody else has the lease.
+    pub(crate) const fn may_command(&self) -> bool {
+        self.is_online() && !matches!(self.lease, Lease::Other(_))
+    }
+
+    pub(crate) fn mode(&self) -> Option<Mode> {
+        self.state.as_ref().map(|state| state.mode)
+    }
+
+    /// Takes in what has come.
+    pub(crate) fn take(&mut self, delivery: &mut Delivery) {
+        // News first: what they say of the connection holds for the samples after it.
+        for news in delivery.news.drain(..) {
+            self.news(news);
+        }
+        for sample in delivery.samples.drain(..) {
+            self.lateness.add(sample.lateness_us);
+            self.history.push(sample);
+        }
+        self.dropped += std::mem::take(&mut delivery.lost);
+        if let Some(state) = delivery.state.take() {
+            if !matches!(state.mode, Mode::Fault | Mode::Estop) {
+                self.fault = None;
+            }
+            self.state = Some(state);
+            self.heard = Some(Instant::now());
+        }
+    }
+
+    /// Something has been asked of the server.
+    pub(crate) fn asked(&mut self, intent: &Intent) {
+        match intent {
+            Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),
+            Intent::Connect(address) => self.server.clone_from(address),
+            Intent::Samples(n) => self.samples_per_s = *n,
+            _ => {}
+        }
+    }
+
+    fn news(&mut self, news: News) {
+        match news {
+            News::Connecting => {
+                if !matches!(self.link, Link::Offline { .. }) {
+                    self.link = Link::Connecting;
+                }
+            }
+            News::Connected(hello) => {
+                self.messages.add(Weight::Good, format!("connected to {}, {}", hello.server, hello.rig));
+                self.link = Link::Online(hello);
+                // Another server may have another clock, and what the old one said is over.
+                self.history.clear();
+                self.lateness = Histogram::default();
+                self.state = None;
+                self.heard = Some(Instant::now());
+                self.fault = None;
+                self.dropped = 0;
+            }
+            News::Offline { why, absent, again_in } => {
+                if self.is_online() {
+                    self.messages.add(Weight::Bad, format!("connection lost: {why}"));
+                }
+                self.link = Link::Offline { why, absent, again: Instant::now() + again_in };
+                self.lease = Lease::Unknown;
+                self.state = None;
+                self.stats = None;
+                self.scene.forget_pending();
+            }
+            News::Info(info) => match serde_json::from_value::<Info>(*info) {
+                Ok(info) => {
+                    self.scene.take(&info.scene);
+                    self.info = info;
+                }
+                Err(error) => self.messages.add(Weight::Bad, format!("info cannot be read: {error}")),
+            },
+            News::Stats(stats) => match serde_json::from_value(*stats) {
+                Ok(stats) => self.stats = Some(stats),
+                Err(error) => self.messages.add(Weight::Bad, format!("stats cannot be read: {error}")),
+            },
+            News::Lease { lease, cause } => self.lease(lease, cause),
+            News::Fault(fault) => {
+                let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);
+                let name = fault.fault.map_or_else(|| fault.mode.to_string(), |fault| fault.to_string());
+                let weight = if stopped { Weight::Bad } else { Weight::Good };
+                self.messages.add(weight, format!("{name}: {}", fault.message));
+                self.fault = stopped.then_some(fault);
+            }
+            News::Scene(scene) => {
+                self.messages.add(Weight::Good, format!("scene: {}", scene.name));
+                self.scene.take_costs(scene.effects);
+            }
+            News::Dropped(dropped) => self.dropped = dropped.total,
+            News::Stopping(message) => self.messages.add(Weight::Bad, format!("the server ends: {message}")),
+            News::Answer { intent, result } => self.answer(&intent, result),
+            News::Note(Ok(message)) => self.messages.add(Weight::Good, message),
+            News::Note(Err(message)) => self.messages.add(Weight::Bad, message),
+        }
+    }
+
+    fn answer(&mut self, intent: &Intent, result: Result<(), String>) {
+        if let Intent::Set { effect, key, value } = intent {
+            self.scene.answered(effect, key, value, result.is_ok());
+        }
+        if let Err(why) = result {
+            self.messages.add(Weight::Bad, format!("{}: {why}", intent.name()));
+        }
+    }
+
+    fn lease(&mut self, lease: Lease, cause: Option<LeaseCause>) {
+        if self.lease == Lease::Mine
+            && let (Lease::Other(holder), Some(LeaseCause::Stolen)) = (&lease, cause)
+        {
+            self.messages.add(Weight::Bad, format!("{holder} has taken over command"));
+        }
+        self.lease = lease;
+    }
+}

@@ -1,0 +1,205 @@
+//! The scene that runs, with what has been asked of it and not been answered yet.
+
+use std::collections::BTreeMap;
+
+use glam::DQuat;
+use hbot_api::EffectCost;
+use serde_json::{Map, Value};
+
+use super::info::Info;
+use super::sample::quaternion;
+
+/// A parameter: the effect's id and its name.
+type Place = (String, String);
+
+/// The scene as the panel shows it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scene {
+    name: String,
+    effects: Vec<Effect>,
+    /// Phenomena of the simulated rig, where the scene names some.
+    simulate: Option<Value>,
+    /// The whole of it as the server told it; null where it is known to have changed since.
+    told: Value,
+    /// Values on their way to the server; they are shown until it has answered.
+    pending: BTreeMap<Place, Value>,
+    /// What the effects of the scene loaded last cost; told once, and before `info` tells the scene.
+    costs: Vec<EffectCost>,
+}
+
+/// One effect.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Effect {
+    pub(crate) id: String,
+    pub(crate) kind: String,
+    /// All that `set` can change.
+    pub(crate) parameters: Map<String, Value>,
+}
+
+impl Scene {
+    /// What `info` says of it.
+    pub(crate) fn take(&mut self, told: &Value) {
+        if *told == self.told {
+            return;
+        }
+        self.name = told["name"].as_str().unwrap_or("unnamed").to_owned();
+        self.effects = told["effect"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(|effect| Effect::read(effect.as_object()?))
+            .collect();
+        self.simulate = told.get("simulate").cloned();
+        self.told = told.clone();
+        let ids = &self.effects;
+        self.pending.retain(|(id, _), _| ids.iter().any(|effect| effect.id == *id));
+    }
+
+    /// What the effects of a scene just loaded cost.
+    pub(crate) fn take_costs(&mut self, costs: Vec<EffectCost>) {
+        self.costs = costs;
+    }
+
+    /// What an effect takes of each tick, ns, where the server has told.
+    pub(crate) fn cost_ns(&self, effect: &Effect) -> Option<u64> {
+        self.costs.iter().find(|c| c.id == effect.id && c.kind == effect.kind).map(|c| c.cost_ns)
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(crate) fn effects(&self) -> &[Effect] {
+        &self.effects
+    }
+
+    /// The value that is asked for, else the one that runs.
+    pub(crate) fn value<'a>(&'a self, effect: &'a Effect, key: &str) -> Option<&'a Value> {
+        self.pending.get(&(effect.id.clone(), key.to_owned())).or_else(|| effect.parameters.get(key))
+    }
+
+    /// A value has been asked for.
+    pub(crate) fn ask(&mut self, effect: &str, key: &str, value: &Value) {
+        self.pending.insert((effect.to_owned(), key.to_owned()), value.clone());
+    }
+
+    /// A value asked for has been answered. Where it was taken it is the one that runs.
+    pub(crate) fn answered(&mut self, effect: &str, key: &str, value: &Value, taken: bool) {
+        let place = (effect.to_owned(), key.to_owned());
+        // A later wish is still on its way.
+        if self.pending.get(&place) == Some(value) {
+            self.pending.remove(&place);
+        }
+        let Some(effect) = self.effects.iter_mut().find(|e| e.id == effect) else { return };
+        if taken {
+            effect.parameters.insert(key.to_owned(), value.clone());
+            // The next answer to `info` is looked at whatever it says.
+            self.told = Value::Null;
+        }
+    }
+
+    /// The connection is gone, and with it what was on its way.
+    pub(crate) fn forget_pending(&mut self) {
+        self.pending.clear();
+    }
+
+    /// The scene as a file has it.
+    pub(crate) fn to_json(&self) -> Value {
+        let mut effects = Vec::new();
+        for effect in &self.effects {
+            let mut table = Map::new();
+            table.insert("id".to_owned(), effect.id.clone().into());
+            table.insert("kind".to_owned(), effect.kind.clone().into());
+            table.extend(
+                effect.parameters.iter().filter(|(_, v)| !v.is_null()).map(|(k, v)| (k.clone(), v.clone())),
+            );
+            effects.push(Value::Object(table));
+        }
+        let mut scene = Map::new();
+        scene.insert("name".to_owned(), self.name.clone().into());
+        scene.insert("effect".to_owned(), effects.into());
+        if let Some(simulate) = &self.simulate {
+            scene.insert("simulate".to_owned(), simulate.clone());
+        }
+        Value::Object(scene)
+    }
+
+    /// The effects that have a stiffness to set.
+    pub(crate) fn springs<'a>(&'a self, info: &'a Info) -> impl Iterator<Item = &'a Effect> {
+        self.effects.iter().filter(|effect| {
+            let kind = info.kind(&effect.kind);
+            kind.is_some_and(|kind| kind.schema["properties"].get("stiffness").is_some())
+        })
+    }
+
+    /// Where the first effect with a fixed reference pulls to; `None` where no effect has one, or where it hangs on an
+    /// orientation that the server alone knows (`anchor = "here"`).
+    pub(crate) fn reference(&self) -> Option<DQuat> {
+        self.effects.iter().find_map(|effect| {
+            if self.value(effect, "anchor").and_then(Value::as_str) == Some("here") {
+                return None;
+            }
+            let q: [f64; 4] = serde_json::from_value(self.value(effect, "reference")?.clone()).ok()?;
+            let q = quaternion(q);
+            (q.length() > 1e-6).then(|| q.normalize())
+        })
+    }
+}
+
+impl Effect {
+    fn read(table: &Map<String, Value>) -> Option<Self> {
+        let text = |key| table.get(key).and_then(Value::as_str).map(str::to_owned);
+        let parameters = table
+            .iter()
+            .filter(|(key, _)| !matches!(key.as_str(), "id" | "kind"))
+            .map(|(key, value)| (key.clone(), value.clone()))
+            .collect();
+        Some(Self { id: text("id")?, kind: text("kind")?, parameters })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn scene() -> Scene {
+        let mut scene = Scene::default();
+        scene.take(&json!({"name": "S", "effect": [
+            {"id": "a", "kind": "spring", "stiffness": 1.0, "reference": [2, 0, 0, 0], "anchor": "absolute"}]}));
+        scene
+    }
+
+    fn stiffness(scene: &Scene) -> f64 {
+        scene.value(&scene.effects()[0], "stiffness").and_then(Value::as_f64).expect("a number")
+    }
+
+    #[test]
+    fn a_wish_shows_until_it_is_answered() {
+        let mut scene = scene();
+        scene.ask("a", "stiffness", &json!(2.0));
+        assert_eq!(stiffness(&scene), 2.0);
+        scene.answered("a", "stiffness", &json!(2.0), false);
+        assert_eq!(stiffness(&scene), 1.0, "refused: what runs is shown again");
+        scene.ask("a", "stiffness", &json!(3.0));
+        scene.ask("a", "stiffness", &json!(4.0));
+        scene.answered("a", "stiffness", &json!(3.0), true);
+        assert_eq!(stiffness(&scene), 4.0, "a later wish is not undone by the answer to an earlier one");
+        scene.answered("a", "stiffness", &json!(4.0), true);
+        assert_eq!(stiffness(&scene), 4.0);
+    }
+
+    #[test]
+    fn the_reference_has_unit_length_and_is_not_guessed() {
+        let mut scene = scene();
+        assert_eq!(scene.reference(), Some(DQuat::IDENTITY));
+        scene.ask("a", "anchor", &json!("here"));
+        assert_eq!(scene.reference(), None);
+    }
+
+    #[test]
+    fn what_is_saved_is_what_was_told() {
+        let scene = scene();
+        assert_eq!(scene.to_json(), scene.told);
+    }
+}

@@ -1,0 +1,76 @@
+//! Modes and faults in plain words, and what to do.
+
+use hbot_api::{Fault, Mode};
+
+/// What a mode means to the person at the rig.
+pub(crate) const fn mode(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Unreferenced => "The zero of the steering is not known. No torque until it is.",
+        Mode::Idle => "Ready. The motors are without torque.",
+        Mode::Enabling => "The torque is rising to its full size.",
+        Mode::Active => "The scene is rendered: the sphere pushes.",
+        Mode::Fault => "The rig has stopped by itself. No torque until a reset.",
+        Mode::Estop => "Stopped by somebody. No torque until Reset, then Enable.",
+    }
+}
+
+/// A cause of a fault: what happened, and what to do about it.
+pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
+    match fault {
+        Fault::LinkLost => {
+            ("The motor controllers do not answer.", "Check power and cable of the controllers, then Reset.")
+        }
+        Fault::LinkCorrupt => (
+            "Too many damaged messages from the motor controllers.",
+            "Look for a loose plug, or a motor cable beside the serial cable. Then Reset.",
+        ),
+        Fault::ControllerFault => (
+            "A motor controller reports a fault of its own.",
+            "Read the controller's own display or log, clear the fault there, then Reset.",
+        ),
+        Fault::Overspeed => (
+            "The sphere turned faster than the rig allows.",
+            "Let it come to rest. Less stiffness or more damping keeps it slower. Then Reset.",
+        ),
+        Fault::Overtorque => (
+            "More torque was about to be sent than the rig allows.",
+            "This is a mistake in the program or its settings: keep the flight log, check the rig file, then Reset.",
+        ),
+        Fault::Slip => (
+            "The sphere slips on its wheels.",
+            "Clean sphere and wheels, check how hard they are pressed together, or lower the torque. Then Reset.",
+        ),
+        Fault::NonFinite => {
+            ("A computed torque is not a number.", "Load another scene, keep the flight log, then Reset.")
+        }
+        Fault::ImplausibleFeedback => (
+            "An encoder reading that cannot be true.",
+            "Check the encoder's cable, and counts_per_turn in the rig file. Then Reset.",
+        ),
+        Fault::Deadline => (
+            "The computer could not keep the loop's time.",
+            "End other programs on this computer, give the server real-time rights or a lower rate, then Reset.",
+        ),
+        Fault::ClientLost => (
+            "The program that commanded the rig is gone.",
+            "Start it again or take command here, then Reset.",
+        ),
+        Fault::Thermal => (
+            "A motor or its controller is too hot.",
+            "Let it cool down. A softer scene heats it less. Then Reset.",
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_fault_has_words_of_its_own_and_a_way_out() {
+        let words: BTreeSet<_> = Fault::ALL.iter().map(|f| fault(*f)).collect();
+        assert_eq!(words.len(), Fault::ALL.len());
+        assert!(words.iter().all(|(_, cure)| cure.contains("Reset")));
+    }
+}

@@ -1,0 +1,200 @@
+//! Bounded handovers between the window and the threads. Whoever is slower loses the oldest, never the other one's time.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use hbot_api::StateEvent;
+
+use super::{Intent, News, Wake};
+use crate::model::Sample;
+
+/// Samples that wait for the window: seconds of them at 1 kHz.
+const MAX_SAMPLES: usize = 8192;
+/// News that wait for the window.
+const MAX_NEWS: usize = 256;
+/// Intents that wait for the server.
+const MAX_INTENTS: usize = 64;
+/// Samples wake the window at most this often: 60 frames a second.
+const WAKE_EVERY: Duration = Duration::from_micros(16_000);
+
+/// What has come since the window looked last.
+#[derive(Default)]
+pub(crate) struct Delivery {
+    pub(crate) samples: VecDeque<Sample>,
+    /// All of the newest sample.
+    pub(crate) state: Option<StateEvent>,
+    pub(crate) news: VecDeque<News>,
+    /// Samples given up because the window took none.
+    pub(crate) lost: u64,
+}
+
+/// From the threads to the window.
+pub(crate) struct Mailbox {
+    waiting: Mutex<(Delivery, Instant)>,
+    wake: Wake,
+}
+
+impl Mailbox {
+    pub(crate) fn new(wake: Wake) -> Self {
+        Self { waiting: Mutex::new((Delivery::default(), Instant::now())), wake }
+    }
+
+    /// Takes all that waits; the memory of `delivery` is used again.
+    pub(crate) fn take(&self, delivery: &mut Delivery) {
+        delivery.samples.clear();
+        delivery.news.clear();
+        *delivery = std::mem::replace(&mut lock(&self.waiting).0, std::mem::take(delivery));
+    }
+
+    pub(crate) fn post(&self, news: News) {
+        {
+            let mut waiting = lock(&self.waiting);
+            let queue = &mut waiting.0.news;
+            // Of what is polled only the newest counts.
+            let kind = std::mem::discriminant(&news);
+            if matches!(news, News::Info(_) | News::Stats(_) | News::Dropped(_)) {
+                queue.retain(|other| std::mem::discriminant(other) != kind);
+            }
+            if queue.len() == MAX_NEWS {
+                queue.pop_front();
+            }
+            queue.push_back(news);
+        }
+        (self.wake)();
+    }
+
+    pub(crate) fn sample(&self, state: StateEvent) {
+        let due = {
+            let mut waiting = lock(&self.waiting);
+            let (delivery, woken) = &mut *waiting;
+            if delivery.samples.len() == MAX_SAMPLES {
+                delivery.samples.pop_front();
+                delivery.lost += 1;
+            }
+            delivery.samples.push_back(Sample::of(&state));
+            delivery.state = Some(state);
+            let due = woken.elapsed() >= WAKE_EVERY;
+            if due {
+                *woken = Instant::now();
+            }
+            due
+        };
+        if due {
+            (self.wake)();
+        }
+    }
+}
+
+/// From the window to the session.
+#[derive(Default)]
+pub(crate) struct Outgoing {
+    waiting: Mutex<(VecDeque<Intent>, bool)>,
+}
+
+impl Outgoing {
+    /// Queues; of two values for one parameter, or of two equal wishes, only the newest waits. Returns what had to make room.
+    pub(crate) fn push(&self, intent: Intent) -> Option<Intent> {
+        let mut waiting = lock(&self.waiting);
+        let queue = &mut waiting.0;
+        queue.retain(|other| !replaces(&intent, other));
+        let given_up = if queue.len() == MAX_INTENTS { queue.pop_front() } else { None };
+        queue.push_back(intent);
+        given_up
+    }
+
+    /// Queues before all others.
+    pub(crate) fn push_first(&self, intent: Intent) {
+        lock(&self.waiting).0.push_front(intent);
+    }
+
+    pub(crate) fn pop(&self) -> Option<Intent> {
+        lock(&self.waiting).0.pop_front()
+    }
+
+    /// The window is gone.
+    pub(crate) fn close(&self) {
+        lock(&self.waiting).1 = true;
+    }
+
+    pub(crate) fn is_closed(&self) -> bool {
+        lock(&self.waiting).1
+    }
+}
+
+/// Whether a later wish makes an earlier one pointless.
+fn replaces(later: &Intent, earlier: &Intent) -> bool {
+    match (later, earlier) {
+        (Intent::Set { effect, key, .. }, Intent::Set { effect: e, key: k, .. }) => effect == e && key == k,
+        (Intent::Samples(_), Intent::Samples(_)) | (Intent::Connect(_), Intent::Connect(_)) => true,
+        // What was asked of a scene or a server that is no longer wanted.
+        (Intent::Load { .. }, Intent::Load { .. } | Intent::Set { .. }) => true,
+        // Nobody wants to be enabled who has just asked to be stopped.
+        (Intent::Stop | Intent::Disable, Intent::Enable) => true,
+        _ => later == earlier,
+    }
+}
+
+/// A thread that has panicked holding the lock leaves a queue that is still good.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+    use std::sync::Arc;
+
+    fn set(key: &str, value: f64) -> Intent {
+        Intent::Set { effect: "spring".into(), key: key.into(), value: json!(value) }
+    }
+
+    #[test]
+    fn only_the_newest_value_of_a_parameter_waits() {
+        let out = Outgoing::default();
+        for k in 0..1000 {
+            assert_eq!(out.push(set("stiffness", f64::from(k))), None);
+        }
+        out.push(set("damping", 0.1));
+        assert_eq!(out.pop(), Some(set("stiffness", 999.0)));
+        assert_eq!(out.pop(), Some(set("damping", 0.1)));
+        assert_eq!(out.pop(), None);
+    }
+
+    #[test]
+    fn a_stop_takes_a_waiting_enable_away() {
+        let out = Outgoing::default();
+        out.push(Intent::Enable);
+        out.push(Intent::Disable);
+        assert_eq!(out.pop(), Some(Intent::Disable));
+        assert_eq!(out.pop(), None);
+    }
+
+    #[test]
+    fn wishes_are_bounded_and_the_oldest_is_told() {
+        let out = Outgoing::default();
+        for k in 0..MAX_INTENTS {
+            assert_eq!(out.push(set(&k.to_string(), 0.0)), None);
+        }
+        assert_eq!(out.push(set("one more", 0.0)), Some(set("0", 0.0)));
+    }
+
+    #[test]
+    fn samples_and_news_are_bounded_where_the_window_sleeps() {
+        let mailbox = Mailbox::new(Arc::new(|| {}));
+        for tick in 0..2 * MAX_SAMPLES as u64 {
+            mailbox.sample(StateEvent { tick, ..crate::model::sample::blank() });
+            mailbox.post(News::Note(Ok(tick.to_string())));
+            mailbox.post(News::Stats(Box::new(json!(tick))));
+        }
+        let mut delivery = Delivery::default();
+        mailbox.take(&mut delivery);
+        assert_eq!(delivery.samples.len(), MAX_SAMPLES);
+        assert_eq!(delivery.lost, MAX_SAMPLES as u64);
+        assert_eq!(delivery.state.map(|s| s.tick), Some(2 * MAX_SAMPLES as u64 - 1));
+        assert_eq!(delivery.news.len(), MAX_NEWS);
+        let stats = delivery.news.iter().filter(|n| matches!(n, News::Stats(_))).count();
+        assert_eq!(stats, 1, "of what is polled the newest alone");
+    }
+}

@@ -1,0 +1,274 @@
+//! The session thread: one connection after another, requests in order, events as they come.
+
+use std::time::{Duration, Instant};
+
+use hbot_api::{Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, LeaseEvent};
+use serde_json::Map;
+
+use super::mailbox::{Mailbox, Outgoing};
+use super::{ANSWER_TIMEOUT, Intent, Lease, News, Options};
+
+/// The pause after the first failure to connect; it doubles up to the longest.
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
+const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+/// How often the counters and histograms of the loop are fetched.
+const STATS_EVERY: Duration = Duration::from_secs(1);
+/// How often `info` is fetched: what another client has `set` is told by no event.
+const INFO_EVERY: Duration = Duration::from_secs(2);
+/// How long a wish of the window may wait while nothing comes from the server.
+const IDLE: Duration = Duration::from_millis(5);
+
+/// Why a connection is over.
+enum Over {
+    /// The window is gone.
+    Window,
+    /// Another server is wanted.
+    Elsewhere,
+    /// The connection broke, or the server left or refuses.
+    Lost(String),
+    /// Nobody listens there.
+    Absent,
+}
+
+pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) {
+    let mut pause = FIRST_PAUSE;
+    loop {
+        mailbox.post(News::Connecting);
+        let over = match connect(&options, "hbot panel") {
+            Ok(client) => {
+                pause = FIRST_PAUSE;
+                Session::new(client, &mut options, outgoing, mailbox).run()
+            }
+            Err(ClientError::NoServer { .. }) => Over::Absent,
+            Err(error) => Over::Lost(error.to_string()),
+        };
+        match over {
+            Over::Window => return,
+            Over::Elsewhere => pause = FIRST_PAUSE,
+            over @ (Over::Lost(_) | Over::Absent) => {
+                let (why, absent) = match over {
+                    Over::Lost(why) => (why, false),
+                    _ => ("nobody listens there (connection refused)".to_owned(), true),
+                };
+                mailbox.post(News::Offline { why, absent, again_in: pause });
+                if !wait(pause, &mut options, outgoing, mailbox) {
+                    return;
+                }
+                pause = (2 * pause).min(LONGEST_PAUSE);
+            }
+        }
+    }
+}
+
+/// A connection that has said hello.
+pub(super) fn connect(options: &Options, name: &str) -> Result<Client, ClientError> {
+    let connect = ConnectOptions {
+        token: options.token.clone(),
+        encoding: Encoding::Msgpack,
+        timeout: ANSWER_TIMEOUT,
+        ..ConnectOptions::new(name)
+    };
+    Client::connect_with(&options.server, &connect)
+}
+
+/// Waits without a connection; false where the window is gone.
+fn wait(pause: Duration, options: &mut Options, outgoing: &Outgoing, mailbox: &Mailbox) -> bool {
+    let until = Instant::now() + pause;
+    while Instant::now() < until {
+        if outgoing.is_closed() {
+            return false;
+        }
+        match outgoing.pop() {
+            Some(Intent::Connect(address)) => {
+                options.server = address;
+                return true;
+            }
+            Some(Intent::Samples(n)) => options.samples_per_s = n,
+            Some(intent) => {
+                let result = Err("there is no connection to a server".to_owned());
+                mailbox.post(News::Answer { intent, result });
+            }
+            None => std::thread::sleep(Duration::from_millis(20)),
+        }
+    }
+    true
+}
+
+struct Session<'a> {
+    client: Client,
+    options: &'a mut Options,
+    outgoing: &'a Outgoing,
+    mailbox: &'a Mailbox,
+    lease: Lease,
+    stats_due: Instant,
+    info_due: Instant,
+}
+
+impl<'a> Session<'a> {
+    fn new(client: Client, options: &'a mut Options, outgoing: &'a Outgoing, mailbox: &'a Mailbox) -> Self {
+        let now = Instant::now();
+        mailbox.post(News::Connected(client.hello().clone()));
+        Self { client, options, outgoing, mailbox, lease: Lease::Unknown, stats_due: now, info_due: now }
+    }
+
+    fn run(mut self) -> Over {
+        match self.begin().and_then(|()| self.serve()) {
+            Ok(over) => over,
+            Err(error) => Over::Lost(error.to_string()),
+        }
+    }
+
+    fn begin(&mut self) -> Result<(), ClientError> {
+        self.poll()?;
+        if !self.options.observe {
+            self.acquire(false).or_else(survivable)?;
+        }
+        self.subscribe().or_else(survivable)
+    }
+
+    fn serve(&mut self) -> Result<Over, ClientError> {
+        loop {
+            if self.outgoing.is_closed() {
+                if self.lease == Lease::Mine {
+                    self.client.release()?;
+                }
+                return Ok(Over::Window);
+            }
+            while let Some(intent) = self.outgoing.pop() {
+                if let Intent::Connect(address) = intent {
+                    self.options.server = address;
+                    return Ok(Over::Elsewhere);
+                }
+                self.carry_out(intent)?;
+            }
+            self.poll()?;
+            if let Some(event) = self.client.next_event(IDLE)? {
+                if let Event::Stopping(stopping) = event {
+                    self.mailbox.post(News::Stopping(stopping.message.clone()));
+                    return Ok(Over::Lost(stopping.message));
+                }
+                self.event(event);
+            }
+        }
+    }
+
+    /// Carries an intent out and tells how it went. An error is one after which only a new connection helps.
+    fn carry_out(&mut self, intent: Intent) -> Result<(), ClientError> {
+        let result = self.ask(&intent);
+        let told = match &result {
+            Ok(()) => Ok(()),
+            Err(error) => Err(error.to_string()),
+        };
+        if matches!(intent, Intent::Load { .. }) {
+            self.info_due = Instant::now();
+        }
+        self.mailbox.post(News::Answer { intent, result: told });
+        result.or_else(survivable)
+    }
+
+    fn ask(&mut self, intent: &Intent) -> Result<(), ClientError> {
+        let commands =
+            matches!(intent, Intent::Enable | Intent::Reset | Intent::Set { .. } | Intent::Load { .. });
+        // Whoever turns a knob wants to command; where another does, the server says so.
+        if commands && matches!(self.lease, Lease::Free | Lease::Unknown) {
+            self.acquire(false)?;
+        }
+        match intent {
+            Intent::Stop => self.client.estop().map(drop),
+            Intent::Enable => self.client.enable().map(drop),
+            Intent::Disable => self.client.disable().map(drop),
+            Intent::Reset => self.client.reset().map(drop),
+            Intent::Acquire { steal } => self.acquire(*steal),
+            Intent::Release => {
+                self.client.release()?;
+                self.tell_lease(Lease::Free);
+                Ok(())
+            }
+            Intent::Set { effect, key, value } => {
+                self.client.set(effect, Map::from_iter([(key.clone(), value.clone())]))
+            }
+            Intent::Load { scene } => self.client.load_scene(scene.clone()).map(drop),
+            Intent::Samples(n) => {
+                self.options.samples_per_s = *n;
+                self.subscribe()
+            }
+            // Taken before it comes here.
+            Intent::Connect(_) => Ok(()),
+        }
+    }
+
+    fn acquire(&mut self, steal: bool) -> Result<(), ClientError> {
+        let result = self.client.acquire(steal);
+        match &result {
+            Ok(()) => self.tell_lease(Lease::Mine),
+            Err(ClientError::Server(error)) if error.code == ErrorCode::Busy => {
+                let holder = error.holder.clone().unwrap_or_else(|| "another client".to_owned());
+                self.tell_lease(Lease::Other(holder));
+            }
+            Err(_) => {}
+        }
+        result
+    }
+
+    fn tell_lease(&mut self, lease: Lease) {
+        self.lease = lease.clone();
+        self.mailbox.post(News::Lease { lease, cause: None });
+    }
+
+    fn subscribe(&mut self) -> Result<(), ClientError> {
+        let every = self.client.hello().rate_hz / f64::from(self.options.samples_per_s.max(1));
+        let every = (every.round() as u64).clamp(1, hbot_api::MAX_EVERY);
+        self.client.subscribe(every).map(drop)
+    }
+
+    /// Fetches what is due.
+    fn poll(&mut self) -> Result<(), ClientError> {
+        if Instant::now() >= self.info_due {
+            let info = self.client.info();
+            self.info_due = Instant::now() + INFO_EVERY;
+            match info {
+                Ok(info) => self.mailbox.post(News::Info(Box::new(info))),
+                Err(error) => survivable(error)?,
+            }
+        }
+        if Instant::now() >= self.stats_due {
+            let stats = self.client.stats();
+            self.stats_due = Instant::now() + STATS_EVERY;
+            match stats {
+                Ok(stats) => self.mailbox.post(News::Stats(Box::new(stats))),
+                Err(error) => survivable(error)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, event: Event) {
+        match event {
+            Event::State(state) => self.mailbox.sample(state),
+            Event::Fault(fault) => self.mailbox.post(News::Fault(fault)),
+            Event::Scene(scene) => {
+                self.info_due = Instant::now();
+                self.mailbox.post(News::Scene(scene));
+            }
+            Event::Lease(LeaseEvent { holder, session, cause }) => {
+                self.lease = match (holder, session) {
+                    (_, Some(session)) if session == self.client.hello().session => Lease::Mine,
+                    (Some(holder), _) => Lease::Other(holder),
+                    (None, _) => Lease::Free,
+                };
+                self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });
+            }
+            Event::Dropped(dropped) => self.mailbox.post(News::Dropped(dropped)),
+            // The panel sends no streams; and what a later server may add is passed over.
+            Event::Refused(_) | Event::Stopping(_) | Event::Unknown => {}
+        }
+    }
+}
+
+/// Nothing, where the connection goes on after this error.
+fn survivable(error: ClientError) -> Result<(), ClientError> {
+    match error {
+        ClientError::Server(_) | ClientError::Timeout { .. } | ClientError::Encode(_) => Ok(()),
+        error => Err(error),
+    }
+}

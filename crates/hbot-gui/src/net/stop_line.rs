@@ -1,0 +1,117 @@
+//! The stop line: a connection that is there for nothing but the stop.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::Duration;
+
+use hbot_api::{Client, ClientError};
+
+use super::mailbox::{Mailbox, Outgoing};
+use super::session::connect;
+use super::{Intent, News, Options};
+
+/// How often events are read away, and a lost connection is made again.
+const IDLE: Duration = Duration::from_millis(200);
+/// A stop that takes longer than this is told as one that did not arrive.
+const TIMEOUT: Duration = Duration::from_secs(1);
+
+enum Order {
+    Stop,
+    Connect(String),
+}
+
+pub(super) struct StopLine {
+    orders: Sender<Order>,
+}
+
+impl StopLine {
+    pub(super) fn start(
+        options: &Options,
+        mailbox: Arc<Mailbox>,
+        outgoing: Arc<Outgoing>,
+    ) -> std::io::Result<Self> {
+        let (orders, inbox) = channel();
+        let options = options.clone();
+        std::thread::Builder::new()
+            .name("hbot-stop".to_owned())
+            .spawn(move || run(options, &inbox, &mailbox, &outgoing))?;
+        Ok(Self { orders })
+    }
+
+    /// Stops the rig; never waits.
+    pub(super) fn request(&self) {
+        // The thread lives as long as this end.
+        let _ = self.orders.send(Order::Stop);
+    }
+
+    pub(super) fn connect(&self, address: &str) {
+        let _ = self.orders.send(Order::Connect(address.to_owned()));
+    }
+}
+
+fn run(mut options: Options, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoing: &Outgoing) {
+    let mut client = None;
+    loop {
+        match inbox.recv_timeout(IDLE) {
+            Ok(Order::Stop) => {
+                // A key held down asks many times; one answer does for all of them.
+                while let Ok(order) = inbox.try_recv() {
+                    if let Order::Connect(address) = order {
+                        options.server = address;
+                        client = None;
+                    }
+                }
+                let result = estop(&mut client, &options);
+                if let Err(error) = &result {
+                    client = None;
+                    if !matches!(error, ClientError::NoServer { .. }) {
+                        // What is left is the other connection, whenever it may get through.
+                        outgoing.push_first(Intent::Stop);
+                    }
+                }
+                let result = result.map_err(|error| {
+                    format!("the server has not confirmed the stop ({error}): cut the motors' power")
+                });
+                mailbox.post(News::Answer { intent: Intent::Stop, result });
+            }
+            Ok(Order::Connect(address)) => {
+                options.server = address;
+                client = None;
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                if client.as_mut().is_none_or(|client| !drain(client)) {
+                    client = open(&options).ok();
+                }
+            }
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+fn open(options: &Options) -> Result<Client, ClientError> {
+    let mut client = connect(options, "hbot panel: stop")?;
+    client.set_timeout(TIMEOUT);
+    Ok(client)
+}
+
+/// Stops over the connection that is there; where that is broken, over a new one.
+fn estop(client: &mut Option<Client>, options: &Options) -> Result<(), ClientError> {
+    if let Some(client) = client.as_mut() {
+        match client.estop() {
+            Err(ClientError::Closed | ClientError::Io(_)) => {}
+            result => return result.map(drop),
+        }
+    }
+    client.insert(open(options)?).estop().map(drop)
+}
+
+/// Reads events away; false where the connection has ended.
+fn drain(client: &mut Client) -> bool {
+    loop {
+        match client.next_event(Duration::ZERO) {
+            Ok(Some(_)) => {}
+            Ok(None) | Err(ClientError::Server(_)) => return true,
+            Err(_) => return false,
+        }
+    }
+}

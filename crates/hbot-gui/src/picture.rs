@@ -1,0 +1,56 @@
+//! A picture of the window, taken by itself: for the documentation and for tests.
+
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use eframe::egui::{self, ColorImage};
+
+/// Takes one picture some time after the window has opened.
+#[derive(Debug)]
+pub struct Picture {
+    path: PathBuf,
+    due: Instant,
+    /// It has been asked for; the answer comes some frames later.
+    asked: Option<std::sync::mpsc::Receiver<std::sync::Arc<ColorImage>>>,
+}
+
+impl Picture {
+    /// A PNG file at `path`, `after` from now.
+    #[must_use]
+    pub fn new(path: PathBuf, after: Duration) -> Self {
+        Self { path, due: Instant::now() + after, asked: None }
+    }
+
+    /// Call it once a frame; `Some` once it is done, with how it went.
+    pub fn frame(&mut self, ctx: &egui::Context) -> Option<anyhow::Result<()>> {
+        let now = Instant::now();
+        if now < self.due {
+            ctx.request_repaint_after(self.due - now);
+            return None;
+        }
+        ctx.request_repaint();
+        let Some(answer) = &self.asked else {
+            let (sender, receiver) = std::sync::mpsc::channel();
+            // Where nobody waits any more, the picture is not wanted.
+            ctx.request_screenshot(move |image| drop(sender.send(image)));
+            self.asked = Some(receiver);
+            return None;
+        };
+        let image = answer.try_recv().ok()?;
+        Some(write(&self.path, &image))
+    }
+}
+
+fn write(path: &Path, image: &ColorImage) -> anyhow::Result<()> {
+    let [width, height] = image.size;
+    let file = std::fs::File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
+    let mut encoder = png::Encoder::new(BufWriter::new(file), width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    let rgb: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()[..3].to_vec()).collect();
+    encoder.write_header()?.write_image_data(&rgb)?;
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! Where the sphere is seen from: parallel rays, n3 upwards.
+
+use eframe::egui::{Pos2, Vec2, pos2};
+use glam::DVec3;
+
+/// The direction from the sphere to the eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Camera {
+    /// About n3 from n1, rad.
+    pub(crate) azimuth: f64,
+    /// Above the plane of n1 and n2, rad.
+    pub(crate) elevation: f64,
+}
+
+impl Default for Camera {
+    /// In front of n2's far side, a little to the right and above: both wheels of the prototype are in sight.
+    fn default() -> Self {
+        Self { azimuth: -1.25, elevation: 0.22 }
+    }
+}
+
+impl Camera {
+    /// Turns by a drag of so many points; the surface under the pointer follows it.
+    pub(crate) fn orbit(&mut self, drag: Vec2, radius: f32) {
+        let scale = 1.0 / f64::from(radius.max(1.0));
+        self.azimuth = (self.azimuth - f64::from(drag.x) * scale).rem_euclid(std::f64::consts::TAU);
+        self.elevation = (self.elevation + f64::from(drag.y) * scale).clamp(-1.5, 1.5);
+    }
+
+    pub(crate) fn onto(self, middle: Pos2, radius: f32) -> Projection {
+        let (sa, ca) = self.azimuth.sin_cos();
+        let (se, ce) = self.elevation.sin_cos();
+        Projection {
+            right: DVec3::new(-sa, ca, 0.0),
+            up: DVec3::new(-se * ca, -se * sa, ce),
+            eye: DVec3::new(ce * ca, ce * sa, se),
+            middle,
+            radius,
+        }
+    }
+}
+
+/// From N, in radii of the sphere, onto the screen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Projection {
+    right: DVec3,
+    up: DVec3,
+    eye: DVec3,
+    middle: Pos2,
+    /// Of the sphere, points.
+    pub(crate) radius: f32,
+}
+
+impl Projection {
+    pub(crate) fn point(&self, p: DVec3) -> Pos2 {
+        let (x, y) = (p.dot(self.right) as f32, p.dot(self.up) as f32);
+        pos2(self.middle.x + self.radius * x, self.middle.y - self.radius * y)
+    }
+
+    /// Whether the unit sphere stands between this point and the eye, or holds it inside.
+    pub(crate) fn is_hidden(&self, p: DVec3) -> bool {
+        let beside = p.length_squared() - p.dot(self.eye).powi(2);
+        // A hair of room, so that what lies on the surface is seen.
+        beside < 1.0 && p.dot(self.eye) < (1.0 - beside).sqrt() - 1e-3
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eframe::egui::vec2;
+
+    #[test]
+    fn the_eye_sees_the_near_half_and_what_stands_out() {
+        let view = Camera { azimuth: 0.0, elevation: 0.0 }.onto(pos2(0.0, 0.0), 100.0);
+        assert!(!view.is_hidden(DVec3::X), "the nearest point");
+        assert!(view.is_hidden(-DVec3::X) && view.is_hidden(DVec3::ZERO));
+        assert!(view.is_hidden(-2.0 * DVec3::X), "behind the sphere");
+        assert!(!view.is_hidden(1.1 * DVec3::Z), "above it");
+        assert_eq!(view.point(DVec3::Z), pos2(0.0, -100.0));
+        assert_eq!(view.point(DVec3::Y), pos2(100.0, 0.0));
+    }
+
+    #[test]
+    fn a_drag_moves_the_surface_with_the_pointer() {
+        let mut camera = Camera { azimuth: 0.0, elevation: 0.0 };
+        let middle = pos2(0.0, 0.0);
+        let before = camera.onto(middle, 100.0).point(DVec3::X);
+        camera.orbit(vec2(5.0, 3.0), 100.0);
+        let moved = camera.onto(middle, 100.0).point(DVec3::X) - before;
+        // To the second order of an angle of 0.05.
+        assert!((moved - vec2(5.0, 3.0)).length() < 0.05, "{moved:?}");
+    }
+}

@@ -1,0 +1,181 @@
+//! What is drawn: functions of the [`Model`], which they do not change. What a person wants comes back as [`Act`]s; what
+//! belongs to the window alone (the camera, an open tab) is kept on the [`Desk`].
+
+mod bar;
+mod camera;
+mod health;
+mod parameter;
+mod plots;
+mod scene;
+mod schema;
+mod sphere;
+mod state;
+mod stiffness;
+pub(crate) mod theme;
+mod wheels;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use eframe::egui::{
+    self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, RichText, ScrollArea, Ui, vec2,
+};
+
+use crate::model::{Link, Model, Sample, Weight};
+use crate::net::Intent;
+use camera::Camera;
+use theme::{Palette, coloured, weak};
+
+/// What a person has asked for.
+#[derive(Clone, Debug)]
+pub(crate) enum Act {
+    /// Of the server.
+    Ask(Intent),
+    /// A scene file of this machine.
+    LoadFile(PathBuf),
+    SaveScene(PathBuf),
+    /// These samples, as a CSV file.
+    Export(Vec<Sample>),
+}
+
+/// What is open on the right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Tab {
+    #[default]
+    Scene,
+    Health,
+    Messages,
+}
+
+/// What belongs to the window and not to the rig.
+#[derive(Debug)]
+pub(crate) struct Desk {
+    camera: Camera,
+    tab: Tab,
+    plots: plots::PlotDesk,
+    shelf: scene::Shelf,
+    /// The address being typed.
+    address: String,
+    /// The id of the spring whose stiffness is set.
+    spring: String,
+    /// Gains of effects that were switched off.
+    gains: BTreeMap<String, f64>,
+}
+
+impl Desk {
+    pub(crate) fn new(scenes: PathBuf, address: &str) -> Self {
+        Self {
+            camera: Camera::default(),
+            tab: Tab::default(),
+            plots: plots::PlotDesk::default(),
+            shelf: scene::Shelf::new(scenes),
+            address: address.to_owned(),
+            spring: String::new(),
+            gains: BTreeMap::new(),
+        }
+    }
+}
+
+/// The whole window.
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
+    let mut intents = Vec::new();
+    let narrow = ui.available_width() < 1100.0;
+    let (left, right) = if narrow { (262.0, 286.0) } else { (300.0, 330.0) };
+    Panel::top("bar").show(ui, |ui| bar::show(ui, model, &mut intents));
+    Panel::left("state").exact_size(left).resizable(false).show(ui, |ui| {
+        ui.add_space(6.0);
+        state::stop(ui, &mut intents);
+        ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
+            state::show(ui, model, &mut intents);
+            if model.is_online() {
+                ui.separator();
+                ui.add_enabled_ui(model.may_command(), |ui| stiffness::show(ui, model, desk, &mut intents));
+            }
+            ui.add_space(8.0);
+        });
+    });
+    Panel::right("details").exact_size(right).resizable(false).show(ui, |ui| {
+        ui.add_space(4.0);
+        ui.horizontal(|ui| {
+            for (tab, name) in [(Tab::Scene, "Scene"), (Tab::Health, "Health"), (Tab::Messages, "Messages")] {
+                ui.selectable_value(&mut desk.tab, tab, name);
+            }
+        });
+        ui.separator();
+        ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| match desk.tab {
+            Tab::Scene if !model.is_online() => drop(weak(ui, "Not connected.")),
+            Tab::Scene => scene::show(ui, model, desk, acts),
+            Tab::Health => health::show(ui, model),
+            Tab::Messages => messages(ui, model),
+        });
+    });
+    CentralPanel::default().show(ui, |ui| {
+        if matches!(model.link, Link::Online(_)) {
+            let height = (ui.available_height() * 0.42).max(190.0);
+            Panel::bottom("plots").exact_size(height).resizable(false).show(ui, |ui| {
+                ui.add_space(4.0);
+                plots::show(ui, model, desk, acts);
+            });
+            sphere::show(ui, model, desk);
+        } else {
+            bar::no_server(ui, model, desk, &mut intents);
+        }
+    });
+    toasts(ui, model);
+    acts.extend(intents.into_iter().map(Act::Ask));
+}
+
+fn messages(ui: &mut Ui, model: &Model) {
+    let palette = Palette::of(ui);
+    if model.messages.newest_first().len() == 0 {
+        weak(ui, "none yet");
+    }
+    for message in model.messages.newest_first() {
+        let ago = message.at.elapsed().as_secs();
+        let ago = if ago < 120 { format!("{ago} s ago") } else { format!("{} min ago", ago / 60) };
+        let times = if message.times > 1 { format!(", {} times", message.times) } else { String::new() };
+        weak(ui, format!("{ago}{times}"));
+        match message.weight {
+            Weight::Good => ui.add(egui::Label::new(&message.text).wrap()),
+            Weight::Bad => coloured(ui, palette.bad, &message.text),
+        };
+        ui.add_space(4.0);
+    }
+}
+
+/// The newest messages, over the lower middle of the window for some seconds.
+fn toasts(ui: &Ui, model: &Model) {
+    let palette = Palette::of(ui);
+    let mut fresh = model.messages.fresh().take(3).peekable();
+    if fresh.peek().is_none() {
+        return;
+    }
+    let area = Area::new(Id::unique("toasts")).order(Order::Foreground).interactable(false);
+    area.anchor(Align2::CENTER_BOTTOM, vec2(0.0, -12.0)).show(ui.ctx(), |ui| {
+        for message in fresh {
+            let color = if message.weight == Weight::Bad { palette.bad } else { palette.good };
+            Frame::popup(ui.style()).stroke((1.5, color)).show(ui, |ui| {
+                ui.set_max_width(420.0);
+                ui.add(egui::Label::new(RichText::new(&message.text)).wrap());
+            });
+        }
+    });
+}
+
+/// The next of 1, 2 or 5 times a power of ten.
+fn round_up(x: f64) -> f64 {
+    let decade = 10_f64.powf(x.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * decade).find(|y| *y >= x * (1.0 - 1e-9)).unwrap_or(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_end_at_round_numbers() {
+        for (x, end) in [(9.0, 10.0), (10.0, 10.0), (0.13, 0.2), (42.0, 50.0), (1.0, 1.0)] {
+            assert!((round_up(x) - end).abs() < 1e-12 * end, "{x}: {}", round_up(x));
+        }
+    }
+}

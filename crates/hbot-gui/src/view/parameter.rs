@@ -1,0 +1,268 @@
+//! Controls for a value, drawn from its schema.
+
+use eframe::egui::{self, ComboBox, DragValue, Ui};
+use serde_json::Value;
+
+use super::schema::{Shape, converted, explain, fits, may_be_absent, shape};
+use super::theme::{named, weak};
+
+/// Draws a control for `value` and returns what it was changed to. `name` is what screen readers call it.
+pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
+    if !may_be_absent(schema) {
+        return present(ui, name, schema, value);
+    }
+    ui.horizontal(|ui| {
+        if value.is_null() {
+            let set = named(ui.small_button("set"), &format!("{name}: set")).on_hover_text(explain(schema));
+            return set.clicked().then(|| converted(schema, value));
+        }
+        let edited = present(ui, name, schema, value);
+        let none = named(ui.small_button("none"), &format!("{name}: none"));
+        if none.clicked() { Some(Value::Null) } else { edited }
+    })
+    .inner
+}
+
+/// The same for a value that is there.
+fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
+    match shape(schema) {
+        Shape::Number { whole, least, most } => number(ui, name, schema, value, whole, [least, most]),
+        Shape::Flag => {
+            let mut on = value.as_bool().unwrap_or_default();
+            let response = named(ui.checkbox(&mut on, ""), name).on_hover_text(explain(schema));
+            response.changed().then_some(Value::Bool(on))
+        }
+        Shape::Choice(values) => choice(ui, name, schema, value, &values),
+        Shape::List { item, least, most } => list(ui, name, item, value, [least, most]),
+        Shape::Group(properties) => {
+            let mut changed = None;
+            ui.vertical(|ui| {
+                for (key, schema) in properties {
+                    ui.horizontal(|ui| {
+                        weak(ui, key.as_str());
+                        if let Some(part) = edit(ui, &format!("{name} {key}"), schema, &value[key]) {
+                            let mut all = value.as_object().cloned().unwrap_or_default();
+                            all.insert(key.clone(), part);
+                            changed = Some(Value::Object(all));
+                        }
+                    });
+                }
+            });
+            changed
+        }
+        Shape::Variants(variants) => variant(ui, name, schema, value, variants),
+        Shape::Text => text(ui, name, schema, value),
+        Shape::Null | Shape::Unknown => {
+            weak(ui, value.to_string());
+            None
+        }
+    }
+}
+
+fn number(
+    ui: &mut Ui,
+    name: &str,
+    schema: &Value,
+    value: &Value,
+    whole: bool,
+    [least, most]: [f64; 2],
+) -> Option<Value> {
+    let before = value.as_f64().unwrap_or_default();
+    let mut x = before;
+    let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
+    let mut drag = DragValue::new(&mut x)
+        .range(least..=most)
+        .suffix(unit)
+        .speed(if whole { 0.1 } else { (0.01 * before.abs()).max(0.001) })
+        .max_decimals(if whole { 0 } else { 6 })
+        // A rig must not feel the 1 of somebody who types 15.
+        .update_while_editing(false);
+    if whole {
+        drag = drag.fixed_decimals(0);
+    }
+    let response = named(ui.add(drag), name).on_hover_text(explain(schema));
+    let changed = response.changed() && x != before;
+    changed.then(|| if whole { Value::from(x.round() as i64) } else { Value::from(x) })
+}
+
+fn choice(ui: &mut Ui, name: &str, schema: &Value, value: &Value, values: &[&Value]) -> Option<Value> {
+    let mut picked = None;
+    let combo = ComboBox::from_id_salt(name).selected_text(plain(value)).width(110.0);
+    let response = combo.show_ui(ui, |ui| {
+        for option in values {
+            let described = described(schema, option);
+            let mut response = ui.selectable_label(*option == value, plain(option));
+            if !described.is_empty() {
+                response = response.on_hover_text(described);
+            }
+            if response.clicked() && *option != value {
+                picked = Some((*option).clone());
+            }
+        }
+    });
+    named(response.response, name).on_hover_text(explain(schema));
+    picked
+}
+
+/// What a schema says of one of its values.
+fn described<'a>(schema: &'a Value, option: &Value) -> &'a str {
+    let variants = schema["oneOf"].as_array().or_else(|| schema["anyOf"].as_array());
+    let told = variants.into_iter().flatten().find(|variant| {
+        variant.get("const") == Some(option) || variant["enum"].as_array().is_some_and(|e| e.contains(option))
+    });
+    told.and_then(|variant| variant["description"].as_str()).unwrap_or_default()
+}
+
+/// Text without its quotation marks.
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [usize; 2]) -> Option<Value> {
+    let mut parts = value.as_array().cloned().unwrap_or_default();
+    let mut changed = false;
+    let nested = matches!(shape(item), Shape::List { .. } | Shape::Group(_));
+    let row = |ui: &mut Ui, add: &mut dyn FnMut(&mut Ui)| {
+        if nested { ui.vertical(|ui| add(ui)) } else { ui.horizontal_wrapped(|ui| add(ui)) }
+    };
+    row(ui, &mut |ui| {
+        // Four numbers of a quaternion stand side by side.
+        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.spacing_mut().button_padding.x = 3.0;
+        for (k, part) in parts.iter_mut().enumerate() {
+            let name = format!("{name} {}", k + 1);
+            let item = if nested { item.clone() } else { without_unit(item) };
+            if let Some(new) = edit(ui, &name, &item, part) {
+                *part = new;
+                changed = true;
+            }
+        }
+        if least != most {
+            let more = ui.add_enabled(parts.len() < most, egui::Button::new("+").small());
+            if named(more, &format!("{name}: one more")).clicked() {
+                let new = parts.last().cloned().unwrap_or_else(|| converted(item, &Value::Null));
+                parts.push(new);
+                changed = true;
+            }
+            let fewer = ui.add_enabled(parts.len() > least, egui::Button::new("\u{2212}").small());
+            if named(fewer, &format!("{name}: one fewer")).clicked() {
+                parts.pop();
+                changed = true;
+            }
+        }
+    });
+    changed.then_some(Value::Array(parts))
+}
+
+/// A unit behind every number of a row takes more room than the row has.
+fn without_unit(schema: &Value) -> Value {
+    let mut schema = schema.clone();
+    if let Some(table) = schema.as_object_mut() {
+        table.remove("unit");
+    }
+    schema
+}
+
+fn variant(ui: &mut Ui, name: &str, schema: &Value, value: &Value, variants: &[Value]) -> Option<Value> {
+    let current = variants.iter().position(|variant| fits(variant, value));
+    let mut picked = None;
+    let mut edited = None;
+    ui.vertical(|ui| {
+        let title = |k: usize| match shape(&variants[k]) {
+            Shape::Number { .. } => "number",
+            Shape::List { item, .. } if matches!(shape(item), Shape::List { .. }) => "matrix",
+            Shape::List { .. } => "list",
+            Shape::Choice(_) => "choice",
+            Shape::Null => "none",
+            _ => "other",
+        };
+        let control = |ui: &mut Ui| current.and_then(|k| edit(ui, name, &variants[k], value));
+        let mut kinds = |ui: &mut Ui| {
+            let response = ComboBox::from_id_salt((name, "form"))
+                .selected_text(current.map_or("other", title))
+                .width(64.0)
+                .show_ui(ui, |ui| {
+                    for (k, variant) in variants.iter().enumerate() {
+                        if ui.selectable_label(current == Some(k), title(k)).clicked() && current != Some(k) {
+                            picked = Some(converted(variant, value));
+                        }
+                    }
+                });
+            named(response.response, &format!("{name} form")).on_hover_text(explain(schema));
+        };
+        if current.is_some_and(|k| matches!(shape(&variants[k]), Shape::List { .. })) {
+            kinds(ui);
+            edited = control(ui);
+        } else {
+            ui.horizontal_wrapped(|ui| {
+                edited = control(ui);
+                kinds(ui);
+            });
+        }
+    });
+    picked.or(edited)
+}
+
+fn text(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
+    // What is being typed is kept until it is finished.
+    let id = ui.make_persistent_id((name, "text"));
+    let before = value.as_str().unwrap_or_default();
+    let mut typed = ui.data(|data| data.get_temp(id)).unwrap_or_else(|| before.to_owned());
+    let response = named(ui.add(egui::TextEdit::singleline(&mut typed).desired_width(130.0)), name)
+        .on_hover_text(explain(schema));
+    if response.lost_focus() {
+        ui.data_mut(|data| data.remove_temp::<String>(id));
+        return (typed != before).then_some(Value::from(typed));
+    }
+    if response.changed() {
+        ui.data_mut(|data| data.insert_temp(id, typed));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use serde_json::json;
+
+    /// Presses the controls of these names one after the other, and tells what the value has become.
+    fn pressed(schema: Value, value: Value, names: &[&str]) -> Value {
+        let mut harness = Harness::new_ui_state(
+            move |ui, value: &mut Value| {
+                if let Some(new) = edit(ui, "p", &schema, value) {
+                    *value = new;
+                }
+            },
+            value,
+        );
+        for name in names {
+            harness.get_by_label(name).click_accesskit();
+            harness.run_steps(2);
+        }
+        harness.check_accessibility();
+        harness.into_state()
+    }
+
+    #[test]
+    fn forms_that_no_kind_has_yet_are_edited_too() {
+        assert_eq!(pressed(json!({"type": "boolean"}), json!(false), &["p"]), json!(true));
+        let points = json!({"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2,
+            "items": {"type": "number"}}});
+        assert_eq!(pressed(points.clone(), json!([]), &["p: one more"]), json!([[0.0, 0.0]]));
+        assert_eq!(
+            pressed(points, json!([[1, 2]]), &["p: one more", "p: one more", "p: one fewer"]),
+            json!([[1, 2], [1, 2]])
+        );
+        let group =
+            json!({"type": "object", "properties": {"on": {"type": "boolean"}, "size": {"type": "integer"}}});
+        assert_eq!(
+            pressed(group, json!({"on": true, "size": 3}), &["p on"]),
+            json!({"on": false, "size": 3})
+        );
+        let optional = json!({"type": ["number", "null"], "minimum": 2, "default": null});
+        assert_eq!(pressed(optional.clone(), Value::Null, &["p: set"]), json!(2.0));
+        assert_eq!(pressed(optional, json!(5.0), &["p: none"]), Value::Null);
+    }
+}

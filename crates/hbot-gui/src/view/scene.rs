@@ -1,0 +1,158 @@
+//! The scene: choose one, switch its effects, change what they do, save it.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, Ui};
+use serde_json::{Value, json};
+
+use super::parameter;
+use super::schema::explain;
+use super::theme::{column, heading, named, weak};
+use super::{Act, Desk};
+use crate::files;
+use crate::model::{Effect, Model};
+use crate::net::Intent;
+
+/// How old a list of the folder may be.
+const LIST_EVERY: Duration = Duration::from_secs(2);
+
+/// The folder's files, and what is typed and picked.
+#[derive(Debug)]
+pub(crate) struct Shelf {
+    folder: PathBuf,
+    files: Vec<PathBuf>,
+    listed: Option<Instant>,
+    picked: Option<PathBuf>,
+    save_as: String,
+}
+
+impl Shelf {
+    pub(crate) fn new(folder: PathBuf) -> Self {
+        Self { folder, files: Vec::new(), listed: None, picked: None, save_as: String::new() }
+    }
+
+    fn refresh(&mut self) {
+        if self.listed.is_none_or(|at| at.elapsed() > LIST_EVERY) {
+            self.files = files::scenes(&self.folder);
+            self.listed = Some(Instant::now());
+        }
+    }
+}
+
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
+    choose(ui, model, &mut desk.shelf, acts);
+    heading(ui, model.scene.name());
+    if model.scene.effects().is_empty() {
+        weak(ui, "This scene has no effects: nothing is rendered.");
+    }
+    let may = model.may_command();
+    for effect in model.scene.effects() {
+        ui.push_id(&effect.id, |ui| {
+            egui::Frame::group(ui.style()).show(ui, |ui| {
+                ui.set_width(ui.available_width());
+                ui.add_enabled_ui(may, |ui| one(ui, model, effect, desk, acts));
+            });
+        });
+    }
+    save(ui, model, &mut desk.shelf, acts);
+}
+
+fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
+    shelf.refresh();
+    if shelf.files.is_empty() {
+        let folder = shelf.folder.display();
+        weak(
+            ui,
+            format!(
+                "No scene files in {folder}: start the panel in the project's folder, or name one by --scenes."
+            ),
+        );
+        return;
+    }
+    ui.horizontal(|ui| {
+        let text = shelf.picked.as_deref().map_or_else(|| "choose a scene".to_owned(), stem);
+        let width = ui.available_width() - 76.0;
+        let response =
+            ComboBox::from_id_salt("scenes").selected_text(text).width(width).truncate().show_ui(ui, |ui| {
+                for file in &shelf.files {
+                    ui.selectable_value(&mut shelf.picked, Some(file.clone()), stem(file));
+                }
+            });
+        named(response.response, "Scene file");
+        let enabled = model.may_command() && shelf.picked.is_some();
+        if ui.add_enabled(enabled, egui::Button::new("Load")).clicked()
+            && let Some(file) = &shelf.picked
+        {
+            acts.push(Act::LoadFile(file.clone()));
+        }
+    });
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// An effect: its switch, and its parameters by the schema of its kind.
+fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut Vec<Act>) {
+    let kind = model.info.kind(&effect.kind);
+    let set = |key: &str, value: Value| {
+        Act::Ask(Intent::Set { effect: effect.id.clone(), key: key.to_owned(), value })
+    };
+    let gain = model.scene.value(effect, "gain").and_then(Value::as_f64);
+    ui.horizontal(|ui| {
+        if let Some(gain) = gain {
+            let mut on = gain != 0.0;
+            if named(ui.checkbox(&mut on, ""), &format!("{} on", effect.id)).changed() {
+                let before = desk.gains.insert(effect.id.clone(), gain).filter(|gain| *gain != 0.0);
+                acts.push(set("gain", json!(if on { before.unwrap_or(1.0) } else { 0.0 })));
+            }
+        }
+        ui.label(RichText::new(&effect.id).strong());
+        let cost = model.scene.cost_ns(effect).map(|ns| format!(", {ns} ns a tick")).unwrap_or_default();
+        let response = weak(ui, format!("{}{cost}", effect.kind));
+        response.on_hover_text(kind.map_or("", |kind| kind.description.as_str()));
+    });
+    let Some(kind) = kind else {
+        weak(ui, "The server has told no parameters of this kind.");
+        return;
+    };
+    let open = model.scene.effects().len() <= 2;
+    let header =
+        CollapsingHeader::new("parameters").id_salt("parameters").default_open(open).show(ui, |ui| {
+            for (key, schema) in kind.schema["properties"].as_object().into_iter().flatten() {
+                let value =
+                    model.scene.value(effect, key).or_else(|| schema.get("default")).unwrap_or(&Value::Null);
+                let name = format!("{} {key}", effect.id);
+                ui.horizontal_top(|ui| {
+                    column(ui, 74.0, RichText::new(key).weak()).on_hover_text(explain(schema));
+                    let room = ui.available_width();
+                    ui.vertical(|ui| {
+                        ui.set_max_width(room);
+                        if let Some(value) = parameter::edit(ui, &name, schema, value) {
+                            acts.push(set(key, value));
+                        }
+                    });
+                });
+            }
+        });
+    named(header.header_response, &format!("{} parameters", effect.id));
+}
+
+fn save(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
+    ui.separator();
+    ui.horizontal(|ui| {
+        let width = ui.available_width() - 96.0;
+        let field = TextEdit::singleline(&mut shelf.save_as).hint_text("file name").desired_width(width);
+        named(ui.add(field), "Save scene as");
+        let name = shelf.save_as.trim();
+        let path = shelf.folder.join(format!("{}.toml", name.trim_end_matches(".toml")));
+        let taken = !name.is_empty() && path.exists();
+        let legal = !name.is_empty() && model.is_online();
+        let text = if taken { "Overwrite" } else { "Save" };
+        if ui.add_enabled(legal, egui::Button::new(text)).clicked() {
+            acts.push(Act::SaveScene(path));
+            shelf.listed = None;
+        }
+    });
+}

@@ -1,0 +1,263 @@
+//! Stiffness and damping of a spring: the panel's first purpose.
+
+use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
+use serde_json::{Value, json};
+
+use super::Desk;
+use super::parameter;
+use super::round_up;
+use super::theme::{Palette, coloured, heading, named, weak};
+use crate::model::{Effect, Model};
+use crate::net::Intent;
+
+/// Deflection at which the slider's stiffest spring reaches the rig's torque limit, rad.
+const STIFFEST_AT: f64 = 0.1;
+/// Damping over stiffness at the ends of both sliders, s. The prototype's sphere under the stiffest spring is critically
+/// damped by a little less.
+const DAMPING_SHARE: f64 = 0.02;
+
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
+    heading(ui, "Stiffness and damping");
+    let ids: Vec<&str> = model.scene.springs(&model.info).map(|effect| effect.id.as_str()).collect();
+    let Some(effect) = model
+        .scene
+        .springs(&model.info)
+        .find(|effect| effect.id == desk.spring)
+        .or_else(|| model.scene.springs(&model.info).next())
+    else {
+        weak(ui, "No effect of this scene has a stiffness.");
+        return;
+    };
+    ui.horizontal_wrapped(|ui| {
+        if ids.len() > 1 {
+            let response =
+                ComboBox::from_id_salt("spring").selected_text(&effect.id).width(90.0).show_ui(ui, |ui| {
+                    for id in &ids {
+                        ui.selectable_value(&mut desk.spring, (*id).to_owned(), *id);
+                    }
+                });
+            named(response.response, "Spring to set");
+        }
+        law(ui, model, effect, intents);
+        axes_apart(ui, model, effect, intents);
+    });
+    let stiffest = stiffest(model);
+    let stable = model.info.render.stiffness_stable;
+    let names = ["Stiffness", "Stiffness n1", "Stiffness n2", "Stiffness n3"];
+    impedance(ui, model, effect, "stiffness", names, stiffest, stable, intents);
+    limits(ui, model, effect, stable);
+    let names = ["Damping", "Damping n1", "Damping n2", "Damping n3"];
+    impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, None, intents);
+}
+
+/// The end of the slider, N m/rad: a round number.
+fn stiffest(model: &Model) -> f64 {
+    let limit = model.info.limits.torque;
+    let by_torque = if limit > 0.0 { limit / STIFFEST_AT } else { 10.0 };
+    round_up(by_torque.max(1.5 * model.info.render.stiffness_stable.unwrap_or(0.0)))
+}
+
+fn law(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
+    let schema = model.info.kind(&effect.kind).map(|kind| &kind.schema["properties"]["law"]);
+    let (Some(schema), Some(value)) = (schema.filter(|s| !s.is_null()), model.scene.value(effect, "law"))
+    else {
+        return;
+    };
+    weak(ui, "law");
+    if let Some(value) = parameter::edit(ui, "Law", schema, value) {
+        intents.push(Intent::Set { effect: effect.id.clone(), key: "law".to_owned(), value });
+    }
+}
+
+/// The switch between one value for all axes and one for each.
+fn axes_apart(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
+    let before = model.scene.value(effect, "stiffness").is_some_and(Value::is_array);
+    let mut apart = before;
+    let text = "for stiffness and damping, in the axes of the spring's reference";
+    ui.checkbox(&mut apart, "Each axis").on_hover_text(text);
+    if apart == before {
+        return;
+    }
+    for key in ["stiffness", "damping"] {
+        let Some(value) = model.scene.value(effect, key) else { continue };
+        let diagonal = diagonal(value);
+        let value = if apart { matrix(value, diagonal) } else { json!(diagonal.iter().sum::<f64>() / 3.0) };
+        intents.push(Intent::Set { effect: effect.id.clone(), key: key.to_owned(), value });
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "a row of the panel, called twice")]
+fn impedance(
+    ui: &mut Ui,
+    model: &Model,
+    effect: &Effect,
+    key: &str,
+    names: [&str; 4],
+    end: f64,
+    stable: Option<f64>,
+    intents: &mut Vec<Intent>,
+) {
+    let Some(value) = model.scene.value(effect, key) else { return };
+    let schema = model.info.kind(&effect.kind).map_or(&Value::Null, |kind| &kind.schema["properties"][key]);
+    let unit = schema["unit"].as_str().unwrap_or_default();
+    let most = schema["anyOf"][0]["maximum"].as_f64().unwrap_or(f64::INFINITY);
+    let mut set = |value: Value| {
+        intents.push(Intent::Set { effect: effect.id.clone(), key: key.to_owned(), value });
+    };
+    if let Some(x) = value.as_f64() {
+        weak(ui, format!("{key}, {unit}"));
+        if let Some(x) = row(ui, "", names[0], x, [end, most], stable) {
+            set(json!(x));
+        }
+        return;
+    }
+    weak(ui, format!("{key}, {unit}"));
+    let before = diagonal(value);
+    for k in 0..3 {
+        if let Some(x) = row(ui, ["n1", "n2", "n3"][k], names[k + 1], before[k], [end, most], stable) {
+            let mut after = before;
+            after[k] = x;
+            set(matrix(value, after));
+        }
+    }
+    if has_off_diagonal(value) {
+        weak(ui, "The matrix has values off its diagonal; they stay. See the scene.");
+    }
+}
+
+/// A slider and a field to type in; what it was changed to.
+fn row(
+    ui: &mut Ui,
+    label: &str,
+    name: &str,
+    before: f64,
+    [end, most]: [f64; 2],
+    stable: Option<f64>,
+) -> Option<f64> {
+    let mut x = before;
+    let end = end.max(before);
+    ui.horizontal(|ui| {
+        if !label.is_empty() {
+            ui.label(label);
+        }
+        ui.spacing_mut().slider_width = (ui.available_width() - 84.0).max(60.0);
+        let slider = Slider::new(&mut x, 0.0..=end)
+            .show_value(false)
+            .clamping(SliderClamping::Edits)
+            .trailing_fill(true);
+        let response = named(ui.add(slider), name);
+        if let Some(stable) = stable.filter(|stable| *stable < end) {
+            mark(ui, response.rect, stable / end);
+        }
+        let field = DragValue::new(&mut x)
+            .range(0.0..=most)
+            .speed((0.01 * before).max(0.001))
+            .max_decimals(4)
+            .update_while_editing(false);
+        named(ui.add_sized([70.0, ui.spacing().interact_size.y], field), &format!("{name} value"));
+    });
+    (x != before).then_some(x)
+}
+
+/// Marks on a slider where what can be expected to be stable ends.
+fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
+    let palette = Palette::of(ui);
+    // Where the middle of the handle stands at that value: a handle's radius from the ends (egui's own measure).
+    let room = slider.x_range().shrink(slider.height() / 2.5);
+    let x = room.min + room.span() * share as f32;
+    let painter = ui.painter();
+    let beyond = egui::Rect::from_x_y_ranges(x..=room.max, slider.bottom() - 3.0..=slider.bottom() - 1.0);
+    painter.rect_filled(beyond, 0.0, palette.warn);
+    painter.vline(x, slider.y_range(), Stroke::new(2.0, palette.warn));
+}
+
+/// What the stiffest axis means on this rig.
+fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
+    let palette = Palette::of(ui);
+    let Some(value) = model.scene.value(effect, "stiffness") else { return };
+    let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
+    let stiffest = diagonal(value).into_iter().fold(0.0, f64::max) * gain;
+    let limit = model.info.limits.torque;
+    if stiffest > 0.0 && limit > 0.0 {
+        let angle = limit / stiffest;
+        if angle < std::f64::consts::PI {
+            weak(
+                ui,
+                format!("reaches the rig's {limit} N m at {angle:.2} rad ({:.0}\u{b0})", angle.to_degrees()),
+            );
+        }
+    }
+    if let Some(stable) = stable {
+        if stiffest > stable {
+            let text =
+                format!("beyond {stable:.2} N m/rad, up to where this rig can be expected to stay stable");
+            coloured(ui, palette.warn, text);
+        } else {
+            weak(ui, format!("expected to be stable up to {stable:.2} N m/rad (mark)"));
+        }
+    }
+}
+
+fn diagonal(value: &Value) -> [f64; 3] {
+    let number = value.as_f64();
+    std::array::from_fn(|k| number.or_else(|| value[k][k].as_f64()).unwrap_or_default())
+}
+
+/// `value` as a matrix with this diagonal; what stands beside it stays.
+fn matrix(value: &Value, diagonal: [f64; 3]) -> Value {
+    let element = |i: usize, j: usize| {
+        if i == j { diagonal[i] } else { value[i][j].as_f64().unwrap_or_default() }
+    };
+    json!(std::array::from_fn::<_, 3, _>(|i| std::array::from_fn::<_, 3, _>(|j| element(i, j))))
+}
+
+fn has_off_diagonal(value: &Value) -> bool {
+    (0..3).any(|i| (0..3).any(|j| i != j && value[i][j].as_f64().is_some_and(|x| x != 0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the section says for a rig of 0.9 N m under a spring of this stiffness.
+    fn said(stiffness: f64, render: &Value) -> String {
+        let kinds = hbot_config::scene::kinds();
+        let scene = json!({"name": "S", "effect": [
+            {"id": "s", "kind": "spring", "gain": 1.0, "stiffness": stiffness, "damping": 0.0}]});
+        let info = json!({"limits": {"torque": 0.9}, "effects": kinds, "scene": scene, "render": render});
+        let mut model = Model::new("", 1);
+        model.info = serde_json::from_value(info).expect("an answer to info");
+        model.scene.take(&scene);
+        let mut desk = Desk::new(".".into(), "");
+        let mut harness =
+            egui_kittest::Harness::new_ui(move |ui| show(ui, &model, &mut desk, &mut Vec::new()));
+        harness.run();
+        format!("{:?}", harness.root())
+    }
+
+    #[test]
+    fn what_the_rig_can_be_expected_to_render_is_marked_where_the_server_says_it() {
+        let told = json!({"stiffness_stable": 5.2});
+        assert!(said(2.0, &told).contains("expected to be stable up to 5.20 N m/rad"));
+        assert!(said(7.0, &told).contains("beyond 5.20 N m/rad"));
+        for nothing in [json!({}), json!({"stiffness_stable": null})] {
+            let said = said(7.0, &nothing);
+            assert!(
+                said.contains("reaches the rig's 0.9 N m at 0.13 rad") && !said.contains("stable"),
+                "{said}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_diagonal_is_set_and_the_rest_stays() {
+        let value = json!([[1, 0.5, 0], [0.5, 2, 0], [0, 0, 3]]);
+        assert_eq!(diagonal(&value), [1.0, 2.0, 3.0]);
+        assert_eq!(
+            matrix(&value, [4.0, 5.0, 6.0]),
+            json!([[4.0, 0.5, 0.0], [0.5, 5.0, 0.0], [0.0, 0.0, 6.0]])
+        );
+        assert!(has_off_diagonal(&value) && !has_off_diagonal(&json!(2.0)));
+        assert_eq!(diagonal(&json!(2.0)), [2.0; 3]);
+    }
+}

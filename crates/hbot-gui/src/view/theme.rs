@@ -1,0 +1,124 @@
+//! Colours that colour-blind people tell apart (Okabe and Ito's set, brightened on dark ground), and small parts of the
+//! window that look alike everywhere.
+
+use eframe::egui::{self, Color32, Response, RichText, Ui};
+use hbot_api::Mode;
+
+/// Colours by meaning.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Palette {
+    /// Axes 1, 2, 3, of N and of the sphere alike.
+    pub(crate) axes: [Color32; 3],
+    pub(crate) torque: Color32,
+    pub(crate) ghost: Color32,
+    pub(crate) good: Color32,
+    pub(crate) warn: Color32,
+    pub(crate) bad: Color32,
+    /// Middle and edge of the sphere.
+    pub(crate) sphere: [Color32; 2],
+    pub(crate) grid: Color32,
+    pub(crate) wheel: Color32,
+    pub(crate) weak: Color32,
+}
+
+/// The stop button's; the same on light and dark ground.
+pub(crate) const STOP: Color32 = Color32::from_rgb(0xb8, 0x25, 0x08);
+
+impl Palette {
+    pub(crate) fn of(ui: &Ui) -> Self {
+        let rgb = Color32::from_rgb;
+        let weak = ui.visuals().weak_text_color();
+        if ui.visuals().dark_mode {
+            Self {
+                axes: [rgb(0xf2, 0x77, 0x2e), rgb(0x22, 0xb8, 0x8c), rgb(0x56, 0xb4, 0xe9)],
+                torque: rgb(0xe0, 0x8f, 0xbd),
+                ghost: rgb(0xd8, 0xd0, 0x80),
+                good: rgb(0x22, 0xb8, 0x8c),
+                warn: rgb(0xf0, 0xb0, 0x20),
+                bad: rgb(0xff, 0x80, 0x48),
+                sphere: [rgb(0x4a, 0x52, 0x5e), rgb(0x26, 0x2b, 0x33)],
+                grid: rgb(0xb8, 0xc0, 0xcc),
+                wheel: rgb(0xc8, 0xc8, 0xc8),
+                weak,
+            }
+        } else {
+            Self {
+                axes: [rgb(0xc2, 0x4e, 0x00), rgb(0x00, 0x7a, 0x58), rgb(0x00, 0x65, 0xa8)],
+                torque: rgb(0xa0, 0x3c, 0x78),
+                ghost: rgb(0x80, 0x72, 0x00),
+                good: rgb(0x00, 0x72, 0x52),
+                warn: rgb(0x8f, 0x5c, 0x00),
+                bad: rgb(0xb4, 0x38, 0x00),
+                sphere: [rgb(0xf4, 0xf6, 0xf8), rgb(0xc6, 0xcc, 0xd4)],
+                grid: rgb(0x58, 0x60, 0x6c),
+                wheel: rgb(0x38, 0x38, 0x38),
+                weak,
+            }
+        }
+    }
+
+    /// The colour of a mode, as in the terminal's commands.
+    pub(crate) const fn mode(&self, mode: Mode) -> Color32 {
+        match mode {
+            Mode::Active => self.good,
+            Mode::Idle | Mode::Enabling | Mode::Unreferenced => self.warn,
+            Mode::Fault | Mode::Estop => self.bad,
+        }
+    }
+}
+
+/// Sets the style once for both themes.
+pub(crate) fn install(ctx: &egui::Context) {
+    ctx.all_styles_mut(|style| {
+        style.spacing.item_spacing = egui::vec2(8.0, 6.0);
+        style.spacing.button_padding = egui::vec2(8.0, 4.0);
+        style.interaction.selectable_labels = false;
+        // The focus must be seen by who works by keyboard.
+        style.visuals.selection.stroke.width = 2.0;
+    });
+    ctx.style_mut_of(egui::Theme::Dark, |style| {
+        style.visuals.override_text_color = Some(Color32::from_gray(0xd8));
+        style.visuals.weak_text_alpha = 0.75;
+    });
+    ctx.style_mut_of(egui::Theme::Light, |style| {
+        style.visuals.override_text_color = Some(Color32::from_gray(0x1c));
+        style.visuals.weak_text_alpha = 0.8;
+    });
+}
+
+/// Gives a control the name by which screen readers, and tests, know it.
+pub(crate) fn named(response: Response, name: &str) -> Response {
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
+    response
+}
+
+pub(crate) fn heading(ui: &mut Ui, text: &str) {
+    ui.add_space(2.0);
+    ui.label(RichText::new(text).strong().size(15.0));
+}
+
+pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
+    ui.add(egui::Label::new(RichText::new(text).weak()).wrap())
+}
+
+/// Coloured text that may take several lines.
+pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> Response {
+    ui.add(egui::Label::new(RichText::new(text).color(color)).wrap())
+}
+
+/// A label at the left of a row, in a column of this width.
+pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>) -> Response {
+    let layout = egui::Layout::left_to_right(egui::Align::Center);
+    ui.allocate_ui_with_layout(egui::vec2(width, ui.spacing().interact_size.y), layout, |ui| {
+        ui.set_min_width(width);
+        ui.set_max_width(width);
+        ui.add(egui::Label::new(text).truncate())
+    })
+    .inner
+}
+
+/// A lamp.
+pub(crate) fn lamp(ui: &mut Ui, color: Color32) {
+    let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
+    ui.painter().circle_filled(rect.center(), 5.0, color);
+}

@@ -1,0 +1,75 @@
+//! Where a wheel touches the sphere (physics notes, section 1): C = A0 Rz(th) Rx(a) Rz(b), contact point R c3.
+
+use glam::{DQuat, DVec3};
+
+use crate::model::info::{Rig, Wheel};
+
+/// A wheel at a steering angle, in radii of the sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Contact {
+    /// Steering axis.
+    pub(crate) axis: DVec3,
+    /// Rolling direction.
+    pub(crate) rolling: DVec3,
+    /// Outward normal: the contact point.
+    pub(crate) normal: DVec3,
+    /// Of the wheel.
+    pub(crate) radius: f64,
+}
+
+impl Contact {
+    /// A wheel of `rig` at steering angle `steer`, rad; `None` where the rig has told no geometry.
+    pub(crate) fn of(rig: &Rig, wheel: &Wheel, steer: f64) -> Option<Self> {
+        let axis = DVec3::from(wheel.axis).try_normalize()?;
+        if !(rig.sphere.radius > 0.0) {
+            return None;
+        }
+        // At -n3 the least rotation is not unique: a half turn about n1.
+        let a0 = if axis.z < -1.0 + 1e-9 {
+            DQuat::from_rotation_x(std::f64::consts::PI)
+        } else {
+            DQuat::from_rotation_arc(DVec3::Z, axis)
+        };
+        let c = a0
+            * DQuat::from_rotation_z(steer)
+            * DQuat::from_rotation_x(wheel.cone)
+            * DQuat::from_rotation_z(wheel.toe);
+        let radius = wheel.radius / rig.sphere.radius;
+        Some(Self { axis, rolling: c * DVec3::Y, normal: c * DVec3::Z, radius })
+    }
+
+    /// The wheel's centre.
+    pub(crate) fn centre(&self) -> DVec3 {
+        self.normal * (1.0 + self.radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::info::Sphere;
+
+    #[test]
+    fn the_contact_keeps_its_angles_whatever_the_steering() {
+        let rig = Rig { sphere: Sphere { radius: 0.1 }, ..Rig::default() };
+        for axis in [[1.0, 0.0, -1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]] {
+            let wheel = Wheel { axis, cone: 0.3, toe: 0.2, radius: 0.01, ..Wheel::default() };
+            for steer in [0.0, 1.0, 4.0] {
+                let contact = Contact::of(&rig, &wheel, steer).expect("geometry");
+                // l.c2 = sin a cos b and l.c3 = cos a, to rounding.
+                assert!((contact.axis.dot(contact.rolling) - 0.3_f64.sin() * 0.2_f64.cos()).abs() < 1e-12);
+                assert!((contact.axis.dot(contact.normal) - 0.3_f64.cos()).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_contact_of_the_prototype_is_where_the_rig_file_says() {
+        let rig = Rig { sphere: Sphere { radius: 0.102 }, ..Rig::default() };
+        let wheel = Wheel { axis: [0.0, 0.0, 1.0], cone: 0.1745, radius: 0.0155, ..Wheel::default() };
+        let contact = Contact::of(&rig, &wheel, 0.0).expect("geometry");
+        // Rx(a) n3 = (0, -sin a, cos a)
+        let expected = DVec3::new(0.0, -0.1745_f64.sin(), 0.1745_f64.cos());
+        assert!((contact.normal - expected).length() < 1e-12, "{contact:?}");
+    }
+}

@@ -1,0 +1,350 @@
+//! A server in this process, a panel without a window, and a client that sees what truly happens.
+
+use std::io::{Read as _, Write as _};
+use std::net::{SocketAddr, TcpListener as StdListener, TcpStream};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Key};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use hbot_api::{Client, Event, StateEvent};
+use hbot_config::{RigConfig, SceneFile};
+use hbot_gui::{Folders, Options, Panel};
+use hbot_server::server::{Options as ServerOptions, Server, Time};
+use hbot_server::service::Status;
+use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
+
+/// How long a test waits for what must come. It never says how fast anything is.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+
+/// One server at a time: in virtual time each takes all of a core that it gets.
+static ONE: Mutex<()> = Mutex::new(());
+
+/// A sphere held still 0.2 rad from the reference of a spring of 0.2 N m/rad: the torque is the stiffness's alone.
+pub(crate) const STILL: &str = r#"
+name = "Still"
+[[effect]]
+id = "spring"
+kind = "spring"
+stiffness = 0.2
+reference = [0.9950041652780258, 0.09983341664682815, 0, 0]
+[simulate]
+hand = { stiffness = 50, damping = 1, amplitude = 0 }
+"#;
+
+/// A server in virtual time.
+pub(crate) struct Bench {
+    pub(crate) address: SocketAddr,
+    shutdown: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+    /// Held for the next test to wait for.
+    alone: Option<MutexGuard<'static, ()>>,
+}
+
+/// What a server is to be.
+pub(crate) struct Setup<'a> {
+    pub(crate) scene: &'a str,
+    /// Replacements in the prototype's rig file.
+    pub(crate) rig: &'a [(&'a str, &'a str)],
+    /// Virtual time goes no faster than the clock: for what people look at. Other work on the machine then makes no tick late.
+    pub(crate) paced: bool,
+    pub(crate) address: SocketAddr,
+    /// What clients must know.
+    pub(crate) token: Option<&'a str>,
+}
+
+impl Default for Setup<'_> {
+    fn default() -> Self {
+        Self { scene: STILL, rig: &[], paced: false, address: ([127, 0, 0, 1], 0).into(), token: None }
+    }
+}
+
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Bench {
+    pub(crate) fn start(setup: &Setup<'_>) -> Self {
+        let alone = alone();
+        let mut bench = Self::beside(setup);
+        bench.alone = Some(alone);
+        bench
+    }
+
+    /// The same for who has made sure to be alone.
+    pub(crate) fn beside(setup: &Setup<'_>) -> Self {
+        let mut rig = include_str!("../../../../rigs/prototype.toml").to_owned();
+        for (from, to) in setup.rig {
+            assert!(rig.contains(from), "the prototype has {from:?}");
+            rig = rig.replace(from, to);
+        }
+        let rig = RigConfig::from_toml(&rig, "test.toml").expect("a legal rig");
+        let scene = SceneFile::from_toml(setup.scene, "test.toml").expect("a legal scene");
+        let (paced, listen) = (setup.paced, setup.address);
+        let token = setup.token.map(str::to_owned);
+        let (shutdown, stopped) = oneshot::channel();
+        let (ready, started) = mpsc::channel();
+        let thread = std::thread::spawn(move || {
+            let runtime =
+                tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+            runtime.block_on(async move {
+                let listener = tokio::net::TcpListener::bind(listen).await.expect("a free port");
+                let address = listener.local_addr().expect("an address");
+                let (begin, mut ticks) = (Instant::now(), 0);
+                let period = Duration::from_secs(1) / rig.rate_hz;
+                let server = Server::start(ServerOptions {
+                    rig,
+                    scene,
+                    time: Time::Virtual,
+                    duration: None,
+                    token,
+                    flight_dir: None,
+                    recorder: paced.then_some(Box::new(move |_, _, _| {
+                        ticks += 1;
+                        std::thread::sleep(
+                            (begin + ticks * period).saturating_duration_since(Instant::now()),
+                        );
+                    })),
+                })
+                .expect("it starts");
+                ready.send(address).expect("the test waits");
+                let (_control, controlled) = async_mpsc::channel(1);
+                let (status, _) = watch::channel(Status::default());
+                let over = async {
+                    let _ = stopped.await;
+                };
+                server.serve(listener, controlled, status, over).await.expect("it serves");
+            });
+        });
+        let address = started.recv().expect("the server starts");
+        Self { address, shutdown: Some(shutdown), thread: Some(thread), alone: None }
+    }
+
+    /// A client of its own.
+    pub(crate) fn client(&self, name: &str) -> Client {
+        Client::connect(&self.address.to_string(), name).expect("the server listens")
+    }
+
+    pub(crate) fn stop(mut self) {
+        self.end();
+    }
+
+    fn end(&mut self) {
+        drop(self.shutdown.take());
+        if let Some(thread) = self.thread.take() {
+            let ended = thread.join();
+            assert!(ended.is_ok() || std::thread::panicking(), "the server has panicked");
+        }
+        drop(self.alone.take());
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// What the server does, seen by another client.
+pub(crate) struct Witness(Client);
+
+impl Witness {
+    pub(crate) fn new(bench: &Bench) -> Self {
+        let mut client = bench.client("a witness");
+        client.subscribe(500).expect("subscribed");
+        Self(client)
+    }
+
+    /// The next state for which `ready` holds.
+    pub(crate) fn state(&mut self, what: &str, mut ready: impl FnMut(&StateEvent) -> bool) -> StateEvent {
+        let start = Instant::now();
+        let mut last = None;
+        while start.elapsed() < PATIENCE {
+            if let Some(Event::State(state)) =
+                self.0.next_event(Duration::from_secs(5)).expect("the connection stays")
+            {
+                if ready(&state) {
+                    return state;
+                }
+                last = Some(state);
+            }
+        }
+        panic!("{what} did not come; the last state: {last:?}");
+    }
+
+    /// The state some seconds of the loop's time from now; those that wait to be read are older.
+    pub(crate) fn later(&mut self, seconds: f64) -> StateEvent {
+        let from = self.0.ping(serde_json::Value::Null).expect("an answer").t + seconds;
+        self.state("a later state", |state| state.t > from)
+    }
+
+    /// The parameter of an effect that the server runs now.
+    pub(crate) fn parameter(&mut self, effect: &str, key: &str) -> serde_json::Value {
+        let info = self.0.info().expect("info");
+        let effects = info["scene"]["effect"].as_array().expect("effects");
+        let effect = effects.iter().find(|e| e["id"] == effect).expect("the effect");
+        effect[key].clone()
+    }
+
+    pub(crate) fn info(&mut self) -> serde_json::Value {
+        self.0.info().expect("info")
+    }
+}
+
+pub(crate) fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// A panel drawn into memory.
+pub(crate) struct Seat {
+    pub(crate) harness: Harness<'static, Option<Panel>>,
+    /// The longest that a frame has taken.
+    pub(crate) longest: Duration,
+    /// All frames together.
+    pub(crate) drawing: Duration,
+    pub(crate) frames: u32,
+    pub(crate) out: tempfile::TempDir,
+}
+
+impl Seat {
+    pub(crate) fn at(server: impl ToString) -> Self {
+        Self::with(Options { samples_per_s: 2, ..Options::new(&server.to_string()) })
+    }
+
+    pub(crate) fn with(options: Options) -> Self {
+        let out = tempfile::tempdir().expect("a folder");
+        let scenes = out.path().join("scenes");
+        let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        std::fs::create_dir(&scenes).expect("a folder");
+        for file in std::fs::read_dir(project).expect("scenes").flatten() {
+            std::fs::copy(file.path(), scenes.join(file.file_name())).expect("copied");
+        }
+        let folders = Folders { scenes, out: out.path().to_owned() };
+        let mut start = Some((options, folders));
+        let harness = Harness::builder().with_size([1280.0, 800.0]).with_step_dt(1.0 / 60.0).build_ui_state(
+            move |ui: &mut egui::Ui, panel: &mut Option<Panel>| {
+                if let Some((options, folders)) = start.take() {
+                    *panel = Some(Panel::new(ui.ctx(), options, folders).expect("threads"));
+                }
+                panel.as_mut().expect("made in the first frame").ui(ui);
+            },
+            None,
+        );
+        Self { harness, longest: Duration::ZERO, drawing: Duration::ZERO, frames: 0, out }
+    }
+
+    pub(crate) fn frame(&mut self) {
+        let start = Instant::now();
+        self.harness.step();
+        let took = start.elapsed();
+        self.drawing += took;
+        self.longest = self.longest.max(took);
+        self.frames += 1;
+    }
+
+    /// Frames at 60 Hz until it is so.
+    pub(crate) fn until(&mut self, what: &str, mut so: impl FnMut(&Harness<'static, Option<Panel>>) -> bool) {
+        let start = Instant::now();
+        while !so(&self.harness) {
+            assert!(start.elapsed() < PATIENCE, "{what} did not come; the window:\n{}", self.texts());
+            self.frame();
+            std::thread::sleep(Duration::from_millis(15));
+        }
+    }
+
+    pub(crate) fn until_text(&mut self, text: &str) {
+        self.until(text, |harness| harness.query_all_by_label_contains(text).next().is_some());
+    }
+
+    pub(crate) fn shows(&self, text: &str) -> bool {
+        self.harness.query_all_by_label_contains(text).next().is_some()
+    }
+
+    pub(crate) fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click_accesskit();
+        self.frame();
+        self.frame();
+    }
+
+    /// Sets a number as an assistive technology does.
+    pub(crate) fn set(&mut self, label: &str, value: f64) {
+        self.harness.get_by_label(label).set_value_accesskit(value);
+        self.frame();
+        self.frame();
+    }
+
+    /// Types into the field of a number, as a person does.
+    pub(crate) fn type_number(&mut self, label: &str, text: &str) {
+        self.harness.get_by_label(label).focus();
+        self.frame();
+        self.frame();
+        self.harness.get_by_label(label).type_text(text);
+        self.frame();
+        self.harness.key_press(Key::Enter);
+        self.frame();
+        self.frame();
+    }
+
+    /// Picks from a list that drops down.
+    pub(crate) fn pick(&mut self, list: &str, entry: &str) {
+        self.click(list);
+        self.frame();
+        self.click(entry);
+        self.frame();
+    }
+
+    pub(crate) fn is_enabled(&self, label: &str) -> bool {
+        !self.harness.get_by_label(label).accesskit_node().is_disabled()
+    }
+
+    /// All that is written in the window, for a test that fails.
+    pub(crate) fn texts(&self) -> String {
+        format!("{:?}", self.harness.root())
+    }
+}
+
+/// A wire between a panel and its server that can be held up.
+pub(crate) struct Wire {
+    pub(crate) address: SocketAddr,
+    frozen: Arc<AtomicBool>,
+}
+
+impl Wire {
+    pub(crate) fn to(server: SocketAddr) -> Self {
+        let listener = StdListener::bind(("127.0.0.1", 0)).expect("a free port");
+        let address = listener.local_addr().expect("an address");
+        let frozen = Arc::new(AtomicBool::new(false));
+        let hold = Arc::clone(&frozen);
+        std::thread::spawn(move || {
+            for near in listener.incoming().flatten() {
+                let Ok(far) = TcpStream::connect(server) else { continue };
+                for (mut from, mut to) in [(&near, &far), (&far, &near)]
+                    .map(|(a, b)| (a.try_clone().expect("a socket"), b.try_clone().expect("a socket")))
+                {
+                    let hold = Arc::clone(&hold);
+                    std::thread::spawn(move || {
+                        let mut piece = [0; 4096];
+                        while let Ok(n @ 1..) = from.read(&mut piece) {
+                            while hold.load(Ordering::Relaxed) {
+                                std::thread::sleep(Duration::from_millis(5));
+                            }
+                            if to.write_all(&piece[..n]).is_err() {
+                                break;
+                            }
+                        }
+                        let _ = to.shutdown(std::net::Shutdown::Both);
+                    });
+                }
+            }
+        });
+        Self { address, frozen }
+    }
+
+    pub(crate) fn freeze(&self, frozen: bool) {
+        self.frozen.store(frozen, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,176 @@
+//! Servers that come and go, other clients, and servers that hang.
+
+use std::net::TcpListener;
+use std::time::Duration;
+
+use eframe::egui::Key;
+use hbot_api::{Event, Mode};
+use hbot_gui::Options;
+
+use crate::bench::{Bench, Seat, Setup, Wire, Witness, alone};
+use crate::controls::seated;
+
+#[test]
+fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes() {
+    let _alone = alone();
+    let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
+    let mut seat = Seat::at(free);
+    seat.until_text(&format!("No server at {free}"));
+    assert!(seat.shows("cargo run server") && seat.shows("Not connected."));
+    assert!(!seat.is_enabled("Enable"));
+    seat.harness.check_accessibility();
+    let setup = Setup { address: free, ..Setup::default() };
+    for _ in 0..2 {
+        let bench = Bench::beside(&setup);
+        seat.until_text("ACTIVE");
+        seat.until_text("you command");
+        bench.stop();
+        seat.until_text("No server at");
+    }
+}
+
+#[test]
+fn a_server_that_refuses_says_why() {
+    let bench = Bench::start(&Setup { token: Some("a token of some length"), ..Setup::default() });
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("No connection to");
+    assert!(seat.shows("see the server's token file"));
+    let token = Some("a token of some length".to_owned().into());
+    let mut seat = Seat::with(Options { token, ..Options::new(&bench.address.to_string()) });
+    seat.until_text("you command");
+}
+
+#[test]
+fn another_address_can_be_typed() {
+    let bench = Bench::start(&Setup::default());
+    let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
+    let mut seat = Seat::at(free);
+    seat.until_text("No server at");
+    for _ in 0..free.to_string().len() {
+        egui_kittest::kittest::Queryable::get_by_label(&seat.harness, "Server address").focus();
+        seat.harness.key_press(Key::End);
+        seat.harness.key_press(Key::Backspace);
+        seat.frame();
+    }
+    egui_kittest::kittest::Queryable::get_by_label(&seat.harness, "Server address")
+        .type_text(&bench.address.to_string());
+    seat.frame();
+    seat.click("Connect");
+    seat.until_text("ACTIVE");
+    // The stop goes to the new server too.
+    let mut witness = Witness::new(&bench);
+    seat.click("Stop");
+    witness.state("stopped", |state| state.mode == Mode::Estop);
+}
+
+#[test]
+fn an_observer_says_who_commands_may_stop_and_may_take_over() {
+    let bench = Bench::start(&Setup::default());
+    let mut other = bench.client("the experiment");
+    other.acquire(false).expect("free");
+    let mut witness = Witness::new(&bench);
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("observer: the experiment commands");
+    seat.until_text("ACTIVE");
+    for control in ["Stiffness", "Enable", "Reset", "spring on", "spring stiffness", "Load"] {
+        assert!(!seat.is_enabled(control), "{control}");
+    }
+    seat.click("Stop");
+    witness.state("stopped by an observer", |state| state.mode == Mode::Estop);
+    seat.click("Take over");
+    seat.until_text("you command");
+    seat.until_text("ESTOP");
+    assert!(seat.is_enabled("Reset"));
+    other.acquire(true).expect("stolen");
+    seat.until_text("the experiment has taken over command");
+    other.release().expect("given back");
+    seat.until_text("nobody commands");
+    // Whoever turns a knob of a free rig commands it.
+    seat.click("Reset");
+    seat.until_text("you command");
+    seat.click("Release");
+    seat.until_text("nobody commands");
+    seat.click("Take command");
+    seat.until_text("you command");
+}
+
+#[test]
+fn who_only_watches_takes_nothing() {
+    let bench = Bench::start(&Setup::default());
+    let options = Options { observe: true, samples_per_s: 2, ..Options::new(&bench.address.to_string()) };
+    let mut seat = Seat::with(options);
+    seat.until_text("ACTIVE");
+    seat.until_text("watching");
+    bench.client("the experiment").acquire(false).expect("nobody has taken it");
+}
+
+#[test]
+fn a_server_that_hangs_does_not_hang_the_window() {
+    let bench = Bench::start(&Setup::default());
+    let wire = Wire::to(bench.address);
+    let mut witness = Witness::new(&bench);
+    let mut seat = Seat::at(wire.address);
+    seat.until_text("ACTIVE");
+    wire.freeze(true);
+    seat.longest = Duration::ZERO;
+    seat.until_text("The server has said nothing for");
+    seat.set("Stiffness", 1.0);
+    seat.click("Stop");
+    seat.until_text("the server has not confirmed the stop");
+    assert!(seat.shows("cut the motors' power"));
+    // Far below the 2 s that the threads wait for answers: the window waits for none of them.
+    assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);
+    wire.freeze(false);
+    // What was on its way arrives, the stop among it.
+    witness.state("stopped", |state| state.mode == Mode::Estop);
+    seat.until_text("ESTOP");
+}
+
+#[test]
+fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
+    let bench = Bench::start(&Setup::default());
+    // Every tick of a loop that runs as fast as the machine goes.
+    let options = Options { samples_per_s: 100_000, ..Options::new(&bench.address.to_string()) };
+    let mut seat = Seat::with(options);
+    seat.until_text("ACTIVE");
+    seat.until_text("you command");
+    let mut counter = bench.client("a counter");
+    let before = counter.stats().expect("stats");
+    let start = std::time::Instant::now();
+    (seat.frames, seat.drawing) = (0, Duration::ZERO);
+    seat.longest = Duration::ZERO;
+    while start.elapsed() < Duration::from_secs(4) {
+        seat.frame();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let after = counter.stats().expect("stats");
+    let passed = |key: &str| after[key].as_f64().expect("a number") - before[key].as_f64().expect("a number");
+    let received = passed("ticks") - passed("dropped_states");
+    println!(
+        "{:.0} samples/s received of {:.0}/s; {:.0} frames/s of {:?}, the longest {:?}",
+        received / seconds,
+        passed("ticks") / seconds,
+        f64::from(seat.frames) / seconds,
+        seat.drawing / seat.frames,
+        seat.longest
+    );
+    assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);
+    // And it still obeys.
+    let mut witness = Witness::new(&bench);
+    seat.click("Stop");
+    witness.state("stopped", |state| state.mode == Mode::Estop);
+    seat.until_text("ESTOP");
+    while let Ok(Some(Event::State(_))) = counter.next_event(Duration::ZERO) {}
+}
+
+#[test]
+fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
+    // Even where the loss of the commander is a fault: a window that is closed says goodbye.
+    let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
+    let bench = Bench::start(&Setup { rig: &rig, ..Setup::default() });
+    let (seat, mut witness) = seated(&bench);
+    drop(seat);
+    let state = witness.later(50.0);
+    assert_eq!(state.mode, Mode::Active);
+}

@@ -1,0 +1,213 @@
+//! Orders, stiffness, faults.
+
+use eframe::egui::Key;
+use egui_kittest::kittest::Queryable as _;
+use hbot_api::{Fault, Mode};
+use serde_json::{Value, json};
+
+use crate::bench::{Bench, Seat, Setup, Witness, norm};
+
+/// A panel that commands an active rig.
+pub(crate) fn seated(bench: &Bench) -> (Seat, Witness) {
+    let mut witness = Witness::new(bench);
+    witness.state("active", |state| state.mode == Mode::Active);
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("ACTIVE");
+    seat.until_text("you command");
+    (seat, witness)
+}
+
+/// The torque once the scene has faded in and the sphere rests.
+fn settled(witness: &mut Witness) -> f64 {
+    norm(witness.later(5.0).torque)
+}
+
+/// Waits until the server runs this value, so that the panel's wish has arrived.
+fn arrived(seat: &mut Seat, witness: &mut Witness, key: &str, value: &Value) {
+    let near = |a: &Value, b: &Value| match (a.as_f64(), b.as_f64()) {
+        // A slider's steps are points of the screen.
+        (Some(a), Some(b)) => (a - b).abs() < 0.01 * b.abs() + 1e-12,
+        _ => a == b,
+    };
+    let mut last = Value::Null;
+    seat.until(&format!("{key} = {value}"), |_| {
+        last = witness.parameter("spring", key);
+        near(&last, value)
+    });
+}
+
+#[test]
+fn the_stiffness_slider_changes_the_torque_that_the_server_applies() {
+    let bench = Bench::start(&Setup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    let soft = settled(&mut witness);
+    assert!((soft - 0.04).abs() < 0.001, "0.2 N m/rad at 0.2 rad: {soft} N m");
+    seat.set("Stiffness", 2.0);
+    arrived(&mut seat, &mut witness, "stiffness", &json!(2.0));
+    let stiff = settled(&mut witness);
+    // The hand (50 N m/rad) gives way by up to 4 % to the stiffer spring.
+    assert!((stiff / soft - 10.0).abs() < 0.5, "{soft} to {stiff} N m");
+    seat.type_number("Stiffness value", "1");
+    arrived(&mut seat, &mut witness, "stiffness", &json!(1.0));
+    let middle = settled(&mut witness);
+    assert!((middle / soft - 5.0).abs() < 0.15, "{soft} to {middle} N m");
+}
+
+#[test]
+fn each_axis_has_its_own_stiffness_and_damping() {
+    let bench = Bench::start(&Setup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    seat.click("Each axis");
+    let rows = |a: f64, b: f64, c: f64| json!([[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]]);
+    arrived(&mut seat, &mut witness, "stiffness", &rows(0.2, 0.2, 0.2));
+    seat.type_number("Stiffness n1 value", "0.4");
+    arrived(&mut seat, &mut witness, "stiffness", &rows(0.4, 0.2, 0.2));
+    let torque = settled(&mut witness);
+    // The reference is turned about n1 alone; the hand gives way by 0.8 %.
+    assert!((torque - 0.08).abs() < 0.001, "{torque} N m");
+    seat.type_number("Stiffness n3 value", "3");
+    arrived(&mut seat, &mut witness, "stiffness", &rows(0.4, 0.2, 3.0));
+    seat.type_number("Damping n2 value", "0.01");
+    arrived(&mut seat, &mut witness, "damping", &rows(0.0, 0.01, 0.0));
+    seat.click("Each axis");
+    arrived(&mut seat, &mut witness, "stiffness", &json!(1.2));
+    seat.set("Damping", 0.05);
+    arrived(&mut seat, &mut witness, "damping", &json!(0.05));
+    seat.pick("Law", "quaternion");
+    arrived(&mut seat, &mut witness, "law", &json!("quaternion"));
+}
+
+#[test]
+fn a_value_that_the_server_refuses_is_told_and_not_shown() {
+    let bench = Bench::start(&Setup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    // A quaternion without length: legal number by number, refused as a whole.
+    seat.type_number("spring reference 1", "0");
+    seat.type_number("spring reference 2", "0");
+    seat.until_text("the quaternion has no length");
+    let reference = witness.parameter("spring", "reference");
+    assert_eq!(reference[0].as_f64(), Some(0.0), "the first was legal yet: {reference}");
+    assert!(reference[1].as_f64().is_some_and(|x| x > 0.09), "{reference}");
+    seat.until("what runs is shown again", |harness| {
+        harness.get_by_label("spring reference 2").value().is_some_and(|text| text.starts_with("0.09"))
+    });
+}
+
+#[test]
+fn the_button_esc_and_space_stop_and_reset_and_enable_lead_back() {
+    type Way = dyn Fn(&mut Seat);
+    let bench = Bench::start(&Setup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    let ways: [(&str, &Way); 4] = [
+        ("the button", &|seat| seat.click("Stop")),
+        ("Esc", &|seat| seat.harness.key_press(Key::Escape)),
+        ("Space", &|seat| seat.harness.key_press(Key::Space)),
+        ("Space in a text field", &|seat| {
+            seat.harness.get_by_label("Save scene as").focus();
+            seat.frame();
+            seat.harness.get_by_label("Save scene as").type_text("ab");
+            seat.frame();
+            seat.harness.key_press(Key::Space);
+            seat.harness.get_by_label("Save scene as").type_text(" ");
+        }),
+    ];
+    for (name, stop) in ways {
+        stop(&mut seat);
+        seat.frame();
+        let state = witness.state(name, |state| state.mode == Mode::Estop);
+        assert_eq!(norm(state.torque), 0.0, "{name}");
+        seat.until_text("ESTOP");
+        assert!(!seat.is_enabled("Enable"), "not from a stop");
+        seat.click("Reset");
+        seat.until_text("IDLE");
+        seat.click("Enable");
+        seat.until_text("ACTIVE");
+    }
+    assert_eq!(
+        seat.harness.get_by_label("Save scene as").value().as_deref(),
+        Some("ab"),
+        "no blank was typed"
+    );
+}
+
+#[test]
+fn disable_and_enable() {
+    let bench = Bench::start(&Setup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    assert!(!seat.is_enabled("Enable") && !seat.is_enabled("Reset"));
+    seat.click("Disable");
+    witness.state("idle", |state| state.mode == Mode::Idle);
+    seat.until_text("IDLE");
+    assert!(!seat.is_enabled("Disable"));
+    seat.click("Enable");
+    witness.state("active", |state| state.mode == Mode::Active);
+    seat.until_text("ACTIVE");
+}
+
+#[test]
+fn a_fault_is_told_in_plain_words_with_what_to_do() {
+    // The default hand turns the sphere at 0.4 rad/s.
+    let rig = [("speed = 30 ", "speed = 0.05 ")];
+    let scene = "name = \"Nothing\"\neffect = []";
+    let bench = Bench::start(&Setup { rig: &rig, scene, ..Setup::default() });
+    let mut witness = Witness::new(&bench);
+    witness.state("overspeed", |state| state.fault == Some(Fault::Overspeed));
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("FAULT");
+    assert!(seat.shows("The sphere turned faster than the rig allows."));
+    assert!(seat.shows("Let it come to rest."));
+    assert!(seat.is_enabled("Reset") && !seat.is_enabled("Enable"));
+    // The sphere still turns: the server says why it stays in fault.
+    seat.until_text("you command");
+    seat.click("Reset");
+    seat.until("an answer", |harness| {
+        harness.query_all_by_label_contains("still there").next().is_some()
+            || harness.query_all_by_label_contains("IDLE").next().is_some()
+    });
+}
+
+#[test]
+fn every_control_has_a_name_and_is_reached_by_tab() {
+    let bench = Bench::start(&Setup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    for tab in ["Health", "Messages", "Scene"] {
+        seat.click(tab);
+        seat.harness.check_accessibility();
+    }
+    for plot in ["Angle", "Torque / deflection"] {
+        seat.click(plot);
+        seat.harness.check_accessibility();
+    }
+    let mut wanted = vec![
+        "Stop",
+        "Disable",
+        "Stiffness",
+        "Stiffness value",
+        "Damping",
+        "Law",
+        "Each axis",
+        "Scene file",
+        "spring on",
+        "spring gain",
+        "Pause",
+        "Export CSV",
+        "Zero here",
+        "Light or dark",
+        "Release",
+    ];
+    for _ in 0..120 {
+        seat.harness.key_press(Key::Tab);
+        seat.frame();
+        wanted.retain(|label| !seat.harness.get_by_label(label).is_focused());
+        if wanted.is_empty() {
+            break;
+        }
+    }
+    assert!(wanted.is_empty(), "not reached by Tab: {wanted:?}");
+    // Enter presses what has the focus.
+    seat.harness.get_by_label("Disable").focus();
+    seat.frame();
+    seat.harness.key_press(Key::Enter);
+    seat.frame();
+    witness.state("idle", |state| state.mode == Mode::Idle);
+}

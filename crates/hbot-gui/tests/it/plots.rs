@@ -1,0 +1,83 @@
+//! Plots: what they show, paused, exported.
+
+use egui_kittest::kittest::Queryable as _;
+use hbot_gui::Options;
+
+use crate::bench::{Bench, Seat, Setup};
+
+/// A hand that turns the sphere about against a spring of 2 N m/rad and 0.02 N m s/rad.
+const MOVED: &str = r#"
+name = "Moved"
+[[effect]]
+id = "spring"
+kind = "spring"
+stiffness = 2
+damping = 0.02
+[simulate]
+hand = { amplitude = 0.2 }
+"#;
+
+fn moved() -> (Bench, Seat) {
+    let bench = Bench::start(&Setup { scene: MOVED, ..Setup::default() });
+    let options = Options { samples_per_s: 60, ..Options::new(&bench.address.to_string()) };
+    let mut seat = Seat::with(options);
+    seat.until_text("ACTIVE");
+    (bench, seat)
+}
+
+#[test]
+fn the_fitted_stiffness_is_that_of_the_spring() {
+    let (_bench, mut seat) = moved();
+    seat.click("Torque / deflection");
+    for axis in ["n1", "n2", "n3"] {
+        // To the digits shown: the law is linear in the angle, and the torque belongs to the orientation of its tick.
+        seat.until_text(&format!("{axis} 2.000 (0.0200)"));
+    }
+    seat.click("Zero here");
+    seat.click("Zero at reference");
+}
+
+#[test]
+fn what_is_exported_is_what_was_shown() {
+    let (_bench, mut seat) = moved();
+    seat.until_text("Plot of torque");
+    seat.pick("Time shown", "2 s");
+    seat.click("Pause");
+    assert!(seat.harness.query_by_label("Go on").is_some());
+    seat.click("Export CSV");
+    seat.until_text("samples in");
+    let file = std::fs::read_dir(seat.out.path())
+        .expect("a folder")
+        .flatten()
+        .find(|entry| entry.path().extension().is_some_and(|e| e == "csv"))
+        .expect("a file");
+    let mut csv = csv::Reader::from_path(file.path()).expect("CSV");
+    let rows: Vec<Vec<f64>> = csv.deserialize().collect::<Result<_, _>>().expect("numbers");
+    assert!(!rows.is_empty());
+    let (first, last) = (rows[0][1], rows[rows.len() - 1][1]);
+    assert!(last - first <= 2.0, "{first} s to {last} s");
+    for row in &rows {
+        assert_eq!(row.len(), 16);
+        let norm: f64 = row[2..6].iter().map(|x| x * x).sum();
+        assert!((norm - 1.0).abs() < 1e-12, "q has unit norm to rounding: {norm}");
+    }
+    seat.click("Go on");
+}
+
+#[test]
+fn the_rate_of_samples_is_chosen() {
+    let (_bench, mut seat) = moved();
+    seat.pick("Samples a second", "250/s");
+    seat.until("the choice", |harness| {
+        harness.get_by_label("Samples a second").value().is_some_and(|value| value.contains("250"))
+    });
+    seat.until_text("ACTIVE");
+}
+
+#[test]
+fn the_ground_is_light_or_dark() {
+    let (_bench, mut seat) = moved();
+    let dark = seat.harness.ctx.theme();
+    seat.click("Light or dark");
+    assert_ne!(seat.harness.ctx.theme(), dark);
+}

@@ -1,0 +1,154 @@
+//! A real window on a display of its own (Xvfb), drawn in software, in five situations. The pictures stay in the build's
+//! folder for people to look at.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::bench::{Bench, PATIENCE, Setup, alone};
+
+/// A display without a screen.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    /// `None` on a machine without Xvfb, which may not be where all is checked.
+    fn start() -> Option<Self> {
+        let mut command = Command::new("Xvfb");
+        command.args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"]);
+        let mut server = match command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn() {
+            Ok(server) => server,
+            Err(error) => {
+                assert!(
+                    std::env::var_os("CI").is_none(),
+                    "Xvfb is needed here (apt-get install xvfb): {error}"
+                );
+                println!("no Xvfb on this machine ({error}): the real window is not tested here");
+                return None;
+            }
+        };
+        let mut number = String::new();
+        let out = server.stdout.take().expect("piped");
+        BufReader::new(out).read_line(&mut number).expect("Xvfb names its display");
+        Some(Self { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// Runs the panel until it has taken a picture of itself.
+fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &str) -> Vec<u8> {
+    let path = folder().join(format!("{name}.png"));
+    // The one for people shows curves over all of its width.
+    let after = if name == "running" { "12" } else { "4" };
+    // The last run's must not pass for this one's.
+    let _ = std::fs::remove_file(&path);
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    let mut panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
+        .args(["--server", server, "--theme", theme, "--picture-after", after])
+        .arg(format!("--size={}x{}", size[0], size[1]))
+        .arg("--picture")
+        .arg(&path)
+        .arg("--scenes")
+        .arg(scenes)
+        .env("DISPLAY", &display.name)
+        .env("LIBGL_ALWAYS_SOFTWARE", "1")
+        .env_remove("WAYLAND_DISPLAY")
+        .spawn()
+        .expect("the panel runs");
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = panel.try_wait().expect("a child") {
+            break status;
+        }
+        if start.elapsed() > PATIENCE {
+            let _ = panel.kill();
+            panic!("{name}: no picture within {PATIENCE:?}");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    assert!(status.success(), "{name}: {status}");
+    println!("{}", path.display());
+    let decoder = png::Decoder::new(BufReader::new(std::fs::File::open(&path).expect("a picture")));
+    let mut reader = decoder.read_info().expect("PNG");
+    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+    let info = reader.next_frame(&mut pixels).expect("PNG");
+    assert_eq!([info.width, info.height], size, "{name}");
+    assert!(std::fs::metadata(&path).expect("a file").len() < 300_000, "{name} is too large for a README");
+    pixels
+}
+
+/// Where the pictures are.
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("panel");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// Pixels of about this colour.
+fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
+    let near = |a: u8, b: u8| a.abs_diff(b) <= 2;
+    pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
+}
+
+/// The stop button's colour, and those of good and bad news on dark ground.
+const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
+const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
+const BAD: [u8; 3] = [0xff, 0x80, 0x48];
+const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
+const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
+
+const DESKTOP: [u32; 2] = [1280, 800];
+
+#[test]
+fn pictures_of_five_situations() {
+    let _alone = alone();
+    let Some(display) = Display::start() else { return };
+    let bench = |scene: &str, rig: &[(&str, &str)]| {
+        Bench::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
+    };
+    let spring = include_str!("../../../../scenes/spring.toml");
+    // Stiffer than the rig has torque for: 10 N m/rad reaches its 0.9 N m at 0.09 rad.
+    let stiff =
+        spring.replace("stiffness = 1 ", "stiffness = 10 ") + "[simulate]\nhand = { stiffness = 8 }\n";
+
+    let running = bench(spring, &[]);
+    let address = running.address.to_string();
+    let pixels = picture(&display, "running", &address, DESKTOP, "dark");
+    assert!(count(&pixels, STOP) > 10_000, "the stop button is there, and big");
+    assert!(count(&pixels, N3) > 200, "axes and curves are drawn");
+    for (name, theme) in [("running-small", "dark"), ("running-small-light", "light")] {
+        let pixels = picture(&display, name, &address, [900, 600], theme);
+        assert!(count(&pixels, STOP) > 8_000, "{name}");
+    }
+    let mut other = running.client("the experiment");
+    other.acquire(false).expect("free");
+    let pixels = picture(&display, "observer", &address, DESKTOP, "dark");
+    assert!(count(&pixels, STOP) > 10_000 && count(&pixels, WARN) > 50, "an observer can stop too");
+    drop(other);
+    running.stop();
+
+    let saturated = bench(&stiff, &[]);
+    let pixels = picture(&display, "saturated", &saturated.address.to_string(), DESKTOP, "dark");
+    assert!(count(&pixels, STOP) > 10_000 && count(&pixels, BAD) > 200, "the meters are at their ends");
+    saturated.stop();
+
+    let fault = bench("name = \"Nothing\"", &[("speed = 30 ", "speed = 0.05 ")]);
+    let address = fault.address.to_string();
+    let pixels = picture(&display, "fault", &address, DESKTOP, "dark");
+    assert!(count(&pixels, STOP) > 10_000 && count(&pixels, BAD) > 100, "the fault is told");
+    fault.stop();
+
+    let pixels = picture(&display, "no-server", &address, DESKTOP, "dark");
+    assert!(count(&pixels, STOP) > 10_000, "the stop button is there whatever else is");
+    assert!(count(&pixels, GOOD) < 50, "nothing looks well");
+}
