@@ -11,12 +11,12 @@ const PIECE: usize = 16 * 1024;
 const LONGEST_MESSAGE: usize = 4096;
 
 /// Frames from motor controllers.
-pub fn link_from_controller(bytes: &[u8]) {
+pub(crate) fn link_from_controller(bytes: &[u8]) {
     link::<FromController>(bytes);
 }
 
 /// Frames to motor controllers.
-pub fn link_to_controller(bytes: &[u8]) {
+pub(crate) fn link_to_controller(bytes: &[u8]) {
     link::<ToController>(bytes);
 }
 
@@ -56,12 +56,12 @@ fn link<M: Message>(bytes: &[u8]) {
 }
 
 /// Lines of JSON from clients.
-pub fn api_json(bytes: &[u8]) {
+pub(crate) fn api_json(bytes: &[u8]) {
     api(Encoding::Json, bytes);
 }
 
 /// MessagePack from clients.
-pub fn api_msgpack(bytes: &[u8]) {
+pub(crate) fn api_msgpack(bytes: &[u8]) {
     api(Encoding::Msgpack, bytes);
 }
 
@@ -71,8 +71,7 @@ fn api(encoding: Encoding, bytes: &[u8]) {
     let mut again = Vec::new();
     for piece in bytes.chunks(PIECE) {
         splitter.push(piece);
-        loop {
-            let Some(message) = splitter.next_message() else { break };
+        while let Some(message) = splitter.next_message() {
             let Ok(message) = message else { continue };
             match Request::read(encoding, message) {
                 Ok(request) => {
@@ -92,7 +91,7 @@ fn api(encoding: Encoding, bytes: &[u8]) {
 }
 
 /// Rig files.
-pub fn rig_file(bytes: &[u8]) {
+pub(crate) fn rig_file(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match RigConfig::from_toml(text, "x.toml") {
         Ok(config) => {
@@ -105,7 +104,7 @@ pub fn rig_file(bytes: &[u8]) {
 }
 
 /// Scene files, and the same as JSON.
-pub fn scene_file(bytes: &[u8]) {
+pub(crate) fn scene_file(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match SceneFile::from_toml(text, "x.toml") {
         Ok(scene) => {
@@ -118,15 +117,15 @@ pub fn scene_file(bytes: &[u8]) {
 
 /// A decoder under test.
 #[derive(Clone, Copy)]
-pub struct Target {
+pub(crate) struct Target {
     /// What it is called: its file in `fuzz/fuzz_targets`, its folder in `fuzz/corpus`.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// What must hold for every input.
-    pub check: fn(&[u8]),
+    pub(crate) check: fn(&[u8]),
 }
 
 /// All of them.
-pub const TARGETS: [Target; 6] = [
+pub(crate) const TARGETS: [Target; 6] = [
     Target { name: "link_from_controller", check: link_from_controller },
     Target { name: "link_to_controller", check: link_to_controller },
     Target { name: "api_json", check: api_json },

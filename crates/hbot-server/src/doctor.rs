@@ -22,6 +22,9 @@ const MEMLOCK: u64 = 256 << 20;
 /// Waking from a deeper sleep than this takes a share of a tick that can be felt, us.
 const WAKE_US: u64 = 50;
 
+/// Lateness beyond this is not told apart, ns.
+const LONGEST_NS: u64 = 10_000_000_000;
+
 /// How good what was found is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -256,8 +259,7 @@ pub fn punctuality(rate_hz: u32, time: Duration) -> Punctuality {
     let measured = thread::spawn(move || {
         let granted = real_time(LOOP_PRIORITY).is_ok();
         touch_stack();
-        // As long as it takes to be late is as much as can be told apart.
-        let mut lateness = Histogram::<u64>::new(3).ok();
+        let mut lateness = Histogram::<u64>::new_with_bounds(1, LONGEST_NS, 3).ok();
         let (mut late, mut skipped) = (0, 0);
         let mut pace = Pace::new(now_ns() + period_ns, period_ns);
         for _ in 0..ticks {
@@ -409,6 +411,8 @@ mod tests {
         let rising =
             [measured.p50_us, measured.p99_us, measured.p99_9_us, measured.p99_99_us, measured.max_us];
         assert!(rising.is_sorted() && measured.max_us < f64::MAX, "{measured:?}");
+        // No machine wakes in no time, and what counts as late is late by that much.
+        assert!(measured.p50_us > 0.0 && (measured.late == 0 || measured.max_us > 250.0), "{measured:?}");
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::engine::{Engine, Line, Moment, Place};
 use crate::handshake::{Expected, handshake};
 use crate::sample::Sample;
 use crate::serial::Serial;
-use crate::wire::Wire;
+use crate::wire::{Renewed, Wire};
 
 /// Controllers that answer every command with counts that stand still, and what the line does to their answers.
 #[derive(Default)]
@@ -32,6 +32,7 @@ struct Far {
     heard: Vec<Command>,
     flags: ControllerFlags,
     silent: bool,
+    renewed: Option<Renewed>,
     /// Frames that have not been read yet.
     answers: Vec<Vec<u8>>,
 }
@@ -71,7 +72,7 @@ impl Wire for Fake {
 
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.with(|far| {
-            let Far { joints, decoder, heard, flags, silent, answers } = far;
+            let Far { joints, decoder, heard, flags, silent, answers, .. } = far;
             decoder.feed(bytes, |message| {
                 if let Ok(ToController::Command(command)) = message {
                     if !*silent {
@@ -82,6 +83,10 @@ impl Wire for Fake {
             });
         });
         Ok(bytes.len())
+    }
+
+    fn renewed(&mut self) -> Option<Renewed> {
+        self.with(|far| far.renewed.take())
     }
 }
 
@@ -235,6 +240,22 @@ fn answers_to_commands_never_sent_and_from_other_controllers_are_counted() {
     assert_eq!(hit.counters.foreign_frames, before + 2);
     // What they said was not taken: the next answer is not old beside a sequence of the future.
     assert!(bench.tick().state.fresh);
+}
+
+#[test]
+fn a_line_that_was_gone_is_a_fault_even_where_its_controllers_do_not_complain() {
+    for rebooted in [false, true] {
+        let (mut bench, fake) = one_line();
+        assert!(bench.tick().state.fresh);
+        fake.with(|far| far.renewed = Some(Renewed { rebooted }));
+        let state = bench.tick().state;
+        let cause = if rebooted { Cause::ControllerFault } else { Cause::LinkLost };
+        assert_eq!((state.mode, state.cause), (Mode::Fault, Some(cause)));
+        assert!(!fake.with(|far| far.heard.last().expect("a command").enable));
+        bench.order(Order::Reset);
+        let back = if rebooted { Mode::Unreferenced } else { Mode::Idle };
+        assert_eq!(bench.tick().state.mode, back);
+    }
 }
 
 /// The prototype with wheel A on one line and wheel B on another, in the opposite order.
