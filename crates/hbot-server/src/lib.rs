@@ -8,7 +8,8 @@
 //! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], [`realtime`], [`clock`]) or in virtual time.
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
-//! 6. [`server`]: all of it put together, started and stopped; [`phenomena`]: what a scene wants of the simulated rig.
+//! 6. [`server`]: all of it put together, started and stopped; [`phenomena`]: what a scene wants of the simulated rig;
+//!    [`stiffness`]: what a rig can be expected to render.
 
 pub mod bridge;
 pub mod clock;
@@ -24,4 +25,5 @@ pub mod run_loop;
 pub mod sample;
 pub mod server;
 pub mod service;
+pub mod stiffness;
 pub mod wire;
