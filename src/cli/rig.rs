@@ -13,6 +13,7 @@ use hbot_core::singularity::{
 };
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 use hbot_link::{command_frame_bytes, feedback_frame_bytes};
+use hbot_server::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
 
 use super::{bringup, style};
 
@@ -53,6 +54,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     }
     geometry(&config);
     abilities(&config);
+    stiffness(&config);
     Ok(if line(&config) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -136,6 +138,35 @@ fn abilities(config: &RigConfig) {
     for (name, [a, b, c]) in ["peak", "continuous"].iter().zip(capable) {
         anstream::println!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m");
     }
+}
+
+/// What stiffness to expect, and under which assumptions.
+fn stiffness(config: &RigConfig) {
+    let Some(expected) = Expected::of(config) else { return };
+    let [most, with] = expected.most();
+    anstream::println!(
+        "\nstiffness to expect at {} Hz, from a reading to its torque D = {DELAY_TICKS} tick, least apparent inertia J = {:.2e} kg m²",
+        config.rate_hz,
+        expected.inertia
+    );
+    let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
+    let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
+    anstream::println!(
+        "  stable     up to (b + B) / (h (1/2 + D)), b the device's damping and B the spring's: {} N m s/rad",
+        examples.join(", ").replacen(" at", " N m/rad at", 1)
+    );
+    anstream::println!(
+        "             whatever the damping, up to J / (4 h²) = {most:.0} N m/rad, with B = {with:.2}"
+    );
+    anstream::println!(
+        "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
+        expected.count,
+        expected.quiet(1.0e-3)
+    );
+    let stage = if config.rig.methods.passivity.is_some() { "on" } else { "off" };
+    anstream::println!(
+        "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: hbot study stability"
+    );
 }
 
 /// Steering angles spread evenly over the torus: a Kronecker sequence of the generalised golden ratio (Roberts 2018).

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use hbot_config::scene::Simulate;
-use hbot_sim::hand::Hand;
+use hbot_server::phenomena::phenomena;
 use hbot_sim::rig::SimulatedRig;
 use hbot_study::{Counter, Interrupt, Options, Study, StudyError};
 use tokio::signal::unix::{SignalKind, signal};
@@ -80,13 +80,7 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
 
 /// Has a simulated rig show the phenomena of a scene.
 fn show(rig: &mut SimulatedRig, simulate: Option<&Simulate>) {
-    rig.set_hand(simulate.and_then(|simulate| simulate.hand).map(|hand| Hand {
-        stiffness: hand.stiffness,
-        damping: hand.damping,
-        inertia: hand.inertia,
-        amplitude: hand.amplitude,
-        rate: hand.rate,
-    }));
+    rig.set_phenomena(simulate.map(phenomena).unwrap_or_default());
 }
 
 /// Has SIGINT and SIGTERM stop the study between two steps, with nothing half written.

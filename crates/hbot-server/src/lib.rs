@@ -10,7 +10,8 @@
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
 //! 6. [`bringup`]: one joint at a time, and calibration; [`doctor`]: whether a machine can keep the loop's time.
-//! 7. [`server`]: all of it put together, started and stopped; `phenomena`: what a scene wants of the simulated rig.
+//! 7. [`server`]: all of it put together, started and stopped; [`phenomena`]: what a scene wants of the simulated rig;
+//!    [`stiffness`]: what a rig can be expected to render.
 
 pub mod bridge;
 pub mod bringup;
@@ -25,7 +26,7 @@ pub mod handshake;
 mod line_tests;
 pub mod metrics;
 pub mod pace;
-mod phenomena;
+pub mod phenomena;
 mod port;
 pub mod realtime;
 pub mod run_loop;
@@ -33,4 +34,5 @@ pub mod sample;
 pub mod serial;
 pub mod server;
 pub mod service;
+pub mod stiffness;
 pub mod wire;

@@ -7,8 +7,10 @@ use hbot_sim::phenomena::{
     WheelModules,
 };
 
-/// What the simulated rig is to show.
-pub(crate) fn phenomena(simulate: &Simulate) -> Phenomena {
+/// What the simulated rig is to show for the table `[simulate]` of a scene: each phenomenon that it names, with its figures, and no
+/// other.
+#[must_use]
+pub fn phenomena(simulate: &Simulate) -> Phenomena {
     Phenomena {
         joint_friction: simulate.joint_friction.map(|f| JointFriction {
             coulomb: f.coulomb,

@@ -5,6 +5,7 @@ use std::ops::Range;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Colours that people of any colour vision tell apart (Okabe and Ito 2008).
 const COLOURS: [RGBColor; 8] = [
@@ -234,8 +235,9 @@ pub(crate) fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
             chart.draw_series([text]).map_err(failed)?;
             // Names stand left of the axis.
             let (x0, middle) = chart.backend_coord(&(1.05 * least, y + 0.5));
-            let place = (x0 - 8 - 7 * bar.name.len() as i32, middle - 7);
-            area.draw(&Text::new(bar.name.clone(), place, label.clone())).map_err(failed)?;
+            let place = (x0 - 8, middle);
+            let style = label.clone().pos(Pos::new(HPos::Right, VPos::Center));
+            area.draw(&Text::new(bar.name.clone(), place, style)).map_err(failed)?;
         }
         Ok(())
     });

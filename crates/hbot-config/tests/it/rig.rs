@@ -306,7 +306,7 @@ fn a_rig_may_have_several_ports() {
     );
     let text = format!("{first}[[wheel]]{second}[link]\nport = ['/dev/a', '/dev/a']");
     assert!(said_of(&text).contains("/dev/a is named twice"));
-    assert!(said_of(&format!("{LEAST}[link]\nport = []")).contains("a list of 1 to 8 paths"));
+    assert!(said_of(&format!("{LEAST}[link]\nport = []")).contains("an array of 1 to 8 elements"));
     assert!(said_of(&format!("{LEAST}[link]\nport = 3")).contains("a list of 1 to 8 paths"));
 }
 

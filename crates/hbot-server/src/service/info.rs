@@ -8,6 +8,19 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::{Value, json};
 
 use crate::sample::Sample;
+use crate::stiffness::{Expected, USUAL_DAMPING};
+
+/// What stiffness to expect of the loop; null where the inertias of a wheel contradict each other.
+fn render(config: &RigConfig) -> Option<Value> {
+    let expected = Expected::of(config)?;
+    let [most, _] = expected.most();
+    Some(json!({
+        "inertia": expected.inertia,
+        "damping": USUAL_DAMPING,
+        "stiffness_stable": expected.stable(USUAL_DAMPING),
+        "stiffness_most": most,
+    }))
+}
 
 /// The parts that do not change while the server runs.
 pub(super) struct Info {
@@ -66,6 +79,7 @@ impl Info {
                 "reference_rate": limit.reference_rate,
                 "max_age_ticks": limit.max_age_ticks,
             },
+            "render": render(config),
             "accuracy": accuracy,
             "on_client_lost": match config.api.on_client_lost {
                 OnClientLost::Ramp => "ramp",

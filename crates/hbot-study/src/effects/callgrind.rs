@@ -10,9 +10,9 @@ use serde_json::Value;
 use super::desk::{Desk, Setup, Show};
 use crate::context::{Context, Interrupted};
 
-/// Ticks of the two calls.
+/// Ticks of the two calls: what lies between is one period of the torques that the rig is told.
 const FEW: usize = 20;
-const MANY: usize = 120;
+pub(super) const MANY: usize = FEW + 128;
 /// What callgrind knows [`counted`] by.
 const FUNCTION: &str = concat!(module_path!(), "::counted");
 

@@ -21,8 +21,9 @@ use desk::{Desk, Setup};
 const NOTHING: f64 = 1.0e-3;
 /// The same for times, which noise moves.
 const NOTHING_NS: f64 = 0.25;
-/// Ticks of one timed run.
-const TICKS: usize = 1000;
+/// Ticks of one timed run: those whose instructions are counted, or a solver that takes more steps where things stick or slide would
+/// have two prices.
+const TICKS: usize = callgrind::MANY;
 
 /// A setup's costs, a tick.
 struct Cost {
@@ -86,7 +87,8 @@ fn introduce(report: &mut Report) {
          nothing but it: `{}`. One tick is `Controller::tick` of the prototype, active, on recorded readings of a brisk motion, and one exchange with the \
          simulated rig over its line in memory: command frame, a step of the plant, feedback frame. Costs are those beyond the same tick without any of \
          them. Instructions are callgrind's, of two runs of different length, subtracted, so that the start of the program is not in them; they are the same in every \
-         run. Times vary with the machine. Most of a tick without any of them is the line's: two frames written, checked and read byte by byte.",
+         run. Times vary with the machine; they are of the same ticks, from the rig's rest on. Where something sticks, slides or has play (joint and cage friction, slip, pivoting, gear) the rig solves for it in steps \
+         of 250 microseconds, four a tick. Most of a tick without any of them is the line's: two frames written, checked and read byte by byte.",
     );
     report.say(
         "*Afterwards* is the same tick without the thing, in a program in which a scene has had it and dropped it: it must cost what a tick costs in which it \
@@ -170,22 +172,14 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
         let counted = base.map_or(String::new(), |base| format!("{base:.0} instructions, "));
         report.say(&format!("A tick without any of them: {counted}{} ns.", spread(time)));
     }
-    report.plot(
-        "effects_ns",
-        "Time a tick that each adds, alone",
-        bars("What each adds to a tick", "ns", &times),
-    );
+    plots(report, "ns", "Time", &times);
     if base.is_some() {
         let bar = |(name, value): (String, f64)| {
             let colour = usize::from(!desk::is_kind(&name));
             Bar { name, value, spread: None, colour }
         };
         let all: Vec<Bar> = instructions.into_iter().map(bar).collect();
-        report.plot(
-            "effects_instructions",
-            "Instructions a tick that each adds, alone",
-            bars("What each adds to a tick", "instructions", &all),
-        );
+        plots(report, "instructions", "Instructions", &all);
         report.check(
             format!("what a scene no longer names costs nothing: at most {NOTHING} of a tick's instructions"),
             format!("{left:.1e}"),
@@ -210,6 +204,20 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     in_pairs(report, pairs, alone, &added, &added_ns);
 }
 
+/// What each adds, in `unit`: effects and phenomena apart, because a solver for friction costs a hundred times an effect.
+fn plots(report: &mut Report, unit: &str, what: &str, all: &[Bar]) {
+    let (phenomena, effects): (Vec<Bar>, Vec<Bar>) = all.iter().cloned().partition(|bar| bar.colour == 1);
+    for (group, name, members) in
+        [("effects", "effect", effects), ("phenomena", "phenomenon of the simulated rig", phenomena)]
+    {
+        report.plot(
+            &format!("{group}_{unit}"),
+            &format!("{what} a tick that each {name} adds, alone"),
+            bars(&format!("What each {name} adds to a tick"), unit, &members),
+        );
+    }
+}
+
 fn in_pairs(
     report: &mut Report,
     pairs: &[Cost],
@@ -220,7 +228,7 @@ fn in_pairs(
     report.heading("In pairs");
     report.say(
         "What two add together, in instructions a tick (in ns where they were not counted), and in brackets how much that is beyond what each adds alone: \
-         where it is not small, the two meet in one computation, such as a solver that either needs. The first effect of a scene also pays for the allocation of a torque that \
+         where it is not small, the two meet in one computation, such as a solver that either needs (less than the sum), or one makes the other's harder, as what pushes on a sphere that sticks (more). The first effect of a scene also pays for the allocation of a torque that \
          is no longer zero, some thousand instructions; the second does not again.",
     );
     let single = |name: &str| alone.iter().find(|cost| cost.setup.name() == name);

@@ -1,11 +1,13 @@
 //! `hbot study stability`: how stiff a wall may be, beside what theory says, and what holds over a day.
 
 mod friction;
+mod guarded;
 mod linear;
 mod long;
 mod passive;
 mod rig;
 mod wall;
+mod whole;
 
 use hbot_config::RigConfig;
 use hbot_core::Vec3;
@@ -20,7 +22,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let device = RigConfig::prototype().rig.device;
     let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
     let inertia = Vec3::X.dot(plant.apparent_inertia(&State::default()) * Vec3::X);
-    context.expect(6);
+    context.expect(7);
     report.say(&format!(
         "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \
          period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
@@ -33,7 +35,8 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
             linear::study(context, &mut report, inertia)?;
             passive::study(context, &mut report)?;
             friction::study(context, &mut report, inertia)?;
-            rig::study(context, &mut report)
+            rig::study(context, &mut report)?;
+            guarded::study(context, &mut report)
         })();
         let day = day.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         (day, rest)
