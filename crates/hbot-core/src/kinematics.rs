@@ -138,7 +138,7 @@ fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [
 /// w = -(ZᵀZ)⁻¹ Zᵀ H zd at the given contact frames; linear in `zd`, so increments give a turn.
 #[inline]
 #[must_use]
-pub(crate) fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
+pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
     let mut b = Vec3::ZERO;
     let (mut xx, mut yy, mut zz, mut xy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {

@@ -3,6 +3,7 @@
 use core::f64::consts::TAU;
 
 use hbot_core::kinematics::Posture;
+use hbot_core::path::Path;
 use hbot_core::{Device, Quat, Vec3, rotation};
 
 use crate::extrapolation;
@@ -114,6 +115,18 @@ pub(crate) fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], ti
         q = extrapolation::advance(&turning, f64::from(k) * h, h, &q);
         normalise(&mut q);
     }
+    q
+}
+
+/// The orientation to rounding after joints have gone along `path` from the steering angles `th`, `q` before.
+pub(crate) fn along(device: &Device, th: [f64; WHEELS], path: &Path, q: [f64; 4]) -> [f64; 4] {
+    let turning = |s: f64, y: &[f64; 4]| {
+        let angles: [f64; WHEELS] = core::array::from_fn(|i| th[i] + path.turned(2 * i, s));
+        let rates: [f64; JOINTS] = core::array::from_fn(|j| path.rate(j, s));
+        quaternion_rate(y, Posture::new(device, &angles).forward(device, &rates).omega)
+    };
+    let mut q = extrapolation::advance(&turning, 0.0, 1.0, &q);
+    normalise(&mut q);
     q
 }
 
