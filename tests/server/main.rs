@@ -1,5 +1,6 @@
 //! The program as its users meet it: the binary, its serial line, its TCP port, its files.
 
+mod accuracy;
 mod by_hand;
 mod phenomena;
 mod process;

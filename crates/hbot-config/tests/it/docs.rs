@@ -14,9 +14,8 @@ const EFFECTS: &str = "docs/effects.md";
 
 /// What stands between the marks `<!-- NAME -->` and `<!-- end -->`, for each name.
 fn tables(page: &str) -> Vec<(String, String)> {
-    let described = |name: String, listed: Listed| {
-        (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)))
-    };
+    let described =
+        |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
     if page == EFFECTS {
         return kinds().into_iter().map(|kind| described(kind.name.to_owned(), kind)).collect();
     }

@@ -1,8 +1,8 @@
 //! Odometry of smooth motions: the path's error and the counts', apart and together.
 
 use hbot_core::path::Trail;
-use hbot_core::{Device, MAX_JOINTS};
 use hbot_core::rig::{Methods, Rig};
+use hbot_core::{Device, MAX_JOINTS};
 
 use super::order::Errors;
 use super::{DRIFT_S, RATES, in_both_widths, sci};
@@ -153,8 +153,7 @@ pub(super) fn study(
         });
         let at = RATES.iter().zip(&reads).find(|(hz, _)| **hz == PARTS_AT);
         let Some((_, at)) = at else { unreachable!("it is one of the rates") };
-        let followed: Vec<_> =
-            (0..PATHS.len()).map(|path| followed(&rig.device, path, &at.exact)).collect();
+        let followed: Vec<_> = (0..PATHS.len()).map(|path| followed(&rig.device, path, &at.exact)).collect();
         for choice in choices() {
             budget.push(parts(report, rig, motion, choice, &reads, &followed));
         }
