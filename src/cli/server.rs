@@ -11,6 +11,7 @@ use clap::{Args, ValueEnum};
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::{Control, Status};
+use hbot_study::expectation::{self, BRISK, Expectation};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -37,6 +38,9 @@ pub(crate) struct ServerArgs {
     /// Preset of methods
     #[arg(long, value_enum)]
     accuracy: Option<Accuracy>,
+    /// The cheapest methods that err by no more than this in 10 s of brisk motion, as measured at start
+    #[arg(long, value_name = "RAD", value_parser = radians, allow_negative_numbers = true, conflicts_with = "accuracy")]
+    accuracy_target: Option<f64>,
     /// Real time, or as fast as the machine goes (simulated rig only)
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
     time: TimeArg,
@@ -55,9 +59,9 @@ pub(crate) struct ServerArgs {
 enum Accuracy {
     /// Least time
     Fast,
-    /// Accurate beyond the encoders, a microsecond a tick
+    /// Accurate beyond usual encoders
     Balanced,
-    /// The best there is
+    /// Least error with fine encoders
     Exact,
 }
 
@@ -73,6 +77,13 @@ fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
         _ => Err("a number of seconds above 0, at most 1e9".to_owned()),
+    }
+}
+
+fn radians(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(angle) if angle > 0.0 && angle.is_finite() => Ok(angle),
+        _ => Err("an angle above 0, rad, such as 1e-4".to_owned()),
     }
 }
 
@@ -95,14 +106,15 @@ impl ServerArgs {
 
 pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
     logging();
-    let rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
+    let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
     let scene = match &args.scene {
         Some(path) => SceneFile::from_path(path)?,
         None => SceneFile::default_scene(),
     };
     let token = token(&rig)?;
+    let expected = expected(&mut rig, args.accuracy_target)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(serve(args, rig, scene, token))
+    runtime.block_on(serve(args, rig, scene, token, &expected))
 }
 
 async fn serve(
@@ -110,6 +122,7 @@ async fn serve(
     rig: RigConfig,
     scene: SceneFile,
     token: Option<String>,
+    expected: &Expectation,
 ) -> anyhow::Result<ExitCode> {
     let listen = rig.api.listen;
     let listener = tokio::net::TcpListener::bind(listen).await.with_context(|| in_use(listen))?;
@@ -131,7 +144,7 @@ async fn serve(
     let mut user = signal(SignalKind::user_defined1())?;
 
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
-    let banner = banner(&rig, scene.name(), address, time);
+    let banner = banner(&rig, scene.name(), address, time, expected);
     let server = Server::start(Options {
         rig,
         scene,
@@ -178,6 +191,32 @@ async fn serve(
     Ok(if finished.panicked { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
+/// What the rig's methods cost here and what they err; with a `target` (rad), of the cheapest that meet it, which become the
+/// rig's. Measured before the loop runs, so that neither disturbs the other.
+fn expected(rig: &mut RigConfig, target: Option<f64>) -> anyhow::Result<Expectation> {
+    let Some(target) = target else { return Ok(expectation::of(&rig.rig)) };
+    match expectation::cheapest(&rig.rig, target) {
+        Ok(choice) => {
+            rig.rig.methods = choice.chosen(&rig.rig.methods);
+            // As in a rig file that names each.
+            rig.accuracy = "custom";
+            Ok(choice)
+        }
+        Err(best) if best.error.is_finite() => bail!(
+            "--accuracy-target {target:e}: no methods meet it on this rig at {} Hz. The best are {} with {:.1e} rad in {BRISK}; finer \
+             encoders or another rate may bring more",
+            rig.rate_hz,
+            best.name(),
+            best.error
+        ),
+        Err(_) => bail!("--accuracy-target {target:e}: {}", too_slow(rig)),
+    }
+}
+
+fn too_slow(rig: &RigConfig) -> String {
+    format!("at {} Hz a joint of this rig turns by half a turn and more in a tick of {BRISK}", rig.rate_hz)
+}
+
 /// Log lines on standard error, by default warnings and what the service does; `HBOT_LOG` says otherwise.
 fn logging() {
     let filter = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG")
@@ -196,17 +235,23 @@ fn logging() {
         .init();
 }
 
-/// What the server says at start: rig, port, rate, address, scene.
-fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time) -> String {
+/// What the server says at start: rig, port, rate, methods with what they cost and err, scene, address.
+fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expected: &Expectation) -> String {
     let (name, off) = (style::NAME, style::OFF);
     let how = match time {
         Time::Wall => "wall-clock time",
         Time::Virtual => "virtual time",
     };
     let wheels = rig.wheels.len();
+    let load = 100.0 * expected.ns / rig.rig.timing.period_ns as f64;
+    let error = if expected.error.is_finite() {
+        format!("errs by {:.1e} rad in {BRISK}", expected.error)
+    } else {
+        too_slow(rig)
+    };
     format!(
         "{name}hbot {}{off}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}, \
-         accuracy {}\n  scene    {scene}\n  listen   {name}{address}{off}",
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}\n  listen   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
         rig.name,
         2 * wheels,
@@ -214,6 +259,8 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time) -> Stri
         rig.link.baud,
         rig.rate_hz,
         rig.accuracy,
+        expected.name(),
+        expected.ns * 1.0e-3,
     )
 }
 

@@ -82,6 +82,17 @@ fn an_option_out_of_range_is_named() {
 }
 
 #[test]
+fn an_accuracy_that_nothing_reaches_names_the_best() {
+    run(&["server", "--listen", "127.0.0.1:0", "--accuracy-target", "1e-12"]).failure().stderr(
+        contains("--accuracy-target 1e-12").and(contains("The best are")).and(contains("rad in 10 s")),
+    );
+    run(&["server", "--accuracy-target", "0"]).failure().stderr(contains("above 0"));
+    run(&["server", "--accuracy-target", "1e-3", "--accuracy", "fast"])
+        .failure()
+        .stderr(contains("cannot be used with"));
+}
+
+#[test]
 fn a_client_command_without_a_server_says_how_to_start_one() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
     for command in ["watch", "estop", "enable"] {

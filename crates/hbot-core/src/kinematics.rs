@@ -135,10 +135,11 @@ fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [
     [r * wheel.axis_c2 * steer, wheel.spec().radius * drive - r * wheel.axis_c1 * steer]
 }
 
-/// w = -(ZᵀZ)⁻¹ Zᵀ H zd at the given contact frames; linear in `zd`, so increments give a turn.
+/// w = -(ZᵀZ)⁻¹ Zᵀ H zd in N (rad/s) at the given contact frames, one a wheel, of the joint rates `zd` (rad/s; steer, drive of
+/// each wheel). It is linear in `zd`: increments (rad) give a turn (rad).
 #[inline]
 #[must_use]
-pub(crate) fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
+pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
     let mut b = Vec3::ZERO;
     let (mut xx, mut yy, mut zz, mut xy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {

@@ -10,6 +10,7 @@
 //! | `accuracy` | error against time of every stage that has a choice |
 //! | `effects` | what each effect and phenomenon costs a tick, alone and in pairs |
 //! | `stability` | how stiff a wall may be, and what holds over a day |
+//! | [`expectation`] | what a rig's methods cost here and what they err, in a fraction of a second |
 //! | `stages` | the stages under study, compiled once with each width of the core |
 //! | `motion` | true motions of the sphere, and what its encoders read of them |
 //! | `report`, `plot`, `machine` | what is written |
@@ -20,6 +21,7 @@
 mod accuracy;
 mod context;
 mod effects;
+pub mod expectation;
 mod extrapolation;
 mod machine;
 mod motion;

@@ -3,7 +3,8 @@
 use core::f64::consts::TAU;
 
 use hbot_core::kinematics::Posture;
-use hbot_core::{Device, Quat, Vec3, rotation};
+use hbot_core::path::Path;
+use hbot_core::{Device, MAX_WHEELS, Quat, Vec3, rotation};
 
 use crate::extrapolation;
 
@@ -11,7 +12,7 @@ use crate::extrapolation;
 pub(crate) const WHEELS: usize = 2;
 /// Its joints.
 pub(crate) const JOINTS: usize = 2 * WHEELS;
-/// q as w, x, y, z, then the joints.
+/// q as w, x, y, z, then the joints of that device.
 const SIZE: usize = 4 + JOINTS;
 
 /// How a sphere is turned.
@@ -75,28 +76,40 @@ const BEFORE: f64 = 1.0;
 impl Motion {
     /// `count` moments, `hz` a second; the `lead`th is at the time 0 and has the identity for its orientation. To rounding.
     pub(crate) fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<Moment> {
-        let rates = |t: f64, y: &[f64; SIZE]| rates(device, self.omega(t), y);
         let h = 1.0 / f64::from(hz);
-        let start = -(lead as f64) * h;
-        let mut y = [0.0; SIZE];
-        y[0] = 1.0;
-        let steps = 500;
-        for k in 0..steps {
-            let step = BEFORE / f64::from(steps);
-            y = extrapolation::advance(&rates, start - BEFORE + f64::from(k) * step, step, &y);
-        }
-        let mut states = vec![y];
-        for k in 1..count {
-            y = extrapolation::advance(&rates, start + (k - 1) as f64 * h, h, &y);
-            normalise(&mut y);
-            states.push(y);
-        }
+        let states: Vec<[f64; SIZE]> = self.course(device, -(lead as f64) * h, h).take(count).collect();
         let zero = orientation(&states[lead]).conjugate();
         let moment = |y: &[f64; SIZE]| Moment {
             q: rotation::to_wxyz(orientation(y) * zero),
             joints: core::array::from_fn(|i| y[4 + i]),
         };
         states.iter().map(moment).collect()
+    }
+}
+
+impl Motion {
+    /// q (w, x, y, z) and the joints of `device`, N - 4 of them, from the time `start` on every `h` seconds, for ever. To rounding.
+    pub(crate) fn course<const N: usize>(
+        self,
+        device: &Device,
+        start: f64,
+        h: f64,
+    ) -> impl Iterator<Item = [f64; N]> {
+        let rates = move |t: f64, y: &[f64; N]| rates(device, self.omega(t), y);
+        let mut y = [0.0; N];
+        y[0] = 1.0;
+        let steps = 500;
+        for k in 0..steps {
+            let step = BEFORE / f64::from(steps);
+            y = extrapolation::advance(&rates, start - BEFORE + f64::from(k) * step, step, &y);
+        }
+        (0_u32..).map(move |k| {
+            if k > 0 {
+                y = extrapolation::advance(&rates, start + f64::from(k - 1) * h, h, &y);
+                normalise(&mut y);
+            }
+            y
+        })
     }
 }
 
@@ -117,13 +130,28 @@ pub(crate) fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], ti
     q
 }
 
+/// The orientation to rounding after joints have gone along `path` from the steering angles `th`, `q` before.
+pub(crate) fn along(device: &Device, th: [f64; WHEELS], path: &Path, q: [f64; 4]) -> [f64; 4] {
+    let turning = |s: f64, y: &[f64; 4]| {
+        let angles: [f64; WHEELS] = core::array::from_fn(|i| th[i] + path.turned(2 * i, s));
+        let rates: [f64; JOINTS] = core::array::from_fn(|j| path.rate(j, s));
+        quaternion_rate(y, Posture::new(device, &angles).forward(device, &rates).omega)
+    };
+    let mut q = extrapolation::advance(&turning, 0.0, 1.0, &q);
+    normalise(&mut q);
+    q
+}
+
 fn orientation(y: &[f64]) -> Quat {
     Quat::from_xyzw(y[1], y[2], y[3], y[0])
 }
 
-fn rates(device: &Device, omega: Vec3, y: &[f64; SIZE]) -> [f64; SIZE] {
-    let th: [f64; WHEELS] = core::array::from_fn(|i| y[4 + 2 * i]);
-    let joints = Posture::new(device, &th).inverse(omega);
+fn rates<const N: usize>(device: &Device, omega: Vec3, y: &[f64; N]) -> [f64; N] {
+    let mut th = [0.0; MAX_WHEELS];
+    for (th, joints) in th.iter_mut().zip(y[4..].chunks(2)) {
+        *th = joints[0];
+    }
+    let joints = Posture::new(device, &th[..(N - 4) / 2]).inverse(omega);
     let q = quaternion_rate(&[y[0], y[1], y[2], y[3]], omega);
     core::array::from_fn(|i| if i < 4 { q[i] } else { joints[i - 4] })
 }

@@ -63,9 +63,9 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
     report.heading("Allocation");
     report.say(
         "Joint torques for a torque on the sphere at random postures and directions, at 50 % to 200 % of what the joints can make in that \
-         direction, for 2 to 8 of the prototype's wheels in a ring. *Exact* makes all that can be made in the direction asked for; *scaled* \
-         takes the joint torques of least cost and scales them as a whole; *clipped* cuts each of those at its own limit, which is here for \
-         comparison alone: it turns the torque. The shortfall is |T made - T best| / |T best|, where T best is the most that the joints can make in that \
+         direction, for 2 to 8 of the prototype's wheels in a ring. *exact* (as rig files have it) makes all that can be made in the direction asked for; *clipped* (likewise) \
+         takes the joint torques of least cost and scales them as a whole, so that the direction stays; *cut* cuts each of those at its own limit, which is here for \
+         comparison alone and which no rig file can ask for: it turns the torque. The shortfall is |T made - T best| / |T best|, where T best is the most that the joints can make in that \
          direction, by the facets of the polytope in f64; the direction's error is the angle between T made and T asked for. Medians of the postures; the \
          worst is noted beside them in summary.json.",
     );

@@ -7,8 +7,10 @@ mod motions;
 mod order;
 mod plant;
 mod segments;
+mod sliding;
 mod spring;
 mod tick;
+mod velocity;
 
 use hbot_config::RigConfig;
 
@@ -39,7 +41,7 @@ use in_both_widths;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("accuracy", context.quick);
     let rig = RigConfig::prototype().rig;
-    context.expect(11);
+    context.expect(14);
     report.say(
         "What each choice of method costs in time and brings in accuracy, on this machine. Where a plot has time and error on its \
          axes, the front is marked: what is not on it is beaten, in both, by something that is. Errors are against adaptive \
@@ -50,9 +52,11 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     motions::study(context, &mut report, &rig, &times)?;
     caster::study(context, &mut report, &rig.device)?;
     plant::study(context, &mut report, &rig.device)?;
+    sliding::study(context, &mut report, &rig.device)?;
     spring::study(context, &mut report)?;
     allocation::study(context, &mut report, &rig.device)?;
     kinematics::study(context, &mut report)?;
+    velocity::study(context, &mut report, &rig)?;
     tick::study(context, &mut report)?;
     Ok(report)
 }

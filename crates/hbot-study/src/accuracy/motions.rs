@@ -1,16 +1,20 @@
 //! Odometry of smooth motions: the path's error and the counts', apart and together.
 
-use hbot_core::Device;
+use hbot_core::path::Trail;
 use hbot_core::rig::{Methods, Rig};
+use hbot_core::{Device, MAX_JOINTS};
 
 use super::order::Errors;
 use super::{DRIFT_S, RATES, in_both_widths, sci};
 use crate::context::{Context, Interrupted};
 use crate::double::stages::odometry::{Choice, LEAD, METHODS, ORDERS, PATH_ORDERS, PATHS, track};
-use crate::motion::{JOINTS, MOTIONS, Moment, Motion, angle};
+use crate::motion::{JOINTS, MOTIONS, Moment, Motion, along, angle};
 use crate::plot::{Lines, Series};
 use crate::report::{Report, row, spread};
 use crate::timing::{Time, in_turn};
+
+/// The rate at which the errors are told apart, Hz; one of [`RATES`].
+const PARTS_AT: u32 = 1000;
 
 /// All choices of method and path.
 fn choices() -> impl Iterator<Item = Choice> {
@@ -33,6 +37,10 @@ impl Times {
 pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> Result<Times, Interrupted> {
     context.part("odometry: time")?;
     report.heading("Odometry: time");
+    report.say(
+        "What one tick takes to make an orientation of the joints' turns. Euler finds the contact frames of the last reading made already: the torque's \
+         allocation needs them. The others make one set (midpoint) or two (magnus4) more.",
+    );
     report.family("odometry_{method}_{path}_{width}_ns", "ns", "one tick of odometry of two wheels");
     let mut names = Vec::new();
     let mut timed = Vec::new();
@@ -46,7 +54,7 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
     let times = in_turn(context, &mut timed)?;
     let mut table = vec![row(["method", "path", "width", "ns a tick (quartiles)"])];
     for ((width, choice), time) in names.iter().zip(&times) {
-        let (method, path) = (METHODS[choice.method].0, PATHS[choice.path]);
+        let (method, path) = (METHODS[choice.method].0, PATHS[choice.path].0);
         report.time(format!("odometry_{method}_{path}_{width}_ns"), *time);
         table.push(row([method, path, width, &spread(*time)]));
     }
@@ -58,14 +66,9 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
 struct Read {
     truth: Vec<[f64; 4]>,
     exact: Vec<[f64; JOINTS]>,
-    /// By the counts of the prototype's encoders.
+    /// By the counts of the rig's encoders.
     counted: Vec<[f64; JOINTS]>,
-    /// Exact readings, and 16 steps along the straight line to the next.
-    fine: Vec<[f64; JOINTS]>,
 }
-
-/// Steps in which the straight path is followed exactly: magnus4's error falls by 65,536.
-const FINE: usize = 16;
 
 impl Read {
     fn new(rig: &Rig, moments: &[Moment], every: usize) -> Self {
@@ -79,15 +82,7 @@ impl Read {
             })
         });
         let counted = counted.collect();
-        let mut fine = exact[..LEAD].to_vec();
-        for pair in exact[LEAD..].windows(2) {
-            for k in 0..FINE {
-                let part = k as f64 / FINE as f64;
-                fine.push(core::array::from_fn(|j| pair[0][j] + part * (pair[1][j] - pair[0][j])));
-            }
-        }
-        fine.extend(exact.last());
-        Self { truth: moments[LEAD..].iter().map(|m| m.q).collect(), exact, counted, fine }
+        Self { truth: moments[LEAD..].iter().map(|m| m.q).collect(), exact, counted }
     }
 }
 
@@ -137,7 +132,7 @@ pub(super) fn study(
         in_both_widths!(stages => {
             let device = stages::device(&rig.device);
             for choice in choices() {
-                let (method, path) = (METHODS[choice.method].0, PATHS[choice.path]);
+                let (method, path) = (METHODS[choice.method].0, PATHS[choice.path].0);
                 let of = stages::odometry::Choice { method: choice.method, path: choice.path };
                 let drift = |read: &Read| apart(&stages::odometry::track(&device, of, &read.exact), &read.truth);
                 let drifts: Vec<f64> = reads.iter().map(drift).collect();
@@ -156,8 +151,11 @@ pub(super) fn study(
                 }
             }
         });
+        let at = RATES.iter().zip(&reads).find(|(hz, _)| **hz == PARTS_AT);
+        let Some((_, at)) = at else { unreachable!("it is one of the rates") };
+        let followed: Vec<_> = (0..PATHS.len()).map(|path| followed(&rig.device, path, &at.exact)).collect();
         for choice in choices() {
-            budget.push(parts(report, rig, motion, choice, &reads));
+            budget.push(parts(report, rig, motion, choice, &reads, &followed));
         }
         let title = motion.name.replace('_', ", ");
         report.plot(
@@ -189,9 +187,10 @@ fn introduce(report: &mut Report) {
     report.say(&format!(
         "A sphere turns smoothly for {DRIFT_S} s, and encoders read its joints. *Gentle* turns with 0.5 rad/s on average and changes at \
          0.5 Hz, *brisk* 3 rad/s and 2 Hz, *violent* 15 rad/s and 5 Hz; *reversing* ones go back and forth, so that wheels are pushed \
-         backwards and turn about. Drift is the largest angle on the way. The method's error is against the straight path followed in 16 \
-         steps a tick by magnus4, the path's is that of those 16 steps against the truth, the counts' is what rounding the readings to \
-         the prototype's counts (16384 a turn, the drive's through 17:1) changes.",
+         backwards and turn about. A path is *straight* between two readings, or the *quadratic* or *cubic* through the last three or four, \
+         over the last interval: nothing is extrapolated and nothing comes a tick late. Drift is the largest angle on the way. The method's error is against the \
+         path followed to rounding, the path's is that of the path so followed against the truth, the counts' is what rounding the readings to \
+         the prototype's counts (16384 a turn, the drive's through 17:1) changes. Euler takes the frames of the last reading, whatever the path.",
     ));
     report.family(
         "odometry_{motion}_{method}_{path}_{width}_{rate}hz_drift_rad",
@@ -214,7 +213,7 @@ fn introduce(report: &mut Report) {
 const FLOOR: f64 = 1.0e-13;
 
 fn order(report: &mut Report, motion: &Motion, choice: Choice, drifts: &[f64]) -> Vec<String> {
-    let (method, path) = (METHODS[choice.method].0, PATHS[choice.path]);
+    let (method, path) = (METHODS[choice.method].0, PATHS[choice.path].0);
     let errors = Errors(RATES.iter().zip(drifts).map(|(hz, drift)| (1.0 / f64::from(*hz), *drift)).collect());
     let theory = ORDERS[choice.method].min(PATH_ORDERS[choice.path]);
     let order = if motion.reversing {
@@ -238,14 +237,13 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    fn of(device: &Device, choice: Choice, read: &Read) -> Self {
+    /// `followed`: the path of the choice through the exact readings, without a method's error.
+    fn of(device: &Device, choice: Choice, read: &Read, followed: &[[f64; 4]]) -> Self {
         let exact = track(device, choice, &read.exact);
         let counted = track(device, choice, &read.counted);
-        let best = Choice { method: METHODS.len() - 1, path: 0 };
-        let fine: Vec<[f64; 4]> = track(device, best, &read.fine).into_iter().step_by(FINE).collect();
         Self {
-            method: apart(&exact, &fine),
-            path: apart(&fine, &read.truth),
+            method: apart(&exact, followed),
+            path: apart(followed, &read.truth),
             counts: apart(&counted, &exact),
             both: apart(&exact, &read.truth),
             all: apart(&counted, &read.truth),
@@ -253,26 +251,58 @@ impl Budget {
     }
 }
 
+/// The orientations at the readings where the joints go between them by the path of this place in [`PATHS`], to rounding.
+fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
+    let mut q = [1.0, 0.0, 0.0, 0.0];
+    let mut all = vec![q];
+    let mut trail = Trail::START;
+    for (k, pair) in readings.windows(2).enumerate() {
+        let mut delta = [0.0; MAX_JOINTS];
+        for j in 0..JOINTS {
+            delta[j] = pair[1][j] - pair[0][j];
+        }
+        let way = trail.step(PATHS[path].1, &delta, 1.0);
+        if k >= LEAD {
+            let th = core::array::from_fn(|i| pair[0][2 * i]);
+            q = along(device, th, &way, q);
+            all.push(q);
+        }
+    }
+    all
+}
+
 /// The errors of a rig's methods on a motion that it reads each tick.
 pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget {
     let method = METHODS.iter().position(|(_, method)| *method == methods.odometry);
-    let method = method.unwrap_or_else(|| unreachable!("every method is in the list"));
-    Budget::of(&rig.device, Choice { method, path: 0 }, &Read::new(rig, moments, 1))
+    let path = PATHS.iter().position(|(_, path)| *path == methods.path);
+    let (Some(method), Some(path)) = (method, path) else { unreachable!("every method is in the list") };
+    let read = Read::new(rig, moments, 1);
+    let followed = followed(&rig.device, path, &read.exact);
+    Budget::of(&rig.device, Choice { method, path }, &read, &followed)
 }
 
 /// A choice's errors on a motion, as figures and as a row of the table.
-fn parts(report: &mut Report, rig: &Rig, motion: &Motion, choice: Choice, reads: &[Read]) -> Vec<String> {
-    let (method, path, name) = (METHODS[choice.method].0, PATHS[choice.path], motion.name);
+fn parts(
+    report: &mut Report,
+    rig: &Rig,
+    motion: &Motion,
+    choice: Choice,
+    reads: &[Read],
+    followed: &[Vec<[f64; 4]>],
+) -> Vec<String> {
+    let (method, path, name) = (METHODS[choice.method].0, PATHS[choice.path].0, motion.name);
     let mut at_1_khz = Vec::new();
     for (hz, read) in RATES.iter().zip(reads) {
-        let budget = Budget::of(&rig.device, choice, read);
-        report.figure(format!("odometry_{name}_{method}_{path}_counts_{hz}hz_drift_rad"), budget.all);
-        if *hz != 1000 {
+        let id = format!("odometry_{name}_{method}_{path}_counts_{hz}hz_drift_rad");
+        if *hz != PARTS_AT {
+            report.figure(id, apart(&track(&rig.device, choice, &read.counted), &read.truth));
             continue;
         }
+        let budget = Budget::of(&rig.device, choice, read, &followed[choice.path]);
         let Budget { method: of_method, path: of_path, counts, both, all } = budget;
+        report.figure(id, all);
         for (part, value) in [("method", of_method), ("path", of_path), ("counts", counts)] {
-            report.figure(format!("odometry_{name}_{method}_{path}_{part}_part_1000hz_rad"), value);
+            report.figure(format!("odometry_{name}_{method}_{path}_{part}_part_{PARTS_AT}hz_rad"), value);
         }
         at_1_khz = [of_method, of_path, counts, both, all].map(sci).to_vec();
     }

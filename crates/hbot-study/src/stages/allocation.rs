@@ -8,12 +8,12 @@ use super::hbot::{Device, MAX_JOINTS, Real, Vec3};
 use super::{real, vector, wide3};
 use crate::timing::Timed;
 
-/// The ways to stay within the motors' limits, as ids have them.
+/// The ways to stay within the motors' limits, as rig files and ids have them.
 ///
-/// `exact`: as much of the torque as the joints can make together. `scaled`: the torques of least cost, scaled as a whole.
-/// `clipped`: each of the torques of least cost cut at its own limit, which nothing in the project does: it turns the torque's
+/// `exact`: as much of the torque as the joints can make together. `clipped`: the torques of least cost, scaled as a whole.
+/// `cut`: each of the torques of least cost cut at its own limit, which nothing in the project does: it turns the torque's
 /// direction.
-pub(crate) const METHODS: [&str; 3] = ["exact", "scaled", "clipped"];
+pub(crate) const METHODS: [&str; 3] = ["exact", "clipped", "cut"];
 
 /// A posture of a device, and what its motors can give.
 #[derive(Clone)]

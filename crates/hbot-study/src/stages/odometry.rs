@@ -2,9 +2,12 @@
 
 use std::hint::black_box;
 
-use super::hbot::odometry::{advance, turn};
+use super::hbot::kinematics::{Posture, forward};
+use super::hbot::odometry::{advance, turn, turn_along};
+use super::hbot::path::Trail;
 use super::hbot::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
-use super::hbot::{Device, Quat, Real, rotation};
+use super::hbot::rig::PathFit::{self, Cubic, Quadratic, Straight};
+use super::hbot::{Device, MAX_JOINTS, Quat, Real, Vec3, rotation};
 use super::{real, wide4};
 use crate::motion::{JOINTS, WHEELS};
 use crate::timing::Timed;
@@ -16,9 +19,10 @@ pub(crate) const METHODS: [(&str, OdometryMethod); 3] =
 pub(crate) const ORDERS: [u32; 3] = [1, 2, 4];
 
 /// The ways that the joints may be taken to have gone between two readings, as ids have them.
-pub(crate) const PATHS: [&str; 1] = ["straight"];
+pub(crate) const PATHS: [(&str, PathFit); 3] =
+    [("straight", Straight), ("quadratic", Quadratic), ("cubic", Cubic)];
 /// The orders of what they miss.
-pub(crate) const PATH_ORDERS: [u32; 1] = [2];
+pub(crate) const PATH_ORDERS: [u32; 3] = [2, 3, 4];
 /// Readings that a path needs before the first that it is followed from.
 pub(crate) const LEAD: usize = 3;
 
@@ -29,24 +33,48 @@ pub(crate) struct Choice {
     pub(crate) path: usize,
 }
 
+/// The turn of one step, by what the controller calls for this choice.
+#[inline]
+fn step_turn(
+    device: &Device,
+    choice: Choice,
+    trail: &mut Trail,
+    th: &[Real],
+    delta: &[Real; MAX_JOINTS],
+) -> Vec3 {
+    match (METHODS[choice.method].1, PATHS[choice.path].1) {
+        // On which a path changes nothing.
+        (Euler, _) => turn(device, Euler, th, delta),
+        (method, Straight) => turn(device, method, th, delta),
+        (method, fit) => turn_along(device, method, th, &trail.step(fit, delta, 1.0)),
+    }
+}
+
 /// The orientation at each of `readings` (angles of the joints, rad) from the [`LEAD`]th on, where it is the identity.
 pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
-    let method = METHODS[choice.method].1;
     let mut q = Quat::IDENTITY;
     let mut all = vec![wide4(q)];
-    for pair in readings[LEAD..].windows(2) {
+    let mut trail = Trail::START;
+    for (k, pair) in readings.windows(2).enumerate() {
         let (th, delta) = step(&pair[0], &pair[1]);
-        q = advance(q, turn(device, method, &th, &delta));
-        all.push(wide4(q));
+        let turn = step_turn(device, choice, &mut trail, &th, &delta);
+        if k >= LEAD {
+            q = advance(q, turn);
+            all.push(wide4(q));
+        }
     }
     all
 }
 
 /// Steering angles at a reading and the joints' turns to the next, as a controller has them: angles within a turn from integer
 /// counts, so that they round like numbers of their own size.
-fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; JOINTS]) {
+fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX_JOINTS]) {
     let th = core::array::from_fn(|i| real(hbot_core::rotation::wrap_angle(from[2 * i])));
-    (th, core::array::from_fn(|j| real(to[j] - from[j])))
+    let mut delta = [0.0; MAX_JOINTS];
+    for j in 0..JOINTS {
+        delta[j] = real(to[j] - from[j]);
+    }
+    (th, delta)
 }
 
 /// The orientation after joints have turned at the constant rates `zd` (rad/s) from the steering angles `th` for `ticks` ticks
@@ -102,14 +130,23 @@ pub(crate) fn unit_norm_after(
     Some(0.5 * super::wide(worst))
 }
 
-/// One step of odometry, timed.
+/// One step of odometry, timed. Euler's contact frames are those that the controller has already, from the posture of the
+/// last reading.
 pub(crate) fn timed(device: Device, choice: Choice) -> Timed<'static> {
-    let method = METHODS[choice.method].1;
     let th: [Real; WHEELS] = [0.3, -0.5];
-    let delta: [Real; JOINTS] = [0.01, 0.02, -0.01, 0.015];
+    let mut delta = [0.0; MAX_JOINTS];
+    delta[..JOINTS].copy_from_slice(&[0.01, 0.02, -0.01, 0.015]);
+    let posture = Posture::new(&device, &th);
+    let mut trail = Trail::START;
     let mut q = Quat::IDENTITY;
+    if METHODS[choice.method].1 == Euler {
+        return Timed::new(move || {
+            q = advance(q, forward(&device, black_box(posture.frames()), black_box(&delta)));
+            q
+        });
+    }
     Timed::new(move || {
-        q = advance(q, turn(&device, method, black_box(&th), black_box(&delta)));
+        q = advance(q, step_turn(&device, choice, &mut trail, black_box(&th), black_box(&delta)));
         q
     })
 }

@@ -2,9 +2,9 @@
 
 use std::hint::black_box;
 
-use super::hbot::impedance::{geodesic_law, quaternion_law};
+use super::hbot::impedance::{first_order_law, geodesic_law, quaternion_law};
 use super::hbot::{Mat3, Quat, Vec3, rotation};
-use super::{quaternion, real, vector, wide3};
+use super::{quaternion, vector, wide3};
 use crate::timing::Timed;
 
 /// The laws and their first-order forms, as ids have them.
@@ -17,14 +17,14 @@ pub(crate) const STIFFNESS: [f64; 3] = [4.0, 2.0, 1.0];
 /// The torque in N of a spring towards the identity, by the law of that place in [`LAWS`].
 ///
 /// To first order in the angle both are -K times the turn: `-K log q`, which leaves the Jacobian of the logarithm out, and
-/// `-2 K e`, which takes the sine of half the angle for half the angle.
+/// the core's `-2 K e`, which takes the sine of half the angle for half the angle.
 #[inline]
 fn torque(law: usize, q: Quat, stiffness: &Mat3) -> Vec3 {
     match law {
         0 => geodesic_law(Quat::IDENTITY, q, stiffness, Vec3::ZERO).0.torque,
         1 => -(*stiffness * rotation::log(q)),
         2 => quaternion_law(Quat::IDENTITY, q, stiffness).torque,
-        _ => *stiffness * rotation::vector_part(rotation::shortest(q)) * real(-2.0),
+        _ => first_order_law(Quat::IDENTITY, q, stiffness).torque,
     }
 }
 
