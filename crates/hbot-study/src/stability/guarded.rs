@@ -290,7 +290,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 }
 
 /// How near the border without the stage must be.
-const WITHIN: f64 = 0.1;
+const WITHIN: f64 = 0.05;
 /// Stiffnesses at which energy is told, over the border.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
 
