@@ -99,3 +99,31 @@ fn raise_on_signal(interrupt: &Interrupt) -> anyhow::Result<()> {
     })?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hbot_config::{RigConfig, SceneFile, scene};
+    use hbot_sim::phenomena::Phenomena;
+    use hbot_sim::rig::RigConfig as SimulatedConfig;
+    use serde_json::json;
+
+    /// What a study is to measure is there while a scene names it, and gone with the next that does not.
+    #[test]
+    fn every_phenomenon_of_a_scene_is_shown_and_taken_away() {
+        let config = SimulatedConfig::new(&RigConfig::prototype().rig);
+        let mut rig = SimulatedRig::new(&config).expect("the prototype");
+        let mut seen = Vec::new();
+        for listed in scene::phenomena() {
+            let file = SceneFile::from_json(json!({"simulate": { listed.name: {} }})).expect("a legal scene");
+            show(&mut rig, file.simulate());
+            let shown = *rig.phenomena();
+            assert_ne!(shown, Phenomena::default(), "{}", listed.name);
+            assert!(!seen.contains(&shown), "{}", listed.name);
+            seen.push(shown);
+            show(&mut rig, None);
+            assert_eq!(*rig.phenomena(), Phenomena::default(), "{}", listed.name);
+        }
+        assert_eq!(seen.len(), 11);
+    }
+}

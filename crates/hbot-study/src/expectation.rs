@@ -44,10 +44,7 @@ impl Expectation {
     /// The methods, as rig files name them.
     #[must_use]
     pub fn name(&self) -> String {
-        let odometry =
-            METHODS.iter().find(|(_, method)| *method == self.odometry).map_or("", |(name, _)| name);
-        let path = PATHS.iter().find(|(_, path)| *path == self.path).map_or("", |(name, _)| name);
-        format!("{odometry}, {path}")
+        named(self.odometry, self.path)
     }
 
     /// `methods` with these in place of their own.
@@ -55,6 +52,13 @@ impl Expectation {
     pub fn chosen(&self, methods: &Methods) -> Methods {
         Methods { odometry: self.odometry, path: self.path, ..*methods }
     }
+}
+
+/// A choice, as rig files name it.
+pub(crate) fn named(odometry: OdometryMethod, path: PathFit) -> String {
+    let odometry = METHODS.iter().find(|(_, method)| *method == odometry).map_or("", |(name, _)| name);
+    let path = PATHS.iter().find(|(_, fit)| *fit == path).map_or("", |(name, _)| name);
+    format!("{odometry}, {path}")
 }
 
 /// What is to be expected of `rig` with its own methods.
@@ -251,8 +255,9 @@ mod tests {
         // Counts are 32 bits: half a turn a tick is still told.
         rig.joints.iter_mut().for_each(|joint| joint.counts_per_turn = 256);
         let error = |odometry, path| {
-            let methods = Methods { odometry, path, ..rig.methods };
-            of(&Rig { methods, ..rig }).error
+            let mut rig = rig;
+            (rig.methods.odometry, rig.methods.path) = (odometry, path);
+            of(&rig).error
         };
         let euler = error(OdometryMethod::Euler, PathFit::Straight);
         let midpoint = error(OdometryMethod::Midpoint, PathFit::Straight);

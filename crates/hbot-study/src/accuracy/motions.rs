@@ -21,6 +21,11 @@ fn choices() -> impl Iterator<Item = Choice> {
     (0..PATHS.len()).flat_map(|path| (0..METHODS.len()).map(move |method| Choice { method, path }))
 }
 
+/// The choices that differ: on another path Euler is the same.
+fn distinct() -> impl Iterator<Item = Choice> {
+    choices().filter(|choice| choice.method > 0 || choice.path == 0)
+}
+
 /// What one tick of odometry takes.
 pub(super) struct Times(Vec<(&'static str, Choice, Time)>);
 
@@ -140,12 +145,14 @@ pub(super) fn study(
                     let id = format!("odometry_{}_{method}_{path}_{}_{hz}hz_drift_rad", motion.name, stages::WIDTH);
                     report.figure(id, *drift);
                 }
+                if let Some(colour) = distinct().position(|other| other == choice) {
                 lines.push(Series {
                     name: format!("{method}, {path}, {}", stages::WIDTH),
                     points: RATES.iter().zip(&drifts).map(|(hz, drift)| (times.us_per_second(stages::WIDTH, choice.method, choice.path, *hz), *drift)).collect(),
-                    colour: METHODS.len() * choice.path + choice.method,
+                    colour,
                     open: stages::WIDTH == "f32",
                 });
+                }
                 if stages::WIDTH == "f64" {
                     orders.push(order(report, motion, choice, &drifts));
                 }

@@ -1,6 +1,7 @@
 //! Odometry on joints at constant rates: the method's own error.
 
 use hbot_core::kinematics::Posture;
+use hbot_core::rig::OdometryMethod;
 use hbot_core::{Device, Vec3};
 
 use super::motions::Times;
@@ -91,6 +92,7 @@ pub(super) fn study(
         }
     });
     report.table(&table);
+    rounding(report, device, &segments);
     for (method, errors) in orders {
         let what = format!("odometry at constant rates, {}, f64", METHODS[method].0);
         errors.check(report, &what, FLOOR, ORDERS[method]);
@@ -109,4 +111,43 @@ pub(super) fn study(
         .svg(),
     );
     Ok(())
+}
+
+/// Where f32 drifts: the same turns, made in f64 and rounded, put together in f32 in two ways.
+fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
+    report.family(
+        "odometry_rounding_{way}_{width}_{rate}hz_drift_rad",
+        "rad",
+        "drift in 0.6 s of f64's turns put together in either width: by the product of quaternions, or by adding what it changes",
+    );
+    report.say(
+        "What f32 errs is not in the turns but in how they are put together. Here they are magnus4's in f64, rounded to the width; the *product* is the core's, the \
+         *change* adds exp(turn) q - q, in which no number near 1 is multiplied:",
+    );
+    let mut table = vec![row(["put together by", "width"])];
+    table[0].extend(RATES.map(|hz| format!("{hz} Hz")));
+    let turned = RATES.map(|hz| segments.iter().map(|s| turns(device, s, hz)).collect::<Vec<_>>());
+    in_both_widths!(stages => {
+        for (way, added) in [("product", false), ("change", true)] {
+            let off = |(turns, s): (&Vec<[f64; 3]>, &Segment)| angle(stages::odometry::after(turns, added), s.end);
+            let drifts = turned.each_ref().map(|all| median(all.iter().zip(segments).map(off).collect()));
+            for (hz, drift) in RATES.iter().zip(drifts) {
+                report.figure(format!("odometry_rounding_{way}_{}_{hz}hz_drift_rad", stages::WIDTH), drift);
+            }
+            table.push(row([way, stages::WIDTH].into_iter().map(str::to_owned).chain(drifts.map(sci))));
+        }
+    });
+    report.table(&table);
+}
+
+/// The turns of a segment read so often, by magnus4 in f64, rad.
+fn turns(device: &Device, segment: &Segment, hz: u32) -> Vec<[f64; 3]> {
+    let h = 1.0 / f64::from(hz);
+    let delta = segment.zd.map(|rate| rate * h);
+    let turn = |k: u32| {
+        let t = f64::from(k) * h;
+        let th: [f64; WHEELS] = core::array::from_fn(|i| segment.th[i] + segment.zd[2 * i] * t);
+        hbot_core::odometry::turn(device, OdometryMethod::Magnus4, &th, &delta).to_array()
+    };
+    (0..(DRIFT_S * f64::from(hz)).round() as u32).map(turn).collect()
 }

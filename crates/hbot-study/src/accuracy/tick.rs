@@ -10,6 +10,7 @@ use serde_json::json;
 use super::motions::{Budget, budget};
 use super::sci;
 use crate::context::{Context, Interrupted};
+use crate::expectation::named;
 use crate::motion::{MOTIONS, Moment, Motion};
 use crate::plot::{Lines, Series, short};
 use crate::report::{Report, row, spread};
@@ -133,6 +134,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     let times = in_turn(context, &mut timed)?;
     let mut table = vec![row([
         "preset",
+        "odometry, path",
         "error, rad in 10 s",
         "of the method",
         "of the path",
@@ -152,6 +154,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         report.figure(format!("tick_{preset}_max_hz"), highest);
         table.push(row([
             *preset,
+            &named(config.rig.methods.odometry, config.rig.methods.path),
             &sci(*error),
             &sci(method),
             &sci(path),

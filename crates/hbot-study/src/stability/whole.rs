@@ -4,7 +4,7 @@ use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Drive, State as Told};
-use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3};
+use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3, rotation};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::{Plant, State};
@@ -96,6 +96,12 @@ impl Loop {
         let state = State { omega, ..*self.state() };
         self.exchange.rig_mut().set_state(state);
         self.given = 0.0;
+    }
+
+    /// Energy of the motion and of a spring of so many N m/rad, J.
+    pub(super) fn energy(&self, stiffness: f64) -> f64 {
+        let turned = rotation::log(self.state().q);
+        self.exchange.rig().dynamics().energy(self.state()) + 0.5 * stiffness * turned.length_squared()
     }
 
     /// Energy that the motors have given out since the tap, J.

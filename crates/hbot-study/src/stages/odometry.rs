@@ -8,7 +8,7 @@ use super::hbot::path::Trail;
 use super::hbot::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
 use super::hbot::rig::PathFit::{self, Cubic, Quadratic, Straight};
 use super::hbot::{Device, MAX_JOINTS, Quat, Real, Vec3, rotation};
-use super::{real, wide4};
+use super::{real, vector, wide4};
 use crate::motion::{JOINTS, WHEELS};
 use crate::timing::Timed;
 
@@ -96,6 +96,26 @@ pub(crate) fn segment(
         q = advance(q, turn(device, METHODS[method].1, &th, &delta));
     }
     wide4(q)
+}
+
+/// The orientation after `turns` (rotation vectors in N, rad), one after the other, held in this width: by the core's product,
+/// or where `added` by adding what each product changes.
+pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
+    let mut q = Quat::IDENTITY;
+    for turn in turns {
+        let turn = vector(*turn);
+        q = if added { q + change(q, turn) } else { advance(q, turn) };
+    }
+    wide4(q)
+}
+
+/// exp(turn) q - q, without a number near 1.
+fn change(q: Quat, turn: Vec3) -> Quat {
+    let quarter = real(libm::sin(0.25 * super::wide(turn.length())));
+    let (less, s) = (real(-2.0) * quarter * quarter, rotation::vector_part(rotation::exp(turn)));
+    let e = rotation::vector_part(q);
+    let v = e * less + s * q.w + s.cross(e);
+    Quat::from_xyzw(v.x, v.y, v.z, less * q.w - s.dot(e))
 }
 
 /// The deviation of |q| from 1 that `ticks` ticks of brisk turning back and forth leave at most.

@@ -305,6 +305,10 @@ fn info_and_stats_have_their_shape() {
     assert_eq!((&info["rig"]["simulated"], &info["accuracy"]), (&json!(false), &json!("balanced")));
     assert_eq!(info["limits"]["traction"], json!({"mu": 0.8, "normal_force": 10.0}));
     assert!(info["capability"].as_array().unwrap().iter().all(|t| t.as_f64().unwrap() > 0.0), "{info}");
+    // 0.02 N m s/rad over 1.5 ticks of 1 ms, and the quarter of the least apparent inertia over a tick squared.
+    let render = |key: &str| info["render"][key].as_f64().unwrap();
+    assert!((render("stiffness_stable") - render("damping") / 1.5e-3).abs() < 1e-9, "{info}");
+    assert!((render("stiffness_most") - 0.25e6 * render("inertia")).abs() < 1e-9, "{info}");
     assert!(info["effects"].as_array().unwrap().iter().any(|kind| kind["name"] == "spring"));
     assert_eq!(info["scene"]["name"], "Spring");
     let stats = client.stats().unwrap();
