@@ -9,6 +9,7 @@ mod effects;
 mod energy;
 mod faults;
 mod geometry;
+mod hard_cases;
 mod hostile;
 mod laws;
 mod motion;

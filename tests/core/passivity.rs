@@ -12,32 +12,32 @@ use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
 use hbot_sim::hand::{Grip, Hand};
 use hbot_sim::plant::{Method, Plant, SpringDamper, State as Motion, Sum};
 
-const DT: f64 = 1e-3;
+pub const DT: f64 = 1e-3;
 
 /// The device's own damping, N m s/rad: less than bearings and a light hand have.
 const OWN: f64 = 0.005;
 
 /// The stiffest spring that is stable in a loop of 1 kHz with one tick of delay: b / (h (1/2 + 1)), 3.3 N m/rad.
-const BORDER: f64 = OWN / (1.5 * DT);
+pub const BORDER: f64 = OWN / (1.5 * DT);
 
 /// A rig whose controllers answer each command with a reading of that moment and hold its torque for a tick.
-struct Loop {
+pub struct Loop {
     controller: Controller,
     scene: CompiledScene,
     plant: Plant,
-    motion: Motion,
+    pub motion: Motion,
     grip: Option<Grip>,
     held: [f64; MAX_JOINTS],
     tick: u64,
-    rig: Rig,
+    pub rig: Rig,
     /// Energy that the motors have given out, J: torque held times turn made, joint by joint.
     given: f64,
     /// The most that `given` has been.
-    most: f64,
+    pub most: f64,
 }
 
 impl Loop {
-    fn new(rig: Rig, scene: CompiledScene) -> Self {
+    pub fn new(rig: Rig, scene: CompiledScene) -> Self {
         let mut run = Self {
             controller: Controller::new(rig),
             scene,
@@ -102,7 +102,7 @@ impl Loop {
         outputs.state
     }
 
-    fn run(&mut self, ticks: u32) -> State {
+    pub fn run(&mut self, ticks: u32) -> State {
         for _ in 1..ticks {
             self.step(None);
         }
@@ -110,7 +110,7 @@ impl Loop {
     }
 
     /// The largest torque and rate of so many ticks.
-    fn largest(&mut self, ticks: u32) -> (f64, f64) {
+    pub fn largest(&mut self, ticks: u32) -> (f64, f64) {
         (0..ticks).fold((0.0, 0.0), |(torque, rate): (f64, f64), _| {
             let state = self.step(None);
             (torque.max(state.torque.length()), rate.max(self.motion.omega.length()))
@@ -123,7 +123,7 @@ fn stiff(times: f64) -> CompiledScene {
     CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap()
 }
 
-fn guarded(rate: RateEstimate) -> Rig {
+pub fn guarded(rate: RateEstimate) -> Rig {
     let mut rig = rig();
     rig.methods.rate = rate;
     rig.methods.passivity = Some(PassivityLimit::of(&rig.device, DT));
@@ -133,7 +133,7 @@ fn guarded(rate: RateEstimate) -> Rig {
 }
 
 /// A tap on the sphere: 1.6 mJ of motion.
-const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
+pub const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
 
 #[test]
 fn a_spring_far_too_stiff_buzzes_without_it_and_comes_to_rest_with_it() {

@@ -2,7 +2,7 @@
 
 use crate::device::{Device, MAX_JOINTS, Wheel};
 use crate::kinematics::Posture;
-use crate::real::{PI, Real, Vec3, acos, cos, fabs, sqrt};
+use crate::real::{PI, Real, Vec3, acos, cos, fabs, sincos, sqrt};
 
 /// How two contact points come to lie on one line through the sphere's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,7 +45,8 @@ pub fn interior_margin_over_all(device: &Device) -> Real {
             closest_approach(a, b, Meeting::Collocated),
             closest_approach(a, b, Meeting::Antipodal),
         );
-        best = best.max(sqrt(1.0 - cos(gap)));
+        // sqrt(1 - cos gap) without the cancellation.
+        best = best.max(sqrt(2.0) * sincos(0.5 * gap).0);
     });
     best
 }

@@ -4,6 +4,7 @@ mod agreement;
 mod back_drive;
 mod dual;
 mod energy;
+mod extremes;
 mod odometry;
 mod reference;
 mod scenes;

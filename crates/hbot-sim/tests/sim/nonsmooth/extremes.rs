@@ -1,0 +1,54 @@
+//! Friction of nothing and without end, and masses a million apart, in steps of 1 ms.
+
+use hbot_core::Vec3;
+use hbot_sim::phenomena::{JointFriction, Phenomena, Slip};
+use hbot_sim::plant::{Dynamics, Method, State};
+
+use crate::devices::prototype;
+
+/// The state after a second in steps of 1 ms, from a motion that rolls or not; no step adds energy.
+fn a_second(inertia: f64, coulomb: f64, mu: f64) -> State {
+    let device = prototype(0.0155, 2.7e-5 * inertia, 3.5e-6 * inertia);
+    let phenomena = Phenomena {
+        joint_friction: Some(JointFriction {
+            coulomb,
+            breakaway: coulomb,
+            viscous: 0.0,
+            ..JointFriction::default()
+        }),
+        slip: Some(Slip { mu, normal_force: 10.0 }),
+        ..Phenomena::default()
+    };
+    let mut state = State { omega: Vec3::new(1.0, 2.0, 3.0), ..State::default() };
+    let mut dynamics = Dynamics::new(&device, &phenomena, Method::Rk4, &state).unwrap();
+    let start = dynamics.energy(&state);
+    let mut before = start;
+    for i in 0..1000 {
+        dynamics.step(&mut state, f64::from(i) * 1e-3, 1e-3, &[0.0; 16], Vec3::ZERO, None);
+        let (now, effort) = (dynamics.energy(&state), dynamics.effort().unwrap());
+        // What the solver leaves of a velocity that ought to be none, a few times, of the energy at the start.
+        assert!(
+            now - before <= 1e-11 * start && effort.converged,
+            "{inertia} {coulomb} {mu}, step {i}: {effort:?}"
+        );
+        before = now;
+    }
+    state
+}
+
+#[test]
+fn friction_of_nothing_and_without_end_and_masses_a_million_apart() {
+    let start = Vec3::new(1.0, 2.0, 3.0);
+    for inertia in [1e-6, 1.0, 1e6] {
+        // Contacts without friction leave the sphere alone.
+        let free = a_second(inertia, 0.0, 0.0).omega;
+        assert!((free - start).length() < 1e-12, "{inertia}: {free}");
+        // Contacts and joints that hold whatever comes leave nothing.
+        let held = a_second(inertia, 1e12, 1e12).omega;
+        assert!(held.length() < 1e-11, "{inertia}: {held}");
+        // Joints that hold, contacts that slide: mu N at either stops 3.2 mN m s within 5 ms or so.
+        let slid = a_second(inertia, 1e12, 1.0).omega;
+        assert!(slid.length() < 1e-11, "{inertia}: {slid}");
+        let _ = a_second(inertia, 1e-3, 0.1);
+    }
+}

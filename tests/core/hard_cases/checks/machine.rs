@@ -1,0 +1,166 @@
+//! A prototype whose sphere rests and whose encoders read what a check says, with its controller.
+
+use super::super::core::allocation::{ContactArms, JointLimits};
+use super::super::core::device::MAX_JOINTS;
+use super::super::core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use super::super::core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use super::super::core::mode::Mode;
+use super::super::core::outputs::{Outputs, Reply};
+use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Zero};
+use super::super::core::{CompiledScene, Controller, Device, Mat3, Quat, Real, Vec3, WheelSpec, rotation};
+
+/// The largest torque of steer and drive in [`rig`], N m.
+pub const PEAK: [Real; 2] = [0.93, 0.14];
+
+/// Wheels of the prototype.
+pub fn wheels() -> [WheelSpec; 2] {
+    [1.0, -1.0].map(|side| WheelSpec {
+        axis: Vec3::new(side, 0.0, -1.0),
+        cone: 0.1745,
+        toe: 0.0,
+        radius: 0.0155,
+        steer_inertia: 2.7e-5,
+        drive_inertia: 3.5e-6,
+        axial_inertia: 0.0,
+    })
+}
+
+pub fn device(wheels: &[WheelSpec]) -> Device {
+    Device::new(0.102, 0.467, wheels).unwrap()
+}
+
+pub fn rig() -> Rig {
+    let joint = |peak, gear| Joint {
+        counts_per_turn: 16384,
+        gear,
+        reversed: false,
+        zero: Zero::Assume,
+        peak,
+        continuous: peak,
+    };
+    Rig {
+        device: device(&wheels()),
+        joints: core::array::from_fn(|j| joint(PEAK[j % 2], if j % 2 == 0 { 1.0 } else { 17.0 })),
+        limits: Limits {
+            torque: 0.5,
+            torque_rate: 200.0,
+            speed: 30.0,
+            slip: 0.05,
+            traction: None,
+            enable_max_angle: 0.5,
+            align_rate: 0.5,
+            reference_rate: 5.0,
+            max_age_ticks: 50,
+        },
+        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
+        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
+    }
+}
+
+/// Limits and default weights of a device with the prototype's motors.
+pub fn limits(device: &Device) -> JointLimits {
+    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+    for (i, wheel) in device.wheels().iter().enumerate() {
+        limits.peak[2 * i..2 * i + 2].copy_from_slice(&PEAK);
+        let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
+        limits.weight[2 * i..2 * i + 2].copy_from_slice(&weights);
+    }
+    limits
+}
+
+/// A geodesic spring of 2 N m/rad whose reference is `turn` away from the identity.
+pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
+    let stiffness = Mat3::from_diagonal(Vec3::splat(2.0));
+    let reference = rotation::exp(turn);
+    let spring =
+        Spring::new(SpringLaw::Geodesic, stiffness, Mat3::ZERO, reference, Anchor::Absolute).unwrap();
+    CompiledScene::new(revision, &[Effect::new(0, revision as u32, Kind::Spring(spring))]).unwrap()
+}
+
+pub struct Machine {
+    pub controller: Controller,
+    pub scene: CompiledScene,
+    /// The next tick.
+    pub tick: u64,
+    pub counts: [i32; MAX_JOINTS],
+    pub rates: [Real; MAX_JOINTS],
+}
+
+impl Machine {
+    /// Idle, with a spring that pulls by 0.2 N m about n1.
+    pub fn idle() -> Self {
+        let mut machine = Self {
+            controller: Controller::new(rig()),
+            scene: spring_scene(1, Vec3::X * 0.1),
+            tick: 1,
+            counts: [0; MAX_JOINTS],
+            rates: [0.0; MAX_JOINTS],
+        };
+        machine.step(|_| {});
+        machine
+    }
+
+    /// The same, at full torque.
+    pub fn active() -> Self {
+        let mut machine = Self::idle();
+        assert_eq!(machine.command(Command::Enable), Reply::Done);
+        machine.run(510);
+        assert_eq!(machine.step(|_| {}).state.mode, Mode::Active);
+        machine
+    }
+
+    /// A tick whose inputs `alter` changes.
+    pub fn step(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
+        let feedback = JointFeedback {
+            sequence: (self.tick as u32).wrapping_sub(1),
+            counts: self.counts,
+            rates: self.rates,
+            index_seen: 0,
+            complaints: Complaints::default(),
+        };
+        let mut inputs = Inputs { feedback: Some(feedback), ..Inputs::quiet(self.tick) };
+        alter(&mut inputs);
+        self.tick = inputs.tick.saturating_add(1);
+        let outputs = self.controller.tick(&self.scene, &inputs);
+        let s = &outputs.state;
+        let sent = outputs.drive.torque;
+        let all = sent.iter().chain(&s.joint_torque).chain(&s.angle).chain(&s.rate).all(|x| x.is_finite());
+        assert!(all && s.q.is_finite() && s.omega.is_finite() && s.torque.is_finite(), "{outputs:?}");
+        assert!(s.energy.is_finite() && s.slip.is_finite(), "{outputs:?}");
+        assert!((s.q.length_squared() - 1.0).abs() <= 8.0 * Real::EPSILON, "unit to rounding: {}", s.q);
+        for (j, torque) in sent.iter().enumerate() {
+            assert!(torque.abs() <= PEAK[j % 2], "{outputs:?}");
+        }
+        if !outputs.drive.enable {
+            assert!(
+                sent == [0.0; MAX_JOINTS] && s.torque == Vec3::ZERO,
+                "torque without enable: {outputs:?}"
+            );
+        }
+        outputs
+    }
+
+    pub fn run(&mut self, ticks: u32) -> Outputs {
+        for _ in 1..ticks {
+            self.step(|_| {});
+        }
+        self.step(|_| {})
+    }
+
+    pub fn command(&mut self, command: Command) -> Reply {
+        self.step(|inputs| inputs.commands.push(command).unwrap()).replies[0].unwrap()
+    }
+
+    /// Out of a fault and back to full torque: the machine does what it did before.
+    pub fn works_again(mut self, what: &str) {
+        let before = Self::active().step(|_| {}).state;
+        self.rates = [0.0; MAX_JOINTS];
+        self.run(60);
+        assert_eq!(self.command(Command::Reset), Reply::Done, "{what}");
+        self.run(60);
+        assert_eq!(self.command(Command::Enable), Reply::Done, "{what}");
+        let state = self.run(520).state;
+        assert_eq!((state.mode, state.q), (Mode::Active, Quat::IDENTITY), "{what}: {:?}", state.cause);
+        assert!((state.torque - before.torque).length() <= 8.0 * Real::EPSILON, "{what}: {}", state.torque);
+    }
+}

@@ -1,0 +1,169 @@
+//! Designs a hair from singular, and three motors where they lose a direction.
+
+use super::super::core::allocation::{Allocation, WHOLE, allocate};
+use super::super::core::device::DeviceError;
+use super::super::core::kinematics::Posture;
+use super::super::core::singularity::{
+    actuation_margin, boundary_determinant, interior_margin, interior_margin_over_all, singular_values,
+};
+use super::super::core::{Device, Real, Vec3, WheelSpec};
+use super::machine::{PEAK, device, limits, wheels};
+use crate::rng::Rng;
+
+/// Cone of 1e-3, toe of 89.9 degrees, contact points that come within 0.1 degree.
+fn hairs() -> [(&'static str, [WheelSpec; 2], f64); 3] {
+    let right_angle = core::f64::consts::FRAC_PI_2;
+    let with = |alter: fn(&mut WheelSpec)| {
+        let mut wheels = wheels();
+        wheels.iter_mut().for_each(alter);
+        wheels
+    };
+    // The axes are a right angle apart; the margin between contact points is sqrt(1 - cos g), sqrt 2 sin(g/2).
+    let margin = |gap: f64| core::f64::consts::SQRT_2 * (0.5 * gap).sin();
+    let close = 0.1_f64.to_radians();
+    [
+        ("cone 1e-3", with(|wheel| wheel.cone = 1e-3), margin(right_angle - 2e-3)),
+        (
+            "toe 89.9 deg",
+            with(|wheel| wheel.toe = 89.9_f64.to_radians() as Real),
+            margin(right_angle - 0.349),
+        ),
+        ("0.1 deg apart", with(|wheel| wheel.cone = 44.95_f64.to_radians() as Real), margin(close)),
+    ]
+}
+
+fn random(rng: &mut Rng, size: f64) -> Vec3 {
+    Vec3::from_array([0; 3].map(|_| rng.between(-size, size) as Real))
+}
+
+fn made(posture: &Posture, found: &Allocation) -> Vec3 {
+    posture.torque_on_sphere(&found.torque[..posture.rows().len()])
+}
+
+#[test]
+fn a_hair_from_singular_torque_is_bounded_and_the_margin_known() {
+    let mut rng = Rng(300);
+    for (name, wheels, margin) in hairs() {
+        let device = device(&wheels);
+        let rounding = 64.0 * Real::EPSILON;
+        assert!(
+            (f64::from(interior_margin_over_all(&device)) - margin).abs() <= f64::from(rounding),
+            "{name}"
+        );
+        for wheel in device.wheels() {
+            let (a, b) = (f64::from(wheel.spec().cone), f64::from(wheel.spec().toe));
+            let det = f64::from(device.sphere_radius() * wheel.spec().radius) * a.sin() * b.cos();
+            let off = f64::from(boundary_determinant(&device, wheel)) / det - 1.0;
+            // The cosine of an angle near 90 degrees has the rounding of the angle.
+            assert!(off.abs() <= f64::from(rounding) / b.cos(), "{name}: {off:e}");
+        }
+        let limits = limits(&device);
+        let (mut least, mut lost): (Real, Real) = (Real::MAX, 0.0);
+        let (mut deficient, mut against) = (0, 0);
+        for k in 0..4000 {
+            // Steering at random, and about where the contact points come nearest: each wheel's towards the other.
+            let near = [core::f64::consts::FRAC_PI_2, -core::f64::consts::FRAC_PI_2];
+            let th =
+                near.map(
+                    |near| {
+                        if k % 2 == 0 { rng.between(-4.0, 4.0) } else { near + rng.between(-1e-3, 1e-3) }
+                    },
+                );
+            let posture = Posture::new(&device, &th.map(|th| th as Real));
+            assert!(
+                f64::from(interior_margin(&posture)) >= margin * (1.0 - 1e-3) - f64::from(rounding),
+                "{name}"
+            );
+            least = least.min(interior_margin(&posture));
+            // A turn of the sphere is read from the rates of its joints to rounding over the margin's square.
+            let omega = random(&mut rng, 3.0);
+            let rates = posture.inverse(omega);
+            let steepest = rates.iter().fold(1.0, |m: Real, rate| m.max(rate.abs()));
+            let back = posture.forward(&device, &rates).omega;
+            let known = rounding * steepest / (margin as Real * margin as Real);
+            assert!((back - omega).length() <= known, "{name}: {} off, {known:e}", (back - omega).length());
+            let wanted = random(&mut rng, if k % 3 == 0 { 10.0 } else { 0.1 });
+            let found = allocate(posture.rows(), &limits, wanted);
+            let torque = made(&posture, &found);
+            for (j, tau) in found.torque.iter().enumerate() {
+                assert!(tau.abs() <= PEAK[j % 2], "{name}: {found:?}");
+            }
+            let slack = if Real::EPSILON < 1e-10 { 1e-9 } else { 1e-3 } * wanted.length();
+            // A direction that the motors make less than WHOLE of is left to chance where it is lost: what comes there is no more than
+            // they can make of it at all.
+            let scaled: Vec<Vec3> =
+                posture.rows().iter().zip(limits.peak).map(|(row, peak)| *row * peak).collect();
+            let [strongest, _, weakest] = singular_values(&scaled);
+            let chance = if weakest < WHOLE * strongest { 2.0 * weakest } else { 0.0 };
+            if found.deficient {
+                deficient += 1;
+                assert!(torque.length() <= wanted.length() + chance, "{name}: {torque} for {wanted}");
+                against += u32::from(torque.dot(wanted) < 0.0);
+            } else {
+                let off = (torque - wanted * found.scale).length();
+                lost = lost.max(off / wanted.length());
+                assert!(off <= slack + chance, "{name}: {torque} for {wanted}, {found:?}");
+            }
+        }
+        println!(
+            "{name}: interior margin {least:e} met ({margin:e} by design), {deficient} of 4000 deficient, {against} against, off {lost:e}"
+        );
+    }
+}
+
+#[test]
+fn beyond_a_hair_a_design_is_refused() {
+    let build = |alter: &dyn Fn(&mut WheelSpec)| {
+        let mut wheels = wheels();
+        wheels.iter_mut().for_each(alter);
+        Device::new(0.102, 0.467, &wheels)
+    };
+    let refused = build(&|wheel| wheel.cone = 1e-7);
+    assert!(matches!(refused, Err(DeviceError::BoundarySingular { .. })), "{refused:?}");
+    let refused = build(&|wheel| wheel.toe = (core::f64::consts::FRAC_PI_2 - 4e-6) as Real);
+    assert!(matches!(refused, Err(DeviceError::BoundarySingular { .. })), "{refused:?}");
+    for cone in [core::f64::consts::FRAC_PI_4, 0.8] {
+        let refused = build(&|wheel| wheel.cone = cone as Real);
+        assert!(matches!(refused, Err(DeviceError::InteriorSingular { .. })), "{cone}: {refused:?}");
+    }
+}
+
+#[test]
+fn three_motors_lose_a_direction_gracefully() {
+    let device = device(&wheels());
+    let mut limits = limits(&device);
+    // The drive of the second wheel is dead: singular where c3 of the first is at right angles to c2 of the second.
+    limits.peak[3] = 0.0;
+    let driven = [true, true, true, false];
+    let mut rng = Rng(301);
+    const STEPS: u32 = 40_000;
+    let (mut steepest, mut least, mut lost): (Real, Real, u32) = (0.0, 1.0, 0);
+    for _ in 0..4 {
+        let first = rng.between(-3.0, 3.0) as Real;
+        let wanted = random(&mut rng, 0.2);
+        let mut last: Option<(Allocation, Vec3)> = None;
+        for k in 0..=STEPS {
+            let second = (core::f64::consts::TAU * f64::from(k) / f64::from(STEPS)) as Real;
+            let posture = Posture::new(&device, &[first, second]);
+            let found = allocate(posture.rows(), &limits, wanted);
+            let torque = made(&posture, &found);
+            least = least.min(actuation_margin(&posture, &driven));
+            lost += u32::from(found.deficient);
+            assert!(found.torque[3] == 0.0 && torque.is_finite());
+            assert!(torque.length() <= wanted.length() * (1.0 + 1e-3), "{torque} for {wanted}");
+            if let Some((before, torque_before)) = last {
+                // 1.6e-4 rad of steering a step.
+                let jump = (torque - torque_before).length() / wanted.length();
+                steepest = steepest.max(jump);
+                let joints = found.torque.iter().zip(before.torque).map(|(a, b)| (a - b).abs());
+                assert!(
+                    joints.fold(0.0, Real::max) <= 0.1 && jump <= 0.1,
+                    "{before:?} to {found:?} at {second}"
+                );
+            }
+            last = Some((found, torque));
+        }
+    }
+    println!("least margin {least:e}, deficient {lost} of {}, steepest {steepest:e} a step", 4 * STEPS);
+    assert!(least < 1e-3 && lost > 0, "the surface was crossed");
+}
