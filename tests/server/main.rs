@@ -1,7 +1,7 @@
 //! The program as its users meet it: the binary, its serial line, its TCP port, its files.
 
-mod bringup;
 mod accuracy;
+mod bringup;
 mod by_hand;
 mod phenomena;
 mod process;
