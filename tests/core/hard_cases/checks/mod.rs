@@ -1,5 +1,11 @@
 //! The checks, in the width of the module around them.
 
+#![allow(
+    clippy::useless_conversion,
+    clippy::unnecessary_cast,
+    reason = "a conversion in one width is none in the other"
+)]
+
 mod angles;
 mod clock;
 mod doors;
