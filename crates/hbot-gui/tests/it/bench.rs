@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use eframe::egui::accesskit::Role;
 use eframe::egui::{self, Key};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -293,7 +294,9 @@ impl Seat {
     pub(crate) fn pick(&mut self, list: &str, entry: &str) {
         self.click(list);
         self.frame();
-        self.click(entry);
+        // A parameter may have the name of an entry: what can be pressed is the entry.
+        self.harness.get_by_role_and_label(Role::Button, entry).click_accesskit();
+        self.frame();
         self.frame();
     }
 
