@@ -21,6 +21,10 @@ pub(crate) enum StudyCommand {
     Effects(StudyArgs),
     /// How stiff a virtual wall may be, beside theory, and what holds over a day of simulated time
     Stability(StudyArgs),
+    /// Every analysis and experiment of the paper, beside what it reports
+    Paper(StudyArgs),
+    /// Which dimensions a better Hbot would have: a Pareto front, and rig files of the best
+    Design(StudyArgs),
     /// Runs ticks to be counted; `hbot study effects` runs it under valgrind
     #[command(name = "effects-worker", hide = true)]
     EffectsWorker {
@@ -32,10 +36,10 @@ pub(crate) enum StudyCommand {
 /// How to run a study.
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
-    /// Folder for report.md, summary.json and plots [default: target/study/NAME]
+    /// Folder for report.md, report.html, summary.json and plots [default: target/study/NAME]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Fewer samples: about 30 s instead of up to 5 minutes
+    /// Fewer samples: about 30 s (paper, design: a minute) instead of up to 5 minutes
     #[arg(long)]
     quick: bool,
 }
@@ -48,6 +52,8 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
         StudyCommand::Accuracy(args) => (Study::Accuracy, args),
         StudyCommand::Effects(args) => (Study::Effects, args),
         StudyCommand::Stability(args) => (Study::Stability, args),
+        StudyCommand::Paper(args) => (Study::Paper, args),
+        StudyCommand::Design(args) => (Study::Design, args),
         StudyCommand::EffectsWorker { setups } => {
             hbot_study::count_worker(&setups, show).map_err(anyhow::Error::msg)?;
             return Ok(ExitCode::SUCCESS);
@@ -74,7 +80,7 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
         anstream::println!("{colour}{verdict}{}  {}: {}", style::OFF, check.what, check.found);
     }
     anstream::println!("{} figures in {}", report.figures().len(), out.join("summary.json").display());
-    anstream::println!("read {}", out.join("report.md").display());
+    anstream::println!("read {}", out.join("report.html").display());
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

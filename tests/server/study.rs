@@ -17,7 +17,7 @@ fn a_study_ends_well_and_says_where_its_report_is() {
         .timeout(Duration::from_secs(120))
         .assert()
         .success()
-        .stdout(contains("report.md"));
+        .stdout(contains("report.html"));
     let summary = std::fs::read_to_string(folder.path().join("summary.json")).expect("a summary");
     let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
     assert_eq!(summary["study"], "accuracy");

@@ -1,7 +1,8 @@
-//! Studies of an Hbot: what accuracy costs, what each effect costs, where stability ends.
+//! Studies of an Hbot: what accuracy costs, what each effect costs, where stability ends, what its paper reports, and what
+//! other designs of it could do.
 //!
-//! A study measures on the machine at hand, checks what it says it checks, and writes `report.md`, SVG plots and
-//! `summary.json` into one folder once it is done; a study that is stopped writes nothing.
+//! A study measures on the machine at hand, checks what it says it checks, and writes `report.md`, the same as
+//! one `report.html`, SVG plots and `summary.json` into one folder once it is done; a study that is stopped writes nothing.
 //!
 //! # Layers, top to bottom
 //!
@@ -10,6 +11,8 @@
 //! | `accuracy` | error against time of every stage that has a choice |
 //! | `effects` | what each effect and phenomenon costs a tick, alone and in pairs |
 //! | `stability` | how stiff a wall may be, and what holds over a day |
+//! | `paper` | every analysis and experiment of the paper, beside what it reports |
+//! | `design` | which dimensions a better Hbot would have |
 //! | [`expectation`] | what a rig's methods cost here and what they err, in a fraction of a second |
 //! | `stages` | the stages under study, compiled once with each width of the core |
 //! | `motion` | true motions of the sphere, and what its encoders read of them |
@@ -20,12 +23,14 @@
 
 mod accuracy;
 mod context;
+mod design;
 mod effects;
 pub mod expectation;
 mod extrapolation;
 mod machine;
 mod motion;
 mod names;
+mod paper;
 mod plot;
 mod report;
 mod rng;
@@ -71,6 +76,10 @@ pub enum Study {
     Effects,
     /// How stiff a wall may be, and what holds over a day.
     Stability,
+    /// Every analysis and experiment of the paper, beside what it reports.
+    Paper,
+    /// Which dimensions a better Hbot would have.
+    Design,
 }
 
 impl Study {
@@ -81,6 +90,8 @@ impl Study {
             Self::Accuracy => "accuracy",
             Self::Effects => "effects",
             Self::Stability => "stability",
+            Self::Paper => "paper",
+            Self::Design => "design",
         }
     }
 }
@@ -90,7 +101,7 @@ impl Study {
 pub struct Options {
     /// The folder that it writes to; made where it is not there. `None`: `target/study/NAME`.
     pub out: Option<PathBuf>,
-    /// About 30 s, with fewer samples, instead of up to 5 minutes.
+    /// About 30 s (`paper` and `design`: up to a minute), with fewer samples, instead of up to 5 minutes.
     pub quick: bool,
     /// How a scene's phenomena come upon the simulated rig.
     pub show: Show,
@@ -144,6 +155,8 @@ pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result
         Study::Accuracy => accuracy::study(&context),
         Study::Effects => effects::study(&context, options.show, options.counter.as_ref()),
         Study::Stability => stability::study(&context),
+        Study::Paper => paper::study(&context),
+        Study::Design => design::study(&context),
     };
     context.finish();
     Ok(report?)

@@ -1,5 +1,6 @@
 //! What a study has to say: text with tables and plots, a flat list of figures, and checks with their bounds.
 
+mod html;
 mod write;
 
 use serde_json::{Map, Value};
@@ -50,6 +51,8 @@ pub struct Report {
     machine: Machine,
     body: String,
     plots: Vec<(String, String)>,
+    /// Other files, by name.
+    files: Vec<(String, String)>,
     figures: Vec<Figure>,
     checks: Vec<Check>,
     families: Vec<Family>,
@@ -64,6 +67,7 @@ impl Report {
             machine: Machine::here(),
             body: String::new(),
             plots: Vec::new(),
+            files: Vec::new(),
             figures: Vec::new(),
             checks: Vec::new(),
             families: Vec::new(),
@@ -112,6 +116,11 @@ impl Report {
     pub(crate) fn plot(&mut self, name: &str, caption: &str, svg: String) {
         self.body.push_str(&format!("![{caption}]({name}.svg)\n\n*{caption}*\n\n"));
         self.plots.push((name.to_owned(), svg));
+    }
+
+    /// Another file beside the report.
+    pub(crate) fn file(&mut self, name: &str, text: String) {
+        self.files.push((name.to_owned(), text));
     }
 
     /// What the ids of a family mean.

@@ -51,8 +51,10 @@ impl Report {
 
     /// Writes all files into `out`: first beside their places, then, when all are there, into them.
     pub(crate) fn write(&self, out: &Path) -> Result<(), (PathBuf, std::io::Error)> {
-        let mut files = vec![("report.md".to_owned(), self.markdown())];
+        let mut files =
+            vec![("report.md".to_owned(), self.markdown()), ("report.html".to_owned(), self.html())];
         files.extend(self.plots.iter().map(|(name, svg)| (format!("{name}.svg"), svg.clone())));
+        files.extend(self.files.iter().cloned());
         // Last, so that it is only there where all else is.
         files.push(("summary.json".to_owned(), format!("{:#}\n", self.summary())));
         std::fs::create_dir_all(out).map_err(|error| (out.to_owned(), error))?;

@@ -1,0 +1,184 @@
+//! What a line does to frames: in pieces, damaged, late, twice, out of order; several lines as one.
+
+use super::*;
+use crate::engine::Place;
+
+/// The prototype on one line that does what a test says.
+fn one_line() -> (Bench<Fake>, Fake) {
+    let fake = Fake::new(4);
+    let mut bench = Bench::new(&RigConfig::prototype(), vec![fake.clone()], &Line::single(0..4, 20));
+    bench.active();
+    (bench, fake)
+}
+
+#[test]
+fn a_frame_in_two_pieces_and_two_frames_in_one() {
+    let (mut bench, fake) = one_line();
+    let before = bench.tick().counters;
+    // The answer of one tick comes by halves with the next two reads.
+    let whole = fake.with(|far| std::mem::take(&mut far.answers)).concat();
+    let (first, rest) = whole.split_at(whole.len() / 2);
+    fake.with(|far| far.answers.push(first.to_vec()));
+    let torn = bench.tick();
+    assert!(!torn.state.fresh && torn.state.mode == Mode::Active);
+    let next = fake.with(|far| std::mem::take(&mut far.answers));
+    fake.with(|far| far.answers.extend([rest.to_vec(), next.concat()]));
+    let merged = bench.tick();
+    assert!(merged.state.fresh, "the newer of the two counts");
+    assert_eq!(merged.counters.corrupt_frames, before.corrupt_frames);
+    assert_eq!(merged.counters.missed, before.missed + 1);
+}
+
+#[test]
+fn short_frames_and_damaged_ones_are_counted_and_ride_through() {
+    let (mut bench, fake) = one_line();
+    for damage in [
+        (|frame: &mut Vec<u8>| frame[7] ^= 0x10) as fn(&mut Vec<u8>),
+        // Bytes lost in the middle, at the end with the delimiter kept, and all but the delimiter.
+        |frame| drop(frame.drain(4..9)),
+        |frame| drop(frame.drain(frame.len() - 4..frame.len() - 1)),
+        |frame| drop(frame.drain(1..frame.len() - 1)),
+        // A device that babbles.
+        |frame| *frame = b"login: \0".to_vec(),
+    ] {
+        let before = bench.ticks(100).counters.corrupt_frames;
+        fake.with(|far| far.answers.iter_mut().for_each(damage));
+        let hit = bench.tick();
+        assert_eq!((hit.counters.corrupt_frames, hit.state.fresh), (before + 1, false));
+        let after = bench.tick();
+        assert!(after.state.fresh && after.state.mode == Mode::Active);
+    }
+}
+
+#[test]
+fn half_of_all_frames_damaged_is_a_fault_of_its_own_name() {
+    let (mut bench, fake) = one_line();
+    let mut ticks = 0;
+    let state = loop {
+        if ticks % 2 == 0 {
+            fake.with(|far| far.answers.iter_mut().for_each(|frame| frame[5] ^= 1));
+        }
+        let state = bench.tick().state;
+        ticks += 1;
+        if state.mode == Mode::Fault {
+            break state;
+        }
+    };
+    assert_eq!(state.cause, Some(Cause::LinkCorrupt));
+    // Each costs 1 and one in 20 ticks is forgiven: 10 of them take 22 ticks.
+    assert!(ticks <= 23, "{ticks}");
+    assert!(!fake.with(|far| far.heard.last().expect("commands").enable), "zero torque in the same tick");
+}
+
+#[test]
+fn late_doubled_and_reordered_answers_do_no_harm() {
+    let (mut bench, fake) = one_line();
+    let q = bench.tick().state.q;
+    for round in 0..300 {
+        fake.with(|far| match round % 3 {
+            // Twice.
+            0 => far.answers.extend(far.answers.clone()),
+            // Lost, and then a tick late, behind the one that came after it.
+            1 => far.answers.clear(),
+            _ => far.answers.push(answer(bench.tick as u32 - 2, ControllerFlags::empty(), 4)),
+        });
+        let state = bench.tick().state;
+        assert_eq!((state.mode, state.q), (Mode::Active, q), "round {round}");
+    }
+    let state = bench.ticks(3);
+    // In the wrong order within a tick: the newer one counts.
+    let tick = bench.tick as u32;
+    fake.with(|far| {
+        far.answers = vec![
+            answer(tick - 1, ControllerFlags::empty(), 4),
+            answer(tick - 2, ControllerFlags::empty(), 4),
+        ];
+    });
+    assert!(state.state.fresh && bench.tick().state.fresh);
+    assert!(bench.tick().state.fresh, "and the next is newer still");
+}
+
+#[test]
+fn answers_to_commands_never_sent_and_from_other_controllers_are_counted() {
+    let (mut bench, fake) = one_line();
+    let before = bench.tick().counters.foreign_frames;
+    let tick = bench.tick as u32;
+    fake.with(|far| {
+        far.answers.push(answer(tick + 1000, ControllerFlags::empty(), 4));
+        far.answers.push(answer(tick - 1, ControllerFlags::empty(), 3));
+    });
+    let hit = bench.tick();
+    assert_eq!(hit.counters.foreign_frames, before + 2);
+    // What they said was not taken: the next answer is not old beside a sequence of the future.
+    assert!(bench.tick().state.fresh);
+}
+
+#[test]
+fn a_line_that_was_gone_is_a_fault_even_where_its_controllers_do_not_complain() {
+    for rebooted in [false, true] {
+        let (mut bench, fake) = one_line();
+        assert!(bench.tick().state.fresh);
+        fake.with(|far| far.renewed = Some(Renewed { rebooted }));
+        let state = bench.tick().state;
+        let cause = if rebooted { Cause::ControllerFault } else { Cause::LinkLost };
+        assert_eq!((state.mode, state.cause), (Mode::Fault, Some(cause)));
+        assert!(!fake.with(|far| far.heard.last().expect("a command").enable));
+        bench.order(Order::Reset);
+        let back = if rebooted { Mode::Unreferenced } else { Mode::Idle };
+        assert_eq!(bench.tick().state.mode, back);
+    }
+}
+
+/// The prototype with wheel A on one line and wheel B on another, in the opposite order.
+fn two_lines() -> (Bench<Fake>, [Fake; 2]) {
+    let fakes = [Fake::new(2), Fake::new(2)];
+    let place = |port, at| Place { port, at };
+    let places = vec![place(0, 0), place(0, 1), place(1, 1), place(1, 0)];
+    let line = Line { places, ..Line::single([], 20) };
+    let mut bench = Bench::new(&RigConfig::prototype(), fakes.to_vec(), &line);
+    bench.active();
+    (bench, fakes)
+}
+
+#[test]
+fn several_lines_are_one_rig() {
+    let (mut bench, fakes) = two_lines();
+    let torque = hbot_core::Vec3::new(0.05, 0.02, 0.01);
+    bench.order(Order::Stream { torque, valid_ticks: 100, stamp: Default::default() });
+    let state = bench.ticks(5).state;
+    let heard = |port: usize| fakes[port].with(|far| far.heard.last().expect("a command").clone());
+    let (a, b) = (heard(0), heard(1));
+    assert!(a.enable && b.enable && a.sequence == b.sequence);
+    let sent = [a.torque[0], a.torque[1], b.torque[1], b.torque[0]];
+    assert_eq!(sent, std::array::from_fn(|j| state.joint_torque[j] as f32));
+    assert!(sent.iter().all(|t| *t != 0.0), "{sent:?}");
+    // Counts 0 and 1 of each line, in the order of the rig; drive joints have a gear of 17.
+    let count = std::f64::consts::TAU / 16384.0;
+    let angles: [f64; 4] = std::array::from_fn(|j| state.angle[j]);
+    for (angle, expected) in angles.into_iter().zip([0.0, count / 17.0, count, 0.0]) {
+        assert!((angle - expected).abs() < 1e-12, "{angles:?}");
+    }
+}
+
+#[test]
+fn a_line_that_falls_silent_stops_all_of_them() {
+    let (mut bench, fakes) = two_lines();
+    fakes[1].with(|far| far.silent = true);
+    let timeout = RigConfig::prototype().link.timeout_ticks;
+    // One answer is on its way.
+    assert_eq!(bench.ticks(timeout + 1).state.mode, Mode::Active);
+    assert_eq!(bench.tick().state.cause, Some(Cause::LinkLost));
+    for fake in &fakes {
+        assert!(!fake.with(|far| far.heard.last().expect("a command").enable));
+    }
+}
+
+#[test]
+fn a_complaint_on_one_line_is_heard_while_another_is_silent() {
+    let (mut bench, fakes) = two_lines();
+    fakes[1].with(|far| far.silent = true);
+    bench.ticks(3);
+    fakes[0].with(|far| far.flags = ControllerFlags::FAULT);
+    bench.tick();
+    assert_eq!(bench.tick().state.cause, Some(Cause::ControllerFault));
+}

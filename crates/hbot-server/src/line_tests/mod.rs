@@ -1,0 +1,129 @@
+//! What a serial line does to the engine: frames in pieces, damaged, late, twice, out of order; several lines; lines that
+//! vanish and come back.
+
+mod frames;
+mod ports;
+
+use std::sync::{Arc, Mutex};
+
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::Controller;
+use hbot_core::inputs::Command as Order;
+use hbot_core::mode::{Cause, Mode};
+use hbot_link::{
+    Command, ControllerFlags, Decoder, Feedback, FromController, JointReading, MAX_FEEDBACK_FRAME,
+    ToController, encode,
+};
+
+use crate::bridge::{ServiceEnd, bridge};
+use crate::engine::{Engine, Line, Moment};
+use crate::sample::Sample;
+use crate::wire::{Renewed, Wire};
+
+/// Controllers that answer every command with counts that stand still, and what the line does to their answers.
+#[derive(Default)]
+struct Far {
+    joints: usize,
+    decoder: Decoder<ToController>,
+    heard: Vec<Command>,
+    flags: ControllerFlags,
+    silent: bool,
+    renewed: Option<Renewed>,
+    /// Frames that have not been read yet.
+    answers: Vec<Vec<u8>>,
+}
+
+#[derive(Clone)]
+struct Fake(Arc<Mutex<Far>>);
+
+impl Fake {
+    fn new(joints: usize) -> Self {
+        Self(Arc::new(Mutex::new(Far { joints, ..Far::default() })))
+    }
+
+    fn with<T>(&self, what: impl FnOnce(&mut Far) -> T) -> T {
+        what(&mut self.0.lock().expect("no test has panicked"))
+    }
+}
+
+fn framed(feedback: Feedback) -> Vec<u8> {
+    let mut frame = [0; MAX_FEEDBACK_FRAME];
+    let n = encode(&FromController::Feedback(feedback), &mut frame).expect("it fits");
+    frame[..n].to_vec()
+}
+
+fn answer(sequence: u32, flags: ControllerFlags, joints: usize) -> Vec<u8> {
+    let reading = |j: usize| JointReading { count: j as i32, ..JointReading::default() };
+    framed(Feedback { sequence, flags, joints: (0..joints).map(reading).collect() })
+}
+
+impl Wire for Fake {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.with(|far| {
+            let bytes: Vec<u8> = far.answers.drain(..).flatten().collect();
+            buffer[..bytes.len()].copy_from_slice(&bytes);
+            Ok(bytes.len())
+        })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.with(|far| {
+            let Far { joints, decoder, heard, flags, silent, answers, .. } = far;
+            decoder.feed(bytes, |message| {
+                if let Ok(ToController::Command(command)) = message {
+                    if !*silent {
+                        answers.push(answer(command.sequence, *flags, *joints));
+                    }
+                    heard.push(command);
+                }
+            });
+        });
+        Ok(bytes.len())
+    }
+
+    fn renewed(&mut self) -> Option<Renewed> {
+        self.with(|far| far.renewed.take())
+    }
+}
+
+struct Bench<W> {
+    _runtime: tokio::runtime::Runtime,
+    engine: Engine<W>,
+    end: ServiceEnd,
+    tick: u64,
+}
+
+impl<W: Wire> Bench<W> {
+    fn new(rig: &RigConfig, wires: Vec<W>, line: &Line) -> Self {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+        let entered = runtime.enter();
+        let (inner, end) = bridge().expect("a bridge");
+        drop(entered);
+        let scene = Box::new(RunningScene::new().load(SceneFile::default_scene()));
+        let engine = Engine::new(wires, line, Controller::new(rig.rig), scene, inner, None);
+        Self { _runtime: runtime, engine, end, tick: 0 }
+    }
+
+    fn tick(&mut self) -> Sample {
+        let moment = Moment { tick: self.tick, t_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        self.engine.tick(&moment);
+        self.tick += 1;
+        self.end.try_sample().expect("a sample a tick")
+    }
+
+    fn ticks(&mut self, n: u32) -> Sample {
+        (1..n).for_each(|_| _ = self.tick());
+        self.tick()
+    }
+
+    fn order(&mut self, command: Order) -> Sample {
+        self.end.order(command).expect("a place");
+        self.tick()
+    }
+
+    fn active(&mut self) {
+        self.ticks(5);
+        self.order(Order::Enable);
+        assert_eq!(self.ticks(600).state.mode, Mode::Active);
+    }
+}
