@@ -37,6 +37,26 @@ fn a_reference_moves_at_most_at_its_rate_and_arrives() {
 }
 
 #[test]
+fn the_state_says_where_the_reference_is() {
+    let mut bench = Bench::active(rig(), scene(1.0, 0.0));
+    let goal = Vec3::new(0.6, -0.8, 0.0);
+    bench.command(reference(rotation::exp(goal), Vec3::ZERO, 1));
+    for k in 2..=205 {
+        let state = bench.step().state;
+        // The sphere is held at the identity: 1 N m/rad times the way to the reference of this tick.
+        let way = rotation::log(state.reference.expect("the spring has one"));
+        assert!((state.torque - way).length() < 1e-12, "tick {k}: {way} for {}", state.torque);
+    }
+    // Anchored where the sphere is, and gone with the effect that had it.
+    let here = CompiledScene::new(2, &[effect(3, 10, spring(1.0, 0.0, rotation::exp(goal), Anchor::Here))]);
+    bench.scene = here.unwrap();
+    let state = bench.step().state;
+    assert_eq!(state.reference, Some(rotation::exp(goal) * state.q));
+    bench.scene = CompiledScene::new(3, &[]).unwrap();
+    assert_eq!(bench.step().state.reference, None);
+}
+
+#[test]
 fn a_references_rate_expires_and_its_place_stays() {
     let mut bench = Bench::active(rig(), scene(1.0, 0.1));
     let (turn, omega) = (Vec3::X * 0.004, Vec3::Y);

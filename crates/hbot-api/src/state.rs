@@ -23,6 +23,10 @@ pub struct StateEvent {
     /// Angular velocity of the sphere in N, rad/s.
     #[serde(serialize_with = "finite::array")]
     pub omega: [f64; 3],
+    /// Where the first effect of the scene that has a reference is to bring the sphere, `[w, x, y, z]`, unit norm: its
+    /// reference as it stands in this tick, anchored, and moved by a client. `None` where no effect has one.
+    #[serde(default, serialize_with = "finite::optional_array")]
+    pub reference: Option<[f64; 4]>,
     /// Torque on the sphere in N, as applied after all limits, N m.
     #[serde(serialize_with = "finite::array")]
     pub torque: [f64; 3],

@@ -77,6 +77,9 @@ pub struct State {
     pub q: Quat,
     /// Angular velocity in N, rad/s.
     pub omega: Vec3,
+    /// Where the first effect of the scene that has a reference is to bring the sphere: its reference as it stands in this
+    /// tick, anchored and moved, sphere axes to N. `None` where no effect has one.
+    pub reference: Option<Quat>,
     /// The torque that this tick asks of the motors, on the sphere, in N, N m. It belongs to this `q`.
     pub torque: Vec3,
     /// How many joints there are.

@@ -112,6 +112,15 @@ impl Renderer {
         true
     }
 
+    /// Where the first effect that has a reference, and is not on its way out, has it now, sphere axes to N.
+    #[inline]
+    #[must_use]
+    pub fn reference(&self, scene: &CompiledScene) -> Option<Quat> {
+        let has = |effect: &&Effect| !effect.leaving && effect.kind.reference().is_some();
+        let effect = scene.effects().iter().find(has)?;
+        Some(self.states[usize::from(effect.slot)].reference.q)
+    }
+
     /// The scene's torque on the sphere in N, N m. `dt` is the time since the last tick, s; references move by at most
     /// `reach` rad.
     #[inline]

@@ -88,10 +88,11 @@ fn a_later_server_may_say_more() {
 #[test]
 fn nothing_that_is_not_finite_is_ever_sent() {
     type Spoil = fn(&mut StateEvent, f64);
-    let spoils: [Spoil; 15] = [
+    let spoils: [Spoil; 16] = [
         |s, x| s.t = x,
         |s, x| s.q[3] = x,
         |s, x| s.omega[1] = x,
+        |s, x| s.reference = Some([1.0, x, 0.0, 0.0]),
         |s, x| s.torque[2] = x,
         |s, x| s.joints[1].angle = x,
         |s, x| s.joints[1].rate = x,

@@ -127,11 +127,11 @@ proptest! {
         numbers in vec(number(), 12), joints in vec(prop::array::uniform3(number()), 0..9),
         tick in any::<u64>(), mode in prop::sample::select(&Mode::ALL[..]),
         fault in prop::option::of(prop::sample::select(&Fault::ALL[..])), q in quaternion(),
-        client in any::<Option<(Option<u64>, u64)>>(),
+        reference in prop::option::of(quaternion()), client in any::<Option<(Option<u64>, u64)>>(),
     ) {
         let n = |i: usize| numbers[i];
         let event = Event::State(StateEvent {
-            tick, t: n(0), mode, fault, q, omega: [n(1), n(2), n(3)], torque: [n(4), n(5), n(6)],
+            tick, t: n(0), mode, fault, q, reference, omega: [n(1), n(2), n(3)], torque: [n(4), n(5), n(6)],
             joints: joints.iter().map(|&[angle, rate, torque]| JointState { angle, rate, torque }).collect(),
             slip: n(7), scale: n(8), traction: n(9), energy: n(10),
             client: client.map(|(seq, age_ticks)| ClientStream { seq, age_ticks }),

@@ -98,6 +98,7 @@ pub(super) fn state() -> StateEvent {
         fault: None,
         q: [0.5, -0.5, 0.5, -0.5],
         omega: [0.1, 0.0, -2.5],
+        reference: Some([0.5, 0.5, -0.5, -0.5]),
         torque: [0.0, 1.5, -0.001],
         joints: vec![joint, JointState::default(), joint, JointState { angle: 1e-7, ..joint }],
         slip: 0.0,

@@ -146,7 +146,7 @@ impl Controller {
         self.machine.ramp(dt);
 
         let torque = self.wanted(scene, inputs.tick, dt, changed);
-        self.send(inputs.tick, torque, replies, matches!(measured, Ok(true)))
+        self.send(scene, inputs.tick, torque, replies, matches!(measured, Ok(true)))
     }
 
     /// Takes the feedback, if there is news: whether there was, or what is wrong with it.
@@ -276,6 +276,7 @@ impl Controller {
     #[inline]
     fn send(
         &mut self,
+        scene: &CompiledScene,
         tick: u64,
         wanted: Vec3,
         replies: [Option<Reply>; crate::inputs::MAX_COMMANDS],
@@ -326,6 +327,7 @@ impl Controller {
             cause: self.machine.cause,
             q: self.orientation.q,
             omega: self.joints.omega,
+            reference: self.renderer.reference(scene),
             torque,
             joints: n,
             angle: self.joints.angle,

@@ -22,11 +22,12 @@ pub(crate) struct Fit {
     pub(crate) range: [f64; 2],
 }
 
-/// Least squares about each axis of `zero`; `None` where the samples do not say. Samples that a limit has cut, and those of
+/// Least squares about each axis of the zero that was `chosen`, or of each sample's own; `None` where the samples do not say. Samples that a limit has cut, and those of
 /// a rig that is not active, are left out.
-pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, zero: DQuat) -> [Option<Fit>; 3] {
+pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<DQuat>) -> [Option<Fit>; 3] {
     let mut axes = [Axis::default(); 3];
     for sample in samples.filter(|sample| sample.active && sample.scale > 0.999) {
+        let zero = sample.zero(chosen);
         let deflection = sample.deflection(zero);
         let omega = zero.conjugate() * sample.omega;
         let torque = zero.conjugate() * sample.torque;
@@ -106,7 +107,7 @@ mod tests {
     fn stiffness_and_damping_are_found_again() {
         let zero = DQuat::from_rotation_y(0.7);
         let samples: Vec<_> = (0..1000).map(|k| moving(k, zero, DVec3::new(4.0, 2.0, 1.0), 0.05)).collect();
-        let [a, b, c] = fit(samples.iter(), zero);
+        let [a, b, c] = fit(samples.iter(), Some(zero));
         let (a, b) = (a.expect("moved"), b.expect("moved"));
         // A line through points on a line: rounding alone, magnified by the condition of the sums.
         assert!((a.stiffness - 4.0).abs() < 1e-9 && (a.damping - 0.05).abs() < 1e-9, "{a:?}");
@@ -122,7 +123,7 @@ mod tests {
             sample.torque *= 0.5;
             sample.scale = 0.5;
         }
-        let [a, ..] = fit(samples.iter(), DQuat::IDENTITY);
+        let [a, ..] = fit(samples.iter(), None);
         assert!((a.expect("moved").stiffness - 1.0).abs() < 1e-9);
     }
 }

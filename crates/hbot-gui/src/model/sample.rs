@@ -13,6 +13,8 @@ pub(crate) struct Sample {
     pub(crate) t: f64,
     /// Sphere axes into N.
     pub(crate) q: DQuat,
+    /// Where the scene is to bring the sphere.
+    pub(crate) reference: Option<DQuat>,
     /// In N, rad/s.
     pub(crate) omega: DVec3,
     /// On the sphere in N, N m.
@@ -35,6 +37,7 @@ impl Sample {
             tick: state.tick,
             t: state.t,
             q: quaternion(state.q),
+            reference: state.reference.map(quaternion),
             omega: state.omega.into(),
             torque: state.torque.into(),
             scale: state.scale,
@@ -43,6 +46,11 @@ impl Sample {
             lateness_us: state.timing.lateness_us,
             active: state.mode == hbot_api::Mode::Active,
         }
+    }
+
+    /// Where deflections are measured from: what was `chosen`, else where the scene is to bring the sphere, else N's axes.
+    pub(crate) fn zero(&self, chosen: Option<DQuat>) -> DQuat {
+        chosen.or(self.reference).unwrap_or(DQuat::IDENTITY)
     }
 
     /// The least rotation from `zero` to the orientation, as a vector in the axes of `zero`, rad.
@@ -69,6 +77,7 @@ pub(crate) fn blank() -> StateEvent {
         fault: None,
         q: [1.0, 0.0, 0.0, 0.0],
         omega: [0.0; 3],
+        reference: None,
         torque: [0.0; 3],
         joints: Vec::new(),
         slip: 0.0,

@@ -2,12 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use glam::DQuat;
 use hbot_api::EffectCost;
 use serde_json::{Map, Value};
 
 use super::info::Info;
-use super::sample::quaternion;
 
 /// A parameter: the effect's id and its name.
 type Place = (String, String);
@@ -131,19 +129,6 @@ impl Scene {
             kind.is_some_and(|kind| kind.schema["properties"].get("stiffness").is_some())
         })
     }
-
-    /// Where the first effect with a fixed reference pulls to; `None` where no effect has one, or where it hangs on an
-    /// orientation that the server alone knows (`anchor = "here"`).
-    pub(crate) fn reference(&self) -> Option<DQuat> {
-        self.effects.iter().find_map(|effect| {
-            if self.value(effect, "anchor").and_then(Value::as_str) == Some("here") {
-                return None;
-            }
-            let q: [f64; 4] = serde_json::from_value(self.value(effect, "reference")?.clone()).ok()?;
-            let q = quaternion(q);
-            (q.length() > 1e-6).then(|| q.normalize())
-        })
-    }
 }
 
 impl Effect {
@@ -166,7 +151,7 @@ mod tests {
     fn scene() -> Scene {
         let mut scene = Scene::default();
         scene.take(&json!({"name": "S", "effect": [
-            {"id": "a", "kind": "spring", "stiffness": 1.0, "reference": [2, 0, 0, 0], "anchor": "absolute"}]}));
+            {"id": "a", "kind": "spring", "stiffness": 1.0}]}));
         scene
     }
 
@@ -187,14 +172,6 @@ mod tests {
         assert_eq!(stiffness(&scene), 4.0, "a later wish is not undone by the answer to an earlier one");
         scene.answered("a", "stiffness", &json!(4.0), true);
         assert_eq!(stiffness(&scene), 4.0);
-    }
-
-    #[test]
-    fn the_reference_has_unit_length_and_is_not_guessed() {
-        let mut scene = scene();
-        assert_eq!(scene.reference(), Some(DQuat::IDENTITY));
-        scene.ask("a", "anchor", &json!("here"));
-        assert_eq!(scene.reference(), None);
     }
 
     #[test]

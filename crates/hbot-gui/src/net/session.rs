@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use hbot_api::{Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, LeaseEvent};
-use serde_json::Map;
+use serde_json::{Map, Value};
 
 use super::mailbox::{Mailbox, Outgoing};
 use super::{ANSWER_TIMEOUT, Intent, Lease, News, Options};
@@ -210,6 +210,14 @@ impl<'a> Session<'a> {
         result
     }
 
+    fn lease_of(&self, holder: Option<String>, session: Option<u64>) -> Lease {
+        match (holder, session) {
+            (_, Some(session)) if session == self.client.hello().session => Lease::Mine,
+            (Some(holder), _) => Lease::Other(holder),
+            (None, _) => Lease::Free,
+        }
+    }
+
     fn tell_lease(&mut self, lease: Lease) {
         self.lease = lease.clone();
         self.mailbox.post(News::Lease { lease, cause: None });
@@ -227,7 +235,17 @@ impl<'a> Session<'a> {
             let info = self.client.info();
             self.info_due = Instant::now() + INFO_EVERY;
             match info {
-                Ok(info) => self.mailbox.post(News::Info(Box::new(info))),
+                Ok(info) => {
+                    // Who commands is told when it changes; one that only watches has not been told yet.
+                    if self.lease == Lease::Unknown
+                        && let Some(lease) = info["lease"].as_object()
+                    {
+                        let holder = lease.get("holder").and_then(Value::as_str).map(str::to_owned);
+                        let session = lease.get("session").and_then(Value::as_u64);
+                        self.tell_lease(self.lease_of(holder, session));
+                    }
+                    self.mailbox.post(News::Info(Box::new(info)));
+                }
                 Err(error) => survivable(error)?,
             }
         }
@@ -251,11 +269,7 @@ impl<'a> Session<'a> {
                 self.mailbox.post(News::Scene(scene));
             }
             Event::Lease(LeaseEvent { holder, session, cause }) => {
-                self.lease = match (holder, session) {
-                    (_, Some(session)) if session == self.client.hello().session => Lease::Mine,
-                    (Some(holder), _) => Lease::Other(holder),
-                    (None, _) => Lease::Free,
-                };
+                self.lease = self.lease_of(holder, session);
                 self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });
             }
             Event::Dropped(dropped) => self.mailbox.post(News::Dropped(dropped)),

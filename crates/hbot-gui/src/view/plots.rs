@@ -61,17 +61,12 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
             });
         }
         Which::Angle => {
-            let zero = zero(model, plots);
-            let values = move |sample: &Sample| sample.deflection(zero).to_array();
+            let chosen = plots.zero;
+            let values = move |sample: &Sample| sample.deflection(sample.zero(chosen)).to_array();
             against_time(ui, palette, history, plots, "rotation vector, rad", None, values);
         }
-        Which::Stiffness => against_deflection(ui, palette, history, plots, zero(model, plots)),
+        Which::Stiffness => against_deflection(ui, palette, history, plots),
     }
-}
-
-/// Where deflections are measured from: what was set here, else the spring's reference, else N's axes.
-fn zero(model: &Model, plots: &PlotDesk) -> DQuat {
-    plots.zero.or_else(|| model.scene.reference()).unwrap_or(DQuat::IDENTITY)
 }
 
 fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act>) {
@@ -117,7 +112,7 @@ fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act
 }
 
 fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
-    let hint = "measures deflection from the orientation of this moment; for springs anchored `here`, or moved by a client";
+    let hint = "measures deflection from the orientation of this moment, wherever the scene's reference is";
     if plots.zero.is_none() {
         let newest = model.history.newest().map(|sample| sample.q);
         if ui.add_enabled(newest.is_some(), egui::Button::new("Zero here")).on_hover_text(hint).clicked() {
@@ -125,7 +120,7 @@ fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
         }
     } else if ui
         .button("Zero at reference")
-        .on_hover_text("measures from the spring's reference again")
+        .on_hover_text("measures from the scene's reference again")
         .clicked()
     {
         plots.zero = None;
@@ -212,14 +207,17 @@ fn against_time(
         .widget_info(|| WidgetInfo::labeled(Role::Image, true, format!("Plot of {y} over {points} samples")));
 }
 
-fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &PlotDesk, zero: DQuat) {
+fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &PlotDesk) {
     let samples = history.last(plots.window);
-    let fits = fit(samples.clone(), zero);
+    let fits = fit(samples.clone(), plots.zero);
     let clouds: [Vec<[f64; 2]>; 3] = std::array::from_fn(|k| {
-        let turned = zero.conjugate();
+        let point = |sample: &Sample| {
+            let zero = sample.zero(plots.zero);
+            [sample.deflection(zero)[k], (zero.conjugate() * sample.torque)[k]]
+        };
         let step = samples.len().div_ceil(CLOUD).max(1);
         let active = samples.clone().step_by(step).filter(|sample| sample.active);
-        active.map(|s| [s.deflection(zero)[k], (turned * s.torque)[k]]).collect()
+        active.map(point).collect()
     });
     ui.horizontal_wrapped(|ui| {
         if fits.iter().all(Option::is_none) {

@@ -46,8 +46,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let palette = Palette::of(ui);
     let draw = Drawing { painter, view: desk.camera.onto(middle, radius), palette };
     draw.sphere(q);
-    if let Some(reference) = model.scene.reference() {
-        draw.ghost(reference);
+    if let Some(reference) = state.and_then(|state| state.reference) {
+        draw.ghost(quaternion(reference));
     }
     draw.axes(q);
     if let Some(state) = state {
@@ -60,7 +60,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         draw.torque(state.torque.into(), model.info.limits.torque);
     }
     draw.corner(rect, desk);
-    readouts(&draw.painter, rect, state, model, palette);
+    readouts(&draw.painter, rect, state, palette);
     if rect.width() > 500.0 {
         let at = rect.right_bottom() - vec2(8.0, 6.0);
         let hint = "drag to turn the view, double click to turn it back";
@@ -80,16 +80,13 @@ fn describe(state: Option<&StateEvent>) -> String {
     let Some(state) = state else { return "Sphere: no state yet".to_owned() };
     let [w, x, y, z] = state.q;
     let torque = DVec3::from(state.torque).length();
-    format!("Sphere: orientation {w:.3} {x:.3} {y:.3} {z:.3}, torque {torque:.3} N m")
+    let away = state.reference.map_or(String::new(), |reference| {
+        format!(", {:.3} rad from its reference", quaternion(reference).angle_between(quaternion(state.q)))
+    });
+    format!("Sphere: orientation {w:.3} {x:.3} {y:.3} {z:.3}, torque {torque:.3} N m{away}")
 }
 
-fn readouts(
-    painter: &Painter,
-    rect: egui::Rect,
-    state: Option<&StateEvent>,
-    model: &Model,
-    palette: Palette,
-) {
+fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, palette: Palette) {
     let Some(state) = state else { return };
     let q = quaternion(state.q);
     let turn = (if q.w < 0.0 { -q } else { q }).to_scaled_axis();
@@ -105,9 +102,9 @@ fn readouts(
         painter.text(at, Align2::LEFT_BOTTOM, line, font.clone(), palette.weak);
     }
     let mut legend = vec![(palette.torque, format!("torque {:.3} N m", torque.length()))];
-    legend.push(match model.scene.reference() {
+    legend.push(match state.reference {
         Some(_) => (palette.ghost, "reference, dashed".to_owned()),
-        None => (palette.weak, "no fixed reference".to_owned()),
+        None => (palette.weak, "no reference".to_owned()),
     });
     for (k, (color, text)) in legend.into_iter().enumerate() {
         let at = pos2(rect.left() + 8.0, rect.top() + 6.0 + 16.0 * k as f32);

@@ -100,8 +100,17 @@ fn who_only_watches_takes_nothing() {
     let options = Options { observe: true, samples_per_s: 2, ..Options::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
-    seat.until_text("watching");
+    seat.until_text("nobody commands");
     bench.client("the experiment").acquire(false).expect("nobody has taken it");
+}
+
+#[test]
+fn who_only_watches_knows_who_commanded_before() {
+    let bench = Bench::start(&Setup::default());
+    let mut other = bench.client("the experiment");
+    other.acquire(false).expect("free");
+    let mut seat = Seat::with(Options { observe: true, ..Options::new(&bench.address.to_string()) });
+    seat.until_text("observer: the experiment commands");
 }
 
 #[test]

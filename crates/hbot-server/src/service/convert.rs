@@ -68,6 +68,7 @@ pub(super) fn blank() -> StateEvent {
         fault: None,
         q: [1.0, 0.0, 0.0, 0.0],
         omega: [0.0; 3],
+        reference: None,
         torque: [0.0; 3],
         joints: Vec::new(),
         slip: 0.0,
@@ -88,6 +89,7 @@ pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
     event.fault = state.cause.map(fault);
     event.q = [state.q.w, state.q.x, state.q.y, state.q.z];
     event.omega = state.omega.to_array();
+    event.reference = state.reference.map(|q| [q.w, q.x, q.y, q.z]);
     event.torque = state.torque.to_array();
     event.joints.resize(state.joints, JointState::default());
     for (i, joint) in event.joints.iter_mut().enumerate() {

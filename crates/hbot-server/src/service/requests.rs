@@ -7,6 +7,7 @@ use hbot_api::{
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde::Serialize;
+use serde_json::json;
 use subtle::ConstantTimeEq as _;
 use tokio::time::Instant;
 
@@ -122,7 +123,8 @@ impl Hub {
         match op {
             Op::Hello(_) => {}
             Op::Info => {
-                let answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref());
+                let mut answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref());
+                answer["lease"] = json!({"holder": self.holder_name(), "session": self.holder});
                 self.respond(session, &Response { id, result: Ok(answer) });
             }
             Op::Stats => self.respond(session, &Response { id, result: Ok(self.stats.summary().to_json()) }),

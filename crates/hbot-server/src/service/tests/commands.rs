@@ -311,6 +311,10 @@ fn info_and_stats_have_their_shape() {
     assert!((render("stiffness_most") - 0.25e6 * render("inertia")).abs() < 1e-9, "{info}");
     assert!(info["effects"].as_array().unwrap().iter().any(|kind| kind["name"] == "spring"));
     assert_eq!(info["scene"]["name"], "Spring");
+    assert_eq!(info["lease"], json!({"holder": null, "session": null}));
+    client.acquire(false).unwrap();
+    let session = client.hello().session;
+    assert_eq!(bench.client("d").info().unwrap()["lease"], json!({"holder": "c", "session": session}));
     let stats = client.stats().unwrap();
     assert!(stats["ticks"].as_u64().unwrap() > 0);
     assert_eq!(stats["compute_us"]["count"], stats["ticks"]);
