@@ -16,10 +16,10 @@ const TICKS: u64 = 100_000;
 
 /// The hash of all outputs, for every machine and every profile. It changes when what the core computes does; the test
 /// then prints the new one. Two builds that differ in it do not compute the same.
-const GOLDEN: u64 = 0x9451_3CF6_1AAD_8978;
+const GOLDEN: u64 = 0x660E_48BA_E43D_C9B9;
 
 /// The same of the stages that a rig has only where it asks for them.
-const GOLDEN_STAGES: u64 = 0x19C7_6DC7_3109_D29D;
+const GOLDEN_STAGES: u64 = 0x1735_AAD2_96AF_7A13;
 
 /// FNV-1a, over words (Fowler, Noll and Vo).
 struct Hash(u64);
@@ -55,6 +55,7 @@ impl Hash {
         self.word(s.cause.map_or(99, |cause| cause as u64));
         self.reals(&s.q.to_array());
         self.reals(&s.omega.to_array());
+        self.reals(&s.reference.map_or([0.0; 4], |q| q.to_array()));
         self.reals(&s.torque.to_array());
         self.reals(&s.angle);
         self.reals(&s.rate);

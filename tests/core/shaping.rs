@@ -276,6 +276,12 @@ fn a_torque_beyond_the_rig_keeps_its_direction() {
         assert!(state.torque.length() > 0.9, "{size:e} N m gives {}", state.torque);
         assert!(state.torque.length() < 2.0 + ROUNDING);
         assert!((state.torque.normalize() - direction).length() < 1e-9, "{size:e}");
+        // What was sent over what was wanted.
+        assert!(
+            (state.scale * (size / state.torque.length()) - 1.0).abs() < 1e-9,
+            "{size:e}: {}",
+            state.scale
+        );
     }
 }
 

@@ -92,7 +92,7 @@ pub struct State {
     pub joint_torque: [Real; MAX_JOINTS],
     /// The largest slip of a wheel, m/s.
     pub slip: Real,
-    /// What saturation left of the torque, 0 to 1.
+    /// What the limits of torque, motors and traction left of the torque wanted, 0 to 1.
     pub scale: Real,
     /// The motors cannot make a part of the torque that was wanted, whatever its size.
     pub deficient: bool,

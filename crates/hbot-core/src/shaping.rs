@@ -92,15 +92,24 @@ impl Stream {
 /// `v` shortened to `limit` where it is longer.
 #[inline]
 pub(crate) fn limited(v: Vec3, limit: Real) -> Vec3 {
+    shortened(v, limit).0
+}
+
+/// `v` shortened to `limit` where it is longer, and what is left of it, 0 to 1.
+#[inline]
+pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
     let length2 = v.length_squared();
     if !(length2 > limit * limit) {
-        v
+        (v, 1.0)
     } else if length2 < Real::INFINITY {
-        v * (limit / sqrt(length2))
+        let share = limit / sqrt(length2);
+        (v * share, share)
     } else {
         // Too long to square. What is not finite stays so.
-        let unit = v / v.abs().max_element();
-        unit * (limit / sqrt(unit.length_squared()))
+        let size = v.abs().max_element();
+        let unit = v / size;
+        let share = limit / sqrt(unit.length_squared());
+        (unit * share, share / size)
     }
 }
 

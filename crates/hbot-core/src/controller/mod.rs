@@ -21,7 +21,7 @@ use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::{AllocationMethod, Rig};
 use crate::scene::CompiledScene;
-use crate::shaping::{Blend, Stream, limited, slewed};
+use crate::shaping::{Blend, Stream, limited, shortened, slewed};
 
 /// A tick later than this is a fault, ns.
 pub const LATE_FAULT_NS: u64 = 20_000_000;
@@ -145,8 +145,8 @@ impl Controller {
         }
         self.machine.ramp(dt);
 
-        let torque = self.wanted(scene, inputs.tick, dt, changed);
-        self.send(scene, inputs.tick, torque, replies, matches!(measured, Ok(true)))
+        let (torque, share) = self.wanted(scene, inputs.tick, dt, changed);
+        self.send(scene, inputs.tick, torque, share, replies, matches!(measured, Ok(true)))
     }
 
     /// Takes the feedback, if there is news: whether there was, or what is wrong with it.
@@ -236,9 +236,10 @@ impl Controller {
         }
     }
 
-    /// The torque wanted on the sphere in N: the scene and the stream, blended, faded and limited.
+    /// The torque wanted on the sphere in N: the scene and the stream, blended, faded and limited; and the share of it that
+    /// the limit of torque left, 0 to 1.
     #[inline]
-    fn wanted(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Vec3 {
+    fn wanted(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> (Vec3, Real) {
         let gain = self.machine.gain;
         let changed = core::mem::take(&mut self.anchored) || changed;
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
@@ -250,17 +251,18 @@ impl Controller {
             }
             // A stream goes on expiring.
             let _ = self.stream.torque(tick, dt);
-            return Vec3::ZERO;
+            return (Vec3::ZERO, 1.0);
         }
         let limits = self.rig.limits;
         let before = changed.then(|| self.renderer.clone().torque(scene, &last_motion, tick, 0.0, 0.0));
         let rendered = self.renderer.torque(scene, &motion, tick, dt, limits.reference_rate * dt);
-        let mut wanted = (self.blend.apply(rendered, before, dt) + self.stream.torque(tick, dt)) * gain;
+        let wanted = (self.blend.apply(rendered, before, dt) + self.stream.torque(tick, dt)) * gain;
+        let (mut wanted, share) = shortened(wanted, limits.torque);
         if self.guard.is_some() {
-            // Limited first: what is not going to be sent gives out nothing.
-            wanted = self.guarded(tick, limited(wanted, limits.torque));
+            // Limited before: what is not going to be sent gives out nothing.
+            wanted = limited(self.guarded(tick, wanted), limits.torque);
         }
-        slewed(self.torque, limited(wanted, limits.torque), limits.torque_rate * dt)
+        (slewed(self.torque, wanted, limits.torque_rate * dt), share)
     }
 
     /// The torque `wanted` with what the passivity controller adds. Apart, so that it costs nothing where there is none.
@@ -272,13 +274,14 @@ impl Controller {
         guard.damped(&self.observer, now, wanted, self.joints.omega)
     }
 
-    /// Allocates the torque to the joints and makes the tick's outputs; a number that is not finite ends in a fault.
+    /// Allocates the torque, a `share` of what was wanted, to the joints and makes the tick's outputs; a number that is not finite ends in a fault.
     #[inline]
     fn send(
         &mut self,
         scene: &CompiledScene,
         tick: u64,
         wanted: Vec3,
+        share: Real,
         replies: [Option<Reply>; crate::inputs::MAX_COMMANDS],
         fresh: bool,
     ) -> Outputs {
@@ -299,7 +302,7 @@ impl Controller {
                     allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force).min(1.0);
             }
             torque = self.joints.posture.torque_on_sphere(&allocation.torque[..n]);
-            scale = allocation.scale;
+            scale = allocation.scale * share;
             deficient = allocation.deficient;
             joint_torque = allocation.torque;
             if !(torque.is_finite() && joint_torque.iter().all(|t| t.is_finite())) {

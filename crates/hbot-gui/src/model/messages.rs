@@ -19,6 +19,8 @@ pub(crate) struct Message {
     pub(crate) weight: Weight,
     pub(crate) text: String,
     pub(crate) at: Instant,
+    /// It stands elsewhere in the window as well, and needs no place over it.
+    pub(crate) told: bool,
     /// Times that it came without another between.
     pub(crate) times: u32,
 }
@@ -31,6 +33,15 @@ pub(crate) struct Messages {
 
 impl Messages {
     pub(crate) fn add(&mut self, weight: Weight, text: String) {
+        self.keep(weight, text, false);
+    }
+
+    /// Into the list alone: the window tells it elsewhere.
+    pub(crate) fn add_told(&mut self, weight: Weight, text: String) {
+        self.keep(weight, text, true);
+    }
+
+    fn keep(&mut self, weight: Weight, text: String, told: bool) {
         if let Some(last) = self.list.back_mut()
             && last.text == text
         {
@@ -41,7 +52,7 @@ impl Messages {
         if self.list.len() == MAX_MESSAGES {
             self.list.pop_front();
         }
-        self.list.push_back(Message { weight, text, at: Instant::now(), times: 1 });
+        self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
     /// All, newest first.
@@ -53,6 +64,7 @@ impl Messages {
     pub(crate) fn fresh(&self) -> impl Iterator<Item = &Message> {
         self.newest_first().take_while(|message| message.at.elapsed() < Duration::from_secs(8)).filter(
             |message| match message.weight {
+                _ if message.told => false,
                 Weight::Good => message.at.elapsed() < Duration::from_secs(3),
                 Weight::Bad => true,
             },

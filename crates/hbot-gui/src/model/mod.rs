@@ -177,7 +177,8 @@ impl Model {
                 let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |fault| fault.to_string());
                 let weight = if stopped { Weight::Bad } else { Weight::Good };
-                self.messages.add(weight, format!("{name}: {}", fault.message));
+                // Below the mode, for as long as it lasts.
+                self.messages.add_told(weight, format!("{name}: {}", fault.message));
                 self.fault = stopped.then_some(fault);
             }
             News::Scene(scene) => {

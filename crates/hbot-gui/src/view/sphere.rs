@@ -173,8 +173,9 @@ impl Drawing {
             self.dashes(&circle, Stroke::new(1.2, color.gamma_multiply(0.8)));
         }
         for axis in DVec3::AXES.map(|axis| q * axis) {
-            self.dashes(&segment(axis, axis * 1.3), Stroke::new(1.5, color));
-            self.painter.circle_stroke(self.view.point(axis * 1.3), 4.0, Stroke::new(1.2, color));
+            // Short of the letters at the ends of the sphere's own axes.
+            self.dashes(&segment(axis, axis * 1.16), Stroke::new(1.5, color));
+            self.painter.circle_stroke(self.view.point(axis * 1.16), 4.0, Stroke::new(1.2, color));
         }
     }
 

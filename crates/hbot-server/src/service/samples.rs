@@ -154,7 +154,7 @@ impl Hub {
                 "a motor controller reports a fault, or has rebooted: see its own display".to_owned()
             }
             Cause::Overspeed => format!(
-                "the sphere turned at {:.2} rad/s; the limit is {} (limits.speed)",
+                "the sphere turned at {:.3} rad/s; the limit is {} (limits.speed)",
                 state.omega.length(),
                 rig.limits.speed
             ),
