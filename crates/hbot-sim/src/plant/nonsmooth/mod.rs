@@ -147,12 +147,11 @@ impl Nonsmooth {
 
     /// Slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s.
     pub(super) fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
-        let now = self.body.instant(state, 0.0);
+        let (now, speeds) = (self.body.instant(state, 0.0), self.body.speeds(state));
         core::array::from_fn(|i| {
             if i >= self.body.wheels() {
                 return [0.0; 2];
             }
-            let speeds = self.body.speeds(state);
             self.body.slip_rows(&now, i).map(|row| row.dot(&speeds))
         })
     }
