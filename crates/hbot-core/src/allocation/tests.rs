@@ -342,3 +342,5 @@ fn unlimited_torques_are_the_least_squares_ones() {
     assert_eq!(found.torque[..4], [0.125, 0.375, 0.25, -0.125]);
     assert_eq!(found.scale, 1.0);
 }
+
+mod many;
