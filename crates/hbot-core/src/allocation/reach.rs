@@ -135,7 +135,10 @@ impl Reach {
     pub(super) fn solve(&self, rank: usize, parts: [Real; 3], size: Real) -> ([Real; MAX_JOINTS], Real) {
         let (problem, direction) = self.within(rank, parts);
         let (mut x, scale) = self.search(&problem, direction, size);
-        dual::polish(&problem, direction * Real::min(scale * (size / self.unit), Real::MAX), &mut x);
+        // Rows and costs that are not far apart leave nothing to do.
+        if self.sigma[rank - 1] < WEAK * self.sigma[0] || self.spread() * WEAK > 1.0 {
+            dual::polish(&problem, direction * Real::min(scale * (size / self.unit), Real::MAX), &mut x);
+        }
         (x, scale)
     }
 
