@@ -173,10 +173,19 @@ impl Indices {
 #[must_use]
 pub fn singular_values(rows: &[Vec3]) -> [Real; 3] {
     let m = rows.len().min(MAX_JOINTS);
+    let mut s = orthogonalise(&rows[..m], &mut [Vec3::X, Vec3::Y, Vec3::Z]);
+    s.sort_unstable_by(|a, b| b.total_cmp(a));
+    s
+}
+
+/// Turns `axes`, orthonormal, until the columns that they make of the rows (row . axis) are at right angles to each other; returns
+/// the lengths of these, in the axes' order. At most [`MAX_JOINTS`] rows.
+pub(crate) fn orthogonalise(rows: &[Vec3], axes: &mut [Vec3; 3]) -> [Real; 3] {
+    let m = rows.len();
     let mut columns = [[0.0; MAX_JOINTS]; 3];
-    for (k, row) in rows[..m].iter().enumerate() {
-        for (column, x) in columns.iter_mut().zip(row.to_array()) {
-            column[k] = x;
+    for (k, row) in rows.iter().enumerate() {
+        for (column, axis) in columns.iter_mut().zip(*axes) {
+            column[k] = row.dot(axis);
         }
     }
     let dot = |a: &[Real; MAX_JOINTS], b: &[Real; MAX_JOINTS]| -> Real {
@@ -202,12 +211,13 @@ pub fn singular_values(rows: &[Vec3]) -> [Real; 3] {
                 columns[i][k] = c * (x - t * y);
                 columns[j][k] = c * (y + t * x);
             }
+            let (x, y) = (axes[i], axes[j]);
+            axes[i] = (x - y * t) * c;
+            axes[j] = (y + x * t) * c;
         }
         if largest < 4.0 * Real::EPSILON {
             break;
         }
     }
-    let mut s = columns.map(|c| sqrt(dot(&c, &c)));
-    s.sort_unstable_by(|a, b| b.total_cmp(a));
-    s
+    columns.map(|c| sqrt(dot(&c, &c)))
 }

@@ -64,7 +64,8 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
         for k in 0..problem.n {
             x[k] = clip(problem.give[k] * problem.rows[k].dot(y));
         }
-        let (left, step, size) = newton(problem, target, &x);
+        let (left, step, sizes) = newton(problem, target, &x);
+        let size = sizes.max_element();
         let error = left.abs().max_element();
         // Far out y has few digits left, and no step makes the error less.
         stalls = if error < 0.5 * least { 0 } else { stalls + 1 };
@@ -79,8 +80,8 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
     }
     // The torques of the joints between their limits have more digits than y: they themselves take the last steps.
     for _ in 0..4 {
-        let (left, step, size) = newton(problem, target, &best);
-        least = left.abs().max_element() / size;
+        let (left, step, sizes) = newton(problem, target, &best);
+        least = left.abs().max_element() / sizes.max_element();
         if least <= problem.rounding {
             break;
         }
@@ -93,8 +94,32 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
     (least <= FORGIVEN).then_some(best)
 }
 
-/// What the torques x leave of the target, Newton's step of y for it, and the size of the terms of the difference.
-fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec3, Real) {
+/// Makes `target` of joint torques that make it but for a part of their terms, to rounding in each coordinate: one may be that of an
+/// axis a thousand times as strong as another's, and there a little of it is much. What the joints between their limits change is the
+/// least possible, whatever it costs.
+pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]) {
+    let equal = Problem { give: [1.0; MAX_JOINTS], ..*problem };
+    let mut next = *x;
+    let mut least = Real::INFINITY;
+    for _ in 0..4 {
+        let (left, step, sizes) = newton(&equal, target, &next);
+        let off = (left.abs() / sizes.max(Vec3::splat(Real::MIN_POSITIVE))).max_element();
+        if off < least {
+            (*x, least) = (next, off);
+        }
+        if off <= 2.0 * Real::EPSILON {
+            break;
+        }
+        for k in 0..problem.n {
+            if fabs(next[k]) < 1.0 {
+                next[k] = clip(next[k] + problem.rows[k].dot(step));
+            }
+        }
+    }
+}
+
+/// What the torques x leave of the target, Newton's step of y for it, and the sizes of the terms of the difference.
+fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec3, Vec3) {
     let mut left = target;
     let mut size = target.abs();
     let mut moment = Sym3::ZERO;
@@ -106,7 +131,7 @@ fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec
             moment.add(problem.rows[k], problem.give[k]);
         }
     }
-    (left, solve(&moment, left), size.max_element())
+    (left, solve(&moment, left), size)
 }
 
 /// Newton's step. Directions that no joint between its limits reaches get a long one, which the line search cuts to

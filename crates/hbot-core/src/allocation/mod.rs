@@ -9,7 +9,7 @@
 //! 2. two wheels: closed forms (`pair`);
 //! 3. more wheels: s by the facets of the polytope of torques within reach (`facets`), then tau by that facet, or by a
 //!    dual problem of three variables (`dual`);
-//! 4. driven rows close to losing rank: the same in the plane, or on the line, that they do reach (`reach`).
+//! 4. driven rows close to losing rank: the same in their principal axes (`reach`), for what is kept of T there (`weak`).
 //!
 //! Contact forces and the limit of traction come after (`traction`).
 
@@ -19,6 +19,7 @@ mod pair;
 mod reach;
 mod sym;
 mod traction;
+mod weak;
 
 pub use traction::{ContactArms, traction};
 
@@ -26,16 +27,17 @@ use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
 use reach::Reach;
 use sym::Sym3;
+use weak::Share;
 
-/// Least over largest singular value of the peak-scaled driven rows (rows t_j g_j) from which on T is made as it is.
+/// A singular value of the peak-scaled driven rows (rows t_j g_j) beside what it is held against, from which on its direction is
+/// there as any other (see [`allocate`]).
 ///
 /// The prototype with all four motors never comes below 0.119. At 0.01 a torque in the weak direction has 1 % of the
 /// size that one in the strong direction has: keeping T's direction would let its other parts go limp as well.
 pub const WHOLE: Real = 0.01;
 
-/// The same ratio up to which a direction counts as lost: T is projected on the others. In between, the two answers
-/// are mixed, so that nothing jumps as the ratio moves through (see [`allocate`]). Above the rounding of the
-/// singular values in 32 bits, 5e-4.
+/// The same ratio up to which a direction counts as lost: the part of T along it is left out. In between a part of that part is
+/// asked for, so that nothing jumps as the ratio moves through.
 pub const LOST: Real = 0.002;
 
 /// What each joint can give, and what its torque costs. Joints in the order steer, drive per wheel.
@@ -63,9 +65,9 @@ impl JointLimits {
 pub struct Allocation {
     /// Joint torques tau, N m, in the order steer, drive per wheel; 0 beyond the device's joints.
     pub torque: [Real; MAX_JOINTS],
-    /// The s in Gᵀ tau = s T, 0 to 1: what saturation left of the torque wanted. Where `deficient`, T is its projection.
+    /// The s in Gᵀ tau = s T, 0 to 1: what saturation left of the torque wanted. Where `deficient`, T is what was kept of it, T*.
     pub scale: Real,
-    /// T had a part that the driven joints cannot make, here or in any size, and that was left out.
+    /// T had a part that the driven joints cannot make, here or in any size, and that was left out, whole or a part of it.
     pub deficient: bool,
 }
 
@@ -84,12 +86,29 @@ impl Allocation {
 ///
 /// # Where the driven joints lose a direction
 ///
-/// With `rho` the ratio of the least singular value of the peak-scaled driven rows to the largest: from [`WHOLE`] up
-/// the answer is the exact one, tau_3. Up to [`LOST`] it is tau_2, the exact answer in the plane of the two strong
-/// principal axes, for the part of T in it; the torque across that the rows make besides is below `rho` times what
-/// they could make along the strong axis. In between it is b tau_3 + (1 - b) tau_2 with a smooth step b from 0 to 1, within
-/// the limits as both are, and the part of T in the plane keeps its direction. Where the second singular value is
-/// lost too, the same holds of the plane and the strongest axis.
+/// Let sigma_i and u_i be the singular values (largest first) and principal axes of the peak-scaled driven rows: the joints make sigma_i
+/// along u_i, and at most the root of their number times that. A direction is lost where wheels undo each other, so that little is left
+/// of what they give. So it is not sigma_1 alone that sigma_i is held against, but
+///
+/// ```text
+/// level = min(sigma_1, 5 sigma_w),    sigma_w = the most that one wheel with both motors gives in both directions of its contact
+/// ```
+///
+/// which is a constant of the design. A wheel with a cone of 1e-3 has a thousand times its drive's torque at its steering; that direction is
+/// strong, and the others are none the weaker for it. A direction that rounding spoils counts as lost whatever a wheel gives.
+///
+/// With a smooth step b_i of sigma_i / level, 0 at [`LOST`] and 1 at [`WHOLE`], and T_i the part of T along u_i, the answer is
+///
+/// ```text
+/// b_3 tau(T)  +  (b_2 - b_3) tau(T_1 u_1 + T_2 u_2)  +  (1 - b_2) tau(T_1 u_1)
+/// ```
+///
+/// with tau the exact answer. From [`WHOLE`] up it is that for T; `scale` is the mean of the three. As T makes no less than nothing along
+/// any of its parts, what is made never works against T. In tau of a part of T the axes beyond are held at zero, or left to chance where that is
+/// so little (below 1 % of what is made) that holding them would only cost the joints their strength.
+///
+/// A share depends on an axis by its singular value alone, and nothing jumps: not with the posture, not with T, not where
+/// two singular values pass each other.
 #[must_use]
 pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
     if let Ok(four) = <&[Vec3; 4]>::try_from(rows) {
@@ -137,14 +156,14 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
 #[must_use]
 pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real {
     // Below this ratio a singular value is rounding.
-    const ROUNDING: Real = if Real::EPSILON < 1.0e-10 { 1.0e-7 } else { 1.0e-3 };
+    const ROUNDING: Real = if Real::EPSILON < 1.0e-10 { 1.0e-7 } else { 1.0e-5 };
     let size = direction.abs().max_element();
     let Some(reach) = Reach::of(&rows[..rows.len().min(MAX_JOINTS)], limits) else { return 0.0 };
     if !(size > 0.0 && direction.is_finite()) {
         return 0.0;
     }
-    let [second, third] = reach.ratios();
-    let rank = 1 + usize::from(second > ROUNDING) + usize::from(third > ROUNDING);
+    let sigma = reach.sigma();
+    let rank = 1 + usize::from(sigma[1] > ROUNDING * sigma[0]) + usize::from(sigma[2] > ROUNDING * sigma[0]);
     let unit = direction / size;
     if reach.parts(unit)[rank..].iter().any(|part| fabs(*part) > ROUNDING) {
         return 0.0;
@@ -240,20 +259,25 @@ fn allocate_any(rows: &[Vec3], limits: &JointLimits, u: Vec3, size: Real) -> All
     let Some(reach) = Reach::of(rows, limits) else {
         return Allocation::nothing(0.0, true);
     };
-    let shares = reach::shares(reach.ratios());
-    let mut x = [0.0; MAX_JOINTS];
-    let mut scale = 0.0;
-    for (share, rank) in shares.into_iter().zip([3, 2, 1]) {
-        if share > 0.0 {
-            let (part, part_scale) = reach.solve(rank, u, size);
+    let parts = reach.parts(u);
+    let shares = weak::shares(&reach, parts);
+    let (mut x, mut scale, mut made) = ([0.0; MAX_JOINTS], 0.0, [0.0; 3]);
+    for Share { kept, held, part } in shares {
+        if part > 0.0 {
+            let target = [0, 1, 2].map(|k| if k < kept { parts[k] } else { 0.0 });
+            let (solution, reached) = reach.solve(held, target, size);
             for k in 0..MAX_JOINTS {
-                x[k] += share * part[k];
+                x[k] += part * solution[k];
             }
-            scale += share * part_scale;
+            for k in 0..3 {
+                made[k] += part * target[k] * Real::min(reached * size, Real::MAX);
+            }
+            scale += part * reached;
         }
     }
-    let deficient = reach::loses(reach.parts(u), shares);
-    Allocation { torque: reach.scatter(&x, limits), scale: Real::min(1.0, scale), deficient }
+    let torque = reach.scatter(&x, limits);
+    let deficient = weak::loses(&shares, parts) || (shares[0].part < 1.0 && reach.strays(&x, made));
+    Allocation { torque, scale: Real::min(1.0, scale), deficient }
 }
 
 #[cfg(test)]

@@ -3,9 +3,19 @@
 
 use super::facets::{self, Facet};
 use super::sym::Sym3;
-use super::{JointLimits, dual};
+use super::{JointLimits, LOST, dual};
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs, sqrt};
+use crate::singularity::orthogonalise;
+
+///
+const WHEELS: Real = 5.0;
+
+///
+const NOISE: Real = 64.0 * Real::EPSILON / LOST;
+
+/// Least over largest singular value below which the moment of the rows knows the axes too badly.
+const WEAK: Real = 0.1;
 
 /// Rows of G in which joint k gives x_k within +-1 at the cost x_k² / (2 give_k).
 ///
@@ -30,6 +40,8 @@ pub(super) struct Reach {
     axes: [Vec3; 3],
     /// Singular values of the peak-scaled rows over `unit`, largest first.
     sigma: [Real; 3],
+    /// What a direction's singular value is held against, over `unit`.
+    level: Real,
     /// The largest peak times row, N m: the unit of torque inside.
     unit: Real,
 }
@@ -66,8 +78,13 @@ impl Reach {
             cost[i] = Real::max(limits.weight[k] / weight * t * t, Real::EPSILON * Real::EPSILON);
             cheapest = cheapest.min(cost[i]);
         }
-        let (values, axes) = moment.eigen();
-        let sigma = values.map(|x| sqrt(x.max(0.0)));
+        let (values, mut axes) = moment.eigen();
+        let mut sigma = values.map(|x| sqrt(x.max(0.0)));
+        // The moment knows a singular value to the root of rounding, the rows themselves to rounding.
+        if !(sigma[2] > WEAK * sigma[0]) {
+            (sigma, axes) = principal(&scaled[..n], axes);
+        }
+        let level = Real::max(Real::min(sigma[0], WHEELS * weaker(&scaled[..n], &joint)), NOISE * sigma[0]);
         let mut reach = Self {
             problem: Problem {
                 n,
@@ -79,17 +96,33 @@ impl Reach {
             joint,
             axes,
             sigma,
+            level,
             unit,
         };
         for i in 0..n {
-            reach.problem.rows[i] = reach.inward(scaled[i]);
+            reach.problem.rows[i] = reach.inward(reach.parts(scaled[i]));
         }
         Some(reach)
     }
 
-    /// sigma_2 / sigma_1 and sigma_3 / sigma_1 of the peak-scaled rows.
-    pub(super) fn ratios(&self) -> [Real; 2] {
-        [self.sigma[1] / self.sigma[0], self.sigma[2] / self.sigma[0]]
+    /// Singular values of the peak-scaled rows over `unit`, largest first.
+    pub(super) fn sigma(&self) -> [Real; 3] {
+        self.sigma
+    }
+
+    /// What a direction's singular value is held against.
+    pub(super) fn level(&self) -> Real {
+        self.level
+    }
+
+    /// How much longer, at most, torques of least cost are than the shortest that make the same, as parts of their peaks.
+    ///
+    /// Up to the limits their cost is not above that of the shortest, so the root of the ratio of two costs; beyond them no x is longer than
+    /// the root of their number.
+    pub(super) fn spread(&self) -> Real {
+        let least =
+            self.problem.give[..self.problem.n].iter().fold(1.0, |least: Real, give| least.min(*give));
+        sqrt(Real::max(1.0 / least, self.problem.n as Real))
     }
 
     /// The part of a torque along each principal axis, in its unit.
@@ -97,25 +130,35 @@ impl Reach {
         self.axes.map(|axis| axis.dot(torque))
     }
 
-    /// The least-cost joint torques for the largest torque up to `size` along `u`, made in the first `rank` principal
+    /// The least-cost joint torques for the largest torque up to `size` times that of these `parts`, made in the first `rank` principal
     /// axes alone; each as a part of its peak, in the order of the driven joints, and what part of `size` was reached.
-    pub(super) fn solve(&self, rank: usize, u: Vec3, size: Real) -> ([Real; MAX_JOINTS], Real) {
-        let (problem, direction) = self.within(rank, u);
+    pub(super) fn solve(&self, rank: usize, parts: [Real; 3], size: Real) -> ([Real; MAX_JOINTS], Real) {
+        let (problem, direction) = self.within(rank, parts);
+        let (mut x, scale) = self.search(&problem, direction, size);
+        // Rows and costs that are not far apart leave nothing to do.
+        if self.sigma[rank - 1] < WEAK * self.sigma[0] || self.spread() * WEAK > 1.0 {
+            dual::polish(&problem, direction * Real::min(scale * (size / self.unit), Real::MAX), &mut x);
+        }
+        (x, scale)
+    }
+
+    /// [`Self::solve`], to what the search leaves.
+    fn search(&self, problem: &Problem, direction: Vec3, size: Real) -> ([Real; MAX_JOINTS], Real) {
         // Finite, so that zero times it is zero.
         let wanted = Real::min(size / self.unit, Real::MAX);
-        let y = dual::unlimited(&problem, direction);
-        if let Some(x) = dual::unsaturated(&problem, y, direction, wanted) {
+        let y = dual::unlimited(problem, direction);
+        if let Some(x) = dual::unsaturated(problem, y, direction, wanted) {
             return (x, 1.0);
         }
-        let facet = facets::nearest(&problem, direction);
+        let facet = facets::nearest(problem, direction);
         let (reached, scale) =
             if facet.reach < wanted { (facet.reach, facet.reach * self.unit / size) } else { (wanted, 1.0) };
         if scale < 1.0
-            && let Some(x) = facets::on_facet(&problem, &facet, direction * reached)
+            && let Some(x) = facets::on_facet(problem, &facet, direction * reached)
         {
             return (x, scale);
         }
-        if let Some(x) = dual::clipped(&problem, direction * reached, y * reached) {
+        if let Some(x) = dual::clipped(problem, direction * reached, y * reached) {
             return (x, scale);
         }
         // Costs or rows apart by almost all digits. As the sum of b bᵀ is the unit matrix, b.v makes v to rounding, at equal
@@ -127,9 +170,23 @@ impl Reach {
         (x, reached * self.unit / size)
     }
 
+    /// Whether the torque that x makes is off that of these `parts` by more than counts beside rounding.
+    pub(super) fn strays(&self, x: &[Real; MAX_JOINTS], parts: [Real; 3]) -> bool {
+        let mut left = parts.map(|part| part / self.unit);
+        let mut terms = 0.0;
+        for k in 0..self.problem.n {
+            let row = self.problem.rows[k] * Vec3::from_array(self.sigma) * x[k];
+            for (left, part) in left.iter_mut().zip(row.to_array()) {
+                *left -= part;
+                terms += fabs(part);
+            }
+        }
+        left.iter().any(|left| fabs(*left) > 1024.0 * Real::EPSILON * terms)
+    }
+
     /// The largest torque along `u` in the first `rank` principal axes.
     pub(super) fn capability(&self, rank: usize, u: Vec3) -> Real {
-        let (problem, direction) = self.within(rank, u);
+        let (problem, direction) = self.within(rank, self.parts(u));
         let Facet { reach, .. } = facets::nearest(&problem, direction);
         reach * self.unit
     }
@@ -143,39 +200,44 @@ impl Reach {
         tau
     }
 
-    fn within(&self, rank: usize, u: Vec3) -> (Problem, Vec3) {
+    fn within(&self, rank: usize, parts: [Real; 3]) -> (Problem, Vec3) {
         let keep =
             |v: Vec3| Vec3::new(v.x, if rank > 1 { v.y } else { 0.0 }, if rank > 2 { v.z } else { 0.0 });
         let mut problem = self.problem;
         problem.rank = rank;
         // The weakest axis in use is stretched most.
-        problem.rounding = 16.0 * Real::EPSILON * self.sigma[0] / self.sigma[rank - 1];
+        problem.rounding =
+            16.0 * Real::EPSILON * Real::min(self.sigma[0] / self.sigma[rank - 1], 20.0 / WEAK);
         problem.rows = problem.rows.map(keep);
-        (problem, keep(self.inward(u)))
+        (problem, keep(self.inward(parts)))
     }
 
-    fn inward(&self, v: Vec3) -> Vec3 {
-        let parts = self.parts(v);
+    fn inward(&self, parts: [Real; 3]) -> Vec3 {
         let along = |k: usize| if self.sigma[k] > 0.0 { parts[k] / self.sigma[k] } else { 0.0 };
         Vec3::new(along(0), along(1), along(2))
     }
 }
 
-/// How much of the answer comes from all three principal axes, from the first two, and from the first alone.
-///
-/// Each singular value counts as there by a smooth step of its ratio to the largest, 0 at [`super::LOST`] and 1 at
-/// [`super::WHOLE`]. The shares add up to 1, and the share of rank 2 vanishes where the last two singular values
-/// are equal: their axes are then any two, and nothing may depend on which.
-pub(super) fn shares(ratios: [Real; 2]) -> [Real; 3] {
-    let [second, third] = ratios.map(|ratio| {
-        let x = Real::max(0.0, Real::min(1.0, (ratio - super::LOST) / (super::WHOLE - super::LOST)));
-        x * x * (3.0 - 2.0 * x)
-    });
-    [third, second - third, 1.0 - second]
+/// Singular values of `rows`, largest first, with their axes; `axes` are about these.
+fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3; 3]) {
+    let lengths = orthogonalise(rows, &mut axes);
+    let mut order = [0, 1, 2];
+    order.sort_unstable_by(|&i, &j| lengths[j].total_cmp(&lengths[i]));
+    (order.map(|i| lengths[i]), order.map(|i| axes[i]))
 }
 
-/// Whether a torque of these parts loses something that counts beside rounding, given the shares of ranks 3, 2, 1.
-pub(super) fn loses(parts: [Real; 3], shares: [Real; 3]) -> bool {
-    let lost = (1.0 - shares[0]) * fabs(parts[2]) + shares[2] * fabs(parts[1]);
-    lost > 1024.0 * Real::EPSILON * (fabs(parts[0]) + fabs(parts[1]) + fabs(parts[2]))
+/// The most that a wheel with both motors gives in each of the two directions of its contact; infinite where there is none.
+fn weaker(scaled: &[Vec3], joint: &[usize]) -> Real {
+    let mut most: Real = 0.0;
+    for i in 1..scaled.len() {
+        let (steer, drive) = (scaled[i - 1], scaled[i]);
+        if joint[i] % 2 == 1 && joint[i - 1] + 1 == joint[i] {
+            // The product of the pair's two singular values, and the sum of their squares.
+            let area = steer.cross(drive).length();
+            let square = steer.length_squared() + drive.length_squared();
+            let root = sqrt(Real::max(0.0, (square - 2.0 * area) * (square + 2.0 * area)));
+            most = most.max(area / sqrt(0.5 * (square + root)));
+        }
+    }
+    if most > 0.0 { most } else { Real::INFINITY }
 }

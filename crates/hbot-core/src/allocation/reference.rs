@@ -1,4 +1,4 @@
-//! A slow reference for few joints, in 64 bits: it tries every set of joints at their limits.
+//! Slow references in 64 bits: for few joints, every set of joints at their limits; for any number, an interior-point method.
 
 extern crate std;
 
@@ -74,5 +74,41 @@ impl Reference {
             }
         }
         best
+    }
+
+    /// The least cost of joint torques that make `torque`, which must be inside of what they can make: by Newton steps on the cost with a
+    /// logarithmic barrier at each limit, the weight of which goes to zero (Boyd and Vandenberghe 2004, 11.3 and 10.3).
+    pub(super) fn cost_by_barrier(&self, torque: DVec3) -> f64 {
+        let n = self.rows.len();
+        let mut x = std::vec![0.0_f64; n];
+        // So that costs are about 1, whatever their unit.
+        let dearest = (0..n).map(|k| self.weight[k] * self.peak[k] * self.peak[k]).fold(0.0, f64::max);
+        let mut barrier = 1.0;
+        while barrier > 1e-14 {
+            barrier *= 0.3;
+            for _ in 0..8 {
+                let (mut slope, mut bend) = (std::vec![0.0; n], std::vec![0.0; n]);
+                let (mut moment, mut right) = (DMat3::ZERO, torque);
+                for k in 0..n {
+                    let (above, below) = (self.peak[k] - x[k], self.peak[k] + x[k]);
+                    let weight = self.weight[k] / dearest;
+                    slope[k] = weight * x[k] + barrier * (1.0 / above - 1.0 / below);
+                    bend[k] = weight + barrier * (1.0 / (above * above) + 1.0 / (below * below));
+                    let g = self.rows[k];
+                    moment += DMat3::from_cols(g * g.x, g * g.y, g * g.z) * (1.0 / bend[k]);
+                    right += g * (slope[k] / bend[k] - x[k]);
+                }
+                let y = moment.inverse() * right;
+                let step: Vec<f64> = (0..n).map(|k| (self.rows[k].dot(y) - slope[k]) / bend[k]).collect();
+                let room = (0..n).map(|k| (self.peak[k] - x[k] * step[k].signum()) / step[k].abs());
+                let length = room.fold(1.0, |length: f64, room| length.min(0.95 * room));
+                for k in 0..n {
+                    x[k] += length * step[k];
+                }
+            }
+        }
+        let made: DVec3 = (0..n).map(|k| self.rows[k] * x[k]).sum();
+        assert!((made - torque).length() < 1e-10, "{made} for {torque}");
+        x.iter().zip(&self.weight).map(|(tau, w)| 0.5 * w * tau * tau).sum()
     }
 }

@@ -1,16 +1,16 @@
 //! Designs a hair from singular, and three motors where they lose a direction.
 
-use super::super::core::allocation::{Allocation, WHOLE, allocate};
+use super::super::core::allocation::{Allocation, JointLimits, allocate};
 use super::super::core::device::DeviceError;
 use super::super::core::kinematics::Posture;
 use super::super::core::singularity::{
-    actuation_margin, boundary_determinant, interior_margin, interior_margin_over_all, singular_values,
+    actuation_margin, boundary_determinant, interior_margin, interior_margin_over_all,
 };
 use super::super::core::{Device, Real, Vec3, WheelSpec};
-use super::machine::{PEAK, device, limits, wheels};
+use super::machine::{device, limits, wheels};
 use crate::rng::Rng;
 
-/// Cone of 1e-3, toe of 89.9 degrees, contact points that come within 0.1 degree.
+/// Cone of 1e-3, toe of 89.9 degrees, contact points that come within 0.1 degree: with the least interior margin of each.
 fn hairs() -> [(&'static str, [WheelSpec; 2], f64); 3] {
     let right_angle = core::f64::consts::FRAC_PI_2;
     let with = |alter: fn(&mut WheelSpec)| {
@@ -30,6 +30,36 @@ fn hairs() -> [(&'static str, [WheelSpec; 2], f64); 3] {
         ),
         ("0.1 deg apart", with(|wheel| wheel.cone = 44.95_f64.to_radians() as Real), margin(close)),
     ]
+}
+
+/// What is made of the torque wanted: within the limits, never against it, and where nothing is said to be left out, along it.
+/// Returns how far off it is, beside the torque wanted and beside the bound.
+fn check(name: &str, posture: &Posture, limits: &JointLimits, wanted: Vec3, found: &Allocation) -> [Real; 2] {
+    let torque = made(posture, found);
+    for (tau, peak) in found.torque.iter().zip(limits.peak) {
+        assert!(tau.abs() <= peak, "{name}: {found:?}");
+    }
+    assert!((0.0..=1.0).contains(&found.scale), "{name}: {found:?}");
+    // Motors that pull against each other make a torque of a difference: it has the rounding of its terms, some for each of sixteen.
+    let terms: Real = posture.rows().iter().zip(found.torque).map(|(g, tau)| g.length() * tau.abs()).sum();
+    let rounding = 128.0 * Real::EPSILON * terms;
+    let size = wanted.length();
+    assert!(torque.dot(wanted) >= -rounding * size, "{name}: {torque} against {wanted}, {found:?}");
+    // No part of T is more than it is; what strays is below 1 % for each of two axes (see `allocate`).
+    assert!(
+        torque.length() <= 1.02 * found.scale * size + rounding,
+        "{name}: {torque} for {wanted}, {found:?}"
+    );
+    if found.deficient {
+        return [0.0; 2];
+    }
+    // What is left out or strays up to 1024 roundings is not said; and moments of unlike rows and costs are solved the quick way as long as
+    // that is good to the first figure.
+    let off = (torque - wanted * found.scale).length();
+    let quick = if Real::EPSILON < 1e-10 { 1e-9 } else { 1e-3 };
+    let unsaid = quick * found.scale * size + 1024.0 * Real::EPSILON * terms;
+    assert!(off <= unsaid, "{name}: {torque} for {wanted}, {found:?}");
+    [off / size, off / unsaid]
 }
 
 fn random(rng: &mut Rng, size: f64) -> Vec3 {
@@ -58,8 +88,7 @@ fn a_hair_from_singular_torque_is_bounded_and_the_margin_known() {
             assert!(off.abs() <= f64::from(rounding) / b.cos(), "{name}: {off:e}");
         }
         let limits = limits(&device);
-        let (mut least, mut lost): (Real, Real) = (Real::MAX, 0.0);
-        let (mut deficient, mut against) = (0, 0);
+        let (mut least, mut lost, mut deficient): (Real, Real, u32) = (Real::MAX, 0.0, 0);
         for k in 0..4000 {
             // Steering at random, and about where the contact points come nearest: each wheel's towards the other.
             let near = [core::f64::consts::FRAC_PI_2, -core::f64::consts::FRAC_PI_2];
@@ -84,31 +113,55 @@ fn a_hair_from_singular_torque_is_bounded_and_the_margin_known() {
             assert!((back - omega).length() <= known, "{name}: {} off, {known:e}", (back - omega).length());
             let wanted = random(&mut rng, if k % 3 == 0 { 10.0 } else { 0.1 });
             let found = allocate(posture.rows(), &limits, wanted);
-            let torque = made(&posture, &found);
-            for (j, tau) in found.torque.iter().enumerate() {
-                assert!(tau.abs() <= PEAK[j % 2], "{name}: {found:?}");
-            }
-            let slack = if Real::EPSILON < 1e-10 { 1e-9 } else { 1e-3 } * wanted.length();
-            // A direction that the motors make less than WHOLE of is left to chance where it is lost: what comes there is no more than
-            // they can make of it at all.
-            let scaled: Vec<Vec3> =
-                posture.rows().iter().zip(limits.peak).map(|(row, peak)| *row * peak).collect();
-            let [strongest, _, weakest] = singular_values(&scaled);
-            let chance = if weakest < WHOLE * strongest { 2.0 * weakest } else { 0.0 };
-            if found.deficient {
-                deficient += 1;
-                assert!(torque.length() <= wanted.length() + chance, "{name}: {torque} for {wanted}");
-                against += u32::from(torque.dot(wanted) < 0.0);
-            } else {
-                let off = (torque - wanted * found.scale).length();
-                lost = lost.max(off / wanted.length());
-                assert!(off <= slack + chance, "{name}: {torque} for {wanted}, {found:?}");
-            }
+            lost = lost.max(check(name, &posture, &limits, wanted, &found)[0]);
+            deficient += u32::from(found.deficient);
         }
         println!(
-            "{name}: interior margin {least:e} met ({margin:e} by design), {deficient} of 4000 deficient, {against} against, off {lost:e}"
+            "{name}: interior margin {least:e} met ({margin:e} by design), {deficient} of 4000 deficient, off {lost:e}"
         );
+        // Close to the boundary the steering is some thousand times as strong as the drives, but these can do what they always can.
+        let expected = if name == "0.1 deg apart" { 1..4000 } else { 0..1 };
+        assert!(expected.contains(&deficient), "{name}: {deficient}");
     }
+}
+
+/// Two to eight wheels of any make: cones down to 1e-3, toes up to 89.9 degrees, strong motors beside feeble ones and dead ones.
+fn any_design(rng: &mut Rng) -> Option<(Device, JointLimits)> {
+    let count = rng.between(2.0, 9.0) as usize;
+    let mut specs = wheels().into_iter().cycle().take(count).collect::<Vec<_>>();
+    for spec in &mut specs {
+        spec.axis = random(rng, 1.0).normalize();
+        spec.cone = 10_f64.powf(rng.between(-3.0, 0.1)) as Real;
+        let edge = [0.0, rng.between(-1.5, 1.5), 89.9_f64.to_radians()];
+        spec.toe = edge[rng.between(0.0, 3.0) as usize] as Real;
+    }
+    let device = Device::new(0.102, 0.467, &specs).ok()?;
+    let mut limits = limits(&device);
+    for peak in &mut limits.peak[..2 * count] {
+        *peak *= [0.0, 0.1, 1.0, 1.0][rng.between(0.0, 4.0) as usize];
+    }
+    Some((device, limits))
+}
+
+#[test]
+fn no_design_ever_pushes_against_what_is_wanted() {
+    let mut rng = Rng(302);
+    let (mut designs, mut deficient, mut worst): (u32, u32, Real) = (0, 0, 0.0);
+    while designs < 10_000 {
+        let Some((device, limits)) = any_design(&mut rng) else { continue };
+        designs += 1;
+        for _ in 0..10 {
+            let th: Vec<Real> = device.wheels().iter().map(|_| rng.between(-4.0, 4.0) as Real).collect();
+            let posture = Posture::new(&device, &th);
+            let size = 10_f64.powf(rng.between(-3.0, 1.0));
+            let wanted = random(&mut rng, size);
+            let found = allocate(posture.rows(), &limits, wanted);
+            deficient += u32::from(found.deficient);
+            worst = worst.max(check("any", &posture, &limits, wanted, &found)[1]);
+        }
+    }
+    println!("{deficient} of 100000 deficient, else off by up to {worst:.2e} of the bound");
+    assert!((1000..50_000).contains(&deficient));
 }
 
 #[test]
