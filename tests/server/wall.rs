@@ -2,7 +2,8 @@
 
 use rustix::process::Signal;
 
-use crate::process::{Lines, Process, has_pty, norm, patient_rig, vector};
+use crate::far::Far;
+use crate::process::{Lines, PATIENCE, Process, has_pty, norm, patient_rig, vector};
 
 /// A server in wall-clock time, patient with its line.
 fn server(args: &[&str], state: &std::path::Path) -> Process {
@@ -59,6 +60,30 @@ fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
         client.until(|event| event["event"] == "stopping");
         let (last_words, status) = server.end();
         assert_eq!(status.code(), Some(0), "{signal:?}: {last_words}");
+    }
+}
+
+#[test]
+fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
+    let rig = hbot_config::RigConfig::prototype();
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        let state = tempfile::tempdir().expect("a folder");
+        let Some(far) = Far::start(&rig) else { return };
+        let server = server(&["--port", &far.path], state.path());
+        let mut client = Lines::greeted(&server.address);
+        client.ask(r#"{"id": 1, "op": "acquire"}"#);
+        let start = std::time::Instant::now();
+        while !far.pushed() {
+            assert!(start.elapsed() < PATIENCE, "no torque came about");
+            // A machine that stood still for 20 ms has made a deadline fault.
+            client.ask(r#"{"id": 2, "op": "reset"}"#);
+            client.ask(r#"{"id": 3, "op": "enable"}"#);
+            client.ask(r#"{"id": 4, "op": "torque", "torque": [0, 0.1, 0], "valid_ms": 1000}"#);
+        }
+        server.signal(signal);
+        let (last_words, status) = server.end();
+        assert_eq!(status.code(), Some(0), "{signal:?}: {last_words}");
+        far.ends_still();
     }
 }
 
