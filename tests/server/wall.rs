@@ -38,8 +38,15 @@ fn the_server_starts_active_and_the_sphere_moves() {
     }
     let mut client = Lines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
-    let first = active(&mut client);
-    let later = client.state(|s| s["t"].as_f64() > first["t"].as_f64().map(|t| t + 0.5));
+    // Half a second in which the machine did not stand still.
+    let (first, later) = loop {
+        let first = active(&mut client);
+        let end = first["t"].as_f64().map(|t| t + 0.5);
+        let later = client.state(|s| s["t"].as_f64() > end || s["mode"] != "active");
+        if later["mode"] == "active" {
+            break (first, later);
+        }
+    };
     assert_ne!(first["q"], later["q"], "the hand turns the sphere");
     assert!(norm(&later["torque"]) > 0.0, "the spring pulls");
     let q: f64 = (0..4).map(|i| later["q"][i].as_f64().expect("a number").powi(2)).sum();

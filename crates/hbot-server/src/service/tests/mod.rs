@@ -16,7 +16,7 @@ use std::sync::mpsc as blocking;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, ClientError, ErrorBody, Event, Mode, Op};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
@@ -159,7 +159,8 @@ impl Bench {
     }
 
     fn client(&self, name: &str) -> Client {
-        Client::connect(&self.address.to_string(), name).unwrap()
+        let options = ConnectOptions { timeout: PATIENCE, ..ConnectOptions::new(name) };
+        Client::connect_with(&self.address.to_string(), &options).unwrap()
     }
 
     /// A client that holds the lease.
