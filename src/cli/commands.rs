@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use hbot_api::{Client, ConnectOptions};
+use hbot_api::{Client, ClientError, ConnectOptions, Trust};
 
 use super::ServerAddress;
 
@@ -36,7 +36,11 @@ pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Cli
             std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
         options.token = Some(token.trim().to_owned().into());
     }
-    Ok(Client::connect_with(&address.server, &options)?)
+    options.trust = address.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
+    Client::connect_with(&address.server, &options).map_err(|error| match error {
+        ClientError::Tls(_) => anyhow::Error::from(error).context("--ca FILE names whom to trust"),
+        other => other.into(),
+    })
 }
 
 /// Does `what` with the lease to command, and gives it back.

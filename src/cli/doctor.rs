@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
-use hbot_server::doctor::{Finding, Machine, Mark, punctuality, rights, serial, verdict};
+use hbot_server::doctor::{Finding, Machine, Mark, processor, punctuality, rights, serial, verdict};
 use serde_json::{Value, json};
 
 use super::{ServerAddress, commands, server, style};
@@ -27,6 +27,9 @@ pub(crate) struct DoctorArgs {
     /// Ticks a second to measure at, in place of the rig file's
     #[arg(long, value_name = "HZ")]
     rate: Option<u32>,
+    /// Processor of the loop, from 0, in place of the rig file's
+    #[arg(long, value_name = "N")]
+    cpu: Option<u32>,
     /// How long to measure
     #[arg(long, value_name = "SECONDS", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
@@ -36,6 +39,9 @@ pub(crate) struct DoctorArgs {
     /// File with the token that the server asks for
     #[arg(long, value_name = "FILE", requires = "server")]
     token_file: Option<PathBuf>,
+    /// File with the certificate of a server that encrypts, or of the authority that signed it
+    #[arg(long, value_name = "FILE", requires = "server")]
+    ca: Option<PathBuf>,
     /// One object of JSON, for programs
     #[arg(long)]
     json: bool,
@@ -46,10 +52,12 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     let overrides: Vec<Override> = over("link.port", "--port", args.port.map(Value::from))
         .into_iter()
         .chain(over("loop.rate_hz", "--rate", args.rate.map(Value::from)))
+        .chain(over("loop.cpu", "--cpu", args.cpu.map(Value::from)))
         .collect();
     let rig = RigConfig::load(args.rig.as_deref(), &overrides)?;
     let mut findings = Machine::default().findings();
     findings.extend(rights());
+    findings.extend(rig.cpu.map(processor));
     if let Port::Devices(devices) = &rig.link.port {
         findings.extend(devices.iter().flat_map(|device| serial(device)));
     }
@@ -57,13 +65,14 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         findings.iter().for_each(show);
         anstream::println!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF);
     }
-    let measured = punctuality(rig.rate_hz, Duration::from_secs(args.seconds));
+    let measured = punctuality(rig.rate_hz, rig.cpu, Duration::from_secs(args.seconds));
     let judged = verdict(&measured);
     if !args.json {
         show(&judged);
     }
     findings.push(judged);
-    let address = args.server.map(|server| ServerAddress { server, token_file: args.token_file });
+    let address =
+        args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
     let stats = address
         .map(|address| commands::connect(&address, "hbot doctor")?.stats().map_err(anyhow::Error::from));
     let stats = stats.transpose()?;

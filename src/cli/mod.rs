@@ -64,6 +64,9 @@ pub(crate) struct ServerAddress {
     /// File with the token that the server asks for
     #[arg(long, value_name = "FILE")]
     token_file: Option<std::path::PathBuf>,
+    /// File with the certificate of a server that encrypts, or of the authority that signed it (PEM)
+    #[arg(long, value_name = "FILE")]
+    ca: Option<std::path::PathBuf>,
 }
 
 impl Cli {

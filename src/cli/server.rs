@@ -35,6 +35,9 @@ pub(crate) struct ServerArgs {
     /// Ticks a second
     #[arg(long, value_name = "HZ")]
     rate: Option<u32>,
+    /// Processor that the loop's thread stays on, from 0
+    #[arg(long, value_name = "N")]
+    cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]
     accuracy: Option<Accuracy>,
@@ -97,6 +100,7 @@ impl ServerArgs {
         put("link.port", "--port", self.port.as_ref().map(|p| json!(p)));
         put("api.listen", "--listen", self.listen.map(|a| json!(a.to_string())));
         put("loop.rate_hz", "--rate", self.rate.map(|r| json!(r)));
+        put("loop.cpu", "--cpu", self.cpu.map(|n| json!(n)));
         let accuracy = self.accuracy.and_then(|a| a.to_possible_value()).map(|a| json!(a.get_name()));
         put("loop.accuracy", "--accuracy", accuracy);
         put("api.token_file", "--token-file", self.token_file.as_ref().map(|p| json!(p)));
@@ -188,7 +192,7 @@ async fn serve(
         status::clear();
     }
     anstream::println!("{}", status::summary(&finished));
-    Ok(if finished.panicked { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Ok(if finished.failed.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
 /// What the rig's methods cost here and what they err; with a `target` (rad), of the cheapest that meet it, which become the
@@ -249,9 +253,11 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
     } else {
         too_slow(rig)
     };
+    let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
+    let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
-        "{name}hbot {}{off}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}, \
-         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}\n  listen   {name}{address}{off}",
+        "{name}hbot {}{off}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}\n  listen{tls}   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
         rig.name,
         2 * wheels,

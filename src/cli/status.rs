@@ -76,10 +76,10 @@ pub(crate) fn summary(finished: &Finished) -> String {
     if let Some(ratio) = finished.speed {
         let _ = write!(text, "\n  {ratio:.0} times real time");
     }
-    if finished.panicked {
+    if let Some(part) = finished.failed {
         let _ = write!(
             text,
-            "\n  {}the loop ended by a fault of its own{}: motors were switched off",
+            "\n  {}{part} ended by a fault of its own{}: motors were switched off",
             style::BAD,
             style::OFF
         );

@@ -93,7 +93,8 @@ fn run(name: &str) {
         longest = longest.max(begun.elapsed());
     }
     let took = start.elapsed().as_secs_f64();
-    println!("{name}: {inputs} inputs in {took:.1} s, the slowest {:.3} ms", longest.as_secs_f64() * 1e3);
+    let (rate, slowest) = (inputs as f64 / took, longest.as_secs_f64() * 1e3);
+    println!("{name}: {inputs} inputs in {took:.1} s, {rate:.0} a second, the slowest {slowest:.3} ms");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod accuracy;
 mod bringup;
 mod by_hand;
+mod far;
 mod phenomena;
 mod process;
 mod refusals;
@@ -10,4 +11,5 @@ mod replay;
 mod safety;
 mod scenes;
 mod study;
+mod tls;
 mod wall;

@@ -27,6 +27,22 @@ fn a_port_that_is_not_there() {
 }
 
 #[test]
+fn a_processor_that_is_not_there() {
+    for command in [
+        &["server", "--listen", "127.0.0.1:0", "--cpu", "1023"][..],
+        &["doctor", "--cpu", "1023", "--seconds", "1"],
+    ] {
+        let said = run(command).failure();
+        let out = said.get_output();
+        let text = String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr);
+        assert!(text.contains("processor 1023 is not there") && text.contains("legal: one of 0"), "{text}");
+    }
+    run(&["server", "--cpu", "1024"])
+        .failure()
+        .stderr(contains("--cpu: loop.cpu: 1024 is out of range; legal: 0 to 1023"));
+}
+
+#[test]
 fn an_address_in_use() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = taken.local_addr().expect("an address").to_string();

@@ -34,9 +34,12 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
         .stderr(Stdio::null())
         .spawn()
         .expect("it starts");
-    // Long enough for it to be at work; the whole takes more than ten times as long.
-    std::thread::sleep(Duration::from_secs(1));
     let pid = Pid::from_child(&child);
+    // It hears the signal from here on; then long enough for it to be at work: the whole takes more than ten times as long.
+    while !catches_interrupt(child.id()) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_secs(1));
     kill_process(pid, Signal::INT).expect("a signal");
     let asked = Instant::now();
     let status = child.wait().expect("it ends");
@@ -44,4 +47,12 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
     // It looks between two steps of a second at most, on a busy machine.
     assert!(asked.elapsed() < Duration::from_secs(20));
     assert!(!out.exists());
+}
+
+/// Whether a process has a handler for SIGINT, by the bits of its status in /proc.
+fn catches_interrupt(process: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).expect("it runs");
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("a mask of signals");
+    let mask = u64::from_str_radix(caught.trim(), 16).expect("hexadecimal");
+    mask & (1 << (Signal::INT.as_raw() - 1)) != 0
 }

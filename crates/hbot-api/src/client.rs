@@ -3,9 +3,11 @@
 mod connect;
 mod error;
 mod ops;
+mod tls;
 
 pub use connect::ConnectOptions;
 pub use error::ClientError;
+pub use tls::Trust;
 
 use crate::{Encoding, Event, HelloOk, Id, MAX_ANSWER_BYTES, Op, Request, Response, ServerMessage, Splitter};
 use serde_json::Value;
@@ -13,6 +15,7 @@ use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
+use tls::TlsStream;
 
 /// The most events kept for [`Client::next_event`]: the states of four seconds at 1 kHz. Then the oldest go.
 const MAX_EVENTS: usize = 4096;
@@ -28,7 +31,7 @@ const PIECE_BYTES: usize = 16 * 1024;
 /// [`ClientError::Protocol`] only a new connection helps.
 #[derive(Debug)]
 pub struct Client {
-    stream: TcpStream,
+    stream: Stream,
     splitter: Splitter,
     hello: HelloOk,
     /// How long an answer may take.
@@ -139,7 +142,7 @@ impl Client {
     fn write(&mut self, request: &Request) -> Result<(), ClientError> {
         self.out.clear();
         self.encoding().encode(request, &mut self.out)?;
-        self.stream.write_all(&self.out).map_err(ClientError::from_io)
+        self.stream.send(&self.out).map_err(ClientError::from_io)
     }
 
     /// The next message; `None` where none comes before the deadline.
@@ -157,12 +160,45 @@ impl Client {
     }
 }
 
+/// Bytes to and from the server.
+#[derive(Debug)]
+enum Stream {
+    Plain(TcpStream),
+    Tls(Box<TlsStream>),
+}
+
+impl Stream {
+    const fn socket(&self) -> &TcpStream {
+        match self {
+            Self::Plain(socket) => socket,
+            Self::Tls(stream) => &stream.sock,
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Plain(socket) => socket.write_all(bytes),
+            Self::Tls(stream) => {
+                stream.write_all(bytes)?;
+                stream.flush()
+            }
+        }
+    }
+
+    fn read(&mut self, piece: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Plain(socket) => socket.read(piece),
+            Self::Tls(stream) => match stream.read(piece) {
+                // A server that is gone without a word of farewell is gone.
+                Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(0),
+                result => result,
+            },
+        }
+    }
+}
+
 /// Reads what has come, or waits for it; false where the deadline passes first.
-fn read_piece(
-    stream: &mut TcpStream,
-    splitter: &mut Splitter,
-    deadline: Instant,
-) -> Result<bool, ClientError> {
+fn read_piece(stream: &mut Stream, splitter: &mut Splitter, deadline: Instant) -> Result<bool, ClientError> {
     let mut piece = [0; PIECE_BYTES];
     loop {
         return match read_before(stream, &mut piece, deadline) {
@@ -180,15 +216,15 @@ fn read_piece(
 
 /// One read. After the deadline what has come is still read: systems round short timeouts up to milliseconds, and a
 /// client that polls between the frames of a game must not wait for those.
-fn read_before(stream: &mut TcpStream, piece: &mut [u8], deadline: Instant) -> io::Result<usize> {
+fn read_before(stream: &mut Stream, piece: &mut [u8], deadline: Instant) -> io::Result<usize> {
     let left = deadline.saturating_duration_since(Instant::now());
     if left.is_zero() {
-        stream.set_nonblocking(true)?;
+        stream.socket().set_nonblocking(true)?;
         let result = stream.read(piece);
-        stream.set_nonblocking(false)?;
+        stream.socket().set_nonblocking(false)?;
         return result;
     }
-    stream.set_read_timeout(Some(left))?;
+    stream.socket().set_read_timeout(Some(left))?;
     stream.read(piece)
 }
 

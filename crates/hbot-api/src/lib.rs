@@ -58,7 +58,7 @@ mod untyped;
 pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
 };
-pub use client::{Client, ClientError, ConnectOptions};
+pub use client::{Client, ClientError, ConnectOptions, Trust};
 pub use encoding::{EncodeError, Encoding};
 pub use error::{ErrorBody, ErrorCode, Refusal};
 pub use event::{

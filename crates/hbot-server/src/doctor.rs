@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use crate::clock::{now_ns, sleep_until_ns};
 use crate::pace::Pace;
+use crate::processor::Processor;
 use crate::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
 use crate::serial::LatencyTimer;
 
@@ -158,7 +159,7 @@ impl<'a> Machine<'a> {
     fn isolation(&self) -> Finding {
         let isolated = self.read("sys/devices/system/cpu/isolated").filter(|list| !list.is_empty());
         let found = match isolated {
-            Some(list) => format!("processors {list} are set aside (pin the loop there: `taskset -c`)"),
+            Some(list) => format!("processors {list} are set aside (keep the loop there: `--cpu`)"),
             None => {
                 "no processor is set aside; isolcpus= is worth it only where other work loads the machine"
                     .to_owned()
@@ -251,12 +252,27 @@ pub fn serial(port: &str) -> Vec<Finding> {
     findings
 }
 
-/// Measures a bare loop of absolute sleeps, under SCHED_FIFO where that is granted: the best that this machine can do.
+/// The processor that the rig file gives the loop, from 0.
 #[must_use]
-pub fn punctuality(rate_hz: u32, time: Duration) -> Punctuality {
+pub fn processor(number: u32) -> Finding {
+    match Processor::new(number) {
+        Ok(_) => Finding::new("processor", Mark::Good, format!("the loop stays on processor {number}"), ""),
+        Err(error) => {
+            Finding::new("processor", Mark::NotSufficient, error.to_string(), "another one, or none")
+        }
+    }
+}
+
+/// Measures a bare loop of absolute sleeps, under SCHED_FIFO where that is granted, on the processor `cpu` where one is named and
+/// there: the best that this machine can do.
+#[must_use]
+pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctuality {
     let period_ns = 1_000_000_000 / u64::from(rate_hz.max(1));
     let ticks = (time.as_nanos() / u128::from(period_ns)) as u64;
+    let processor = cpu.and_then(|number| Processor::new(number).ok());
     let measured = thread::spawn(move || {
+        // One that is there can be stayed on; where it is taken away meanwhile, the measurement is of the others.
+        let _ = processor.map(Processor::keep);
         let granted = real_time(LOOP_PRIORITY).is_ok();
         touch_stack();
         let mut lateness = Histogram::<u64>::new_with_bounds(1, LONGEST_NS, 3).ok();
@@ -406,7 +422,7 @@ mod tests {
 
     #[test]
     fn a_loop_is_measured_and_none_of_its_ticks_is_lost() {
-        let measured = punctuality(1000, Duration::from_millis(200));
+        let measured = punctuality(1000, None, Duration::from_millis(200));
         assert_eq!(measured.ticks, 200);
         let rising =
             [measured.p50_us, measured.p99_us, measured.p99_9_us, measured.p99_99_us, measured.max_us];

@@ -28,11 +28,15 @@ pub mod metrics;
 pub mod pace;
 pub mod phenomena;
 mod port;
+pub mod processor;
 pub mod realtime;
 pub mod run_loop;
 pub mod sample;
 pub mod serial;
 pub mod server;
+#[cfg(test)]
+mod server_tests;
 pub mod service;
 pub mod stiffness;
+pub mod tls;
 pub mod wire;

@@ -152,6 +152,7 @@ impl Collector for Figures {
             ("dropped_states", "States that slow readers did not get", events.dropped_states),
             ("connections", "Connections taken", events.connections),
             ("connections_turned_away", "Connections turned away", events.turned_away),
+            ("handshakes_failed", "Connections never encrypted as they were to be", events.handshakes_failed),
             ("connections_cut", "Connections cut because their client did not read", events.cut),
             ("flight_logs", "Flight logs written", events.flight_logs),
             ("flight_logs_failed", "Flight logs that could not be written", events.flight_logs_failed),

@@ -1,9 +1,13 @@
 //! A whole server: the line, the loop's thread and the service, put together and taken apart again.
 
-use std::future::Future;
+use std::fmt;
+use std::future::{Future, poll_fn};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::mpsc;
+use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -24,10 +28,12 @@ use crate::clock::now_ns;
 use crate::engine::{Engine, Line, Recorder};
 use crate::handshake::{Expected, HandshakeError, handshake};
 use crate::phenomena::phenomena;
+use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
 use crate::run_loop::{Ended, StopFlag, lockstep, wall};
 use crate::serial::{LatencyTimer, OpenError, Serial};
 use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
+use crate::tls::{CertificateError, Encryption};
 use crate::wire::{Memory, SimulatorCall};
 
 /// What a server is to be.
@@ -72,6 +78,12 @@ pub enum StartError {
     /// Its pseudo-terminal.
     #[error(transparent)]
     Pty(#[from] PtyError),
+    /// The files of an encrypted service.
+    #[error(transparent)]
+    Certificate(#[from] CertificateError),
+    /// The processor that the loop is to stay on.
+    #[error(transparent)]
+    Processor(#[from] NoProcessor),
     /// Virtual time on a real rig.
     #[error("virtual time needs the simulated rig: use `--port sim`, or `--time wall` for {0}")]
     VirtualHardware(String),
@@ -115,12 +127,30 @@ impl Drop for Running {
 /// How a server ended.
 #[derive(Debug)]
 pub struct Finished {
-    /// What the service counted and measured.
+    /// What the service counted and measured; nothing where it was the service that failed.
     pub summary: Summary,
-    /// The loop ended by a fault of its own.
-    pub panicked: bool,
+    /// What ended by a fault of its own, if anything did. Motors were switched off all the same.
+    pub failed: Option<Part>,
     /// In virtual time: how many times faster than the clock it ran.
     pub speed: Option<f64>,
+}
+
+/// What a server is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// The thread that ticks.
+    Loop,
+    /// What talks to clients.
+    Service,
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Loop => "the loop",
+            Self::Service => "the service",
+        })
+    }
 }
 
 impl Server {
@@ -130,6 +160,8 @@ impl Server {
     /// The port, the controllers, or the system; nothing is left running.
     pub fn start(options: Options) -> Result<Self, StartError> {
         let Options { rig, scene, time, duration, token, flight_dir, recorder } = options;
+        let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
+        let processor = rig.cpu.map(Processor::new).transpose()?;
         let mut running = RunningScene::new();
         // At the start ideal and in a hand that turns it about, unless the scene says otherwise.
         let shown = scene.simulate().map_or_else(
@@ -199,18 +231,25 @@ impl Server {
                 let stop = stop.clone();
                 let (settled, heard) = mpsc::sync_channel(1);
                 let thread = spawn(move || {
+                    let pinned = processor.map_or(Ok(()), Processor::keep);
                     wall(engine, period_ns, ticks, &stop, move |outcome| {
-                        let _ = settled.send(outcome);
+                        let _ = settled.send((pinned, outcome));
                     })
                 })?;
-                if let Ok(Err(reason)) = heard.recv() {
+                let (pinned, urgent) = heard.recv().unwrap_or((Ok(()), Ok(())));
+                if let Err(reason) = pinned {
+                    notices.push(format!(
+                        "the loop is not held on its processor ({reason}): the system may move it"
+                    ));
+                }
+                if let Err(reason) = urgent {
                     notices.push(format!("no real-time priority ({reason}): other work may delay ticks; run as root, or raise the limit rtprio"));
                 }
                 (thread, pty, set)
             }
         };
         let accuracy = rig.accuracy.to_owned();
-        let setup = Setup { rig, scene: running, phenomena: set, token, flight_dir, accuracy };
+        let setup = Setup { rig, scene: running, phenomena: set, token, encryption, flight_dir, accuracy };
         let started_ns = now_ns();
         let running = Running { stop, thread: Some(thread) };
         Ok(Self { setup, end, running, pty, notices, period_ns, time, started_ns })
@@ -222,7 +261,8 @@ impl Server {
         &self.notices
     }
 
-    /// Serves clients on `listener` until `shutdown`, or until the loop ends. Zero torque is on the line before it returns.
+    /// Serves clients on `listener` until `shutdown`, until the loop ends, or until either fails. Zero torque is on the line
+    /// before it returns.
     ///
     /// # Errors
     /// The service cannot go on.
@@ -243,13 +283,25 @@ impl Server {
                 stop.stop();
             }
         };
-        let summary = service::serve(listener, end, setup, control, status, stopping).await;
+        let mut serving = pin!(service::serve(listener, end, setup, control, status, stopping));
+        // What a panic leaves behind is dropped without being used again.
+        let summary = poll_fn(|context| {
+            catch_unwind(AssertUnwindSafe(|| serving.as_mut().poll(context)))
+                .map_or(Poll::Ready(None), |polled| polled.map(Some))
+        })
+        .await;
         let ended = running.end();
         // The simulated rig's thread ends with its last owner, after the loop's last word.
         drop(pty);
+        let failed = match (ended, &summary) {
+            (Ended::Panicked, _) => Some(Part::Loop),
+            (Ended::Stopped, None) => Some(Part::Service),
+            (Ended::Stopped, Some(_)) => None,
+        };
+        let summary = summary.unwrap_or_default();
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
-        Ok(Finished { summary, panicked: ended == Ended::Panicked, speed })
+        Ok(Finished { summary, failed, speed })
     }
 }
 

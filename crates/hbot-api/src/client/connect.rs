@@ -1,12 +1,13 @@
 //! From an address to a client that has said hello.
 
-use super::{Client, ClientError, new_splitter, read_piece};
+use super::tls::ALERT;
+use super::{Client, ClientError, Stream, Trust, new_splitter, read_piece};
 use crate::{
     DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Op, PROTOCOL_VERSION, Request, Response, ServerMessage, Token,
 };
 use serde_json::Value;
 use std::collections::VecDeque;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
@@ -19,16 +20,25 @@ pub struct ConnectOptions {
     pub token: Option<Token>,
     /// How both sides are to send.
     pub encoding: Encoding,
+    /// Encrypts the connection, with a server that these certificates make believable. `None` for plain TCP: then a server that
+    /// encrypts is an error, as one that does not is with it.
+    pub trust: Option<Trust>,
     /// How long the connection, and then each answer, may take. Default: 5 s, which leaves room for `load_scene` on a
     /// small machine.
     pub timeout: Duration,
 }
 
 impl ConnectOptions {
-    /// No token, JSON, and the default timeout.
+    /// No token, JSON, plain TCP, and the default timeout.
     #[must_use]
     pub fn new(name: &str) -> Self {
-        Self { name: name.into(), token: None, encoding: Encoding::Json, timeout: Duration::from_secs(5) }
+        Self {
+            name: name.into(),
+            token: None,
+            encoding: Encoding::Json,
+            trust: None,
+            timeout: Duration::from_secs(5),
+        }
     }
 }
 
@@ -50,12 +60,20 @@ impl Client {
     /// As [`connect`](Self::connect).
     pub fn connect_with(address: &str, options: &ConnectOptions) -> Result<Self, ClientError> {
         let deadline = Instant::now() + options.timeout;
-        let mut stream = open(address, options.timeout)?;
+        let stream = open(address, options.timeout)?;
         let configure = |stream: &TcpStream| {
             stream.set_nodelay(true)?;
             stream.set_write_timeout(Some(options.timeout))
         };
         configure(&stream).map_err(ClientError::from_io)?;
+        let late = || ClientError::Timeout { what: "hello", after: options.timeout };
+        let mut stream = match &options.trust {
+            None => Stream::Plain(stream),
+            Some(trust) => {
+                let secured = trust.shake_hands(host(address), stream, deadline)?;
+                Stream::Tls(Box::new(secured.ok_or_else(late)?))
+            }
+        };
 
         let op = Op::Hello(Hello {
             version: PROTOCOL_VERSION,
@@ -65,7 +83,10 @@ impl Client {
         });
         let mut out = Vec::new();
         Encoding::Json.encode(&Request { id: Some(Id::Integer(0)), op }, &mut out)?;
-        stream.write_all(&out).map_err(ClientError::from_io)?;
+        stream.send(&out).map_err(ClientError::from_io)?;
+        if let Stream::Plain(socket) = &stream {
+            answers_plainly(socket, deadline)?;
+        }
 
         let mut splitter = new_splitter();
         let hello = loop {
@@ -73,7 +94,7 @@ impl Client {
                 break read_hello(line.map_err(|error| ClientError::Protocol(error.to_string()))?)?;
             }
             if !read_piece(&mut stream, &mut splitter, deadline)? {
-                return Err(ClientError::Timeout { what: "hello", after: options.timeout });
+                return Err(late());
             }
         };
         splitter.set_encoding(options.encoding);
@@ -121,13 +142,37 @@ fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
 }
 
 fn resolve(address: &str) -> io::Result<Vec<SocketAddr>> {
-    // A bare IPv6 address is full of colons and has no port all the same.
-    let has_port =
-        address.rsplit_once(':').is_some_and(|(host, _)| !host.contains(':') || host.ends_with(']'));
-    if has_port {
+    if has_port(address) {
         address.to_socket_addrs().map(Iterator::collect)
     } else {
-        let host = address.trim_start_matches('[').trim_end_matches(']');
-        (host, DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
+        (host(address), DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
+    }
+}
+
+/// A bare IPv6 address is full of colons and has no port all the same.
+fn has_port(address: &str) -> bool {
+    address.rsplit_once(':').is_some_and(|(host, _)| !host.contains(':') || host.ends_with(']'))
+}
+
+/// The address without its port and brackets: what a certificate is for.
+fn host(address: &str) -> &str {
+    let host = match address.rsplit_once(':') {
+        Some((host, _)) if has_port(address) => host,
+        _ => address,
+    };
+    host.trim_start_matches('[').trim_end_matches(']')
+}
+
+/// Looks whether what comes first is no alert of a server that encrypts, without taking it. Where nothing comes, or the connection
+/// breaks, who reads next finds out.
+fn answers_plainly(socket: &TcpStream, deadline: Instant) -> Result<(), ClientError> {
+    let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+    socket.set_read_timeout(Some(left)).map_err(ClientError::from_io)?;
+    let mut first = [0];
+    match socket.peek(&mut first) {
+        Ok(1) if first == [ALERT] => {
+            Err(ClientError::Tls("the server encrypts: name its certificate, or its authority's".to_owned()))
+        }
+        _ => Ok(()),
     }
 }

@@ -52,6 +52,9 @@ pub enum ClientError {
     /// The server sent something that is none of its messages: another program, or another version.
     #[error("the server sent what is no message of its: {0}")]
     Protocol(String),
+    /// There is no encrypted connection, or there should have been one.
+    #[error("{0}")]
+    Tls(String),
     /// The request cannot be sent.
     #[error(transparent)]
     Encode(#[from] EncodeError),

@@ -9,7 +9,7 @@ use hbot_core::rig as core;
 
 use super::file::{self, RigFile};
 use super::settings;
-use super::{ApiConfig, LinkConfig, Port, RigConfig};
+use super::{ApiConfig, LinkConfig, Port, RigConfig, TlsFiles};
 use crate::document::Report;
 
 /// Default watchdog times, ms: a serial line is quick, a pseudo-terminal on a busy machine may not be.
@@ -96,6 +96,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         controllers,
         zero_offsets,
         rate_hz: file.r#loop.rate_hz,
+        cpu: file.r#loop.cpu,
         accuracy: file.r#loop.accuracy.name(),
         link,
         api: api?,
@@ -203,6 +204,11 @@ fn api(file: &RigFile, report: &mut Report) -> Option<ApiConfig> {
     Some(ApiConfig {
         listen,
         token_file: file.api.token_file.clone(),
+        tls: file
+            .api
+            .tls
+            .as_ref()
+            .map(|tls| TlsFiles { certificate: tls.certificate.clone(), key: tls.key.clone() }),
         on_client_lost: file.api.on_client_lost,
     })
 }

@@ -42,6 +42,8 @@ pub struct RigConfig {
     pub zero_offsets: Vec<f64>,
     /// Ticks a second, 50 to 20000.
     pub rate_hz: u32,
+    /// The processor that the loop's thread stays on; `None` where the system chooses.
+    pub cpu: Option<u32>,
     /// The preset of methods: `fast`, `balanced`, `exact`, or `custom` where the file names each.
     pub accuracy: &'static str,
     /// The serial line.
@@ -106,8 +108,19 @@ pub struct ApiConfig {
     pub listen: SocketAddr,
     /// The file that holds the token, where one is asked for.
     pub token_file: Option<PathBuf>,
+    /// What the service shows of itself where it is encrypted; `None` for plain TCP.
+    pub tls: Option<TlsFiles>,
     /// What happens to the holder's commands when its connection ends without a release.
     pub on_client_lost: OnClientLost,
+}
+
+/// The files of an encrypted service, in PEM.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TlsFiles {
+    /// The server's certificate, then those between it and an authority.
+    pub certificate: PathBuf,
+    /// Its private key.
+    pub key: PathBuf,
 }
 
 impl ApiConfig {
@@ -145,7 +158,7 @@ impl RigConfig {
         Self::from_toml_with(text, file, &[])
     }
 
-    /// A rig from its file. A relative `api.token_file` is taken from the folder of the rig file.
+    /// A rig from its file. Relative paths in `[api]` are taken from the folder of the rig file.
     ///
     /// # Errors
     /// The file cannot be read, or everything that is wrong with it.
@@ -165,10 +178,15 @@ impl RigConfig {
         let text = std::fs::read_to_string(path)
             .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
         let mut config = Self::from_toml_with(&text, &path.display().to_string(), overrides)?;
-        if let (Some(token), Some(folder)) = (&mut config.api.token_file, path.parent())
+        let Some(folder) = path.parent() else { return Ok(config) };
+        if let Some(token) = &mut config.api.token_file
             && !overrides.iter().any(|o| o.path == "api.token_file")
         {
             *token = folder.join(&*token);
+        }
+        if let Some(tls) = &mut config.api.tls {
+            tls.certificate = folder.join(&tls.certificate);
+            tls.key = folder.join(&tls.key);
         }
         Ok(config)
     }

@@ -22,6 +22,10 @@ pub(crate) struct Loop {
     pub(crate) rate_estimate: RateEstimate,
     /// Whether energy given out is held within what came in: true, false, or a table that says how.
     pub(crate) passivity: Passivity,
+    /// The processor that the loop's thread stays on, from 0; best one that nothing else uses. Absent: the system chooses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u32", range(max = 1023))]
+    pub(crate) cpu: Option<u32>,
 }
 
 impl Default for Loop {
@@ -31,6 +35,7 @@ impl Default for Loop {
             accuracy: Accuracy::Preset(Preset::Balanced),
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(false),
+            cpu: None,
         }
     }
 }
@@ -163,6 +168,10 @@ pub(crate) struct Api {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "String", length(min = 1))]
     pub(crate) token_file: Option<PathBuf>,
+    /// Encrypts the service; nothing else is then spoken on its port. Absent: plain TCP.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Tls")]
+    pub(crate) tls: Option<Tls>,
     /// What happens to the holder's commands when its connection ends without a release.
     pub(crate) on_client_lost: OnClientLost,
 }
@@ -172,9 +181,22 @@ impl Default for Api {
         Self {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, DEFAULT_PORT)).to_string(),
             token_file: None,
+            tls: None,
             on_client_lost: OnClientLost::Ramp,
         }
     }
+}
+
+/// What the service shows of itself where it is encrypted (TLS 1.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Tls {
+    /// The server's certificate and those between it and an authority, if there are any (PEM); relative to the rig file.
+    #[schemars(with = "String", length(min = 1))]
+    pub(crate) certificate: PathBuf,
+    /// The private key of that certificate (PEM); relative to the rig file.
+    #[schemars(with = "String", length(min = 1))]
+    pub(crate) key: PathBuf,
 }
 
 /// HBOT on a phone's keys.

@@ -382,6 +382,37 @@ fn a_token_file_stands_beside_its_rig_file() {
 }
 
 #[test]
+fn an_encrypted_service_names_both_its_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.toml");
+    std::fs::write(&path, format!("{LEAST}[api]\ntls = {{ certificate = 'a.pem', key = '/k/b.pem' }}"))
+        .unwrap();
+    let tls = RigConfig::from_path(&path).unwrap().api.tls.unwrap();
+    assert_eq!((tls.certificate, tls.key), (folder.path().join("a.pem"), "/k/b.pem".into()));
+    assert_eq!(RigConfig::prototype().api.tls, None);
+    let lines = LEAST.lines().count();
+    for (table, place, what) in [
+        ("{ certificate = 'a.pem' }", "7", "api.tls.key: missing; legal: a string"),
+        ("{ certificate = 'a.pem', key = 1 }", "36", "api.tls.key: found 1; legal: a string"),
+        ("{ certificate = 'a.pem', key = '' }", "36", "api.tls.key: "),
+        ("{ certificate = 'a.pem', kei = 'b.pem' }", "30", "api.tls.kei: unknown key (did you mean `key`?)"),
+    ] {
+        let said = said_of(&format!("{LEAST}[api]\ntls = {table}\n"));
+        let wanted = format!("x.toml:{}:{place}: {what}", lines + 2);
+        assert!(said.lines().any(|line| line.starts_with(&wanted)), "{wanted}\n{said}");
+    }
+}
+
+#[test]
+fn the_loop_may_have_a_processor_of_its_own() {
+    let of = |text: &str| RigConfig::from_toml(text, "x.toml").map(|config| config.cpu);
+    assert_eq!(of(&format!("{LEAST}[loop]\ncpu = 3\n")), Ok(Some(3)));
+    assert_eq!(of(LEAST), Ok(None));
+    let said = said_of(&format!("{LEAST}[loop]\ncpu = -1\n"));
+    assert!(said.contains("loop.cpu: -1 is out of range; legal: 0 to 1023"), "{said}");
+}
+
+#[test]
 fn the_share_of_a_line_that_frames_take() {
     let link = RigConfig::prototype().link;
     // 60 bytes of 10 bits, 1000 times a second, on 3 Mbaud.

@@ -42,6 +42,8 @@ pub struct Outcome {
 pub enum Verdict {
     /// It turns towards greater counts, and its rates agree with them.
     Good,
+    /// It turned before there was any torque.
+    Turns,
     /// It did not move.
     Stands,
     /// It turns towards smaller counts under a positive torque.
@@ -58,6 +60,7 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Good => f.write_str("good"),
+            Self::Turns => f.write_str("it turned before there was any torque: let it come to rest"),
             Self::Stands => f.write_str("it did not move: raise --torque, free the wheel, or check the motor's leads"),
             Self::Reversed => f.write_str(
                 "its counts fall under a positive torque, which in a closed loop runs away: exchange two leads of the motor, or A and \
@@ -86,9 +89,15 @@ pub fn test<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64
 
 fn push<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Silent> {
     let period = bench.period_s();
-    let start = bench.exchange(None)?.counts[joint];
+    let before = bench.exchange(None)?;
+    let start = before.counts[joint];
     let mut outcome =
         Outcome { joint, torque, moved: 0.0, by_rate: 0.0, fastest: 0.0, verdict: Verdict::Stands };
+    // What would be called motion within the test without any torque says nothing of it; nor does a rate that is no number.
+    if !(before.rates[joint].abs() <= STILL / HOLD_S) {
+        outcome.verdict = Verdict::Turns;
+        return Ok(outcome);
+    }
     let mut last_rate = 0.0;
     for k in 1..=((RISE_S + HOLD_S) / period) as u32 {
         let mut asked = [0.0; MAX_JOINTS];

@@ -65,6 +65,61 @@ fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
     assert_eq!(outcome.verdict, Verdict::TooFast);
 }
 
+/// A line whose controllers push joint 1 the wrong way round: two leads of its motor are exchanged.
+struct Exchanged(Memory);
+
+impl Wire for Exchanged {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.0.read(buffer)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let mut decoder = hbot_link::Decoder::<ToController>::new();
+        let mut result = Ok(bytes.len());
+        decoder.feed(bytes, |message| {
+            let Ok(ToController::Command(mut command)) = message else { return };
+            command.torque[1] = -command.torque[1];
+            let mut frame = [0; hbot_link::MAX_COMMAND_FRAME];
+            let n = hbot_link::encode(&ToController::Command(command), &mut frame).unwrap();
+            result = self.0.write(&frame[..n]).map(|_| bytes.len());
+        });
+        result
+    }
+
+    fn set_time(&mut self, now_ns: u64) {
+        self.0.set_time(now_ns);
+    }
+}
+
+#[test]
+fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is_closed() {
+    let rig = RigConfig::prototype().rig;
+    let exchanged = || {
+        let (_calls, inbox) = mpsc::channel();
+        let mut wire = Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox);
+        let line = Line::single(0..4, 50);
+        handshake(&mut wire, &Expected::new("sim", &rig, &line, 0)).unwrap();
+        Bench::new(&rig, vec![Exchanged(wire)], &line, true)
+    };
+    for torque in [0.01, -0.01] {
+        let outcome = test(&mut exchanged(), 1, torque, 50.0).unwrap();
+        assert_eq!(outcome.verdict, Verdict::Reversed, "{outcome:?}");
+        assert!(outcome.moved * torque < 0.0);
+        assert!(outcome.verdict.to_string().contains("exchange two leads"));
+        // The others are as they were.
+        assert_eq!(test(&mut exchanged(), 3, torque, 50.0).unwrap().verdict, Verdict::Good);
+    }
+}
+
+#[test]
+fn a_joint_that_turns_already_is_not_judged_by_that() {
+    let mut bench = bench(|_| (), false, |_| ());
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    // The sphere rolls on without friction, and with it each wheel: this says nothing of a torque the other way.
+    let outcome = test(&mut bench, 1, -0.01, 50.0).unwrap();
+    assert_eq!((outcome.verdict, outcome.moved), (Verdict::Turns, 0.0), "{outcome:?}");
+}
+
 #[test]
 fn a_line_that_falls_silent_is_told() {
     let rig = RigConfig::prototype().rig;
@@ -127,6 +182,51 @@ fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
     assert!((a.radius / b.radius - 1.03).abs() < 3e-3, "{found:?}");
     assert!((b.cone - a.cone - 0.02).abs() < 5e-3, "{found:?}");
     assert!((b.zero + 0.4).abs() < 1e-2 && found.after < 0.2 * found.before, "{found:?}");
+}
+
+/// The prototype with a third wheel, its axis a quarter turn about the vertical from the others'.
+fn three_wheels() -> hbot_core::Rig {
+    let mut rig = RigConfig::prototype().rig;
+    let mut specs: Vec<_> = rig.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
+    specs.push(hbot_core::device::WheelSpec { axis: hbot_core::Vec3::new(0.0, 1.0, -1.0), ..specs[0] });
+    rig.device =
+        hbot_core::Device::new(rig.device.sphere_radius(), rig.device.sphere_mass(), &specs).unwrap();
+    (rig.joints[4], rig.joints[5]) = (rig.joints[0], rig.joints[1]);
+    rig
+}
+
+#[test]
+fn with_three_wheels_a_wrong_sign_and_wrong_zeros_are_found_on_each() {
+    let rig = three_wheels();
+    let found = |spoil: &dyn Fn(&mut SimulatedConfig), slipped: &[(usize, f64)]| {
+        let mut config = SimulatedConfig::new(&rig);
+        spoil(&mut config);
+        let mut simulated = SimulatedRig::new(&config).unwrap();
+        simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
+        for (joint, angle) in slipped {
+            simulated.inject(Fault::Slipped { joint: *joint, angle: *angle });
+        }
+        let (_calls, inbox) = mpsc::channel();
+        let mut wire = Memory::new(simulated, inbox);
+        let line = Line::single(0..6, 50);
+        handshake(&mut wire, &Expected::new("sim", &rig, &line, 0)).unwrap();
+        watched(&mut Bench::new(&rig, vec![wire], &line, true))
+    };
+    let good = found(&|_| (), &[]);
+    assert!(good.known && good.before < 0.01 && good.wheels.len() == 3, "{good:?}");
+    for joint in 0..6 {
+        let found = found(&|config| config.joints[joint].reversed = true, &[]);
+        let flipped: Vec<bool> = found.wheels.iter().flat_map(|wheel| wheel.wrong_sign).collect();
+        assert_eq!(flipped, std::array::from_fn::<_, 6, _>(|j| j == joint), "{found:?}");
+        assert!(found.known && found.before > 0.05 && found.after < 0.01, "{found:?}");
+    }
+    // Two wheels at once: with three there is enough left over to tell.
+    let found = found(&|_| (), &[(0, 0.4), (4, -0.7)]);
+    for (wheel, angle) in [(0, 0.4), (1, 0.0), (2, -0.7)] {
+        // The encoder says more than is true by `angle`; the bound is that of two wheels.
+        assert!((found.wheels[wheel].zero + angle).abs() < 5e-3, "{wheel}: {found:?}");
+        assert_eq!(found.wheels[wheel].wrong_sign, [false; 2]);
+    }
 }
 
 #[test]

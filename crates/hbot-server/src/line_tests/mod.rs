@@ -3,6 +3,7 @@
 
 mod frames;
 mod ports;
+mod states;
 
 use std::sync::{Arc, Mutex};
 

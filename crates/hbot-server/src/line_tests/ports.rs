@@ -22,7 +22,10 @@ fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
 
 /// The rig behind `link`, active, with a line that is kept open.
 fn plugged(link: &Path) -> (Bench<Serial>, PtyRig) {
-    plugged_in(RigConfig::prototype(), link)
+    // A busy machine may hold the bytes of a pseudo-terminal up for longer than the 20 ticks of the prototype.
+    let mut patient = RigConfig::prototype();
+    patient.rig.timing.timeout_ticks = 1000;
+    plugged_in(patient, link)
 }
 
 fn plugged_in(rig: RigConfig, link: &Path) -> (Bench<Serial>, PtyRig) {

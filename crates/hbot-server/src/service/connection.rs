@@ -5,14 +5,14 @@ use std::pin::pin;
 use std::time::Duration;
 
 use hbot_api::{Encoding, ErrorBody, ErrorCode, Op, Refusal, Request, Response, Splitter};
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, ReadHalf, WriteHalf, split};
 use tokio::net::TcpStream;
-use tokio::net::tcp::{ReadHalf, WriteHalf};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::Bounds;
 use super::outbox::Inbox;
+use crate::tls::Encryption;
 
 /// Bytes read or written at once.
 const PIECE_BYTES: usize = 16 * 1024;
@@ -30,35 +30,65 @@ pub(super) enum FromClient {
     /// A later message.
     Message { session: u64, message: Result<Request, Refusal> },
     /// The connection has ended, or the client will say no more.
-    Gone {
-        session: u64,
-        /// It was given up because the client has not read.
-        stuck: bool,
-    },
+    Gone { session: u64, why: Gone },
+}
+
+/// Why a connection has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Gone {
+    /// Either side has ended it.
+    Ended,
+    /// It was given up because the client has not read.
+    Stuck,
+    /// It was to be encrypted, and never was.
+    NoHandshake,
 }
 
 /// Serves one connection until either side ends it.
 pub(super) async fn serve(
-    mut stream: TcpStream,
+    stream: TcpStream,
+    encryption: Option<Encryption>,
+    session: u64,
+    hub: mpsc::Sender<FromClient>,
+    inbox: Inbox,
+    bounds: Bounds,
+) {
+    let deadline = Instant::now() + bounds.hello;
+    let Some(encryption) = encryption else {
+        return converse(stream, deadline, session, hub, inbox, bounds).await;
+    };
+    match timeout_at(deadline, encryption.shake_hands(stream)).await {
+        Ok(Ok(stream)) => converse(stream, deadline, session, hub, inbox, bounds).await,
+        Ok(Err(_)) | Err(_) => {
+            let _ = hub.send(FromClient::Gone { session, why: Gone::NoHandshake }).await;
+        }
+    }
+}
+
+/// The same once bytes are what they mean: who has not said hello by `deadline` is sent away.
+async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
+    mut stream: S,
+    deadline: Instant,
     session: u64,
     hub: mpsc::Sender<FromClient>,
     inbox: Inbox,
     bounds: Bounds,
 ) {
     let ended = {
-        let (reader, writer) = stream.split();
-        let mut reading = pin!(read(reader, session, &hub, &bounds));
+        let (reader, writer) = split(&mut stream);
+        let mut reading = pin!(read(reader, deadline, session, &hub, &bounds));
         let mut writing = pin!(write(writer, inbox, bounds.stuck));
         // The hub outlives its connections; where it does not, nobody is left to be told.
         tokio::select! {
             ended = &mut reading => {
-                let _ = hub.send(FromClient::Gone { session, stuck: false }).await;
+                let _ = hub.send(FromClient::Gone { session, why: Gone::Ended }).await;
                 // What has been asked for is answered, even to a client that has closed its own direction.
                 if writing.await.is_ok() { ended } else { Ended::Broken }
             }
             written = &mut writing => {
                 let stuck = written.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::TimedOut);
-                let _ = hub.send(FromClient::Gone { session, stuck }).await;
+                let why = if stuck { Gone::Stuck } else { Gone::Ended };
+                let _ = hub.send(FromClient::Gone { session, why }).await;
                 if written.is_ok() { Ended::ByServer } else { Ended::Broken }
             }
         }
@@ -78,7 +108,7 @@ pub(super) async fn turn_away(mut stream: TcpStream, error: ErrorBody) {
     }
 }
 
-async fn linger(stream: &mut TcpStream) {
+async fn linger<S: AsyncRead + AsyncWrite + Unpin>(stream: &mut S) {
     let deadline = Instant::now() + LINGER;
     if stream.shutdown().await.is_err() {
         return;
@@ -102,15 +132,16 @@ enum Ended {
 }
 
 /// Messages from the client to the hub.
-async fn read(
-    mut half: ReadHalf<'_>,
+async fn read<S: AsyncRead>(
+    mut half: ReadHalf<S>,
+    deadline: Instant,
     session: u64,
     hub: &mpsc::Sender<FromClient>,
     bounds: &Bounds,
 ) -> Ended {
     let mut splitter = Splitter::new(Encoding::Json);
     let mut piece = vec![0; PIECE_BYTES];
-    let first = match timeout(bounds.hello, next(&mut half, &mut splitter, &mut piece)).await {
+    let first = match timeout_at(deadline, next(&mut half, &mut splitter, &mut piece)).await {
         Ok(Next::Message(message, _)) => message,
         Ok(Next::End(ended)) => return ended,
         Err(_) => {
@@ -144,7 +175,7 @@ enum Next {
     End(Ended),
 }
 
-async fn next(half: &mut ReadHalf<'_>, splitter: &mut Splitter, piece: &mut [u8]) -> Next {
+async fn next<S: AsyncRead>(half: &mut ReadHalf<S>, splitter: &mut Splitter, piece: &mut [u8]) -> Next {
     loop {
         let encoding = splitter.encoding();
         match splitter.next_message() {
@@ -200,7 +231,7 @@ impl Pace {
 
 /// Messages from the hub to the client, until the hub lets go. Fails where the connection is broken, or has taken no byte
 /// for so long that it counts as such.
-async fn write(mut half: WriteHalf<'_>, mut inbox: Inbox, stuck: Duration) -> io::Result<()> {
+async fn write<S: AsyncWrite>(mut half: WriteHalf<S>, mut inbox: Inbox, stuck: Duration) -> io::Result<()> {
     let mut batch = Vec::with_capacity(BATCH_BYTES);
     while let Some(frame) = inbox.next().await {
         batch.clear();
@@ -217,6 +248,8 @@ async fn write(mut half: WriteHalf<'_>, mut inbox: Inbox, stuck: Duration) -> io
             }
             rest = &rest[written..];
         }
+        // What encryption has taken and the socket has not yet.
+        timeout(stuck, half.flush()).await.map_err(|_| io::ErrorKind::TimedOut)??;
     }
     Ok(())
 }

@@ -162,6 +162,8 @@ impl Hub {
                     // Who no longer waits for it needs none.
                     let _ = wanted.send(Box::new(self.stats.summary()));
                 }
+                #[cfg(test)]
+                Wake::Control(Some(Control::Fail)) => panic!("as a test asks"),
                 Wake::Control(None) => controlled = false,
                 Wake::Message(Some(message)) => {
                     self.message(message);

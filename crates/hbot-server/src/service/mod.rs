@@ -43,6 +43,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 pub use self::stats::{Distribution, Events, Summary};
 use crate::bridge::ServiceEnd;
 use crate::sample::Sample;
+use crate::tls::Encryption;
 
 /// Gives the simulated rig other phenomena.
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
@@ -57,6 +58,8 @@ pub struct Setup {
     pub phenomena: Option<SetPhenomena>,
     /// The secret that clients must show; `None` where none is asked for.
     pub token: Option<String>,
+    /// Encrypts connections; `None` for plain TCP.
+    pub encryption: Option<Encryption>,
     /// Where flight logs go; `None` for none.
     pub flight_dir: Option<PathBuf>,
     /// What people call the methods in use, for `info`.
@@ -70,6 +73,9 @@ pub enum Control {
     Estop,
     /// Tell how the run goes.
     Summarize(oneshot::Sender<Box<Summary>>),
+    /// Fail, so that a test sees what becomes of the motors.
+    #[cfg(test)]
+    Fail,
 }
 
 /// What is going on, for a line in a terminal.

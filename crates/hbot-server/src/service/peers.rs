@@ -21,8 +21,8 @@ impl Hub {
         if there >= self.bounds.connections {
             self.stats.events.turned_away += 1;
             tracing::warn!(%address, "turned away: {there} connections already");
-            // Those who come even faster get no answer at all.
-            if self.turned_away.len() < self.bounds.connections {
+            // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
+            if self.setup.encryption.is_none() && self.turned_away.len() < self.bounds.connections {
                 let message = format!("{there} connections already; try again later");
                 let error = ErrorBody::new(ErrorCode::Busy, message);
                 self.turned_away.spawn(connection::turn_away(stream, error));
@@ -38,6 +38,7 @@ impl Hub {
         let (outbox, inbox) = outbox(self.bounds.outgoing);
         let task = self.connections.spawn(connection::serve(
             stream,
+            self.setup.encryption.clone(),
             session,
             self.to_hub.clone(),
             inbox,

@@ -11,7 +11,7 @@ use serde_json::json;
 use subtle::ConstantTimeEq as _;
 use tokio::time::Instant;
 
-use super::connection::FromClient;
+use super::connection::{FromClient, Gone};
 use super::convert;
 use super::hub::Hub;
 use super::orders::OrderKind;
@@ -34,10 +34,21 @@ impl Hub {
                 self.stats.events.requests += 1;
                 self.refuse(session, id, op.unwrap_or_default(), error);
             }
-            FromClient::Gone { session, stuck } => {
-                if stuck {
-                    self.stats.events.cut += 1;
-                    tracing::warn!(session, "cut: the client has read nothing for {:?}", self.bounds.stuck);
+            FromClient::Gone { session, why } => {
+                match why {
+                    Gone::Ended => {}
+                    Gone::Stuck => {
+                        self.stats.events.cut += 1;
+                        tracing::warn!(
+                            session,
+                            "cut: the client has read nothing for {:?}",
+                            self.bounds.stuck
+                        );
+                    }
+                    Gone::NoHandshake => {
+                        self.stats.events.handshakes_failed += 1;
+                        tracing::debug!(session, "no encrypted connection came about");
+                    }
                 }
                 self.gone(session);
             }

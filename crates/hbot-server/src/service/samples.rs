@@ -3,6 +3,7 @@
 use std::io;
 
 use hbot_api::{Event, FaultEvent};
+use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
 use hbot_core::mode::{Cause, Mode};
 use tokio::task::JoinError;
 
@@ -28,6 +29,8 @@ pub(super) struct Publisher {
 pub(super) struct Watch {
     /// Of the last sample.
     mode: Option<(Mode, Option<Cause>)>,
+    /// Ticks skipped just before it.
+    skipped: u64,
 }
 
 impl Publisher {
@@ -41,6 +44,8 @@ impl Hub {
     #[inline]
     pub(super) fn take(&mut self, sample: &Sample) {
         self.stats.record(sample);
+        self.watch.skipped =
+            self.latest.map_or(0, |before| sample.counters.skipped - before.counters.skipped);
         self.latest = Some(*sample);
         if !self.orders.is_empty() {
             self.answers(sample);
@@ -167,12 +172,7 @@ impl Hub {
             Cause::ImplausibleFeedback => {
                 "a joint moved more than half a turn between two readings: check its encoder".to_owned()
             }
-            Cause::Deadline => format!(
-                "a tick came {:.1} ms late, or 10 in a row were skipped ({} so far): other work on this machine, no real-time \
-                 priority, or a rate too high for it; mend that, then reset and enable",
-                convert::seconds(sample.timing.lateness_ns) * 1.0e3,
-                sample.counters.skipped
-            ),
+            Cause::Deadline => deadline(sample.timing.lateness_ns, self.watch.skipped),
             Cause::ClientLost => {
                 "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
             }
@@ -200,6 +200,21 @@ impl Hub {
     }
 }
 
+/// Which deadline was not kept: a tick that came too late, or ticks that were left out because the one before them took too long.
+fn deadline(lateness_ns: u64, skipped: u64) -> String {
+    let late_ms = convert::seconds(lateness_ns) * 1.0e3;
+    let what = if lateness_ns > LATE_FAULT_NS {
+        format!("a tick came {late_ms:.1} ms late (more than {} is a fault)", LATE_FAULT_NS / 1_000_000)
+    } else {
+        format!(
+            "{skipped} ticks in a row were skipped because the one before them took too long ({SKIPPED_FAULT} are a fault)"
+        )
+    };
+    format!(
+        "{what}: other work on this machine, no real-time priority, or a rate too high for it; mend that, then reset and enable"
+    )
+}
+
 impl Stats {
     /// Notes how writing a flight log went.
     pub(super) fn written(&mut self, written: Result<(Flight, io::Result<()>), JoinError>) {
@@ -217,5 +232,21 @@ impl Stats {
                 tracing::error!(%error, "the flight log could not be written");
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missed_deadline_is_named_by_what_was_missed() {
+        let late = deadline(23_400_000, 0);
+        assert!(late.starts_with("a tick came 23.4 ms late (more than 20 is a fault): "), "{late}");
+        let skipped = deadline(400_000, 12);
+        assert!(skipped.starts_with("12 ticks in a row were skipped because"), "{skipped}");
+        assert!(!skipped.contains("ms late"), "its lateness is not what is wrong: {skipped}");
+        // Both: the tick itself is named.
+        assert!(deadline(20_000_001, 40).starts_with("a tick came 20.0 ms late"));
     }
 }

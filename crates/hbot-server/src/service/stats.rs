@@ -43,6 +43,8 @@ pub struct Events {
     pub connections: u64,
     /// Connections turned away because there were too many.
     pub turned_away: u64,
+    /// Connections that were to be encrypted and never were.
+    pub handshakes_failed: u64,
     /// Connections cut because their client did not read.
     pub cut: u64,
     /// Flight logs written.
@@ -198,6 +200,7 @@ impl Summary {
             "dropped_states": events.dropped_states,
             "connections": events.connections,
             "connections_turned_away": events.turned_away,
+            "handshakes_failed": events.handshakes_failed,
             "connections_cut": events.cut,
             "flight_logs": events.flight_logs,
             "flight_logs_failed": events.flight_logs_failed,

@@ -18,9 +18,8 @@ fn a_thousand_connections_are_turned_away_and_the_first_are_served() {
     setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }).unwrap();
     let room = limit.maximum.is_none_or(|most| most >= 2500);
     let many = if room { 1000 } else { 300 };
-    // However slow the machine: none of those that were taken is let go for its silence, so that nobody gets its place.
-    let bounds = Bounds { hello: Duration::from_secs(600), ..Bounds::default() };
-    let bench = Bench::start(Options { bounds, ..Options::default() });
+    // None of those that were taken is let go for its silence, so nobody gets its place.
+    let bench = bench();
     let mut watcher = bench.client("watcher");
     let mut held = Vec::new();
     for _ in 0..many {
@@ -32,7 +31,7 @@ fn a_thousand_connections_are_turned_away_and_the_first_are_served() {
     eventually("a place", || Client::connect(&bench.address.to_string(), "later").is_ok());
     let summary = bench.finish();
     let (taken, away) = (summary.events.connections, summary.events.turned_away);
-    assert!(away >= many - bounds.connections as u64, "{taken} taken, {away} turned away");
+    assert!(away >= many - Bounds::default().connections as u64, "{taken} taken, {away} turned away");
     assert_eq!(summary.counters.dropped_samples, 0);
 }
 

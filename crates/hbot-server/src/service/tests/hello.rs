@@ -1,6 +1,6 @@
 //! What comes before anything else.
 
-use hbot_api::{ClientError, ConnectOptions, Encoding, ErrorCode, Token};
+use hbot_api::{Encoding, ErrorCode, Token};
 use std::time::Duration;
 
 use super::*;
@@ -118,7 +118,7 @@ fn both_encodings_say_the_same() {
 
 #[test]
 fn too_many_connections_are_turned_away() {
-    let bounds = Bounds { connections: 3, ..Bounds::default() };
+    let bounds = Bounds { connections: 3, ..Options::default().bounds };
     let bench = Bench::start(Options { bounds, ..Options::default() });
     let mut clients: Vec<_> = ["a", "b", "c"].into_iter().map(|name| bench.client(name)).collect();
     let mut raw = bench.raw();

@@ -8,6 +8,7 @@ mod hello;
 mod lease;
 mod overload;
 mod scenes;
+mod tls;
 
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
@@ -15,7 +16,7 @@ use std::sync::mpsc as blocking;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, ClientError, ErrorBody, Event, Mode, Op};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
@@ -37,6 +38,7 @@ struct Options {
     rig: RigConfig,
     scene: SceneFile,
     token: Option<String>,
+    encryption: Option<crate::tls::Encryption>,
     enable_at_start: bool,
     flight_dir: Option<std::path::PathBuf>,
     phenomena: Option<SetPhenomena>,
@@ -53,10 +55,12 @@ impl Default for Options {
             rig: RigConfig::prototype(),
             scene: SceneFile::default_scene(),
             token: None,
+            encryption: None,
             enable_at_start: false,
             flight_dir: None,
             phenomena: None,
-            bounds: Bounds::default(),
+            // However slow the machine, nobody is sent away for being so; who tests that says how long it takes.
+            bounds: Bounds { hello: Duration::from_secs(600), ..Bounds::default() },
             ticks: None,
             breath: Duration::from_micros(50),
         }
@@ -114,6 +118,7 @@ impl Bench {
                     rig,
                     scene,
                     token,
+                    encryption,
                     enable_at_start,
                     flight_dir,
                     phenomena,
@@ -141,7 +146,7 @@ impl Bench {
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
                 ready.send((listener.local_addr().unwrap(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
-                let setup = Setup { accuracy, rig, scene: running, phenomena, token, flight_dir };
+                let setup = Setup { accuracy, rig, scene: running, phenomena, token, encryption, flight_dir };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
                 })
@@ -154,7 +159,8 @@ impl Bench {
     }
 
     fn client(&self, name: &str) -> Client {
-        Client::connect(&self.address.to_string(), name).unwrap()
+        let options = ConnectOptions { timeout: PATIENCE, ..ConnectOptions::new(name) };
+        Client::connect_with(&self.address.to_string(), &options).unwrap()
     }
 
     /// A client that holds the lease.

@@ -5,7 +5,7 @@ use hbot_api::DroppedEvent;
 use super::*;
 
 fn bounds() -> Bounds {
-    Bounds { outgoing: 32, stuck: Duration::from_secs(3600), ..Bounds::default() }
+    Bounds { outgoing: 32, stuck: Duration::from_secs(3600), ..Options::default().bounds }
 }
 
 #[test]

@@ -1,0 +1,184 @@
+//! Encryption: whom a client believes to be its server, and the handshake.
+
+use super::{ClientError, is_timeout};
+use rustls::client::WebPkiServerVerifier;
+use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
+use rustls::crypto::{CryptoProvider, ring, verify_tls12_signature, verify_tls13_signature};
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
+use rustls::{
+    CertificateError, ClientConfig, ClientConnection, DigitallySignedStruct, Error, RootCertStore,
+    SignatureScheme, StreamOwned, version,
+};
+use std::net::TcpStream;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// An encrypted connection.
+pub(super) type TlsStream = StreamOwned<ClientConnection, TcpStream>;
+
+/// The first byte of what a server that encrypts says to a client that does not: an alert.
+pub(super) const ALERT: u8 = 0x15;
+
+/// Which servers are believed to be what they say (TLS 1.3).
+///
+/// The certificates of a file are trusted in either of two ways. The server's own certificate among them **pins** it: nothing else
+/// is asked of it, neither a name nor a date, which suits a rig whose certificate signs itself. Any other is an
+/// **authority**: the server must have a certificate from it, valid today and for the name or address that was connected to.
+#[derive(Clone, Debug)]
+pub struct Trust(Arc<ClientConfig>);
+
+impl Trust {
+    /// Trusts the certificates of a PEM file.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Tls`] where the file cannot be read or has no certificate.
+    pub fn from_file(path: &Path) -> Result<Self, ClientError> {
+        let wrong = |what: String| ClientError::Tls(format!("{}: {what}", path.display()));
+        let text = std::fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+        Self::from_pem(&text).map_err(|error| match error {
+            ClientError::Tls(what) => wrong(what),
+            other => other,
+        })
+    }
+
+    /// Trusts the certificates of a PEM text.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Tls`] where it has none, or one that cannot be read.
+    pub fn from_pem(text: &[u8]) -> Result<Self, ClientError> {
+        let wrong = |what: String| ClientError::Tls(what);
+        let certificates = CertificateDer::pem_slice_iter(text)
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| wrong(format!("not PEM: {error}")))?;
+        if certificates.is_empty() {
+            return Err(wrong(
+                "no certificate in it (a section BEGIN CERTIFICATE, as PEM has it)".to_owned(),
+            ));
+        }
+        let provider = Arc::new(ring::default_provider());
+        let mut roots = RootCertStore::empty();
+        for certificate in &certificates {
+            roots
+                .add(certificate.clone())
+                .map_err(|error| wrong(format!("a certificate cannot be read: {error}")))?;
+        }
+        let authorities = WebPkiServerVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
+            .build()
+            .map_err(|error| wrong(error.to_string()))?;
+        let verifier = Verifier { pinned: certificates, authorities, provider: Arc::clone(&provider) };
+        let config = ClientConfig::builder_with_provider(provider)
+            .with_protocol_versions(&[&version::TLS13])
+            .map_err(|error| wrong(error.to_string()))?
+            .dangerous()
+            .with_custom_certificate_verifier(Arc::new(verifier))
+            .with_no_client_auth();
+        Ok(Self(Arc::new(config)))
+    }
+
+    /// Shakes hands on `stream` with the server at `host`, before `deadline`; `None` where it does not come to its end.
+    pub(super) fn shake_hands(
+        &self,
+        host: &str,
+        mut stream: TcpStream,
+        deadline: Instant,
+    ) -> Result<Option<TlsStream>, ClientError> {
+        let name = ServerName::try_from(host.to_owned())
+            .map_err(|_| ClientError::Tls(format!("{host:?} is no name that a certificate can be for")))?;
+        let mut connection = ClientConnection::new(Arc::clone(&self.0), name).map_err(refusal)?;
+        loop {
+            while connection.wants_write() {
+                connection.write_tls(&mut stream).map_err(ClientError::from_io)?;
+            }
+            if !connection.is_handshaking() {
+                return Ok(Some(StreamOwned::new(connection, stream)));
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            stream.set_read_timeout(Some(left)).map_err(ClientError::from_io)?;
+            match connection.read_tls(&mut stream) {
+                Ok(0) => return Err(ClientError::Closed),
+                Ok(_) => {}
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(error) if is_timeout(&error) => return Ok(None),
+                Err(error) => return Err(ClientError::from_io(error)),
+            }
+            if let Err(error) = connection.process_new_packets() {
+                // The server learns why; whether it does is of no interest to who leaves.
+                let _ = connection.write_tls(&mut stream);
+                return Err(refusal(error));
+            }
+        }
+    }
+}
+
+/// Why there is no encrypted connection, in words that say what to do.
+fn refusal(error: Error) -> ClientError {
+    ClientError::Tls(match &error {
+        Error::InvalidMessage(_) => "the server does not encrypt: leave out the certificate".to_owned(),
+        Error::InvalidCertificate(reason) => {
+            let hint = match reason {
+                CertificateError::UnknownIssuer | CertificateError::BadSignature => {
+                    "; name the server's own, or the authority's that signed it"
+                }
+                CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. } => {
+                    "; connect to a name that it is for, or name the server's own certificate"
+                }
+                _ => "",
+            };
+            format!("the server's certificate is not trusted: {reason}{hint}")
+        }
+        _ => format!("no encrypted connection: {error}"),
+    })
+}
+
+/// Believes certificates that it knows, and those that authorities it knows have signed.
+#[derive(Debug)]
+struct Verifier {
+    pinned: Vec<CertificateDer<'static>>,
+    authorities: Arc<WebPkiServerVerifier>,
+    provider: Arc<CryptoProvider>,
+}
+
+impl ServerCertVerifier for Verifier {
+    fn verify_server_cert(
+        &self,
+        certificate: &CertificateDer<'_>,
+        between: &[CertificateDer<'_>],
+        name: &ServerName<'_>,
+        status: &[u8],
+        now: UnixTime,
+    ) -> Result<ServerCertVerified, Error> {
+        if self.pinned.iter().any(|known| known == certificate) {
+            return Ok(ServerCertVerified::assertion());
+        }
+        self.authorities.verify_server_cert(certificate, between, name, status, now)
+    }
+
+    fn verify_tls12_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, Error> {
+        verify_tls12_signature(message, certificate, signed, &self.provider.signature_verification_algorithms)
+    }
+
+    fn verify_tls13_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, Error> {
+        verify_tls13_signature(message, certificate, signed, &self.provider.signature_verification_algorithms)
+    }
+
+    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+        self.provider.signature_verification_algorithms.supported_schemes()
+    }
+}

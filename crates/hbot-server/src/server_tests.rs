@@ -1,0 +1,116 @@
+//! However a server ends, the last that its motor controllers hear is zero torque, three times.
+
+#[path = "../../../tests/server/far.rs"]
+mod far;
+
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use far::Far;
+use hbot_api::{Client, TorqueCommand};
+use hbot_config::rig::Port;
+use hbot_config::{RigConfig, SceneFile};
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
+
+use crate::engine::Recorder;
+use crate::server::{Finished, Options, Part, Server, Time};
+use crate::service::{Control, Status};
+
+/// How long a test waits for what must come.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What a test has in hand to end a server.
+struct Ends {
+    shutdown: Option<oneshot::Sender<()>>,
+    abandon: Option<oneshot::Sender<()>>,
+    control: async_mpsc::Sender<Control>,
+}
+
+/// Lets a client push by a server, ends it by `end` while it does, and holds the last commands to be zero: how it ended, where
+/// somebody waited for that.
+fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Option<Finished>> {
+    let mut rig = RigConfig::prototype();
+    let far = Far::start(&rig)?;
+    rig.link.port = Port::Devices(vec![far.path.clone()]);
+    // A busy machine does not step on these.
+    rig.link.watchdog_ms = 1000;
+    rig.rig.timing.timeout_ticks = 1000;
+    let (ready, started) = mpsc::channel();
+    let (shutdown, stopped) = oneshot::channel();
+    let (abandon, abandoned) = oneshot::channel::<()>();
+    let (control, controlled) = async_mpsc::channel(4);
+    let server = std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async move {
+            let options = Options {
+                rig,
+                scene: SceneFile::default_scene(),
+                time: Time::Wall,
+                duration: None,
+                token: None,
+                flight_dir: None,
+                recorder,
+            };
+            let server = Server::start(options).unwrap();
+            let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+            ready.send(listener.local_addr().unwrap()).unwrap();
+            let (status, _status) = watch::channel(Status::default());
+            tokio::select! {
+                finished = server.serve(listener, controlled, status, async { _ = stopped.await }) => Some(finished.unwrap()),
+                _ = abandoned => None,
+            }
+        })
+    });
+    let address = started.recv_timeout(PATIENCE).unwrap();
+    let mut client = Client::connect(&address.to_string(), "pusher").unwrap();
+    client.acquire(false).unwrap();
+    let start = Instant::now();
+    while !far.pushed() {
+        assert!(start.elapsed() < PATIENCE, "no torque came about");
+        // A machine that stands still for 20 ms makes a fault, which is not what is looked at here. And the loop may end in the midst
+        // of this, where its end is to come with the first torque.
+        let _ = client.reset().and_then(|_| client.enable());
+        let torque = TorqueCommand { torque: [0.0, 0.1, 0.0], valid_ms: 1000, tick: None, seq: None };
+        let _ = client.torque(torque);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let mut ends = Ends { shutdown: Some(shutdown), abandon: Some(abandon), control };
+    end(&mut ends);
+    let finished = server.join().unwrap();
+    far.ends_still();
+    Some(finished)
+}
+
+#[test]
+fn a_server_that_is_stopped_leaves_zero_torque_on_the_line() {
+    let stop = |ends: &mut Ends| ends.shutdown.take().unwrap().send(()).unwrap();
+    let Some(finished) = ended(None, stop) else { return };
+    assert_eq!(finished.unwrap().failed, None);
+}
+
+#[test]
+fn a_service_that_panics_leaves_zero_torque_on_the_line() {
+    let fail = |ends: &mut Ends| ends.control.blocking_send(Control::Fail).unwrap();
+    let Some(finished) = ended(None, fail) else { return };
+    assert_eq!(finished.unwrap().failed, Some(Part::Service));
+}
+
+#[test]
+fn a_loop_that_panics_leaves_zero_torque_on_the_line() {
+    let panics: Recorder = Box::new(|_, _, outputs| {
+        assert!(
+            outputs.drive.torque == [0.0; hbot_core::MAX_JOINTS],
+            "as a test asks: in the loop, with torque on the line"
+        );
+    });
+    let Some(finished) = ended(Some(panics), |_| ()) else { return };
+    assert_eq!(finished.unwrap().failed, Some(Part::Loop));
+}
+
+#[test]
+fn a_server_that_nobody_waits_for_leaves_zero_torque_on_the_line() {
+    let abandon = |ends: &mut Ends| ends.abandon.take().unwrap().send(()).unwrap();
+    let Some(finished) = ended(None, abandon) else { return };
+    assert!(finished.is_none());
+}

@@ -1,0 +1,139 @@
+//! Encryption of the service (TLS 1.3), where the rig file asks for it.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use hbot_config::rig::TlsFiles;
+use thiserror::Error;
+use tokio::net::TcpStream;
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::crypto::ring;
+use tokio_rustls::rustls::pki_types::pem::{Error as PemError, PemObject};
+use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use tokio_rustls::rustls::{Error as TlsError, ServerConfig, version};
+use tokio_rustls::server::TlsStream;
+
+/// Bytes that may wait in a connection to be sent: one record, so that a client that reads on, however slowly, is not
+/// taken for one that does not.
+const RECORD: usize = 16 * 1024;
+
+/// Why the files of the rig's `[api] tls` cannot be used.
+#[derive(Debug, Error)]
+pub enum CertificateError {
+    /// The certificates.
+    #[error("api.tls.certificate: {}: {what}; legal: a file with at least one section BEGIN CERTIFICATE (PEM)", path.display())]
+    Certificate {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The private key.
+    #[error("api.tls.key: {}: {what}; legal: a file with one section BEGIN PRIVATE KEY (PEM), without a password", path.display())]
+    Key {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// Both together.
+    #[error(
+        "api.tls: {} and {} do not go together: {what}; legal: the key that the file's first certificate was made for",
+        files.certificate.display(),
+        files.key.display()
+    )]
+    Pair {
+        /// The files.
+        files: TlsFiles,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+/// Encrypts connections.
+#[derive(Clone)]
+pub struct Encryption(TlsAcceptor);
+
+impl Encryption {
+    /// With the certificate and key of these files.
+    ///
+    /// # Errors
+    /// A file cannot be read, or is not what it should be.
+    pub fn from_files(files: &TlsFiles) -> Result<Self, CertificateError> {
+        let certificate =
+            |what: String| CertificateError::Certificate { path: files.certificate.clone(), what };
+        let text =
+            std::fs::read(&files.certificate).map_err(|e| certificate(format!("cannot be read: {e}")))?;
+        let chain = CertificateDer::pem_slice_iter(&text)
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| certificate(format!("not PEM: {error}")))?;
+        if chain.is_empty() {
+            return Err(certificate("no certificate in it".to_owned()));
+        }
+        let key = |what: String| CertificateError::Key { path: files.key.clone(), what };
+        let text = std::fs::read(&files.key).map_err(|e| key(format!("cannot be read: {e}")))?;
+        let private = PrivateKeyDer::from_pem_slice(&text).map_err(|error| {
+            key(match error {
+                PemError::NoItemsFound => "no private key in it".to_owned(),
+                other => format!("not PEM: {other}"),
+            })
+        })?;
+        let pair = |error: TlsError| CertificateError::Pair {
+            files: files.clone(),
+            what: match error {
+                // What is not told apart: the certificate of another key.
+                TlsError::InconsistentKeys(_) => "the key is another certificate's".to_owned(),
+                other => other.to_string(),
+            },
+        };
+        let config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
+            .with_protocol_versions(&[&version::TLS13])
+            .map_err(pair)?
+            .with_no_client_auth()
+            .with_single_cert(chain, private)
+            .map_err(pair)?;
+        Ok(Self(TlsAcceptor::from(Arc::new(config))))
+    }
+
+    /// Shakes hands; the connection is let go where the client does not.
+    pub(crate) async fn shake_hands(&self, stream: TcpStream) -> std::io::Result<TlsStream<TcpStream>> {
+        let bounded =
+            |session: &mut tokio_rustls::rustls::ServerConnection| session.set_buffer_limit(Some(RECORD));
+        self.0.accept_with(stream, bounded).await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_file_that_is_no_good_is_named_with_what_would_be() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let made = rcgen::generate_simple_self_signed(["rig".to_owned()]).unwrap();
+        let other = rcgen::KeyPair::generate().unwrap();
+        std::fs::write(at("good.pem"), made.cert.pem()).unwrap();
+        std::fs::write(at("good.key"), made.signing_key.serialize_pem()).unwrap();
+        std::fs::write(at("other.key"), other.serialize_pem()).unwrap();
+        std::fs::write(at("empty"), "").unwrap();
+        std::fs::write(at("cut.pem"), &made.cert.pem()[..200]).unwrap();
+        let said = |certificate: &str, key: &str| {
+            let files = TlsFiles { certificate: at(certificate), key: at(key) };
+            Encryption::from_files(&files).map(drop).map_err(|error| error.to_string())
+        };
+        assert_eq!(said("good.pem", "good.key"), Ok(()));
+        for (certificate, key, words) in [
+            ("none", "good.key", ["api.tls.certificate", "none: cannot be read"]),
+            ("empty", "good.key", ["api.tls.certificate", "empty: no certificate in it"]),
+            ("cut.pem", "good.key", ["api.tls.certificate", "cut.pem: not PEM"]),
+            ("good.key", "good.key", ["api.tls.certificate", "good.key: no certificate in it"]),
+            ("good.pem", "none", ["api.tls.key", "none: cannot be read"]),
+            ("good.pem", "good.pem", ["api.tls.key", "good.pem: no private key in it"]),
+            ("good.pem", "other.key", ["api.tls: ", "the key is another certificate's"]),
+        ] {
+            let said = said(certificate, key).unwrap_err();
+            assert!(words.iter().all(|word| said.contains(word)) && said.contains("legal: "), "{said}");
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Clients, and what they are compared with, as processes of their own.
+
+use std::time::{Duration, Instant};
+
+use hbot_api::{Client, Event, TorqueCommand};
+use serde_json::json;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+
+use crate::Outcome;
+use crate::timing::quantile;
+
+/// How long a client's torque holds, ms.
+pub(crate) const VALID_MS: u64 = 100;
+
+/// Commands 0.3 N m a hundred times a second, for ever.
+pub(crate) fn push(address: &str) -> Outcome<()> {
+    let mut client = Client::connect(address, "pusher")?;
+    client.acquire(true)?;
+    println!("pushing");
+    for seq in 0.. {
+        let torque = [0.0, 0.3, 0.0];
+        client.torque(TorqueCommand { torque, valid_ms: VALID_MS, tick: None, seq: Some(seq) })?;
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
+/// Renders a spring for itself: a state in, a torque out, every tick. Says how old its torques were, in ticks.
+pub(crate) fn render(address: &str, seconds: u64) -> Outcome<()> {
+    let mut client = Client::connect(address, "renderer")?;
+    client.acquire(true)?;
+    client.subscribe(1)?;
+    let (start, mut ages) = (Instant::now(), Vec::new());
+    while start.elapsed() < Duration::from_secs(seconds) {
+        let Some(Event::State(state)) = client.next_event(Duration::from_secs(5))? else { continue };
+        ages.extend(state.client.map(|client| client.age_ticks as f64));
+        let [w, x, y, z] = state.q;
+        // Twice the vector part is the turn, for a small one; its sign is that of the nearer way.
+        let torque = [x, y, z].map(|part| -0.2 * w.signum() * part);
+        client.torque(TorqueCommand {
+            torque,
+            valid_ms: VALID_MS,
+            tick: Some(state.tick),
+            seq: Some(state.tick),
+        })?;
+    }
+    let n = ages.len();
+    let (median, far) = (quantile(&mut ages, 0.5), quantile(&mut ages, 0.99));
+    println!("{}", json!({"p50": median, "p99": far, "count": n}));
+    Ok(())
+}
+
+/// Sends back what comes, on the same kind of runtime as the server's.
+pub(crate) fn echo() -> Outcome<()> {
+    tokio::runtime::Builder::new_current_thread().enable_all().build()?.block_on(async {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;
+        println!("{}", listener.local_addr()?);
+        let (mut stream, _) = listener.accept().await?;
+        stream.set_nodelay(true)?;
+        let mut piece = [0; 4096];
+        loop {
+            let n = stream.read(&mut piece).await?;
+            if n == 0 {
+                return Ok(());
+            }
+            stream.write_all(&piece[..n]).await?;
+        }
+    })
+}

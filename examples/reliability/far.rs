@@ -1,0 +1,121 @@
+//! The motor controllers: a simulated rig at the far end of a pseudo-terminal. It gets into trouble as lines on standard input say,
+//! and keeps count of what it hears.
+
+use std::io::{Read as _, Write as _};
+use std::sync::mpsc::{TryRecvError, channel};
+use std::time::Duration;
+
+use hbot_config::RigConfig;
+use hbot_link::{Command, Decoder, ToController};
+use hbot_server::clock::now_ns;
+use hbot_server::realtime::{SIMULATOR_PRIORITY, real_time};
+use hbot_sim::controller::Fault;
+use hbot_sim::rig::{RigConfig as Simulated, SimulatedRig};
+use serde_json::json;
+use serialport::{SerialPort as _, TTYPort};
+
+use crate::Outcome;
+
+/// How it answers.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Manner {
+    /// As controllers do.
+    Well,
+    /// With bytes at random, as many as the line takes.
+    Babbles,
+    /// With the bytes that it has heard.
+    Echoes,
+}
+
+/// What has been heard since the trouble began.
+#[derive(Default)]
+struct Heard {
+    since_ns: Option<u64>,
+    commands: u64,
+    /// From the beginning of the trouble to the first command without torque, ns.
+    zero_after_ns: Option<u64>,
+    /// Commands with motors off and no torque, with none other after them.
+    last_zeros: u64,
+}
+
+impl Heard {
+    fn take(&mut self, command: &Command, now_ns: u64) {
+        let zero = command.torque.iter().all(|torque| *torque == 0.0);
+        self.last_zeros = if zero && !command.enable { self.last_zeros + 1 } else { 0 };
+        let Some(since) = self.since_ns else { return };
+        self.commands += 1;
+        if zero {
+            self.zero_after_ns.get_or_insert(now_ns - since);
+        }
+    }
+
+    /// One line of JSON.
+    fn report(&self) -> String {
+        let ms = |ns: Option<u64>| ns.map(|ns| ns as f64 * 1e-6);
+        json!({"zero_after_ms": ms(self.zero_after_ns), "last_zeros": self.last_zeros, "commands": self.commands})
+            .to_string()
+    }
+}
+
+/// Says where it can be opened, and is there until its standard input ends.
+pub(crate) fn run() -> Outcome<()> {
+    let (mut near, far) = TTYPort::pair()?;
+    near.set_timeout(Duration::from_millis(1))?;
+    println!("{}", far.name().ok_or("a pseudo-terminal without a name")?);
+    // Without the right to it other work on the machine can be felt, as it can in the server.
+    let _ = real_time(SIMULATOR_PRIORITY);
+    let (orders, asked) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lines().map_while(Result::ok) {
+            if orders.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    let mut rig = SimulatedRig::new(&Simulated::new(&RigConfig::prototype().rig))?;
+    let (mut decoder, mut heard) = (Decoder::<ToController>::new(), Heard::default());
+    let (start, mut buffer, mut reply) = (now_ns(), [0; 4096], Vec::new());
+    let mut manner = Manner::Well;
+    let mut random = oorandom::Rand64::new(7);
+    loop {
+        let now = now_ns() - start;
+        match asked.try_recv() {
+            Ok(order) if order == "report" => println!("{}", heard.report()),
+            Ok(order) => {
+                heard = Heard { since_ns: Some(now), ..heard };
+                match order.as_str() {
+                    "mark" => {}
+                    "mute" => rig.inject(Fault::Mute(true)),
+                    "reboot" => rig.inject(Fault::Reboot),
+                    "babble" => manner = Manner::Babbles,
+                    "echo" => manner = Manner::Echoes,
+                    other => return Err(format!("{other}?").into()),
+                }
+            }
+            Err(TryRecvError::Empty) => {}
+            Err(TryRecvError::Disconnected) => return Ok(()),
+        }
+        if manner == Manner::Babbles {
+            let garbage: Vec<u8> = (0..4096).map(|_| random.rand_u64() as u8).collect();
+            // What the line does not take is not said.
+            let _ = near.write(&garbage);
+        }
+        // Nothing has come for a millisecond: the sphere moves all the same.
+        let Ok(n) = near.read(&mut buffer) else {
+            rig.advance_to(now);
+            continue;
+        };
+        decoder.feed(&buffer[..n], |message| {
+            if let Ok(ToController::Command(command)) = message {
+                heard.take(&command, now_ns() - start);
+            }
+        });
+        reply.clear();
+        rig.receive(now_ns() - start, &buffer[..n], &mut reply);
+        let _ = match manner {
+            Manner::Well => near.write(&reply),
+            Manner::Babbles => Ok(0),
+            Manner::Echoes => near.write(&buffer[..n]),
+        };
+    }
+}

@@ -1,0 +1,294 @@
+//! Rows in which something is taken away from a running server.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use hbot_api::{Fault, Mode};
+use hbot_config::RigConfig;
+use rustix::process::Signal;
+use serde_json::{Value, json};
+
+use crate::bench::{Bench, Helper, hbot, still};
+use crate::clients::VALID_MS;
+use crate::{Outcome, Row};
+
+/// The ramp that follows a client's torque, ms, and the ticks for taking note.
+const RAMP_MS: u64 = 20;
+const NOTE: u64 = 2;
+/// The controllers' watchdog time on a device, ms.
+const WATCHDOG_MS: f64 = 20.0;
+/// A hand that holds the sphere and does not turn it.
+const HOLDS: &str = r#"{"stiffness": 50, "damping": 1, "amplitude": 0}"#;
+
+fn hand() -> Outcome<Value> {
+    Ok(serde_json::from_str(HOLDS)?)
+}
+
+/// A client that pushes is lost: how many ticks after the last message that was taken the torque is zero.
+pub(crate) fn client_lost(fault: &str, signal: Signal) -> Outcome<Row> {
+    let mut row = client_lost_once(fault, signal)?;
+    for _ in 0..4 {
+        // A fault of the machine's own ended the torque before: that shows nothing.
+        if row.kept {
+            break;
+        }
+        row = client_lost_once(fault, signal)?;
+    }
+    Ok(row)
+}
+
+fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
+    let mut bench = Bench::start("sim", json!({"hand": hand()?}))?;
+    let client = bench.pushed()?;
+    client.process.signal(signal)?;
+    let mut taken = 0;
+    let over = loop {
+        let state = bench.until(|_| true)?;
+        if still(&state) {
+            break state;
+        }
+        let client = state.client.ok_or("no stream")?;
+        taken = state.tick - client.age_ticks;
+    };
+    let ticks = over.tick - taken;
+    let bound = VALID_MS + RAMP_MS + NOTE;
+    Ok(Row::new(
+        &format!("client {fault} while it commands 0.3 N m"),
+        format!("zero within {bound} ticks of the last message"),
+        format!("{ticks} ticks; mode {:?}", over.mode),
+        ticks <= bound && over.mode == Mode::Active,
+    ))
+}
+
+/// A server on controllers that are processes of their own, pushed by a client.
+fn pushed_rig() -> Outcome<(Helper, Bench, Helper)> {
+    let mut peer = Helper::start(&["peer"])?;
+    let port = peer.line()?;
+    let mut bench = Bench::start(&port, Value::Null)?;
+    let client = bench.pushed()?;
+    Ok((peer, bench, client))
+}
+
+/// Controllers that are gone, so that only the server can be asked: how many ticks without a reading until it asks for no torque.
+pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
+    let (peer, mut bench, _client) = pushed_rig()?;
+    let missed = |bench: &mut Bench| {
+        Ok::<_, Box<dyn std::error::Error>>(bench.stats()?["missed_ticks"].as_u64().unwrap_or(0))
+    };
+    peer.process.signal(signal)?;
+    let before = missed(&mut bench)?;
+    let state = bench.until(|state| state.mode == Mode::Fault)?;
+    let after = missed(&mut bench)?;
+    let bound = u64::from(RigConfig::prototype().link.timeout_ticks) + NOTE;
+    Ok(Row::new(
+        &format!("serial peer {fault}"),
+        format!(
+            "link_lost, zero torque in its tick, after {bound} ticks without a reading; its own watchdog after 20 ms"
+        ),
+        format!("{}; {} ticks missed since it was asked", cause(state.fault), after - before),
+        state.fault == Some(Fault::LinkLost) && still(&state),
+    ))
+}
+
+fn cause(fault: Option<Fault>) -> String {
+    fault.map_or_else(|| "no fault".to_owned(), |fault| fault.to_string())
+}
+
+/// Controllers in trouble that still listen: how long until they hear of zero torque, by their own clock.
+pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
+    let (mut peer, mut bench, _client) = pushed_rig()?;
+    peer.say(trouble)?;
+    let state = bench.until(|state| state.mode == Mode::Fault)?;
+    // Its own record, once the fault's commands are there.
+    bench.until(|later| later.tick > state.tick + 50)?;
+    peer.say("report")?;
+    let heard: Value = serde_json::from_str(&peer.line()?)?;
+    let after_ms = heard["zero_after_ms"].as_f64().unwrap_or(f64::INFINITY);
+    // A tick until it is noticed, and one until the command is there.
+    let bound = WATCHDOG_MS + NOTE as f64;
+    let stats = bench.stats()?;
+    Ok(Row::new(
+        &format!("serial peer {fault}"),
+        format!("a fault, and zero torque with the controllers within their watchdog time ({bound} ms)"),
+        format!(
+            "{}, zero after {after_ms:.1} ms; {} damaged frames, {} foreign ones",
+            cause(state.fault),
+            stats["corrupt_frames"],
+            stats["foreign_frames"]
+        ),
+        state.fault.is_some() && still(&state) && after_ms <= bound,
+    ))
+}
+
+/// A line that spoils a share of the frames.
+pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
+    let link = json!({"latency_s": 0, "command_latency_s": 0, "jitter_s": 0, "loss": 0, "corrupt": share});
+    let mut bench = Bench::start("sim", json!({"hand": hand()?}))?;
+    bench.watcher.acquire(false)?;
+    bench
+        .watcher
+        .load_scene(json!({"name": "noise", "effect": [], "simulate": {"hand": hand()?, "link": link}}))?;
+    let from = bench.until(|_| true)?.tick;
+    let state = bench.until(|state| state.mode == Mode::Fault || state.tick > from + ticks)?;
+    let frames = bench.stats()?["corrupt_frames"].clone();
+    let promise = if rides { "rides through, frames counted" } else { "fault link_corrupt, zero torque" };
+    let kept = if rides {
+        state.mode == Mode::Active
+    } else {
+        state.fault == Some(Fault::LinkCorrupt) && still(&state)
+    };
+    Ok(Row::new(
+        &format!("{} % of frames damaged each way", 100.0 * share),
+        promise,
+        format!(
+            "{:?}, {} after {} ticks, {frames} damaged frames counted",
+            state.mode,
+            cause(state.fault),
+            state.tick - from
+        ),
+        kept,
+    ))
+}
+
+/// The same without a clock, so that nothing but the noise can end it.
+pub(crate) fn noise_virtual(share: f64, seconds: u64) -> Outcome<Row> {
+    let folder = tempfile::tempdir()?;
+    let scene = folder.path().join("noise.toml");
+    let text = format!(
+        "name = \"noise\"\n[[effect]]\nid = \"spring\"\nkind = \"spring\"\nstiffness = 1\nanchor = \"here\"\n[simulate]\nhand = {{ amplitude = 0.2 }}\n\
+         link = {{ latency_s = 0, command_latency_s = 0, jitter_s = 0, loss = 0, corrupt = {share} }}\n"
+    );
+    std::fs::write(&scene, text)?;
+    let out = hbot()?
+        .args(["server", "--listen", "127.0.0.1:0", "--time", "virtual", "--duration"])
+        .arg(seconds.to_string())
+        .arg("--scene")
+        .arg(&scene)
+        .env("XDG_STATE_HOME", folder.path())
+        .output()?;
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    let last = said.lines().find(|line| line.contains("stopped")).unwrap_or("nothing").trim().to_owned();
+    let logs = std::fs::read_dir(folder.path().join("hbot/flight")).map_or(0, Iterator::count);
+    Ok(Row::new(
+        &format!(
+            "{} % of frames damaged each way for {} ticks of virtual time",
+            100.0 * share,
+            1000 * seconds
+        ),
+        "no fault",
+        format!("{logs} faults; {last}"),
+        logs == 0 && out.status.success() && !last.contains(" 0 damaged frames"),
+    ))
+}
+
+/// A stopping signal while a client pushes: what the controllers heard last.
+pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
+    let (mut peer, mut bench, _client) = pushed_rig()?;
+    peer.say("mark")?;
+    bench.server.signal(signal)?;
+    let status = bench.server.0.wait()?;
+    // What is on the line still arrives.
+    std::thread::sleep(Duration::from_millis(100));
+    peer.say("report")?;
+    let heard: Value = serde_json::from_str(&peer.line()?)?;
+    let zeros = heard["last_zeros"].as_u64().unwrap_or(0);
+    let after_ms = heard["zero_after_ms"].as_f64().unwrap_or(f64::INFINITY);
+    Ok(Row::new(
+        &format!("{name} while a client pushes"),
+        "motors off and zero torque are the last that the controllers hear, three times; exit 0",
+        format!(
+            "{status}; motors off was the last {zeros} commands, first {after_ms:.1} ms after the signal"
+        ),
+        status.success() && zeros >= 3,
+    ))
+}
+
+/// A flight log finds no room.
+pub(crate) fn disk_full() -> Outcome<Row> {
+    let folder = tempfile::tempdir()?;
+    let small = folder.path().join("small");
+    std::fs::create_dir(&small)?;
+    let mounted = mount(&["-t", "tmpfs", "-o", "size=32k", "tmpfs"], &small);
+    let (how, blocks) = if mounted.is_some() {
+        ("a file system of 32 KiB", None)
+    } else {
+        ("files limited to 32 KiB, for want of the right to mount", Some(64))
+    };
+    unwritten(
+        &format!("the disk is full while a flight log is written ({how})"),
+        &small,
+        folder.path(),
+        blocks,
+    )
+}
+
+/// A flight log finds nothing that can be written.
+pub(crate) fn disk_read_only() -> Outcome<Row> {
+    let folder = tempfile::tempdir()?;
+    let logs = folder.path().join("read-only");
+    std::fs::create_dir(&logs)?;
+    let mounted = mount(&["-t", "tmpfs", "-o", "ro,size=32k", "tmpfs"], &logs);
+    let (how, place) = if mounted.is_some() {
+        ("a file system mounted read-only", logs.clone())
+    } else {
+        // Not even root makes folders there.
+        ("a folder below /proc, for want of the right to mount", "/proc/self/hbot".into())
+    };
+    unwritten(
+        &format!("the disk is read-only while a flight log is written ({how})"),
+        &place,
+        folder.path(),
+        None,
+    )
+}
+
+fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Outcome<Row> {
+    let said = folder.join("said");
+    let mut bench = Bench::logging(logs, &said, blocks)?;
+    let counts = |stats: &Value| {
+        ["late_ticks", "skipped_ticks", "missed_ticks"].map(|key| stats[key].as_u64().unwrap_or(0))
+    };
+    // A second without, and the second in which the log goes out.
+    let second = |bench: &mut Bench| {
+        let before = counts(&bench.stats()?);
+        let tick = bench.watcher.ping(Value::Null)?.tick;
+        bench.until(|state| state.tick > tick + 1000)?;
+        let after = counts(&bench.stats()?);
+        Ok::<[u64; 3], Box<dyn std::error::Error>>(std::array::from_fn(|i| after[i] - before[i]))
+    };
+    let without = second(&mut bench)?;
+    let before = bench.stats()?;
+    bench.watcher.estop()?;
+    let with = second(&mut bench)?;
+    let stats = bench.stats()?;
+    bench.watcher.acquire(false)?;
+    bench.activate()?;
+    let warned = std::fs::read_to_string(&said)?.contains("the flight log could not be written");
+    let failed = |stats: &Value| stats["flight_logs_failed"].as_u64().unwrap_or(0);
+    let failed = failed(&stats) - failed(&before);
+    Ok(Row::new(
+        fault,
+        "counted, a warning, no fault; the loop goes on",
+        format!(
+            "{failed} log given up, {}; late, skipped, missed ticks in that second {with:?}, in the one before {without:?}; active again after reset",
+            if warned { "with a warning" } else { "without a warning" }
+        ),
+        failed == 1 && warned && stats["flight_logs"] == 0 && stats["faults"] == before["faults"],
+    ))
+}
+
+/// A mount that ends with its value; `None` where this process may not.
+fn mount(args: &[&str], at: &Path) -> Option<Mounted> {
+    let mounted = Command::new("mount").args(args).arg(at).output().is_ok_and(|out| out.status.success());
+    mounted.then(|| Mounted(at.to_owned()))
+}
+
+struct Mounted(std::path::PathBuf);
+
+impl Drop for Mounted {
+    fn drop(&mut self) {
+        // Lazily: the server may still have it open.
+        let _ = Command::new("umount").arg("-l").arg(&self.0).output();
+    }
+}

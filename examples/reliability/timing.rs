@@ -1,0 +1,282 @@
+//! Rows in which something is measured, turn by turn with what it is compared with.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use hbot_api::Client;
+use hbot_server::doctor::punctuality;
+use serde_json::{Value, json};
+
+use crate::bench::{Bench, Helper, Other};
+use crate::{Outcome, Row};
+
+/// Pairs of turns, with and without.
+const PAIRS: u32 = 5;
+
+/// Sorts the values, and gives the one below which this share of them lies.
+pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    values.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    quantile(&mut values, 0.5)
+}
+
+/// What one run of a server's loop was like.
+#[derive(Clone, Copy)]
+struct Run {
+    lateness_us: f64,
+    compute_us: f64,
+    late: u64,
+    ticks: u64,
+}
+
+impl Run {
+    fn of(stats: &Value) -> Self {
+        let p50 = |key: &str| stats[key]["p50"].as_f64().unwrap_or(f64::NAN);
+        let count = |key: &str| stats[key].as_u64().unwrap_or(0);
+        Self {
+            lateness_us: p50("lateness_us"),
+            compute_us: p50("compute_us"),
+            late: count("late_ticks"),
+            ticks: count("ticks"),
+        }
+    }
+
+    fn alone(seconds: u64) -> Outcome<Self> {
+        let mut bench = quiet()?;
+        std::thread::sleep(Duration::from_secs(seconds));
+        Ok(Self::of(&bench.stats()?))
+    }
+}
+
+/// A server whose states nobody takes.
+fn quiet() -> Outcome<Bench> {
+    let mut bench = Bench::start("sim", Value::Null)?;
+    bench.watcher.unsubscribe()?;
+    Ok(bench)
+}
+
+/// A connection over which lines go to and fro.
+struct Line(TcpStream);
+
+impl Line {
+    fn connect(address: &str) -> Outcome<Self> {
+        let stream = TcpStream::connect(address)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(Duration::from_secs(5)))?;
+        Ok(Self(stream))
+    }
+
+    /// Until the line that answers is there.
+    fn ask(&mut self, line: &[u8]) -> Outcome<Duration> {
+        let start = Instant::now();
+        self.0.write_all(line)?;
+        let mut piece = [0; 4096];
+        loop {
+            let n = self.0.read(&mut piece)?;
+            if n == 0 {
+                return Err("the connection has ended".into());
+            }
+            if piece[n - 1] == b'\n' {
+                return Ok(start.elapsed());
+            }
+        }
+    }
+
+    /// Round trips, us, one a millisecond: what a client does that keeps step with the loop.
+    fn round_trips(&mut self, count: u32, into: &mut Vec<f64>) -> Outcome<()> {
+        for _ in 0..count {
+            into.push(self.ask(b"{\"id\":1,\"op\":\"ping\"}\n")?.as_secs_f64() * 1e6);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+}
+
+/// Round trips to an echo, us: how fast two processes of this kind can be.
+fn echoes(count: u32) -> Outcome<Vec<f64>> {
+    let mut echo = Helper::start(&["echo"])?;
+    let mut times = Vec::new();
+    Line::connect(&echo.line()?)?.round_trips(count, &mut times)?;
+    Ok(times)
+}
+
+/// Pings beside an echo on the same kind of runtime.
+pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
+    let bench = quiet()?;
+    let mut server = Line::connect(&bench.address)?;
+    server.ask(b"{\"id\":0,\"op\":\"hello\",\"version\":1,\"name\":\"ping\"}\n")?;
+    let mut echo = Helper::start(&["echo"])?;
+    let mut beside = Line::connect(&echo.line()?)?;
+    let (mut pings, mut echoes) = (Vec::new(), Vec::new());
+    let turns = 2 * seconds as u32;
+    for _ in 0..turns {
+        server.round_trips(200, &mut pings)?;
+        beside.round_trips(200, &mut echoes)?;
+    }
+    let (a, b) = (quantile(&mut pings, 0.5), quantile(&mut echoes, 0.5));
+    let (far, far_echo) = (quantile(&mut pings, 0.99), quantile(&mut echoes, 0.99));
+    let ratio = a / b;
+    Ok(Row::new(
+        &format!(
+            "`ping` between two processes, {} in turns of 200 with an echo on the same kind of runtime",
+            pings.len()
+        ),
+        "median at most 1.3 times the echo's",
+        format!("{ratio:.2}: {a:.0} us against {b:.0}; 99 % {far:.0} against {far_echo:.0}"),
+        ratio <= 1.3,
+    ))
+}
+
+/// A client that renders for itself in step with the loop.
+pub(crate) fn render(seconds: u64) -> Outcome<Row> {
+    let hand = json!({"hand": {"amplitude": 0.2}});
+    let mut bench = Bench::start("sim", hand)?;
+    bench.watcher.unsubscribe()?;
+    let mut renderer = Helper::start(&["render", &bench.address, &seconds.to_string()])?;
+    let ages: Value = serde_json::from_str(&renderer.line()?)?;
+    let mut echoed = echoes(500 * seconds as u32)?;
+    let far = quantile(&mut echoed, 0.99);
+    let at = |key: &str| ages[key].as_f64().unwrap_or(f64::INFINITY);
+    Ok(Row::new(
+        "a client renders for itself at 1 kHz: a state in, a torque out",
+        "the torque in force is at most 2 ticks old in the median, from the tick whose state it was made of",
+        format!(
+            "median {} ticks, 99 % {} ticks, of {}; an echo's round trip takes {far:.0} us (99 %)",
+            at("p50"),
+            at("p99"),
+            ages["count"]
+        ),
+        at("p50") <= 2.0,
+    ))
+}
+
+/// Eight clients that take every state.
+fn subscribed(seconds: u64) -> Outcome<Run> {
+    let mut bench = quiet()?;
+    let over = Arc::new(AtomicBool::new(false));
+    let readers: Vec<_> = (0..8)
+        .map(|k| {
+            let mut client = Client::connect(&bench.address, &format!("reader {k}"))?;
+            client.subscribe(1)?;
+            let over = Arc::clone(&over);
+            Ok(std::thread::spawn(move || {
+                let mut taken = 0_u64;
+                while !over.load(Ordering::Relaxed) {
+                    // One that is cut ends; the statistics say so.
+                    let Ok(event) = client.next_event(Duration::from_millis(100)) else { break };
+                    taken += u64::from(event.is_some());
+                }
+                taken
+            }))
+        })
+        .collect::<Outcome<_>>()?;
+    std::thread::sleep(Duration::from_secs(seconds));
+    let stats = bench.stats()?;
+    over.store(true, Ordering::Relaxed);
+    let taken: u64 = readers.into_iter().filter_map(|reader| reader.join().ok()).sum();
+    // All but what is still on its way.
+    if taken < 8 * 900 * seconds {
+        return Err(format!("only {taken} states were read").into());
+    }
+    Ok(Run::of(&stats))
+}
+
+pub(crate) fn subscribers(seconds: u64) -> Outcome<Row> {
+    let (mut lateness, mut compute) = (Vec::new(), Vec::new());
+    for _ in 0..PAIRS {
+        let (without, with) = (Run::alone(seconds)?, subscribed(seconds)?);
+        lateness.push(with.lateness_us / without.lateness_us);
+        compute.push(with.compute_us / without.compute_us);
+    }
+    let (lateness, compute) = (median(lateness), median(compute));
+    Ok(Row::new(
+        &format!("8 subscribers of every state at 1 kHz, {PAIRS} pairs of {seconds} s with and without"),
+        "medians of compute and lateness within 5 % of those without",
+        format!("compute {compute:.3} times, lateness {lateness:.3} times"),
+        compute <= 1.05 && lateness <= 1.05,
+    ))
+}
+
+/// A run with 1,000 connections, of which 200 send garbage and 50 do not read.
+fn attacked(seconds: u64) -> Outcome<Run> {
+    let mut bench = quiet()?;
+    let mut held = Vec::new();
+    for k in 0..1000 {
+        let Ok(mut stream) = TcpStream::connect(&bench.address) else { continue };
+        stream.set_nonblocking(true)?;
+        // What does not go out is of no interest.
+        let _ = match k {
+            0..50 => stream.write(
+                b"{\"id\":1,\"op\":\"hello\",\"version\":1,\"name\":\"deaf\"}\n{\"id\":2,\"op\":\"subscribe\",\"every\":1}\n",
+            ),
+            50..250 => stream.write(&[0xa5; 4096]),
+            _ => Ok(0),
+        };
+        held.push(stream);
+    }
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(seconds) {
+        for stream in held.iter_mut().skip(50).take(200) {
+            let _ = stream.write(&[0xa5; 4096]);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(Run::of(&bench.stats()?))
+}
+
+pub(crate) fn attack(seconds: u64) -> Outcome<Row> {
+    let mut ratios = Vec::new();
+    let (mut quiet, mut loud) = ((0, 0), (0, 0));
+    for _ in 0..PAIRS {
+        let (a, b) = (Run::alone(seconds)?, attacked(seconds)?);
+        ratios.push(b.lateness_us / a.lateness_us);
+        quiet = (quiet.0 + a.late, quiet.1 + a.ticks);
+        loud = (loud.0 + b.late, loud.1 + b.ticks);
+    }
+    // As many as there would be in as many ticks, and how far apart two such counts may lie by chance.
+    let expected = quiet.0 as f64 * loud.1 as f64 / quiet.1.max(1) as f64;
+    let sigma = (expected + loud.0 as f64).sqrt().max(1.0);
+    let ratio = median(ratios);
+    Ok(Row::new(
+        &format!(
+            "1,000 connections, 200 senders of garbage, 50 that do not read, {PAIRS} pairs of {seconds} s with and without"
+        ),
+        "median lateness at most 1.2 times; late ticks within 3 sigma",
+        format!("{ratio:.2}; {} late of {} ticks against {} of {}", loud.0, loud.1, quiet.0, quiet.1),
+        ratio <= 1.2 && loud.0 as f64 - expected <= 3.0 * sigma,
+    ))
+}
+
+pub(crate) fn load(seconds: u64) -> Outcome<Row> {
+    let (mut ratios, mut far) = (Vec::new(), Vec::new());
+    for _ in 0..PAIRS {
+        let _load: Vec<Other> = (0..std::thread::available_parallelism()?.get())
+            .map(|_| Ok(Other(Command::new("sh").args(["-c", "while :; do :; done"]).spawn()?)))
+            .collect::<Outcome<_>>()?;
+        let bare = punctuality(1000, None, Duration::from_secs(seconds));
+        // With every core loaded a pseudo-terminal may be held up until its link is lost: the loop ticks all the same.
+        let mut bench = Bench::ticking()?;
+        std::thread::sleep(Duration::from_secs(seconds));
+        let stats = bench.stats()?;
+        let at = |key: &str| stats["lateness_us"][key].as_f64().unwrap_or(f64::NAN);
+        ratios.push(at("p50") / bare.p50_us);
+        far.push(at("p99") / bare.p99_us);
+    }
+    let (ratio, far) = (median(ratios), median(far));
+    Ok(Row::new(
+        &format!(
+            "all cores loaded by other work, against a bare loop of absolute sleeps, {PAIRS} pairs of {seconds} s"
+        ),
+        "median at most 1.2 times, 99 % at most 1.5 times",
+        format!("{ratio:.2}, {far:.2}"),
+        ratio <= 1.2 && far <= 1.5,
+    ))
+}

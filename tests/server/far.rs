@@ -1,0 +1,80 @@
+//! Motor controllers at the far end of a pseudo-terminal that keep all commands they hear. The tests of hbot-server use it too.
+
+use std::io::{Read as _, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hbot_config::RigConfig;
+use hbot_link::{Command, Decoder, ToController};
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use serialport::{SerialPort as _, TTYPort};
+
+/// A simulated rig with a memory.
+pub(crate) struct Far {
+    /// The port to open.
+    pub(crate) path: String,
+    heard: Arc<Mutex<Vec<Command>>>,
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Far {
+    /// `None` where this machine has no pseudo-terminals.
+    pub(crate) fn start(rig: &RigConfig) -> Option<Self> {
+        let Ok((mut near, far)) = TTYPort::pair() else {
+            println!("no pseudo-terminal on this machine: not tested here");
+            return None;
+        };
+        let path = far.name().expect("a name");
+        near.set_timeout(Duration::from_millis(5)).expect("a port");
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let over = Arc::new(AtomicBool::new(false));
+        let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("it can be simulated");
+        let (record, stop) = (Arc::clone(&heard), Arc::clone(&over));
+        let thread = std::thread::spawn(move || {
+            // Open for as long as this thread, so that the near end hears no hang-up.
+            let _far = far;
+            let mut decoder = Decoder::<ToController>::new();
+            let (start, mut buffer, mut reply) = (Instant::now(), [0; 4096], Vec::new());
+            while !stop.load(Ordering::Relaxed) {
+                let Ok(n) = near.read(&mut buffer) else { continue };
+                decoder.feed(&buffer[..n], |message| {
+                    if let Ok(ToController::Command(command)) = message {
+                        record.lock().expect("no panic").push(command);
+                    }
+                });
+                reply.clear();
+                simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);
+                // What is not taken is a reading that is missed.
+                let _ = near.write(&reply);
+            }
+        });
+        Some(Self { path, heard, over, thread: Some(thread) })
+    }
+
+    /// Whether a command with torque has been heard.
+    pub(crate) fn pushed(&self) -> bool {
+        self.heard.lock().expect("no panic").iter().any(|command| command.enable && !still(command))
+    }
+
+    /// Ends in zero torque and motors off, said three times: all that has been heard, once nothing more comes, is held to it.
+    pub(crate) fn ends_still(mut self) {
+        let count = || self.heard.lock().expect("no panic").len();
+        let mut before = 0;
+        while count() > before {
+            before = count();
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        self.over.store(true, Ordering::Relaxed);
+        self.thread.take().expect("it runs").join().expect("no panic");
+        let heard = self.heard.lock().expect("no panic");
+        let last = &heard[heard.len() - 3..];
+        assert!(last.iter().all(|command| !command.enable && still(command)), "{last:?}");
+    }
+}
+
+fn still(command: &Command) -> bool {
+    command.torque.iter().all(|torque| *torque == 0.0)
+}
