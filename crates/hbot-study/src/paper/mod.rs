@@ -1,6 +1,7 @@
 //! `hbot study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
 
 mod comparison;
+mod so3;
 
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
