@@ -1,7 +1,11 @@
 //! `hbot study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
 
 mod comparison;
+mod indices;
 mod so3;
+mod start_map;
+mod torus;
+mod turns;
 
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
@@ -11,6 +15,7 @@ use comparison::Comparison;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();
+    context.expect(5);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
@@ -19,6 +24,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     );
     report.heading("The paper's figures and ours");
     let place = report.place();
+    indices::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
     Ok(report)
 }
