@@ -9,13 +9,13 @@ use crate::context::{Context, Interrupted};
 use crate::plot::{Map, maps};
 use crate::report::Report;
 
-/// `ours`: the start that is taken elsewhere, and GCI from it.
+/// Given the start that is taken elsewhere and GCI from it; returns the least and the largest of all starts.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
     rig: &Rig,
     (start, ours): ([f64; 2], f64),
-) -> Result<(), Interrupted> {
+) -> Result<[f64; 2], Interrupted> {
     context.part("GCI against the start")?;
     report.family(
         "gci_three_motors_spectral_so3_over_starts_{statistic}",
@@ -51,5 +51,5 @@ pub(super) fn study(
         "GCI of the three motors (spectral) over SO(3), by the steering angles that all turns begin at",
         maps(&[map]),
     );
-    Ok(())
+    Ok([least, most])
 }

@@ -20,7 +20,7 @@ pub(super) struct Motors {
 pub(super) const FOUR: Motors = Motors { id: "four_motors", name: "all four", driven: [true; 4] };
 /// The three that the paper gives torques of, one drive and two steers (section IV.B).
 pub(super) const THREE: Motors =
-    Motors { id: "three_motors", name: "the paper's three: no drive 2", driven: [true, true, true, false] };
+    Motors { id: "three_motors", name: "no drive 2 (the paper's three)", driven: [true, true, true, false] };
 /// Every choice of three motors or more.
 pub(super) const CHOICES: [Motors; 5] = [
     FOUR,
@@ -29,6 +29,11 @@ pub(super) const CHOICES: [Motors; 5] = [
     Motors { id: "without_steer_2", name: "no steer 2", driven: [true, true, false, true] },
     Motors { id: "without_steer_1", name: "no steer 1", driven: [false, true, true, true] },
 ];
+
+/// How many cells a search looks around, how often, and how finely to each side: 0.35^20 is 1e-9.
+const STARTS: usize = 8;
+const ZOOMS: u32 = 20;
+const FINE: i32 = 7;
 
 /// What the ids' `{motors}` stands for.
 pub(super) const MOTORS: &str = "{motors}: four_motors; three_motors, the paper's steer 1, drive 1 and steer 2; without_{joint}, the other choices of three";
@@ -94,25 +99,31 @@ pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T
     })
 }
 
-/// The steering angles with the least `value` and that value: the best of even cells, then of ever finer ones around it.
+/// The steering angles with the least `value` and that value: the best of even cells, then of ever finer ones around the best few
+/// of them, to 1e-9 of a cell's width. `value` may have kinks, along which a descent would come to rest.
 pub(super) fn least(cells: usize, value: impl Fn([f64; 2]) -> f64 + Sync) -> ([f64; 2], f64) {
-    let all = over(cells, |th| (th, value(th)));
-    let better = |a: &([f64; 2], f64), b: &([f64; 2], f64)| a.1.total_cmp(&b.1);
-    let Some(mut best) = all.into_iter().min_by(better) else { unreachable!("there are cells") };
-    let mut step = TAU / cells as f64;
-    // From a cell's width to 1e-9 of it.
-    for _ in 0..30 {
-        let [x, y] = best.0;
-        for k in 0..25 {
-            let th = [x + step * f64::from(k % 5 - 2) / 2.0, y + step * f64::from(k / 5 - 2) / 2.0];
-            let found = value(th);
-            if found < best.1 {
-                best = (th, found);
-            }
+    let mut all = over(cells, |th| (th, value(th)));
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let finer = |&(th, found): &([f64; 2], f64)| {
+        let mut best = (th, found);
+        let mut width = TAU / cells as f64;
+        for _ in 0..ZOOMS {
+            let [x, y] = best.0;
+            let at = |k: i32| width * f64::from(k) / f64::from(FINE);
+            let square = (-FINE..=FINE).flat_map(|i| {
+                (-FINE..=FINE).map({
+                    let at = &at;
+                    move |j| [x + at(i), y + at(j)]
+                })
+            });
+            let found = square.map(|th| (th, value(th))).min_by(|a, b| a.1.total_cmp(&b.1));
+            best = found.filter(|found| found.1 < best.1).unwrap_or(best);
+            width *= 0.35;
         }
-        step *= 0.5;
-    }
-    best
+        best
+    };
+    let found = all.iter().take(STARTS).map(finer).min_by(|a, b| a.1.total_cmp(&b.1));
+    found.unwrap_or_else(|| unreachable!("there are cells"))
 }
 
 /// The mean of some numbers.

@@ -10,7 +10,7 @@ use super::{Failed, Surface, drawn, failed, short};
 /// Size of one map with its bar, pixels.
 const SIZE: (u32, u32) = (560, 470);
 /// Steps of colour: neighbouring cells of the same one are drawn as one, which keeps files small.
-const BANDS: usize = 32;
+const BANDS: usize = 20;
 
 /// Stops of the viridis map (Smith, van der Walt and Firing 2015), which people of any colour vision read, dark for little.
 const VIRIDIS: [[f64; 3]; 9] = [
@@ -64,8 +64,8 @@ impl Map {
         ((part * BANDS as f64) as usize).min(BANDS - 1)
     }
 
-    fn draw(&self, area: &Surface<'_>) -> Result<(), Failed> {
-        let (left, bar) = area.split_horizontally(SIZE.0 as i32 - 90);
+    fn draw(&self, whole: &Surface<'_>) -> Result<(), Failed> {
+        let (left, bar) = whole.split_horizontally(SIZE.0 as i32 - 90);
         let mut chart = ChartBuilder::on(&left)
             .caption(&self.title, ("sans-serif", 17))
             .margin(8)
@@ -73,6 +73,9 @@ impl Map {
             .y_label_area_size(58)
             .build_cartesian_2d(self.span.clone(), self.span.clone())
             .map_err(failed)?;
+        // Places on the whole drawing, as seen from this map's corner.
+        let (left_edge, top_edge) = whole.get_base_pixel();
+        let shifted = |(x, y): (i32, i32)| (x - left_edge, y - top_edge);
         let cells = self.cells();
         let step = (self.span.end - self.span.start) / cells as f64;
         let at = |k: usize| self.span.start + step * k as f64;
@@ -89,20 +92,33 @@ impl Map {
             let line = PathElement::new(line.to_vec(), RGBColor(230, 60, 0).stroke_width(2));
             chart.draw_series([line]).map_err(failed)?;
         }
-        let number = |value: &f64| short(*value);
         chart
             .configure_mesh()
             .disable_mesh()
             .x_desc(&self.x)
             .y_desc(&self.y)
-            .x_labels(9)
-            .y_labels(9)
-            .x_label_formatter(&number)
-            .y_label_formatter(&number)
-            .label_style(("sans-serif", 13))
+            .x_labels(0)
+            .y_labels(0)
             .axis_desc_style(("sans-serif", 14))
             .draw()
             .map_err(failed)?;
+        // Angles are read in quarter turns, which plotters does not choose by itself.
+        let font = ("sans-serif", 13).into_font().color(&BLACK);
+        let below = font.clone().pos(Pos::new(HPos::Center, VPos::Top));
+        let beside = font.pos(Pos::new(HPos::Right, VPos::Center));
+        for k in 0..=4 {
+            let angle = self.span.start + f64::from(k) / 4.0 * (self.span.end - self.span.start);
+            let (x, bottom) = chart.backend_coord(&(angle, self.span.start));
+            let (corner, y) = chart.backend_coord(&(self.span.start, angle));
+            for (text, place, mark) in [
+                (&below, (x, bottom + 7), [(x, bottom), (x, bottom + 5)]),
+                (&beside, (corner - 7, y), [(corner - 5, y), (corner, y)]),
+            ] {
+                whole.draw(&Text::new(short(angle), shifted(place), text.clone())).map_err(failed)?;
+                let mark = mark.map(shifted).to_vec();
+                whole.draw(&PathElement::new(mark, BLACK.stroke_width(1))).map_err(failed)?;
+            }
+        }
         self.bar(&bar)
     }
 

@@ -7,11 +7,11 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::{COLOURS, Failed, Surface, drawn, failed};
 
 /// Pixels of each panel.
-const SIZE: (u32, u32) = (480, 470);
+const SIZE: (u32, u32) = (500, 480);
 /// Pixels of a length of 1, the sphere's radius.
-const SCALE: f64 = 128.0;
+const SCALE: f64 = 140.0;
 /// Where the centre stands in its panel, pixels.
-const CENTRE: (f64, f64) = (240.0, 235.0);
+const CENTRE: (f64, f64) = (250.0, 240.0);
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
@@ -54,7 +54,7 @@ impl Sketch {
     }
 
     /// A line from `from` to `to` with a head.
-    pub(crate) fn arrow(&mut self, from: Vec3, to: Vec3, pen: Pen) -> &mut Self {
+    fn arrow(&mut self, from: Vec3, to: Vec3, pen: Pen) -> &mut Self {
         let along = to - from;
         let side = along.cross(self.eye[2]);
         let length = along.length();
@@ -64,6 +64,21 @@ impl Sketch {
         let (back, out) = (along * (head / length), side * (0.45 * head / width));
         self.line(vec![from, to], pen);
         self.line(vec![to - back + out, to, to - back - out], pen)
+    }
+
+    /// An arrow with a name beyond its head.
+    pub(crate) fn named(&mut self, from: Vec3, to: Vec3, name: &str, pen: Pen) -> &mut Self {
+        let colour = match pen {
+            Pen::Thin => None,
+            Pen::Strong(colour) => Some(colour),
+        };
+        let [a, b] = [from, to].map(|at| self.place(at));
+        let (x, y) = (f64::from(b.0 - a.0), f64::from(b.1 - a.1));
+        let length = libm::hypot(x, y);
+        // An arrow that points at the eye has its name above.
+        let (x, y) = if length > 6.0 { (x / length, y / length) } else { (0.0, -1.0) };
+        let off = ((14.0 * x).round() as i32, (13.0 * y).round() as i32);
+        self.arrow(from, to, pen).label(to, name, colour, off)
     }
 
     /// A point.
@@ -98,11 +113,13 @@ impl Sketch {
         self.line((0..=72).map(at).collect(), pen)
     }
 
-    /// Panels side by side.
-    pub(crate) fn side_by_side(all: &[Self]) -> String {
+    /// Panels, two in a row.
+    pub(crate) fn panels(all: &[Self]) -> String {
+        let columns = all.len().min(2);
+        let rows = all.len().div_ceil(columns.max(1));
         let mut out = String::new();
-        drawn(&mut out, (SIZE.0 * all.len() as u32, SIZE.1), |area| {
-            let parts = area.split_evenly((1, all.len()));
+        drawn(&mut out, (SIZE.0 * columns as u32, SIZE.1 * rows as u32), |area| {
+            let parts = area.split_evenly((rows, columns));
             all.iter().zip(&parts).try_for_each(|(sketch, part)| sketch.draw(part))
         });
         out
