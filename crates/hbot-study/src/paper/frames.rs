@@ -170,8 +170,9 @@ fn propagation(report: &mut Report) {
 
 /// Equation 1 to the letter puts both wheels of the prototype in one place.
 fn literal(report: &mut Report, comparison: &mut Comparison) {
+    type First = fn(Vec3) -> Mat3;
     let device = RigConfig::prototype().rig.device;
-    let c3 = |first: fn(Vec3) -> Mat3, th: [f64; 2]| -> [Vec3; 2] {
+    let c3 = |first: First, th: [f64; 2]| -> [Vec3; 2] {
         core::array::from_fn(|k| {
             let wheel = &device.wheels()[k];
             frame(wheel.spec(), first(wheel.spec().axis), th[k]).z_axis
@@ -183,7 +184,7 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
         let g = angle([a, b]);
         core::f64::consts::SQRT_2 * libm::sin(0.5 * g.min(core::f64::consts::PI - g))
     };
-    let (letter, ours): (fn(Vec3) -> Mat3, fn(Vec3) -> Mat3) = (|_| Mat3::IDENTITY, least_rotation);
+    let (letter, ours): (First, First) = (|_| Mat3::IDENTITY, least_rotation);
     let zero = [0.0; 2];
     let at_zero = [letter, ours].map(|first| angle(c3(first, zero)));
     let over_all = [letter, ours].map(|first| torus::least(60, |th| margin(c3(first, th))).1);

@@ -32,8 +32,18 @@ pub(crate) struct Sketch {
     eye: [Vec3; 3],
     lines: Vec<(Vec<Vec3>, Pen)>,
     dots: Vec<(Vec3, usize)>,
-    /// Where, what, which colour, and how far off in pixels.
-    labels: Vec<(Vec3, String, Option<usize>, (i32, i32))>,
+    labels: Vec<Label>,
+}
+
+/// A name beside a place.
+#[derive(Debug, Clone)]
+struct Label {
+    at: Vec3,
+    text: String,
+    /// Black without one.
+    colour: Option<usize>,
+    /// How far right and down of the place, pixels.
+    off: (i32, i32),
 }
 
 impl Sketch {
@@ -78,24 +88,13 @@ impl Sketch {
         // An arrow that points at the eye has its name above.
         let (x, y) = if length > 6.0 { (x / length, y / length) } else { (0.0, -1.0) };
         let off = ((14.0 * x).round() as i32, (13.0 * y).round() as i32);
-        self.arrow(from, to, pen).label(to, name, colour, off)
+        self.labels.push(Label { at: to, text: name.to_owned(), colour, off });
+        self.arrow(from, to, pen)
     }
 
     /// A point.
     pub(crate) fn dot(&mut self, at: Vec3, colour: usize) -> &mut Self {
         self.dots.push((at, colour));
-        self
-    }
-
-    /// A name beside a place, `off` pixels right and down of it; black without a colour.
-    pub(crate) fn label(
-        &mut self,
-        at: Vec3,
-        text: &str,
-        colour: Option<usize>,
-        off: (i32, i32),
-    ) -> &mut Self {
-        self.labels.push((at, text.to_owned(), colour, off));
         self
     }
 
@@ -153,11 +152,11 @@ impl Sketch {
             let fill = shade(COLOURS[*colour % COLOURS.len()], self.eye[2].dot(*at) > -1.0e-9);
             area.draw(&Circle::new(self.place(*at), 4, fill.filled())).map_err(failed)?;
         }
-        for (at, text, colour, (right, down)) in &self.labels {
+        for Label { at, text, colour, off } in &self.labels {
             let ink = colour.map_or(BLACK, |colour| COLOURS[colour % COLOURS.len()]);
             let font = ("sans-serif", 14).into_font().color(&ink).pos(Pos::new(HPos::Center, VPos::Center));
             let (x, y) = self.place(*at);
-            area.draw(&Text::new(text.clone(), (x + right, y + down), font)).map_err(failed)?;
+            area.draw(&Text::new(text.clone(), (x + off.0, y + off.1), font)).map_err(failed)?;
         }
         Ok(())
     }
