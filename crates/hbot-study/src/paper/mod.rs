@@ -1,10 +1,40 @@
 //! `hbot study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
 
+mod capability;
+mod comparison;
+mod frames;
+mod grids;
+mod indices;
+mod literal;
+mod nested;
+mod readings;
+mod singularity;
+mod so3;
+mod start_map;
+mod torus;
+mod turns;
+
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
+use comparison::Comparison;
 
 /// The study.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
-    let report = Report::new("paper", context.quick);
+    let mut report = Report::new("paper", context.quick);
+    let mut comparison = Comparison::default();
+    context.expect(11);
+    report.say(
+        "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
+         project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
+         where nothing else is said. Equations, sections, figures and tables by number are the paper's; where it must not be followed to the letter, \
+         docs/physics.md, section 11, says why.",
+    );
+    report.heading("The paper's figures and ours");
+    let place = report.place();
+    frames::study(context, &mut report, &mut comparison)?;
+    singularity::study(context, &mut report, &mut comparison)?;
+    capability::study(context, &mut report, &mut comparison)?;
+    indices::study(context, &mut report, &mut comparison)?;
+    comparison.put(&mut report, place);
     Ok(report)
 }

@@ -42,6 +42,10 @@ pub(crate) struct Family {
     pub(crate) meaning: &'static str,
 }
 
+/// A place in a report's text: an offset that stands between two of its blocks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place(usize);
+
 /// What a study found.
 #[derive(Debug, Clone)]
 pub struct Report {
@@ -103,13 +107,17 @@ impl Report {
 
     /// A table; the first row is its head.
     pub(crate) fn table(&mut self, rows: &[Vec<String>]) {
-        for (k, row) in rows.iter().enumerate() {
-            self.body.push_str(&format!("| {} |\n", row.join(" | ")));
-            if k == 0 {
-                self.body.push_str(&format!("|{}\n", "---|".repeat(row.len())));
-            }
-        }
-        self.body.push('\n');
+        self.body.push_str(&tabled(rows));
+    }
+
+    /// Where the text has come to, for what is only known once more of it is there.
+    pub(crate) fn place(&self) -> Place {
+        Place(self.body.len())
+    }
+
+    /// A table where the text had come to at `place`.
+    pub(crate) fn table_at(&mut self, place: Place, rows: &[Vec<String>]) {
+        self.body.insert_str(place.0, &tabled(rows));
     }
 
     /// A plot in a file of its own, `name.svg`.
@@ -158,6 +166,18 @@ impl Figure {
         self.more.insert(key.to_owned(), value.into());
         self
     }
+}
+
+fn tabled(rows: &[Vec<String>]) -> String {
+    let mut text = String::new();
+    for (k, row) in rows.iter().enumerate() {
+        text.push_str(&format!("| {} |\n", row.join(" | ")));
+        if k == 0 {
+            text.push_str(&format!("|{}\n", "---|".repeat(row.len())));
+        }
+    }
+    text.push('\n');
+    text
 }
 
 /// A time with its quartiles, for a table.

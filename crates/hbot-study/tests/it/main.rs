@@ -3,6 +3,7 @@
 mod accuracy;
 mod effects;
 mod files;
+mod paper;
 mod stability;
 
 use std::collections::HashSet;

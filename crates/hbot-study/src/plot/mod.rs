@@ -1,4 +1,7 @@
-//! Plots as SVG: lines on logarithmic or even axes, and bars.
+//! Plots as SVG: lines on logarithmic or even axes, bars, maps over a plane, and sketches of the device.
+
+mod map;
+mod sketch;
 
 use std::ops::Range;
 
@@ -6,6 +9,9 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+pub(crate) use map::{Map, maps};
+pub(crate) use sketch::{Pen, Sketch};
 
 /// Colours that people of any colour vision tell apart (Okabe and Ito 2008).
 const COLOURS: [RGBColor; 8] = [

@@ -1,0 +1,343 @@
+//! What torque the motors give the sphere (table II, section IV.B).
+
+use hbot_config::RigConfig;
+use hbot_core::allocation::{ContactArms, JointLimits, capability};
+use hbot_core::kinematics::Posture;
+use hbot_core::{Device, MAX_JOINTS, Vec3};
+
+use super::comparison::Comparison;
+use super::literal;
+use super::torus::{self, FOUR, Motors, THREE, posture};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+
+const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
+
+/// A row of the paper's table II, and the motors' torques that it was mapped from (section IV.B).
+struct Row {
+    id: &'static str,
+    name: &'static str,
+    /// Steering, driving, N m.
+    motors: [f64; 2],
+    /// About n1, n2, n3, N m.
+    paper: [f64; 3],
+}
+
+const ROWS: [Row; 2] = [
+    Row { id: "peak", name: "peak", motors: [0.93, 0.14], paper: [1.4, 0.94, 0.84] },
+    Row { id: "continuous", name: "continuous", motors: [0.073, 0.023], paper: [0.11, 0.15, 0.065] },
+];
+
+/// A rig's motors and contacts.
+struct Rig {
+    device: Device,
+    arms: [ContactArms; 2],
+    /// mu N, N.
+    grip: f64,
+}
+
+impl Row {
+    fn limits(&self, motors: &Motors) -> JointLimits {
+        let mut peak = [0.0; MAX_JOINTS];
+        for (k, driven) in motors.driven.iter().enumerate() {
+            peak[k] = if *driven { self.motors[k % 2] } else { 0.0 };
+        }
+        JointLimits { peak, weight: [1.0; MAX_JOINTS] }
+    }
+
+    /// The largest torque about each of n1, n2, n3 alone at a posture with these rows of G, N m.
+    fn alone(&self, rows: &[Vec3], motors: &Motors) -> [f64; 3] {
+        let limits = self.limits(motors);
+        AXES.map(|axis| capability(rows, &limits, axis))
+    }
+
+    /// By how much three torques differ from the paper's: the largest ratio, either way; 1 where they agree.
+    fn off(&self, torques: [f64; 3]) -> f64 {
+        let ratio = |k: usize| f64::max(torques[k] / self.paper[k], self.paper[k] / torques[k]);
+        // A torque of zero is as far off as it gets.
+        (0..3).map(ratio).fold(1.0, f64::max)
+    }
+
+    /// The components of what all motors make together at full torque, with the signs in the bits of `signs`.
+    fn together(&self, rows: &[Vec3], motors: &Motors, signs: u32) -> [f64; 3] {
+        let limits = self.limits(motors);
+        let each = |k: usize| {
+            let sign = if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
+            rows[k] * (sign * limits.peak[k])
+        };
+        (0..4).map(each).sum::<Vec3>().abs().to_array()
+    }
+}
+
+impl Rig {
+    fn prototype() -> Self {
+        let rig = RigConfig::prototype().rig;
+        let device = rig.device;
+        let arms = core::array::from_fn(|k| ContactArms::of(&device.wheels()[k], device.sphere_radius()));
+        let grip = rig.limits.traction.map_or(f64::INFINITY, |traction| traction.mu * traction.normal_force);
+        Self { device, arms, grip }
+    }
+
+    /// The largest torque about `axis` alone with no joint over its limit and no contact over its grip, N m.
+    ///
+    /// tau = s (p + x n), where p makes a torque of 1 about the axis and n makes none: the load of p + x n is convex in x, so its least is
+    /// found by section. Three motors have no n.
+    fn gripping(&self, posture: &Posture, limits: &JointLimits, axis: Vec3) -> f64 {
+        let rows = posture.rows();
+        let driven: Vec<usize> = (0..4).filter(|&k| limits.peak[k] > 0.0).collect();
+        let load = |tau: &[f64; 4]| {
+            let motors = (0..4).filter(|&k| tau[k] != 0.0).map(|k| tau[k].abs() / limits.peak[k]);
+            let contacts = self.arms.iter().enumerate().map(|(i, arm)| {
+                let [u, v] = arm.force(tau[2 * i], tau[2 * i + 1]);
+                libm::hypot(u, v) / self.grip
+            });
+            motors.chain(contacts).fold(0.0, f64::max)
+        };
+        let (p, n) = solutions(rows, &driven, axis);
+        let at = |x: f64| load(&core::array::from_fn(|k| p[k] + x * n[k]));
+        let slope = (0..4).map(|k| if n[k] == 0.0 { 0.0 } else { n[k].abs() / limits.peak[k] });
+        let slope = slope.fold(0.0, f64::max);
+        if slope == 0.0 {
+            return 1.0 / at(0.0);
+        }
+        // Beyond this n alone loads a motor more than p does.
+        let mut ends = [-2.0 * at(0.0) / slope, 2.0 * at(0.0) / slope];
+        for _ in 0..60 {
+            let [a, b] = [ends[0] + (ends[1] - ends[0]) / 3.0, ends[1] - (ends[1] - ends[0]) / 3.0];
+            if at(a) < at(b) {
+                ends[1] = b;
+            } else {
+                ends[0] = a;
+            }
+        }
+        1.0 / at(0.5 * (ends[0] + ends[1]))
+    }
+}
+
+/// Joint torques that make a torque of 1 about `axis`, and ones (orthogonal to them) that make none; the latter zero for three
+/// driven joints.
+fn solutions(rows: &[Vec3], driven: &[usize], axis: Vec3) -> ([f64; 4], [f64; 4]) {
+    let det = |a: usize, b: usize, c: usize| rows[a].dot(rows[b].cross(rows[c]));
+    let mut none = [0.0; 4];
+    let three = if let [a, b, c] = driven {
+        [*a, *b, *c]
+    } else {
+        // Cramer: the minors of the 3 x 4 matrix with alternating signs.
+        none = [det(1, 2, 3), -det(0, 2, 3), det(0, 1, 3), -det(0, 1, 2)];
+        let largest = (0..4).max_by(|a, b| none[*a].abs().total_cmp(&none[*b].abs())).unwrap_or(0);
+        let mut others = (0..4).filter(|k| *k != largest);
+        core::array::from_fn(|_| others.next().unwrap_or(0))
+    };
+    let [a, b, c] = three.map(|k| rows[k]);
+    let whole = a.dot(b.cross(c));
+    let mut particular = [0.0; 4];
+    for (k, minor) in three.iter().zip([b.cross(c), c.cross(a), a.cross(b)]) {
+        particular[*k] = axis.dot(minor) / whole;
+    }
+    let square: f64 = none.iter().map(|x| x * x).sum();
+    if square > 0.0 {
+        let along: f64 = particular.iter().zip(&none).map(|(p, n)| p * n).sum::<f64>() / square;
+        for (p, n) in particular.iter_mut().zip(&none) {
+            *p -= along * n;
+        }
+    }
+    (particular, none)
+}
+
+/// Least, mean, median, largest.
+fn statistics(mut values: Vec<f64>) -> [f64; 4] {
+    values.sort_by(f64::total_cmp);
+    let count = values.len();
+    let middle = 0.5 * (values[(count - 1) / 2] + values[count / 2]);
+    [values[0], torus::mean(values.iter().copied()), middle, values[count - 1]]
+}
+
+const STATISTICS: [&str; 4] = ["least", "mean", "median", "largest"];
+
+pub(super) fn study(
+    context: &Context,
+    report: &mut Report,
+    comparison: &mut Comparison,
+) -> Result<(), Interrupted> {
+    context.part("torque capability")?;
+    let rig = Rig::prototype();
+    report.heading("Torque capability (table II)");
+    report.say(&format!(
+        "The largest torque about each axis alone (none about the others) that the motors of section IV.B can give: 0.93 N m at a steer and 0.14 N m at a drive at peak, 0.073 and 0.023 N m \
+         continuously; over even cells of all steering angles. *With grip*, no contact carries more than mu N = {:.0} N either, in the best distribution over the joints.",
+        rig.grip
+    ));
+    report.family(
+        "{limit}_torque_{axis}_{motors}_{contact}_{statistic}_nm",
+        "N m",
+        "largest torque about {axis} alone; {limit}: peak or continuous; {motors}: four_motors, three_motors; {contact}: free, or grip (no contact beyond mu N = 8 N); {statistic} over all \
+         steering angles: least, mean, median, largest",
+    );
+    report.family(
+        "{limit}_torque_{axis}_nm",
+        "N m",
+        "what the rig can give whatever its posture: the least with all four motors, contacts free, beside the paper's table II",
+    );
+    let cells = if context.quick { 48 } else { 120 };
+    let mut table =
+        vec![row(["motors, contacts", "torque", "axis", "paper", "least", "mean", "median", "largest, N m"])];
+    let mut kept = [[[0.0; 3]; 2]; 2];
+    for motors in [FOUR, THREE] {
+        for (contact, grip) in [("free", false), ("grip", true)] {
+            for (number, limit) in ROWS.iter().enumerate() {
+                let limits = limit.limits(&motors);
+                let about = |th, axis| {
+                    let posture = posture(&rig.device, th);
+                    if grip {
+                        rig.gripping(&posture, &limits, axis)
+                    } else {
+                        capability(posture.rows(), &limits, axis)
+                    }
+                };
+                let all = torus::over(cells, |th| AXES.map(|axis| about(th, axis)));
+                for axis in 0..3 {
+                    let name = format!("n{}", axis + 1);
+                    let mut found = statistics(all.iter().map(|torques| torques[axis]).collect());
+                    // Between the cells there is less.
+                    found[0] = torus::least(48, |th| about(th, AXES[axis])).1;
+                    for (statistic, value) in STATISTICS.iter().zip(found) {
+                        let id = format!("{}_torque_{name}_{}_{contact}_{statistic}_nm", limit.id, motors.id);
+                        report.figure(id, value);
+                    }
+                    if motors == THREE && !grip {
+                        kept[number][1][axis] = found[2];
+                    }
+                    if motors == FOUR && !grip {
+                        kept[number][0][axis] = found[0];
+                        let id = format!("{}_torque_{name}_nm", limit.id);
+                        report.figure(id, found[0]).note("paper", limit.paper[axis]);
+                    }
+                    let contact = if grip { "with grip" } else { "free" };
+                    let mut cells = row([&format!("{}, {contact}", motors.name), limit.name, &name]);
+                    cells.push(limit.paper[axis].to_string());
+                    cells.extend(found.map(|value| format!("{value:.3}")));
+                    table.push(cells);
+                }
+                context.go_on()?;
+            }
+        }
+    }
+    report.table(&table);
+    check(report, &rig);
+    context.part("postures that would give table II")?;
+    search(context, report, comparison, &rig, &kept);
+    Ok(())
+}
+
+/// The two ways to a capability agree where grip does not count.
+fn check(report: &mut Report, rig: &Rig) {
+    let loose = Rig { grip: f64::INFINITY, ..Rig { device: rig.device, arms: rig.arms, grip: 0.0 } };
+    let mut worst: f64 = 0.0;
+    for th in torus::over(12, |th| th) {
+        let posture = posture(&rig.device, th);
+        for motors in [FOUR, THREE] {
+            let limits = ROWS[0].limits(&motors);
+            for axis in AXES {
+                let facets = capability(posture.rows(), &limits, axis);
+                worst = worst.max((loose.gripping(&posture, &limits, axis) / facets - 1.0).abs());
+            }
+        }
+    }
+    // 60 thirds of the interval leave 3e-11 of it; the rest is rounding near singular postures.
+    report.check(
+        "the controller's capability (facets) and a search over joint torques agree to 1e-8",
+        format!("{worst:.1e}"),
+        worst < 1.0e-8,
+    );
+}
+
+/// How near any posture comes to table II, by several meanings of "mapped to the end-effector".
+///
+/// `found`: of each row, the least of all postures with four motors and the medians with three.
+fn search(
+    context: &Context,
+    report: &mut Report,
+    comparison: &mut Comparison,
+    rig: &Rig,
+    found: &[[[f64; 3]; 2]; 2],
+) {
+    let cells = if context.quick { 90 } else { 360 };
+    report.family(
+        "table2_{rows}_{mapping}_off",
+        "1",
+        "the factor by which the best posture misses table II; {rows}: peak, continuous, both (one posture for both); {mapping}: three_alone, four_alone (the largest torque about each axis \
+         alone), three_together (all motors at full torque, best signs), literal_three_alone (with eq. 1 to the letter)",
+    );
+    let ours = |th: [f64; 2]| posture(&rig.device, th).rows().to_vec();
+    let printed = |th: [f64; 2]| literal::rows(&rig.device, th).to_vec();
+    let alone = |motors: Motors| {
+        move |rows: &[Vec3]| core::array::from_fn(|k: usize| ROWS[k].off(ROWS[k].alone(rows, &motors)))
+    };
+    let together = |rows: &[Vec3]| {
+        let best = |k: usize| (0..8).map(move |s| ROWS[k].off(ROWS[k].together(rows, &THREE, s)));
+        core::array::from_fn(|k: usize| best(k).fold(f64::INFINITY, f64::min))
+    };
+    type Off<'a> = &'a (dyn Fn(&[Vec3]) -> [f64; 2] + Sync);
+    type Rows<'a> = &'a (dyn Fn([f64; 2]) -> Vec<Vec3> + Sync);
+    let (three, four) = (alone(THREE), alone(FOUR));
+    let mappings: [(&str, &str, Rows<'_>, Off<'_>); 4] = [
+        ("three_alone", "three motors, each axis alone", &ours, &three),
+        ("four_alone", "all four, each axis alone", &ours, &four),
+        ("three_together", "three motors at full torque, components of the sum", &ours, &together),
+        ("literal_three_alone", "eq. 1 to the letter, three motors, each axis alone", &printed, &three),
+    ];
+    let mut table = vec![row([
+        "mapping",
+        "best for the peak row",
+        "best for the continuous row",
+        "best for both rows in one posture",
+    ])];
+    let mut known = [0.0; 3];
+    for (id, name, rows, off) in mappings {
+        let best = [
+            torus::least(cells, |th| off(&rows(th))[0]),
+            torus::least(cells, |th| off(&rows(th))[1]),
+            torus::least(cells, |th| off(&rows(th)).into_iter().fold(1.0, f64::max)),
+        ];
+        let mut cells = vec![name.to_owned()];
+        for (what, (th, value)) in ["peak", "continuous", "both"].iter().zip(best) {
+            report.figure(format!("table2_{what}_{id}_off"), value);
+            let [a, b] = th.map(|th| th.to_degrees().rem_euclid(360.0));
+            cells.push(format!("{value:.3} at ({a:.0}, {b:.0}) deg"));
+        }
+        table.push(cells);
+        if id == "three_alone" {
+            known = best.map(|(_, value)| value);
+        }
+    }
+    report.say(
+        "Which posture did the paper map its motors' torques at? A search over all postures for the least factor by which the torques about n1, n2 and n3 miss its rows (1 would be a match):",
+    );
+    report.table(&table);
+    report.check(
+        "the posture that is nearest to both rows of table II misses them by a factor of 1.4 to 1.5 (three motors, each axis alone; known: 1.46)",
+        format!("{:.3}", known[2]),
+        (1.4..1.5).contains(&known[2]),
+    );
+    for (k, limit) in ROWS.iter().enumerate() {
+        let paper = limit.paper.map(|torque| torque.to_string()).join(", ");
+        let listed = |torques: [f64; 3]| torques.map(|torque| format!("{torque:.2}")).join(", ");
+        let ours = format!(
+            "{} N m whatever the posture, all four motors; {} in the median, the paper's three",
+            listed(found[k][0]),
+            listed(found[k][1])
+        );
+        let why = if k == 0 {
+            format!(
+                "The paper names no posture and no wheel radius. With three motors each row is met in a posture of its own (to factors of {:.3} and {:.3}), both in none (best {:.2}). About n2 its \
+                 figures are the drive's own: 0.94/0.14 and 0.15/0.023 imply R/r of 6.7 and 6.5. About n1 and n3 the steers act as well, with a leverage of up to 1/sin(cone) = 5.8, so those hang on the \
+                 posture most.",
+                known[0], known[1], known[2]
+            )
+        } else {
+            "As above. From peak to continuous a steer loses a factor of 13 and a drive one of 6, so the two rows name different postures.".to_owned()
+        };
+        let what = format!("{} torque about n1, n2, n3 (table II)", limit.name);
+        comparison.row(&what, format!("{paper} N m"), ours, why);
+    }
+}

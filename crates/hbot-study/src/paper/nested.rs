@@ -1,0 +1,138 @@
+//! Which designs of two wheels need no fourth motor: the nested-circles condition (physics notes, section 3).
+
+use core::f64::consts::{PI, TAU};
+
+use hbot_config::RigConfig;
+use hbot_core::{Device, Vec3, WheelSpec};
+
+use super::literal::{frame, least_rotation};
+use super::torus::{self, THREE, posture};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+use crate::rng::Rng;
+
+/// How near to its border a design is left out, rad: a scan of the torus cannot tell those.
+const BORDER: f64 = 0.03;
+
+/// Two wheels without toe: cones, and the angle between their axes, rad.
+#[derive(Debug, Clone, Copy)]
+struct Design {
+    cones: [f64; 2],
+    between: f64,
+}
+
+impl Design {
+    /// By how much the condition for one drive (wheel 1) and two steers holds, rad: a_2 - a_1 - min(g, pi - g).
+    fn nested(&self) -> f64 {
+        self.cones[1] - self.cones[0] - self.between.min(PI - self.between)
+    }
+
+    fn specs(&self) -> [WheelSpec; 2] {
+        let (sin, cos) = libm::sincos(self.between);
+        let wheel = |axis, cone| WheelSpec {
+            axis,
+            cone,
+            toe: 0.0,
+            radius: 0.0155,
+            steer_inertia: 2.7e-5,
+            drive_inertia: 3.5e-6,
+            axial_inertia: 0.0,
+        };
+        [wheel(Vec3::Z, self.cones[0]), wheel(Vec3::new(sin, 0.0, cos), self.cones[1])]
+    }
+
+    /// Whether c3 of wheel 1 across `column` of wheel 2 (0 for c1, 1 for c2) changes its sign somewhere on a fine torus.
+    fn changes_sign(&self, column: usize, cells: usize) -> bool {
+        let frames = self.specs().map(|spec| {
+            let first = least_rotation(spec.axis);
+            let at = move |k: usize| frame(&spec, first, TAU * k as f64 / cells as f64);
+            (0..cells).map(at).collect::<Vec<_>>()
+        });
+        let one: Vec<Vec3> = frames[0].iter().map(|c| c.z_axis).collect();
+        let two = frames[1].iter().map(|c| if column == 0 { c.x_axis } else { c.y_axis });
+        let mut seen = [false; 2];
+        for v in two {
+            for u in &one {
+                seen[usize::from(u.dot(v) < 0.0)] = true;
+            }
+        }
+        seen == [true; 2]
+    }
+}
+
+pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+    context.part("designs for three motors")?;
+    report.family(
+        "nested_designs_{what}",
+        "1",
+        "random designs of two wheels without toe on a fine torus: checked (how many), free (how many are never singular with one drive and two steers), disagree (with the \
+         nested-circles condition), two_drives_free (never singular with two drives and one steer)",
+    );
+    report.family(
+        "nested_example_least_index",
+        "1",
+        "least spectral index, one drive and two steers, of the design that is named",
+    );
+    let (count, cells) = if context.quick { (300, 60) } else { (2000, 120) };
+    let mut rng = Rng(44);
+    let mut designs = Vec::new();
+    while designs.len() < count {
+        let cones = [rng.between(0.05, 1.5), rng.between(0.05, 1.5)];
+        let design = Design { cones, between: rng.between(0.02, PI - 0.02) };
+        if design.nested().abs() > BORDER {
+            designs.push(design);
+        }
+    }
+    let found = torus::in_two(count, |from, to| {
+        let each = |design: &Design| [1, 0].map(|column| !design.changes_sign(column, cells));
+        designs[from..to].iter().map(each).collect()
+    });
+    let free = found.iter().filter(|free| free[0]).count();
+    let disagree = found.iter().zip(&designs).filter(|(free, design)| free[0] != (design.nested() > 0.0));
+    let disagree = disagree.count();
+    let two_drives = found.iter().filter(|free| free[1]).count();
+    let figures =
+        [("checked", count), ("free", free), ("disagree", disagree), ("two_drives_free", two_drives)];
+    for (what, value) in figures {
+        report.figure(format!("nested_designs_{what}"), value as f64);
+    }
+    let example = Design { cones: [10.0_f64, 45.0].map(f64::to_radians), between: 15.0_f64.to_radians() };
+    let device = RigConfig::prototype().rig.device;
+    let made = Device::new(device.sphere_radius(), device.sphere_mass(), &example.specs());
+    let made = made.unwrap_or_else(|error| unreachable!("nested circles never meet: {error}"));
+    let least = torus::least(72, |th| THREE.indices(&posture(&made, th)).spectral).1;
+    report.figure("nested_example_least_index".to_owned(), least);
+    report.say(&format!(
+        "Can three motors do? For one drive (wheel 1) and two steers without toe, exactly where the contact circles, or one and the other's opposite, are nested with wheel 1 inside: cone 2 > cone 1 + min(g, \
+         180 deg - g), g between the axes. Checked on {count} random designs, those within {BORDER} rad of the border left out, by the signs of c3_1 . c2_2 on a torus of {cells} by {cells} postures. \
+         Two drives and one steer always meet a singularity: c1 of wheel 2 goes round a great circle, which every plane through the centre meets."
+    ));
+    report.table(&[
+        row([
+            "designs",
+            "never singular, one drive and two steers",
+            "against the condition",
+            "never singular, two drives and one steer",
+        ]),
+        row(figures.map(|(_, value)| value.to_string())),
+    ]);
+    report.say(&format!(
+        "The prototype (cones of 10 deg, axes 90 deg apart) does not fulfil it. Cones of 10 and 45 deg on axes 15 deg apart do: with three motors their spectral index is never below {least:.3}."
+    ));
+    report.check(
+        "the nested-circles condition tells every random design right, and some of them are free of singularities",
+        format!("{disagree} wrong, {free} free of {count}"),
+        disagree == 0 && free > 0,
+    );
+    report.check(
+        "two drives and one steer always meet a singularity",
+        format!("{two_drives} of {count} do not"),
+        two_drives == 0,
+    );
+    report.check(
+        "the design with nested circles that is named has an index above 0.05 in every posture",
+        format!("{least:.3}"),
+        least > 0.05,
+    );
+    Ok(())
+}

@@ -1,0 +1,170 @@
+//! The steering angles of two wheels, a torus, and which joints have motors.
+
+use core::f64::consts::TAU;
+
+use hbot_core::kinematics::Posture;
+use hbot_core::singularity::Indices;
+use hbot_core::{Device, MAX_JOINTS, Vec3};
+
+/// Which joints of the prototype push: steer 1, drive 1, steer 2, drive 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Motors {
+    /// What ids call the choice.
+    pub(super) id: &'static str,
+    /// What tables call it.
+    pub(super) name: &'static str,
+    pub(super) driven: [bool; 4],
+}
+
+/// All four motors.
+pub(super) const FOUR: Motors = Motors { id: "four_motors", name: "all four", driven: [true; 4] };
+/// The three that the paper gives torques of, one drive and two steers (section IV.B).
+pub(super) const THREE: Motors =
+    Motors { id: "three_motors", name: "no drive 2 (the paper's three)", driven: [true, true, true, false] };
+/// Every choice of three motors or more.
+pub(super) const CHOICES: [Motors; 5] = [
+    FOUR,
+    THREE,
+    Motors { id: "without_drive_1", name: "no drive 1", driven: [true, false, true, true] },
+    Motors { id: "without_steer_2", name: "no steer 2", driven: [true, true, false, true] },
+    Motors { id: "without_steer_1", name: "no steer 1", driven: [false, true, true, true] },
+];
+
+/// How many cells a search looks around, how often, and how finely to each side: 0.35^20 is 1e-9.
+const STARTS: usize = 8;
+const ZOOMS: u32 = 20;
+const FINE: i32 = 7;
+
+/// What the ids' `{motors}` stands for.
+pub(super) const MOTORS: &str = "{motors}: four_motors; three_motors, the paper's steer 1, drive 1 and steer 2; without_{joint}, the other choices of three";
+
+impl Motors {
+    /// Calls `with` with the rows of G that have a motor.
+    pub(super) fn rows<T>(&self, posture: &Posture, with: impl FnOnce(&[Vec3]) -> T) -> T {
+        let mut rows = [Vec3::ZERO; MAX_JOINTS];
+        let mut count = 0;
+        for (row, _) in posture.rows().iter().zip(self.driven).filter(|(_, driven)| *driven) {
+            rows[count] = *row;
+            count += 1;
+        }
+        with(&rows[..count])
+    }
+
+    /// The indices of G at a posture, of these motors alone.
+    pub(super) fn indices(&self, posture: &Posture) -> Indices {
+        self.rows(posture, Indices::of)
+    }
+
+    /// det G_3 of three motors, sqrt(det GᵀG) of more: the product of the singular values, with a sign for three.
+    pub(super) fn determinant(&self, posture: &Posture) -> f64 {
+        self.rows(posture, |rows| match rows {
+            [a, b, c] => a.dot(b.cross(*c)),
+            more => more
+                .iter()
+                .enumerate()
+                .flat_map(|(k, a)| {
+                    more[..k].iter().enumerate().flat_map(move |(m, b)| {
+                        more[..m].iter().map(move |c| a.dot(b.cross(*c)) * a.dot(b.cross(*c)))
+                    })
+                })
+                .sum::<f64>()
+                .sqrt(),
+        })
+    }
+}
+
+/// The middle of cell `k` of `cells` around a turn, rad.
+pub(super) fn angle(k: usize, cells: usize) -> f64 {
+    TAU * (k as f64 + 0.5) / cells as f64
+}
+
+/// `value` at the middles of `cells` by `cells` even cells, th_1 first, on two threads.
+pub(super) fn over<T: Send>(cells: usize, value: impl Fn([f64; 2]) -> T + Sync) -> Vec<T> {
+    let rows = |from: usize, to: usize| -> Vec<T> {
+        let row = |j| (0..cells).map(move |i| [angle(i, cells), angle(j, cells)]);
+        (from..to).flat_map(row).map(&value).collect()
+    };
+    in_two(cells, rows)
+}
+
+/// `part` of the first and the second half of 0 to `count`, side by side, and what they found in one.
+pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T> + Sync) -> Vec<T> {
+    let half = count / 2;
+    std::thread::scope(|scope| {
+        let first = scope.spawn(|| part(0, half));
+        let second = part(half, count);
+        let mut all = first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        all.extend(second);
+        all
+    })
+}
+
+/// The steering angles with the least `value` and that value: the best of even cells, then of ever finer ones around the best few
+/// of them, to 1e-9 of a cell's width. `value` may have kinks, along which a descent would come to rest.
+pub(super) fn least(cells: usize, value: impl Fn([f64; 2]) -> f64 + Sync) -> ([f64; 2], f64) {
+    let mut all = over(cells, |th| (th, value(th)));
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let finer = |&(th, found): &([f64; 2], f64)| {
+        let mut best = (th, found);
+        let mut width = TAU / cells as f64;
+        for _ in 0..ZOOMS {
+            let [x, y] = best.0;
+            let at = |k: i32| width * f64::from(k) / f64::from(FINE);
+            let square = (-FINE..=FINE).flat_map(|i| {
+                (-FINE..=FINE).map({
+                    let at = &at;
+                    move |j| [x + at(i), y + at(j)]
+                })
+            });
+            let found = square.map(|th| (th, value(th))).min_by(|a, b| a.1.total_cmp(&b.1));
+            best = found.filter(|found| found.1 < best.1).unwrap_or(best);
+            width *= 0.35;
+        }
+        best
+    };
+    let found = all.iter().take(STARTS).map(finer).min_by(|a, b| a.1.total_cmp(&b.1));
+    found.unwrap_or_else(|| unreachable!("there are cells"))
+}
+
+/// The mean of some numbers.
+pub(super) fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (count, sum) = values.into_iter().fold((0_u32, 0.0), |(count, sum), value| (count + 1, sum + value));
+    sum / f64::from(count)
+}
+
+/// The posture of a device of two wheels.
+pub(super) fn posture(device: &Device, th: [f64; 2]) -> Posture {
+    Posture::new(device, &th)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hbot_config::RigConfig;
+
+    #[test]
+    fn the_determinant_is_the_product_of_the_singular_values() {
+        let device = RigConfig::prototype().rig.device;
+        for th in over(5, |th| th) {
+            let posture = posture(&device, th);
+            for motors in CHOICES {
+                let product = 1.0 / motors.indices(&posture).manipulability;
+                let determinant = motors.determinant(&posture).abs();
+                // Rounding: a dozen products of numbers up to 40.
+                assert!(
+                    (determinant - product).abs() < 1e-12 * 6e4,
+                    "{}: {determinant} {product}",
+                    motors.id
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_is_found_between_the_cells() {
+        let (th, value) = least(12, |[x, y]| 2.0 + (x - 1.0).cos() - (y - 2.0).sin());
+        let pi = core::f64::consts::PI;
+        assert!(value < 1e-12, "{value}");
+        assert!((th[0] - 1.0 - pi).abs() < 1e-6 && (th[1] - 2.0 - 0.5 * pi).abs() < 1e-6, "{th:?}");
+    }
+}
