@@ -1,5 +1,7 @@
 //! Plots as SVG: lines on logarithmic or even axes, and bars.
 
+pub(crate) mod scatter;
+
 use std::ops::Range;
 
 use plotters::coord::Shift;
