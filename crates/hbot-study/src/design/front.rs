@@ -113,7 +113,10 @@ pub(super) fn compromise(all: &[Costs]) -> Option<usize> {
     });
     let far = |costs: &Costs| -> f64 {
         let parts = costs.iter().zip(range);
-        parts.map(|(cost, [low, high])| (cost - low) / (high - low).max(f64::MIN_POSITIVE)).map(|x| x * x).sum()
+        parts
+            .map(|(cost, [low, high])| (cost - low) / (high - low).max(f64::MIN_POSITIVE))
+            .map(|x| x * x)
+            .sum()
     };
     (0..all.len()).min_by(|a, b| far(&all[*a]).total_cmp(&far(&all[*b])))
 }

@@ -44,8 +44,7 @@ impl Quantity {
 impl Machine {
     /// `device` whose steering and drive motors give so much, N m.
     pub(super) fn new(device: Device, peaks: [f64; 2]) -> Self {
-        let (mut peak, mut inertia, mut give) =
-            ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        let (mut peak, mut inertia, mut give) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         let arms: Vec<ContactArms> =
             device.wheels().iter().map(|wheel| ContactArms::of(wheel, device.sphere_radius())).collect();
         for (i, (wheel, arms)) in device.wheels().iter().zip(&arms).enumerate() {
@@ -74,9 +73,7 @@ impl Machine {
                 libm::sqrt(least.max(0.0) / largest)
             }
             Quantity::Torque => every_direction(rows, &self.peak),
-            Quantity::Inertia => {
-                self.device.sphere_inertia() + eigenvalues(&gram(rows, &self.inertia))[2]
-            }
+            Quantity::Inertia => self.device.sphere_inertia() + eigenvalues(&gram(rows, &self.inertia))[2],
             Quantity::Load => self.load(rows),
         }
     }
@@ -188,8 +185,10 @@ mod tests {
         let mut rng = Rng(1);
         for design in designs() {
             let machine = machine(&design);
-            let limits =
-                JointLimits { peak: machine.peak, weight: machine.give.map(|give| if give > 0.0 { 1.0 / give } else { 1.0 }) };
+            let limits = JointLimits {
+                peak: machine.peak,
+                weight: machine.give.map(|give| if give > 0.0 { 1.0 / give } else { 1.0 }),
+            };
             let plant = Plant::new(&machine.device).expect("no coupling of inertias");
             for _ in 0..100 {
                 let th = random(&mut rng);
@@ -252,10 +251,18 @@ mod tests {
             let radius = 0.102 * libm::sin(cone);
             let design = Design { wheels, cone, toe: 0.0, tilt: magic + cone, radius };
             let machine = machine(&design);
-            let th: Vec<f64> = machine.device.wheels().iter().map(|wheel| {
-                let down = |th: f64| hbot_core::kinematics::ContactFrame::at(wheel, th).c3.z;
-                (0..36_000).map(|k| 1.0e-2 * DEGREE * k as f64).min_by(|a, b| down(*a).total_cmp(&down(*b))).expect("angles")
-            }).collect();
+            let th: Vec<f64> = machine
+                .device
+                .wheels()
+                .iter()
+                .map(|wheel| {
+                    let down = |th: f64| hbot_core::kinematics::ContactFrame::at(wheel, th).c3.z;
+                    (0..36_000)
+                        .map(|k| 1.0e-2 * DEGREE * k as f64)
+                        .min_by(|a, b| down(*a).total_cmp(&down(*b)))
+                        .expect("angles")
+                })
+                .collect();
             let posture = Posture::new(&machine.device, &th);
             // 0.01 deg off, of which the index takes a part of its size.
             assert!(machine.of(&posture, Quantity::Conditioning) > 1.0 - 3.0e-4);

@@ -1,8 +1,9 @@
 //! `hbot study design`: which dimensions a better Hbot would have.
 //!
 //! `space` says what a design is, `local` and `torus` what it can do at one posture and at all, `margins` what it must keep, `search` and
-//! `front` find those that none beats; `shapes`, `results` and `wheels` tell.
+//! `front` find those that none beats; `shapes`, `results`, `wheels` and `conclusions` tell.
 
+mod conclusions;
 mod figures;
 mod front;
 mod local;
@@ -19,19 +20,21 @@ use crate::context::{Context, Interrupted};
 use crate::plot::{Lines, Series, short};
 use crate::report::{Report, row};
 
-use front::{BOX, Found, front, volume};
+use front::{BOX, Found, better_by, front, volume};
 use margins::MARGINS;
 use results::Fronts;
-use search::{Search, measure, measure_all, search};
-use space::{MODULE_MASS, MODULE_ROOM, Parts, WHEEL_DENSITY, WHEEL_WIDTH, WHEELS};
-use torus::TOLD;
+use search::{Search, climb, measure, measure_all, search};
+use space::{Design, MODULE_MASS, MODULE_ROOM, Parts, Point, WHEEL_DENSITY, WHEEL_WIDTH, WHEELS};
+use torus::{Measures, TOLD};
 
 /// Searches of each number of wheels, from different seeds.
 const SEEDS: [u64; 2] = [1, 2];
 /// Points at which volumes are counted that are told.
 const VOLUME_POINTS: usize = 32_768;
-/// How far the volumes of two seeds may be apart, of the larger.
-const SEEDS_AGREE: f64 = 0.1;
+/// How far the volumes of two seeds may be apart, of the larger: in full, and quick, where chance tells more.
+const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
+/// Designs measured from each seed for 2, 3 and 4 wheels: in full, and quick. Fewer wheels are quicker, and leave less room.
+const EVALUATIONS: [[usize; 3]; 2] = [[16384, 10240, 8192], [2048, 768, 512]];
 
 /// The study.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
@@ -44,11 +47,12 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     };
     shapes::dimensions(context, &mut report, &parts)?;
     shapes::convergence(context, &mut report, &parts)?;
-    let each = fronts(context, &mut report, &parts)?;
-    results::tell(&mut report, &parts, &Fronts { each, prototype });
+    let each = fronts(context, &mut report, &parts, &prototype)?;
+    let fronts = Fronts { each, prototype };
+    results::tell(&mut report, &parts, &fronts);
     wheels::study(context, &mut report, &parts)?;
     context.part("conclusions")?;
-    conclude(&mut report);
+    conclusions::tell(&mut report, &parts, &fronts);
     Ok(report)
 }
 
@@ -70,7 +74,7 @@ fn introduce(report: &mut Report, parts: &Parts) {
          and {:.0} kg/m³, which grows with r⁴; the rest stays. So a wider cone lowers the leverage 1/sin a but lengthens the arm as much: beyond the rotor, inertia does not fall with the cone.",
         parts.rig.device.wheels()[0].spec().steer_inertia,
         1.0e3 * MODULE_MASS,
-        parts.steer_inertia(&space::Design { cone: 0.0, ..parts.prototype }),
+        parts.steer_inertia(&Design { cone: 0.0, ..parts.prototype }),
         parts.rig.device.wheels()[0].spec().drive_inertia,
         1.0e3 * WHEEL_WIDTH,
         WHEEL_DENSITY
@@ -84,24 +88,33 @@ fn introduce(report: &mut Report, parts: &Parts) {
     ));
     let mut table = vec![row(["margin", "at least", "what it is"])];
     for margin in &MARGINS {
-        table.push(row([margin.name, &format!("{} {}", short(margin.least), margin.unit), margin.meaning]));
+        table.push(row([margin.name, &with_unit(margin.least, margin.unit), margin.meaning]));
     }
     report.table(&table);
 }
 
 /// The front of each number of wheels, from the designs that all seeds found, and how well it has converged.
-fn fronts(context: &Context, report: &mut Report, parts: &Parts) -> Result<Vec<Vec<Found>>, Interrupted> {
-    let evaluations = if context.quick { 384 } else { 5120 };
+fn fronts(
+    context: &Context,
+    report: &mut Report,
+    parts: &Parts,
+    prototype: &Measures,
+) -> Result<Vec<Vec<Found>>, Interrupted> {
+    let budget = EVALUATIONS[usize::from(context.quick)];
     report.heading("The search");
     report.say(&format!(
-        "{evaluations} designs of each number of wheels are measured from each of {} seeds: a half spread evenly over all dimensions (a Kronecker sequence; what has no room or too fast joints is passed over unmeasured), a half by steps between designs \
+        "{}, {} and {} designs with two, three and four wheels are measured from each of {} seeds: the prototype's dimensions first, then a half spread evenly over all dimensions (a Kronecker sequence; what has no room or too fast joints is passed over unmeasured), a half by steps between designs \
          that none has beaten so far (differences of two added to a third, or one dimension nudged). Every design that none beats is kept, however many: with four figures a population of fixed size, as in NSGA-II, would throw good ones away, and \
-         designs are cheap. What all seeds found is then measured again, more thoroughly, and held to its margins again. How far the fronts have converged is told by the share of a box that they beat: conditioning {} to {}, peak torque {} to {} N m, \
+         designs are cheap. Then the design that is better than the prototype in all four figures by the largest factor is climbed to from the prototype and from the best found, step by step on the grid. \
+         What all this found is measured again, more thoroughly, and held to its margins again. How far the fronts have converged is told by the share of a box that they beat: conditioning {} to {}, peak torque {} to {} N m, \
          inertia {} to {} kg m², steering speed {} to {}.",
+        budget[0],
+        budget[1],
+        budget[2],
         SEEDS.len(),
         -BOX[0][0],
         -BOX[0][1],
-        -BOX[1][0],
+        BOX[1][0],
         -BOX[1][1],
         short(BOX[2][0]),
         short(BOX[2][1]),
@@ -125,14 +138,14 @@ fn fronts(context: &Context, report: &mut Report, parts: &Parts) -> Result<Vec<V
         "no room, of those spread evenly",
         "margins broken, of those measured",
     ])];
-    for (colour, wheels) in WHEELS.into_iter().enumerate() {
+    for (colour, (wheels, evaluations)) in WHEELS.into_iter().zip(budget).enumerate() {
         let mut runs: Vec<Search> = Vec::new();
         for seed in SEEDS {
             context.part(&format!("{wheels} wheels, search {seed}"))?;
             runs.push(search(context, parts, wheels, evaluations, seed)?);
         }
         context.part(&format!("{wheels} wheels, the front"))?;
-        let found = told(context, parts, &runs)?;
+        let found = told(context, parts, wheels, &runs, prototype)?;
         let shares: Vec<f64> = runs
             .iter()
             .map(|run| volume(run.archive.members.iter().map(|m| m.measures.costs()), VOLUME_POINTS))
@@ -181,8 +194,7 @@ fn fronts(context: &Context, report: &mut Report, parts: &Parts) -> Result<Vec<V
         .svg(),
     );
     report.say("A share of the front is less than that of its seeds only where the more thorough measurement found a design's worst posture to be worse.");
-    // Short searches are told apart by chance more than long ones.
-    let bound = if context.quick { 3.0 * SEEDS_AGREE } else { SEEDS_AGREE };
+    let bound = SEEDS_AGREE[usize::from(context.quick)];
     report.check(
         format!("what two seeds find beats the same share of the box within {bound}, relatively"),
         format!("{apart:.3} apart at most"),
@@ -191,9 +203,22 @@ fn fronts(context: &Context, report: &mut Report, parts: &Parts) -> Result<Vec<V
     Ok(each)
 }
 
-/// The front of what all searches found, measured thoroughly.
-fn told(context: &Context, parts: &Parts, runs: &[Search]) -> Result<Vec<Found>, Interrupted> {
-    let mut points: Vec<_> = runs.iter().flat_map(|run| &run.archive.members).map(|m| m.point).collect();
+/// The front of what all searches found and of what is nearest above the prototype, measured thoroughly.
+fn told(
+    context: &Context,
+    parts: &Parts,
+    wheels: usize,
+    runs: &[Search],
+    prototype: &Measures,
+) -> Result<Vec<Found>, Interrupted> {
+    let members = || runs.iter().flat_map(|run| &run.archive.members);
+    let mut points: Vec<_> = members().map(|m| m.point).collect();
+    let by = |found: &&Found| better_by(&found.measures, prototype);
+    let best = members().max_by(|a, b| by(a).total_cmp(&by(b))).map(|found| found.point);
+    let same = Point::of(&Design { wheels, ..parts.prototype });
+    for from in best.into_iter().chain([same]) {
+        points.push(climb(context, parts, from, prototype)?);
+    }
     points.sort_unstable();
     points.dedup();
     let found: Vec<Found> = measure_all(context, parts, &points, TOLD)?.into_iter().flatten().collect();
@@ -201,7 +226,7 @@ fn told(context: &Context, parts: &Parts, runs: &[Search]) -> Result<Vec<Found>,
     Ok(front(&costs).into_iter().map(|k| found[k]).collect())
 }
 
-fn conclude(report: &mut Report) {
-    report.heading("What a builder should conclude");
-    report.say("CONCLUSIONS");
+/// A number with its unit, which is 1 for a ratio.
+fn with_unit(value: f64, unit: &str) -> String {
+    if unit == "1" { short(value) } else { format!("{} {unit}", short(value)) }
 }

@@ -5,9 +5,8 @@ use super::front::{Found, better_by, compromise, dominates, front};
 use super::margins::{MARGINS, margins};
 use super::space::{DEGREE, Parts, WHEELS};
 use super::torus::Measures;
-use super::{margins as bounds, rigfile};
+use super::{margins as bounds, rigfile, with_unit};
 use crate::plot::scatter::{Cloud, Scatter};
-use crate::plot::short;
 use crate::report::{Report, row};
 
 /// Points of a cloud that are drawn.
@@ -16,16 +15,38 @@ const DRAWN: usize = 400;
 /// An axis of the plots.
 struct Axis {
     name: &'static str,
+    /// As an axis has it.
+    long: &'static str,
     /// Smaller is better.
     falls: bool,
     of: fn(&Measures) -> f64,
 }
 
 const AXES: [Axis; 4] = [
-    Axis { name: "mean spectral index (GCI)", falls: false, of: |m| m.gci },
-    Axis { name: "peak torque, worst direction and posture, N m", falls: false, of: |m| m.torque },
-    Axis { name: "largest apparent inertia, kg m²", falls: true, of: |m| m.inertia },
-    Axis { name: "steering speed, rad/s per rad/s of the sphere", falls: true, of: |m| m.speed[0] },
+    Axis {
+        name: "conditioning",
+        long: "mean spectral index, GCI (more is better)",
+        falls: false,
+        of: |m| m.gci,
+    },
+    Axis {
+        name: "peak torque",
+        long: "peak torque in the worst case, N m (more is better)",
+        falls: false,
+        of: |m| m.torque,
+    },
+    Axis {
+        name: "apparent inertia",
+        long: "largest apparent inertia, kg m² (less is better)",
+        falls: true,
+        of: |m| m.inertia,
+    },
+    Axis {
+        name: "steering speed",
+        long: "steering speed, rad/s per rad/s (less is better)",
+        falls: true,
+        of: |m| m.speed[0],
+    },
 ];
 const SHORT: [&str; 4] = ["conditioning", "torque", "inertia", "steering"];
 
@@ -43,7 +64,8 @@ pub(super) struct Fronts {
 }
 
 impl Fronts {
-    fn of(&self, wheels: usize) -> &[Found] {
+    /// The front of one wheel count.
+    pub(super) fn of(&self, wheels: usize) -> &[Found] {
         WHEELS.iter().position(|w| *w == wheels).map_or(&[], |k| &self.each[k])
     }
 
@@ -73,10 +95,18 @@ impl Fronts {
     }
 
     /// The design of a wheel count that is better than the prototype in every figure by the largest factor, and that factor.
-    fn nearest_above(&self, wheels: usize) -> Option<(Found, f64)> {
+    pub(super) fn nearest_above(&self, wheels: usize) -> Option<(Found, f64)> {
         let by = |found: &Found| better_by(&found.measures, &self.prototype);
         let best = self.of(wheels).iter().max_by(|a, b| by(a).total_cmp(&by(b)))?;
         Some((*best, by(best)))
+    }
+}
+
+impl Fronts {
+    /// How many designs of a wheel count beat the prototype in all figures.
+    pub(super) fn dominating(&self, wheels: usize) -> usize {
+        let beats = |found: &&Found| dominates(&found.measures.costs(), &self.prototype.costs());
+        self.of(wheels).iter().filter(beats).count()
     }
 }
 
@@ -94,7 +124,11 @@ fn plots(report: &mut Report, fronts: &Fronts) {
          these two. A point that looks beaten in one plot is not in another. The black diamond is the prototype.",
     );
     report.family("design_front_{wheels}w_designs", "1", "designs on the front of so many wheels");
-    report.family("design_front_{wheels}w_overall", "1", "of them those that no design of any wheel count beats");
+    report.family(
+        "design_front_{wheels}w_overall",
+        "1",
+        "of them those that no design of any wheel count beats",
+    );
     for wheels in WHEELS {
         report.figure(format!("design_front_{wheels}w_designs"), fronts.of(wheels).len() as f64);
         let overall = joint.iter().filter(|found| found.point.wheels == wheels).count();
@@ -126,11 +160,14 @@ fn plots(report: &mut Report, fronts: &Fronts) {
                 &format!("front_{}_{}", SHORT[i], SHORT[j]),
                 &format!("{} against {}", capital(y.name), x.name),
                 Scatter {
-                    title: format!("{} against {}", capital(SHORT[j]), SHORT[i]),
-                    x: x.name.to_owned(),
-                    y: y.name.to_owned(),
+                    title: format!("{} against {}", capital(y.name), x.name),
+                    x: x.long.to_owned(),
+                    y: y.long.to_owned(),
                     clouds,
-                    mark: ("the prototype".to_owned(), ((x.of)(&fronts.prototype), (y.of)(&fronts.prototype))),
+                    mark: (
+                        "the prototype".to_owned(),
+                        ((x.of)(&fronts.prototype), (y.of)(&fronts.prototype)),
+                    ),
                 }
                 .svg(),
             );
@@ -205,8 +242,12 @@ fn best(report: &mut Report, parts: &Parts, fronts: &Fronts) {
 
 fn line(name: &str, parts: &Parts, design: &super::space::Design, m: &Measures) -> Vec<String> {
     let at = bounds::margins(parts, design, m);
-    let near: Vec<&str> =
-        at.iter().zip(&MARGINS).filter(|(value, margin)| near(**value, margin)).map(|(_, m)| m.name).collect();
+    let near: Vec<&str> = at
+        .iter()
+        .zip(&MARGINS)
+        .filter(|(value, margin)| near(**value, margin))
+        .map(|(_, m)| m.name)
+        .collect();
     row([
         name.to_owned(),
         format!("{:.1}", design.cone / DEGREE),
@@ -263,7 +304,11 @@ fn bind(report: &mut Report, parts: &Parts, fronts: &Fronts) {
 
 fn place(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.heading("The prototype's place");
-    report.family("design_front_{wheels}w_dominating", "1", "designs on the front that beat the prototype in all four figures");
+    report.family(
+        "design_front_{wheels}w_dominating",
+        "1",
+        "designs on the front that beat the prototype in all four figures",
+    );
     report.family(
         "design_front_{wheels}w_better_by",
         "1",
@@ -280,8 +325,7 @@ fn place(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     ])];
     let p = &fronts.prototype;
     for wheels in WHEELS {
-        let beats = |found: &&Found| dominates(&found.measures.costs(), &p.costs());
-        let count = fronts.of(wheels).iter().filter(beats).count();
+        let count = fronts.dominating(wheels);
         report.figure(format!("design_front_{wheels}w_dominating"), count as f64);
         let Some((found, by)) = fronts.nearest_above(wheels) else { continue };
         report.figure(format!("design_front_{wheels}w_better_by"), by);
@@ -299,9 +343,12 @@ fn place(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     }
     report.table(&table);
     let kept = margins(parts, &parts.prototype, p);
-    let bounds: Vec<String> =
-        MARGINS.iter().zip(kept).map(|(margin, value)| format!("{} {} {}", margin.name, short(value), margin.unit)).collect();
-    report.say(&format!("The prototype's own margins: {}.", bounds.join(", ").replace(" 1,", ",")));
+    let bounds: Vec<String> = MARGINS
+        .iter()
+        .zip(kept)
+        .map(|(margin, value)| format!("{} {}", margin.name, with_unit(value, margin.unit)))
+        .collect();
+    report.say(&format!("The prototype's own margins: {}.", bounds.join(", ")));
     let keeps = kept.iter().zip(&MARGINS).all(|(value, margin)| *value >= margin.least);
     report.check(
         "the prototype keeps every margin that the designs are held to",

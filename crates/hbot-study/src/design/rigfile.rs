@@ -53,7 +53,11 @@ pub(super) fn text(parts: &Parts, name: &str, design: &Design, measures: &Measur
         limits.slip,
     );
     if let Some(traction) = limits.traction {
-        let _ = writeln!(out, "traction = {{ mu = {}, normal_force = {} }} # N, on each wheel", traction.mu, traction.normal_force);
+        let _ = writeln!(
+            out,
+            "traction = {{ mu = {}, normal_force = {} }} # N, on each wheel",
+            traction.mu, traction.normal_force
+        );
     }
     out
 }
@@ -68,7 +72,10 @@ fn wheel(out: &mut String, parts: &Parts, design: &Design, k: usize) {
         design.cone, design.toe, design.radius
     );
     let inertias = [
-        (parts.steer_inertia(design), format!("the rotor and {:.0} g of module on its arm", 1.0e3 * MODULE_MASS)),
+        (
+            parts.steer_inertia(design),
+            format!("the rotor and {:.0} g of module on its arm", 1.0e3 * MODULE_MASS),
+        ),
         (parts.drive_inertia(design), "the rotor through its gear, and the wheel".to_owned()),
     ];
     for (i, (what, (inertia, why))) in ["steer", "drive"].iter().zip(inertias).enumerate() {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::front::{Archive, Found, Volume};
+use super::front::{Archive, Found, Volume, better_by};
 use super::local::Machine;
 use super::margins::{has_room, keeps};
 use super::space::{Design, Parts, Point};
@@ -33,7 +33,8 @@ pub(super) struct Search {
     pub(super) failed: usize,
 }
 
-/// Measures `evaluations` designs of so many wheels: a half spread evenly, a half near the best. Another seed looks elsewhere.
+/// Measures `evaluations` designs of so many wheels: the prototype's dimensions first, then a half spread evenly, a half near the best.
+/// Another seed looks elsewhere.
 pub(super) fn search(
     context: &Context,
     parts: &Parts,
@@ -50,6 +51,11 @@ pub(super) fn search(
     let mut measured = 0;
     while measured < evaluations {
         let mut batch = Vec::new();
+        let first = Point::of(&Design { wheels, ..parts.prototype });
+        if seen.is_empty() && has_room(parts, &first.design()) {
+            seen.insert(first);
+            batch.push(first);
+        }
         while batch.len() < BATCH.min(evaluations - measured) {
             let point = if 2 * measured < evaluations || run.archive.members.len() < 4 {
                 let unit = even.next().unwrap_or_else(|| unreachable!("the sequence has no end"));
@@ -108,6 +114,51 @@ fn step(archive: &Archive, wheels: usize, rng: &mut Rng) -> Point {
         unit = core::array::from_fn(|k| from[k] + part * (a[k] - b[k]));
     }
     Point::nearest(wheels, unit)
+}
+
+/// Steps of a climb, on the grid.
+const CLIMB: [i32; 4] = [12, 5, 2, 1];
+
+/// Climbs from `from` to where no neighbour is better in every figure than `than` by a larger factor (one dimension or two at
+/// once, in steps that shrink), margins kept.
+pub(super) fn climb(
+    context: &Context,
+    parts: &Parts,
+    from: Point,
+    than: &Measures,
+) -> Result<Point, Interrupted> {
+    let (mut here, mut by) = (from, 0.0);
+    for stride in CLIMB {
+        loop {
+            let near = neighbours(here, stride);
+            let near: Vec<Point> =
+                near.into_iter().filter(|point| has_room(parts, &point.design())).collect();
+            let all = measure_all(context, parts, &near, SEARCH)?;
+            let factor = |found: &Found| better_by(&found.measures, than);
+            let best = all.iter().flatten().max_by(|a, b| factor(a).total_cmp(&factor(b)));
+            match best {
+                Some(found) if factor(found) > by => (here, by) = (found.point, factor(found)),
+                _ => break,
+            }
+        }
+    }
+    Ok(here)
+}
+
+/// A point, and those with one dimension or two so many steps off.
+fn neighbours(point: Point, stride: i32) -> Vec<Point> {
+    let mut all = vec![point];
+    for i in 0..4 {
+        for j in 0..=i {
+            for (a, b) in [(stride, stride), (stride, -stride), (-stride, stride), (-stride, -stride)] {
+                let mut steps = [0; 4];
+                steps[j] = b;
+                steps[i] = a;
+                all.extend(point.moved(steps).filter(|_| i != j || b == stride));
+            }
+        }
+    }
+    all
 }
 
 /// Measures designs on all cores, in their order; `None` for those that do not keep their margins.

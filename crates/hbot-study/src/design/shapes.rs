@@ -22,7 +22,7 @@ pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts)
     report.heading("How sure the figures are");
     report.say(&format!(
         "Means are over even samples of the torus of steering angles (a Kronecker sequence of the generalised golden ratio). The worst posture is sought from the worst samples, by steps of one angle or two \
-         that halve from 0.3 rad to 1 mrad; what it finds is never worse than the truth. A search among designs looks at {} postures with {} starts, whatever is told below at {} with {}. The peak torque \
+         that halve from 0.3 rad to 1 mrad; it may miss the very worst, and never overstates it. A search among designs looks at {} postures with {} starts, whatever is told below at {} with {}. The peak torque \
          is the least sure: it has narrow valleys. Here the prototype's wheel, two, three and four times.",
         SEARCH.samples, SEARCH.starts, TOLD.samples, TOLD.starts
     ));
@@ -100,7 +100,7 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
     report.heading("What each dimension does");
     let d = &parts.prototype;
     report.say(&format!(
-        "The prototype with one dimension changed, relative to what it is (cone {:.1} deg, toe 0, axes {:.0} deg from -n3, wheels of {:.1} mm); margins aside, so that the whole course is seen. Without toe the rows of G are c2/sin a and \
+        "The prototype with one dimension changed, relative to what it is (cone {:.1} deg, toe 0, axes {:.0} deg from -n3, wheels of {:.1} mm); margins aside, so that the whole course is seen. Where lines coincide, the one drawn last is seen: tilt leaves inertia and both speeds as they are, the radius leaves the steering speed and the torque before slip. Without toe the rows of G are c2/sin a and \
          (R/r) c1 for each wheel: steering turns the sphere about one axis with the leverage 1/sin a, driving about the other with R/r, and a wheel is as strong in both where r = R sin a, here {:.1} mm. With toe they are \
          (c2 - c1 tan b)/sin a and R c1/(r cos b), in the directions of b = 0: the toe gears both up by 1/cos b and makes them oblique, so conditioning only loses.",
         d.cone / DEGREE,

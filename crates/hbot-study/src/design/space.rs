@@ -48,6 +48,28 @@ impl Point {
         Self { wheels, at }
     }
 
+    /// The nearest to a design.
+    pub(super) fn of(design: &Design) -> Self {
+        let values = [design.cone, design.toe, design.tilt, design.radius];
+        let unit = core::array::from_fn(|k| {
+            let [low, high] = RANGE[k].map(f64::from);
+            (values[k] / STEP[k] - low) / (high - low)
+        });
+        Self::nearest(design.wheels, unit)
+    }
+
+    /// So many steps away; `None` outside the ranges.
+    pub(super) fn moved(&self, steps: [i32; 4]) -> Option<Self> {
+        let mut at = self.at;
+        for k in 0..4 {
+            at[k] = at[k].checked_add_signed(steps[k])?;
+            if !(RANGE[k][0]..=RANGE[k][1]).contains(&at[k]) {
+                return None;
+            }
+        }
+        Some(Self { at, ..*self })
+    }
+
     /// Its place in the unit cube.
     pub(super) fn unit(&self) -> [f64; 4] {
         core::array::from_fn(|k| {
@@ -57,7 +79,9 @@ impl Point {
     }
 
     pub(super) fn design(&self) -> Design {
-        let [cone, toe, tilt, radius] = core::array::from_fn(|k| f64::from(self.at[k]) * STEP[k]);
+        let [cone, toe, tilt] = core::array::from_fn(|k| f64::from(self.at[k]) * STEP[k]);
+        // A quotient is the number that the decimals mean.
+        let radius = f64::from(self.at[3]) / 1.0e4;
         Design { wheels: self.wheels, cone, toe, tilt, radius }
     }
 }
@@ -246,6 +270,10 @@ mod tests {
     fn places_in_the_cube_are_points_of_the_grid() {
         let point = Point { wheels: 3, at: [123, 45, 547, 155] };
         assert_eq!(Point::nearest(3, point.unit()), point);
+        assert_eq!(Point::of(&point.design()), point);
+        assert_eq!(point.moved([1, -45, 0, -2]).map(|p| p.at), Some([124, 0, 547, 153]));
+        assert_eq!(point.moved([0, -46, 0, 0]), None);
+        assert_eq!(point.moved([0, 0, 0, 146]), None);
         assert_eq!(Point::nearest(3, [-1.0, 2.0, 0.0, 1.0]).at, [60, 400, 150, 300]);
         let design = point.design();
         assert!((design.tilt - 54.7 * DEGREE).abs() < 1e-15 && (design.radius - 0.0155).abs() < 1e-15);

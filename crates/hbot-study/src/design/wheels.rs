@@ -9,7 +9,7 @@ use super::search::machine;
 use super::space::{Design, Parts, WHEELS};
 use super::torus::{Measures, TOLD, samples};
 use crate::context::{Context, Interrupted};
-use crate::plot::{Lines, Series, short};
+use crate::plot::{Bar, bars, short};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
@@ -209,51 +209,36 @@ fn tell(report: &mut Report, parts: &Parts, counts: &[Count]) {
 
 fn plots(report: &mut Report, counts: &[Count]) {
     let two = &counts[0].measures;
-    let line = |name: &str, colour: usize, open: bool, of: &dyn Fn(&Count) -> f64| Series {
-        name: name.to_owned(),
-        points: counts.iter().map(|count| (count.wheels as f64, of(count))).collect(),
-        colour,
-        open,
+    let group = |name: &str, of: &dyn Fn(&Count) -> f64| -> Vec<Bar> {
+        let bar = |(colour, count): (usize, &Count)| Bar {
+            name: format!("{name}, {} wheels", count.wheels),
+            value: of(count),
+            spread: None,
+            colour,
+        };
+        counts.iter().enumerate().map(bar).collect()
     };
-    let lines = |title: &str, y: &str, series| Lines {
-        title: title.to_owned(),
-        x: "wheels".to_owned(),
-        y: y.to_owned(),
-        log: [false; 2],
-        series,
-        front: false,
-    };
+    let all = [
+        group("peak torque, worst case", &|c| c.measures.torque / two.torque),
+        group("torque before slip", &|c| two.load / c.measures.load),
+        group("the same, normal force shared", &|c| two.load / c.measures.load * 2.0 / c.wheels as f64),
+        group("mean spectral index", &|c| c.measures.gci / two.gci),
+        group("largest apparent inertia", &|c| c.measures.inertia / two.inertia),
+    ];
     report.plot(
         "wheels",
         "The prototype's wheel two, three and four times, relative to two",
-        lines(
-            "More wheels, relative to two",
-            "times that of two wheels",
-            vec![
-                line("peak torque, worst case", 1, false, &|c| c.measures.torque / two.torque),
-                line("torque before slip", 2, false, &|c| two.load / c.measures.load),
-                line("same, normal force shared", 2, true, &|c| {
-                    two.load / c.measures.load * 2.0 / c.wheels as f64
-                }),
-                line("mean spectral index", 0, false, &|c| c.measures.gci / two.gci),
-                line("apparent inertia, largest", 6, false, &|c| c.measures.inertia / two.inertia),
-            ],
-        )
-        .svg(),
+        bars("More wheels", "times that of two wheels", &all.concat()),
     );
+    let all = [
+        group("all wheels slip at random", &|c| c.seen.mean),
+        group("one wheel slips alone, mean", &|c| c.seen.single),
+        group("one wheel slips alone, worst", &|c| c.seen.single_least),
+    ];
     report.plot(
         "wheels_slip",
         "How much of the contacts' slip the residual of the joint rates shows",
-        lines(
-            "Slip that can be observed",
-            "share of the slip's energy",
-            vec![
-                line("all wheels, any direction", 0, false, &|c| c.seen.mean),
-                line("(2n - 3)/(2n)", 3, true, &|c| (2 * c.wheels - 3) as f64 / (2 * c.wheels) as f64),
-                line("one wheel alone, worst", 1, false, &|c| c.seen.single_least),
-            ],
-        )
-        .svg(),
+        bars("Slip that can be observed", "share of the slip's energy that is seen", &all.concat()),
     );
 }
 
