@@ -3,6 +3,7 @@
 mod accuracy;
 mod bringup;
 mod by_hand;
+mod design;
 mod phenomena;
 mod process;
 mod refusals;

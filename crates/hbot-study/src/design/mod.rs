@@ -34,7 +34,7 @@ const VOLUME_POINTS: usize = 32_768;
 /// How far the volumes of two seeds may be apart, of the larger: in full, and quick, where chance tells more.
 const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
 /// Designs measured from each seed for 2, 3 and 4 wheels: in full, and quick. Fewer wheels are quicker, and leave less room.
-const EVALUATIONS: [[usize; 3]; 2] = [[16384, 10240, 8192], [2048, 768, 512]];
+const EVALUATIONS: [[usize; 3]; 2] = [[10240, 6144, 4096], [1536, 512, 384]];
 
 /// The study.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
@@ -212,7 +212,9 @@ fn told(
     prototype: &Measures,
 ) -> Result<Vec<Found>, Interrupted> {
     let members = || runs.iter().flat_map(|run| &run.archive.members);
-    let mut points: Vec<_> = members().map(|m| m.point).collect();
+    let costs: Vec<_> = members().map(|found| found.measures.costs()).collect();
+    let all: Vec<_> = members().map(|found| found.point).collect();
+    let mut points: Vec<_> = front(&costs).into_iter().map(|k| all[k]).collect();
     let by = |found: &&Found| better_by(&found.measures, prototype);
     let best = members().max_by(|a, b| by(a).total_cmp(&by(b))).map(|found| found.point);
     let same = Point::of(&Design { wheels, ..parts.prototype });

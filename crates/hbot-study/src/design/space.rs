@@ -235,6 +235,25 @@ mod tests {
         assert!(parts.steer_rotor > 0.0 && parts.drive_rotor > 0.0);
     }
 
+    /// A module on its arm is felt at the sphere as its mass at R + r, whatever the cone: the arm grows as the leverage falls.
+    #[test]
+    fn a_module_weighs_the_same_at_any_cone() {
+        let parts = Parts::prototype();
+        let felt = |cone: f64| {
+            let design = Design { cone, ..parts.prototype };
+            let leverage = design.steering_speed();
+            (parts.steer_inertia(&design) - parts.steer_rotor) * leverage * leverage
+        };
+        let mass = MODULE_MASS * 0.1175 * 0.1175;
+        for cone in [0.05, 0.1745, 0.6] {
+            assert!((felt(cone) / mass - 1.0).abs() < 1e-12, "{}", felt(cone));
+        }
+        // A wheel twice as large weighs four times as much, and has sixteen times the inertia.
+        let large = Design { radius: 2.0 * parts.prototype.radius, ..parts.prototype };
+        let [own, other] = [&parts.prototype, &large].map(|d| parts.drive_inertia(d) - parts.drive_rotor);
+        assert!((other / own - 16.0).abs() < 1e-9);
+    }
+
     /// The rows of G are nowhere longer than the closed forms say, and somewhere as long, with and without toe.
     #[test]
     fn joint_speeds_are_their_closed_forms_at_any_posture() {
