@@ -22,23 +22,32 @@ pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.heading("What a builder should conclude");
     let beaten: usize = [2, 3, 4].map(|wheels| fronts.dominating(wheels)).iter().sum();
     let place = if beaten == 0 {
-        let by = fronts.nearest_above(2).map_or(0.0, |(_, by)| by);
+        let near = fronts.nearest_above(3).map_or(String::new(), |(found, _)| {
+            let m = &found.measures;
+            format!(
+                " Three wheels come nearest to it from above: {:.1} times the torque and {:.0} % less steering speed for {:.0} % less conditioning and {:.0} % more inertia.",
+                m.torque / p.torque,
+                100.0 * (1.0 - m.speed[0] / p.speed[0]),
+                100.0 * (1.0 - m.gci / p.gci),
+                100.0 * (m.inertia / p.inertia - 1.0)
+            )
+        });
         format!(
-            "Nothing that was found beats the prototype in all four figures: among two-wheeled designs it lies on the front (the nearest to beating it comes to {by:.3} of it in its weakest figure). Its \
-             dimensions are a sound choice for two wheels."
+            "Nothing that was found beats the prototype in all four figures: it lies on the front of two-wheeled designs, to the 0.1 deg and 0.1 mm that were searched. What puts it there is its toe of zero and its axes at \
+             45 deg; along the front cone and radius are a matter of taste, each gain in one figure paid in another. Every added wheel brings inertia of its own, so more wheels do not beat it either.{near}"
         )
     } else {
         let by = [2, 3, 4].map(|wheels| fronts.nearest_above(wheels).map_or(0.0, |(_, by)| by));
         let by = by.into_iter().fold(0.0, f64::max);
         format!(
-            "{beaten} designs found beat the prototype in all four figures, the best of them by {:.1} % in each: it lies off the front by that much and no more, so its dimensions are a sound choice.",
+            "{beaten} designs that were found beat the prototype in all four figures, the best of them by {:.1} % in each: by that much it lies off the front.",
             100.0 * (by - 1.0)
         )
     };
     report.say(&format!("- **The prototype.** {place}"));
     report.say(&format!(
         "- **The cone** trades steering speed against traction and conditioning. A larger one steers slower (the sphere's rate over sin a), but brings the contacts nearer to each other at the worst steering angles, so conditioning falls and contacts slip \
-         earlier. With two wheels the margin of {HOLDS} N m before slip ends it: the contacts must stay {:.0} deg apart, so that no two-wheeled design steers slower than {:.2}, where the prototype steers at {:.2}; three reach {:.2}, four {:.2}. It hardly changes the inertia, \
+         earlier. With two wheels the margin of {HOLDS} N m before slip ends it: the contacts must stay {:.0} deg apart, so that the wheels of no two-wheeled design are steered slower than {:.2} times the sphere's rate, where the prototype's are at {:.2}; with three they come down to {:.2}, with four to {:.2}. It hardly changes the inertia, \
          because the module's arm grows as the leverage falls; below about 8 deg the rotor's share soars.",
         libm::asin(HOLDS / (grip(parts) * parts.sphere_radius())) / DEGREE,
         least(2, steering),
@@ -50,14 +59,14 @@ pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {
         "- **The wheel's radius** trades peak torque against conditioning: in the worst direction the drives bear the load, with R/r for a gear. r = R sin a conditions best; smaller wheels turn the sphere harder, and press their contacts harder too.",
     );
     report.say(
-        "- **The toe** is best left at zero, or a few degrees: what it gains in torque it loses at once in conditioning, speed and inertia, and a smaller wheel gives the same torque for less.",
+        "- **The toe** is best left at zero, or a few degrees: it makes the two rows of a wheel oblique, so conditioning, speed, inertia and traction lose, and the torque in the worst direction gains nothing. Where a best design has some, it is what a search leaves undecided.",
     );
     report.say(
         "- **The tilt** wants 45 deg for two wheels and about 55 for three or four, as far as the cage leaves room: at wide cones the open half pushes axes down.",
     );
     report.say(&format!(
         "- **More wheels.** The best conditioning is {:.2} with two, {:.2} with three, {:.2} with four; the highest peak torque {:.2}, {:.2}, {:.2} N m; the least inertia {:.2e}, {:.2e}, {:.2e} kg m². The step from two to three is the large one: it lifts the limit of traction, and any slip of a wheel shows. \
-         A fourth adds torque and half as much inertia again. A device to be felt as light keeps two; one for strength, or for orientation without a camera, takes three.",
+         A fourth adds torque, and inertia. A device to be felt as light keeps two; one for strength, or for orientation without a camera, takes three.",
         most(2, gci),
         most(3, gci),
         most(4, gci),
