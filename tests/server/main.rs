@@ -3,6 +3,7 @@
 mod accuracy;
 mod bringup;
 mod by_hand;
+mod design;
 mod far;
 mod phenomena;
 mod process;

@@ -3,6 +3,8 @@
 mod map;
 mod sketch;
 
+pub(crate) mod scatter;
+
 use std::ops::Range;
 
 use plotters::coord::Shift;

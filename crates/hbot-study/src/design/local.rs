@@ -1,0 +1,284 @@
+//! What a device can do at one posture.
+
+use hbot_core::allocation::ContactArms;
+use hbot_core::kinematics::Posture;
+use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
+
+/// A device with what is needed of it at every posture.
+#[derive(Debug, Clone)]
+pub(super) struct Machine {
+    pub(super) device: Device,
+    /// Largest torque of each joint, N m; 0 for one that has no motor.
+    pub(super) peak: [f64; MAX_JOINTS],
+    inertia: [f64; MAX_JOINTS],
+    /// 1/w of the default weights of allocation, m².
+    give: [f64; MAX_JOINTS],
+    arms: Vec<ContactArms>,
+}
+
+/// A figure of one posture; more is better for some, less for others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Quantity {
+    /// sigma_min / sigma_max of G.
+    Conditioning,
+    /// The largest torque that the motors make in every direction, N m.
+    Torque,
+    /// The largest eigenvalue of the apparent inertia, kg m².
+    Inertia,
+    /// The largest force at a contact for a torque of 1 N m in the worst direction, N.
+    Load,
+}
+
+impl Quantity {
+    pub(super) const ALL: [Self; 4] = [Self::Conditioning, Self::Torque, Self::Inertia, Self::Load];
+
+    /// Whether `a` is worse than `b`.
+    pub(super) fn worse(self, a: f64, b: f64) -> bool {
+        match self {
+            Self::Conditioning | Self::Torque => a < b,
+            Self::Inertia | Self::Load => a > b,
+        }
+    }
+}
+
+impl Machine {
+    /// `device` whose steering and drive motors give so much, N m.
+    pub(super) fn new(device: Device, peaks: [f64; 2]) -> Self {
+        let (mut peak, mut inertia, mut give) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        let arms: Vec<ContactArms> =
+            device.wheels().iter().map(|wheel| ContactArms::of(wheel, device.sphere_radius())).collect();
+        for (i, (wheel, arms)) in device.wheels().iter().zip(&arms).enumerate() {
+            let spec = wheel.spec();
+            let weights = arms.weights();
+            for k in 0..2 {
+                peak[2 * i + k] = peaks[k];
+                inertia[2 * i + k] = [spec.steer_inertia, spec.drive_inertia][k];
+                give[2 * i + k] = 1.0 / weights[k];
+            }
+        }
+        Self { device, peak, inertia, give, arms }
+    }
+
+    /// One figure at the steering angles `th`.
+    pub(super) fn at(&self, th: &[f64], quantity: Quantity) -> f64 {
+        self.of(&Posture::new(&self.device, th), quantity)
+    }
+
+    /// One figure at a posture.
+    pub(super) fn of(&self, posture: &Posture, quantity: Quantity) -> f64 {
+        let rows = posture.rows();
+        match quantity {
+            Quantity::Conditioning => {
+                let [least, _, largest] = eigenvalues(&gram(rows, &[1.0; MAX_JOINTS]));
+                libm::sqrt(least.max(0.0) / largest)
+            }
+            Quantity::Torque => every_direction(rows, &self.peak),
+            Quantity::Inertia => self.device.sphere_inertia() + eigenvalues(&gram(rows, &self.inertia))[2],
+            Quantity::Load => self.load(rows),
+        }
+    }
+
+    /// The largest contact force of the joint torques of least cost for a torque of 1 N m in the worst direction, N: what the
+    /// controller's allocation makes while no motor is at its limit.
+    fn load(&self, rows: &[Vec3]) -> f64 {
+        // tau = W⁻¹ G A⁻¹ T with A = Gᵀ W⁻¹ G.
+        let inverse = gram(rows, &self.give).inverse();
+        let mut most = 0.0_f64;
+        for (i, (pair, arms)) in rows.chunks_exact(2).zip(&self.arms).enumerate() {
+            let [steer, drive] = [pair[0] * self.give[2 * i], pair[1] * self.give[2 * i + 1]];
+            // f = H⁻ᵀ tau is linear in tau, so it has rows too.
+            let roll = drive / arms.roll;
+            let axial = (steer + roll * arms.cross) / arms.steer;
+            let [a, b] = [inverse * axial, inverse * roll];
+            most = most.max(largest_of_pair(a.dot(a), a.dot(b), b.dot(b)));
+        }
+        libm::sqrt(most)
+    }
+}
+
+/// Gᵀ diag(weights) G.
+pub(super) fn gram(rows: &[Vec3], weights: &[f64; MAX_JOINTS]) -> Mat3 {
+    let mut sum = Mat3::ZERO;
+    for (row, weight) in rows.iter().zip(weights) {
+        let scaled = *row * *weight;
+        sum.x_axis += scaled * row.x;
+        sum.y_axis += scaled * row.y;
+        sum.z_axis += scaled * row.z;
+    }
+    sum
+}
+
+/// The radius of the largest ball of torques that joints limited to `peak` make: the nearest facet of the zonotope sum of
+/// tau_k g_k. Every facet is spanned by two rows, and lies sum |g.n| peak along its normal n.
+pub(super) fn every_direction(rows: &[Vec3], peak: &[f64; MAX_JOINTS]) -> f64 {
+    let mut scaled = [Vec3::ZERO; MAX_JOINTS];
+    let mut count = 0;
+    for (row, peak) in rows.iter().zip(peak).filter(|(_, peak)| **peak > 0.0) {
+        scaled[count] = *row * *peak;
+        count += 1;
+    }
+    let scaled = &scaled[..count];
+    let mut least = f64::INFINITY;
+    for (j, b) in scaled.iter().enumerate() {
+        for a in &scaled[..j] {
+            let normal = a.cross(*b);
+            let size = normal.length();
+            // Parallel rows span no facet; others bound what these would.
+            if size > 1.0e-12 * a.length() * b.length() {
+                let reach: f64 = scaled.iter().map(|row| row.dot(normal).abs()).sum();
+                least = least.min(reach / size);
+            }
+        }
+    }
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// The eigenvalues of a symmetric matrix, least first, by the cosine of three times an angle (Smith 1961). Right to rounding of the
+/// largest.
+pub(super) fn eigenvalues(m: &Mat3) -> [f64; 3] {
+    let mean = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
+    let (x, y, z) = (m.x_axis.x - mean, m.y_axis.y - mean, m.z_axis.z - mean);
+    let (xy, xz, yz) = (m.y_axis.x, m.z_axis.x, m.z_axis.y);
+    let p = libm::sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0);
+    if !(p > f64::EPSILON * mean.abs()) {
+        return [mean; 3];
+    }
+    let det = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
+    let angle = libm::acos((det / (2.0 * p * p * p)).clamp(-1.0, 1.0)) / 3.0;
+    let largest = mean + 2.0 * p * libm::cos(angle);
+    let least = mean + 2.0 * p * libm::cos(angle + core::f64::consts::TAU / 3.0);
+    [least, 3.0 * mean - largest - least, largest]
+}
+
+/// The larger eigenvalue of [[xx, xy], [xy, yy]].
+fn largest_of_pair(xx: f64, xy: f64, yy: f64) -> f64 {
+    0.5 * (xx + yy + libm::hypot(xx - yy, 2.0 * xy))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::space::{DEGREE, Design, Parts, WHEELS};
+    use super::*;
+    use crate::rng::Rng;
+    use hbot_core::allocation::{JointLimits, allocate, capability, traction};
+    use hbot_core::singularity::Indices;
+    use hbot_sim::plant::{Plant, State};
+
+    const PEAKS: [f64; 2] = [0.93, 0.14];
+
+    fn machine(design: &Design) -> Machine {
+        Machine::new(Parts::prototype().device(design).expect("legal"), PEAKS)
+    }
+
+    fn designs() -> Vec<Design> {
+        let even = |wheels| Design { wheels, cone: 0.2, toe: 0.3, tilt: 0.9, radius: 0.013 };
+        WHEELS.map(even).into_iter().chain([Parts::prototype().prototype]).collect()
+    }
+
+    fn random(rng: &mut Rng) -> [f64; 4] {
+        core::array::from_fn(|_| rng.between(-3.0, 3.0))
+    }
+
+    /// The core has the same figures by other ways, but for what no other needs.
+    #[test]
+    fn figures_are_those_of_the_core_and_of_the_plant() {
+        let mut rng = Rng(1);
+        for design in designs() {
+            let machine = machine(&design);
+            let limits = JointLimits {
+                peak: machine.peak,
+                weight: machine.give.map(|give| if give > 0.0 { 1.0 / give } else { 1.0 }),
+            };
+            let plant = Plant::new(&machine.device).expect("no coupling of inertias");
+            for _ in 0..100 {
+                let th = random(&mut rng);
+                let posture = Posture::new(&machine.device, &th);
+                let index = Indices::of(posture.rows()).spectral;
+                // A least eigenvalue of a square is known to rounding of the largest over itself.
+                assert!((machine.of(&posture, Quantity::Conditioning) - index).abs() < 1e-13 / index);
+
+                let mut state = State::default();
+                state.steer[..design.wheels].copy_from_slice(&th[..design.wheels]);
+                let most = eigenvalues(&plant.apparent_inertia(&state))[2];
+                assert!((machine.of(&posture, Quantity::Inertia) / most - 1.0).abs() < 1e-12);
+
+                // No direction has less torque, and those of the facets have as much.
+                let least = machine.of(&posture, Quantity::Torque);
+                let load = machine.of(&posture, Quantity::Load);
+                let mut found = f64::INFINITY;
+                for _ in 0..200 {
+                    let way = Vec3::from_array(rng.direction());
+                    let can = capability(posture.rows(), &limits, way);
+                    assert!(can >= least * (1.0 - 1e-12), "{can} along {way}, {least} at least");
+                    // A torque so small that no motor is at its limit.
+                    let made = allocate(posture.rows(), &limits, way * 1e-3);
+                    let force = 1e3 * traction(&machine.arms, &made.torque, 1.0);
+                    assert!(force <= load * (1.0 + 1e-9), "{force} N per N m, {load} at most");
+                }
+                for (i, a) in posture.rows().iter().enumerate() {
+                    for (j, b) in posture.rows()[..i].iter().enumerate() {
+                        let n = (*a * machine.peak[i]).cross(*b * machine.peak[j]);
+                        found = found.min(capability(posture.rows(), &limits, n / n.length()));
+                    }
+                }
+                assert!((found / least - 1.0).abs() < 1e-9, "{found} against {least}");
+            }
+        }
+    }
+
+    /// Two wheels without toe and with r = R sin a: sqrt((1 - |cos g|)/2) with g between the contact points.
+    #[test]
+    fn two_matched_wheels_are_as_even_as_their_contacts_are_apart() {
+        let cone = 12.0 * DEGREE;
+        let design =
+            Design { wheels: 2, cone, toe: 0.0, tilt: 45.0 * DEGREE, radius: 0.102 * libm::sin(cone) };
+        let machine = machine(&design);
+        let mut rng = Rng(2);
+        for _ in 0..100 {
+            let posture = Posture::new(&machine.device, &random(&mut rng)[..2]);
+            let cos = posture.frames()[0].c3.dot(posture.frames()[1].c3);
+            let expected = libm::sqrt(0.5 * (1.0 - cos.abs()));
+            assert!((machine.of(&posture, Quantity::Conditioning) - expected).abs() < 1e-12);
+        }
+    }
+
+    /// Three and four matched wheels whose contacts stand at the angle with cos² = 1/3 from n3 turn the sphere alike about every axis.
+    #[test]
+    fn matched_wheels_at_the_magic_angle_are_isotropic() {
+        let (cone, magic) = (10.0 * DEGREE, libm::acos(libm::sqrt(1.0 / 3.0)));
+        for wheels in [3, 4] {
+            // All steer to where the contact leans towards -n3.
+            let radius = 0.102 * libm::sin(cone);
+            let design = Design { wheels, cone, toe: 0.0, tilt: magic + cone, radius };
+            let machine = machine(&design);
+            let th: Vec<f64> = machine
+                .device
+                .wheels()
+                .iter()
+                .map(|wheel| {
+                    let down = |th: f64| hbot_core::kinematics::ContactFrame::at(wheel, th).c3.z;
+                    (0..36_000)
+                        .map(|k| 1.0e-2 * DEGREE * k as f64)
+                        .min_by(|a, b| down(*a).total_cmp(&down(*b)))
+                        .expect("angles")
+                })
+                .collect();
+            let posture = Posture::new(&machine.device, &th);
+            // 0.01 deg off, of which the index takes a part of its size.
+            assert!(machine.of(&posture, Quantity::Conditioning) > 1.0 - 3.0e-4);
+            let scale = 0.102 / radius;
+            let trace: f64 = posture.rows().iter().map(|row| row.length_squared()).sum();
+            assert!((trace / (2.0 * wheels as f64 * scale * scale) - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn eigenvalues_of_known_matrices() {
+        let turn = Mat3::from_rotation_x(0.3) * Mat3::from_rotation_z(1.1);
+        let m = turn * Mat3::from_diagonal(Vec3::new(5.0, 0.25, 2.0)) * turn.transpose();
+        for (found, expected) in eigenvalues(&m).into_iter().zip([0.25, 2.0, 5.0]) {
+            assert!((found - expected).abs() < 1e-14);
+        }
+        assert_eq!(eigenvalues(&Mat3::from_diagonal(Vec3::splat(3.0))), [3.0; 3]);
+    }
+}

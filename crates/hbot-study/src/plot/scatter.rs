@@ -1,0 +1,146 @@
+//! Points over a plane in groups, with single ones marked by name: many designs at once.
+
+use std::ops::Range;
+
+use plotters::prelude::*;
+
+use super::{COLOURS, Failed, SIZE, Surface, drawn, failed, short};
+
+/// Points of one kind.
+#[derive(Debug, Clone)]
+pub(crate) struct Cloud {
+    /// What it is called in the legend.
+    pub(crate) name: String,
+    pub(crate) points: Vec<(f64, f64)>,
+    pub(crate) colour: usize,
+    /// Joined by a line in their order, and larger; else small open points.
+    pub(crate) joined: bool,
+}
+
+/// Clouds of points on even axes.
+#[derive(Debug, Clone)]
+pub(crate) struct Scatter {
+    pub(crate) title: String,
+    pub(crate) x: String,
+    pub(crate) y: String,
+    pub(crate) clouds: Vec<Cloud>,
+    /// A point by itself, and what it is: a black diamond.
+    pub(crate) mark: (String, (f64, f64)),
+}
+
+impl Scatter {
+    /// The plot as SVG.
+    pub(crate) fn svg(&self) -> String {
+        let mut out = String::new();
+        drawn(&mut out, SIZE, |area| self.draw(area));
+        out
+    }
+
+    fn range(&self, of: impl Fn(&(f64, f64)) -> f64) -> Range<f64> {
+        let all = self.clouds.iter().flat_map(|cloud| &cloud.points).chain([&self.mark.1]);
+        let (low, high) =
+            all.map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        let margin = if high > low { 0.05 * (high - low) } else { 1.0 };
+        low - margin..high + margin
+    }
+
+    fn draw(&self, whole: &Surface<'_>) -> Result<(), Failed> {
+        let names = self.clouds.iter().map(|cloud| cloud.name.len());
+        let longest = names.chain([self.mark.0.len()]).max().unwrap_or(0);
+        let (area, legend) = whole.split_horizontally(SIZE.0 as i32 - 44 - 7 * longest as i32);
+        let mut chart = ChartBuilder::on(&area)
+            .caption(&self.title, ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(46)
+            .y_label_area_size(74)
+            .build_cartesian_2d(self.range(|p| p.0), self.range(|p| p.1))
+            .map_err(failed)?;
+        let number = |value: &f64| short(*value);
+        chart
+            .configure_mesh()
+            .x_desc(&self.x)
+            .y_desc(&self.y)
+            .x_labels(8)
+            .x_label_formatter(&number)
+            .y_label_formatter(&number)
+            .light_line_style(RGBColor(238, 238, 238))
+            .bold_line_style(RGBColor(215, 215, 215))
+            .label_style(("sans-serif", 14))
+            .axis_desc_style(("sans-serif", 15))
+            .draw()
+            .map_err(failed)?;
+        for cloud in &self.clouds {
+            let colour = COLOURS[cloud.colour % COLOURS.len()];
+            if cloud.joined {
+                let line = LineSeries::new(cloud.points.iter().copied(), colour.stroke_width(2));
+                chart.draw_series(line).map_err(failed)?;
+            }
+            chart
+                .draw_series(cloud.points.iter().map(|p| {
+                    if cloud.joined {
+                        Circle::new(*p, 3, colour.filled())
+                    } else {
+                        Circle::new(*p, 2, colour.mix(0.45).stroke_width(1))
+                    }
+                }))
+                .map_err(failed)?;
+        }
+        let diamond = EmptyElement::at(self.mark.1) + Polygon::new(DIAMOND.to_vec(), BLACK.filled());
+        chart.draw_series([diamond]).map_err(failed)?;
+        self.legend(&legend)
+    }
+
+    fn legend(&self, area: &Surface<'_>) -> Result<(), Failed> {
+        let font = ("sans-serif", 13).into_font().color(&BLACK);
+        let mut y = 56;
+        for cloud in &self.clouds {
+            let colour = COLOURS[cloud.colour % COLOURS.len()];
+            if cloud.joined {
+                let line = PathElement::new(vec![(4, y), (28, y)], colour.stroke_width(2));
+                area.draw(&line).map_err(failed)?;
+                area.draw(&Circle::new((16, y), 3, colour.filled())).map_err(failed)?;
+            } else {
+                area.draw(&Circle::new((16, y), 2, colour.stroke_width(1))).map_err(failed)?;
+            }
+            area.draw(&Text::new(cloud.name.clone(), (34, y - 7), font.clone())).map_err(failed)?;
+            y += 19;
+        }
+        let diamond: Vec<(i32, i32)> = DIAMOND.iter().map(|(dx, dy)| (16 + dx, y + dy)).collect();
+        area.draw(&Polygon::new(diamond, BLACK.filled())).map_err(failed)?;
+        area.draw(&Text::new(self.mark.0.clone(), (34, y - 7), font)).map_err(failed)?;
+        Ok(())
+    }
+}
+
+const DIAMOND: [(i32, i32); 4] = [(0, -7), (6, 0), (0, 7), (-6, 0)];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_point_and_name_is_drawn() {
+        let cloud = |name: &str, joined| Cloud {
+            name: name.to_owned(),
+            points: vec![(1.0, 2.0), (2.0, 1.0), (3.0, 0.5)],
+            colour: 1,
+            joined,
+        };
+        let scatter = Scatter {
+            title: "Designs".to_owned(),
+            x: "speed".to_owned(),
+            y: "torque".to_owned(),
+            clouds: vec![cloud("all", false), cloud("front", true)],
+            mark: ("this one".to_owned(), (5.0, 5.0)),
+        };
+        let svg = scatter.svg();
+        for text in ["Designs", "speed", "torque", "all", "front", "this one"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        // Three points of each cloud, and one of each in the legend.
+        assert_eq!(svg.matches("<circle").count(), 8);
+        assert_eq!(svg.matches("<polygon").count(), 2);
+        // The mark is inside its axes.
+        assert!(scatter.range(|p| p.0).contains(&5.0));
+    }
+}

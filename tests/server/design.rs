@@ -1,0 +1,70 @@
+//! `hbot study design`: the rig files that it writes are rigs, for `hbot rig check` and for a server.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use predicates::prelude::PredicateBooleanExt as _;
+use predicates::str::contains;
+
+use crate::process::{Process, hbot};
+
+fn rigs(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("readable").path());
+    let mut all: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
+    all.sort();
+    all
+}
+
+/// The rig is accepted without a word of warning, and a server runs it for a second of its time without a fault.
+fn assert_is_a_rig(rig: &Path, wheels: &str, state: &Path) {
+    let path = rig.to_str().expect("UTF-8");
+    assert_cmd::Command::from_std(hbot())
+        .args(["rig", "check", path])
+        .timeout(Duration::from_secs(120))
+        .assert()
+        .success()
+        .stdout(contains("a legal design").and(contains("warning").not()));
+    let server = Process::start(&["--rig", path, "--time", "virtual", "--duration", "1"], state);
+    assert!(server.banner.contains(wheels), "{path}: {}", server.banner);
+    let (said, status) = server.end();
+    assert!(status.success(), "{path}: {status}: {said}");
+    assert!(said.contains("after 1000 ticks"), "{path}: {said}");
+    // A fault would have left the log of its last second.
+    assert!(!state.join("hbot").join("flight").exists(), "{path}: {said}");
+}
+
+#[test]
+fn every_rig_file_of_the_design_study_is_checked_and_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    assert_cmd::Command::from_std(hbot())
+        .args(["study", "design", "--quick", "--out"])
+        .arg(&out)
+        .timeout(Duration::from_secs(600))
+        .assert()
+        .success()
+        .stdout(contains("report.html"));
+    let rigs = rigs(&out);
+    for wheels in ["2w", "3w", "4w"] {
+        let name = format!("design_{wheels}_");
+        let of =
+            rigs.iter().filter(|rig| rig.file_name().is_some_and(|f| f.to_string_lossy().starts_with(&name)));
+        assert!(of.count() >= 5, "{wheels}: {rigs:?}");
+    }
+    for rig in &rigs {
+        let name = rig.file_name().expect("a name").to_string_lossy().into_owned();
+        let wheels = format!("{} wheels", &name["design_".len()..="design_".len()]);
+        assert_is_a_rig(rig, &wheels, folder.path());
+    }
+}
+
+/// Those that were kept, too.
+#[test]
+fn the_rigs_of_the_shelf_are_checked_and_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let shelf = Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs");
+    for rig in rigs(&shelf) {
+        assert_is_a_rig(&rig, "wheels", folder.path());
+    }
+}
