@@ -299,7 +299,8 @@ mod tests {
                 decoder.feed(&reply, |message| {
                     let Ok(message) = message else { return };
                     let described = matches!(message, FromController::Description(_));
-                    if described && first.get_or_insert_with(Instant::now).elapsed() < Duration::from_secs(1)
+                    if described
+                        && first.get_or_insert_with(Instant::now).elapsed() < Duration::from_millis(1500)
                     {
                         return;
                     }
