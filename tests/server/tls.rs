@@ -52,6 +52,15 @@ fn the_command_line_speaks_to_a_server_that_encrypts() {
 }
 
 #[test]
+fn another_machine_needs_a_token_behind_encryption_too() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (out, said) =
+        ask(&["server", "--rig", &rig(folder.path()), "--listen", "0.0.0.0:0", "--time", "virtual"]);
+    assert_eq!(out.status.code(), Some(1));
+    assert!(said.contains("--token-file"), "{said}");
+}
+
+#[test]
 fn a_certificate_that_cannot_be_used_ends_the_server_before_it_begins() {
     let folder = tempfile::tempdir().expect("a folder");
     let rig = rig(folder.path());

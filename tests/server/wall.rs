@@ -55,6 +55,31 @@ fn the_server_starts_active_and_the_sphere_moves() {
 }
 
 #[test]
+fn the_loop_and_nothing_else_stays_on_the_processor_that_it_is_given() {
+    if !has_pty() {
+        return;
+    }
+    let mine = rustix::thread::sched_getaffinity(None).expect("a set");
+    let all: Vec<usize> = (0..1024).filter(|number| mine.is_set(*number)).collect();
+    let number = all.last().expect("one that this runs on").to_string();
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(&["--cpu", &number], state.path());
+    assert!(server.banner.contains(&format!("on processor {number},")), "{}", server.banner);
+    let mut seen = 0;
+    for task in std::fs::read_dir(format!("/proc/{}/task", server.pid())).expect("it runs") {
+        let read = |name: &str| std::fs::read_to_string(task.as_ref().expect("a thread").path().join(name));
+        // One may end while it is looked at.
+        let (Ok(name), Ok(status)) = (read("comm"), read("status")) else { continue };
+        let allowed =
+            status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).expect("a list");
+        let alone = allowed.trim() == number;
+        assert_eq!(alone, name.trim() == "hbot-loop" || all.len() == 1, "{name} on {allowed}");
+        seen += u32::from(name.trim() == "hbot-loop");
+    }
+    assert_eq!(seen, 1, "the loop's thread");
+}
+
+#[test]
 fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
     if !has_pty() {
         return;

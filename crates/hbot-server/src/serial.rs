@@ -185,6 +185,7 @@ impl Keeper {
     fn find(&self) -> Option<(OwnedFd, Renewed)> {
         let mut pause = FIRST_PAUSE;
         let mut told = String::new();
+        let mut rebooted = false;
         loop {
             for _ in 0..pause.as_millis() / LOOK.as_millis() {
                 if self.over.load(Ordering::Relaxed) {
@@ -192,8 +193,8 @@ impl Keeper {
                 }
                 std::thread::sleep(LOOK);
             }
-            match self.try_once() {
-                Ok(found) => return Some(found),
+            match self.try_once(&mut rebooted) {
+                Ok(port) => return Some((port, Renewed { rebooted })),
                 Err(reason) if reason != told => {
                     tracing::warn!(port = %self.path.display(), reason, "not yet");
                     told = reason;
@@ -204,14 +205,15 @@ impl Keeper {
         }
     }
 
-    fn try_once(&self) -> Result<(OwnedFd, Renewed), String> {
+    /// Notes in `rebooted` whether the controllers have lost power, even where the line is not to be had yet: they say so only until they
+    /// are asked who they are, and the next try would not hear of it.
+    fn try_once(&self, rebooted: &mut bool) -> Result<OwnedFd, String> {
         let port = open(&self.path, self.baud).map_err(|errno| errno.to_string())?;
         let mut wire = Serial { port: Some(port), reopening: None };
-        // Off first. A controller that has rebooted says so until it is asked who it is.
-        let rebooted = switch_off(&mut wire, &self.expected).map_err(|error| error.to_string())?;
+        // Off first.
+        *rebooted |= switch_off(&mut wire, &self.expected).map_err(|error| error.to_string())?;
         handshake(&mut wire, &self.expected).map_err(|error| error.to_string())?;
-        let port = wire.port.ok_or_else(|| "gone again".to_owned())?;
-        Ok((port, Renewed { rebooted }))
+        wire.port.ok_or_else(|| "gone again".to_owned())
     }
 }
 
@@ -256,5 +258,73 @@ impl LatencyTimer {
         let path = Path::new("/sys/class/tty").join(device.file_name()?).join("device/latency_timer");
         let ms = fs::read_to_string(&path).ok()?.trim().parse().ok()?;
         Some(Self { path, ms })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read as _, Write as _};
+    use std::time::Instant;
+
+    use hbot_config::RigConfig;
+    use hbot_link::{Decoder, FromController, encode};
+    use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+    use serialport::{SerialPort as _, TTYPort};
+
+    use super::*;
+    use crate::engine::Line;
+
+    #[test]
+    fn a_loss_of_power_is_not_forgotten_where_the_first_question_gets_no_answer() {
+        let Ok((mut near, far)) = TTYPort::pair() else {
+            println!("no pseudo-terminal on this machine: not tested here");
+            return;
+        };
+        let path = far.name().unwrap();
+        near.set_timeout(Duration::from_millis(5)).unwrap();
+        let rig = RigConfig::prototype();
+        let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
+        let over = Arc::new(AtomicBool::new(false));
+        let stop = Arc::clone(&over);
+        // Fresh from power-on, and what it says of itself is lost on the line until after the first try (1 s).
+        let controllers = std::thread::spawn(move || {
+            let _far = far;
+            let (mut buffer, mut reply, mut decoder) =
+                ([0; 4096], Vec::new(), Decoder::<FromController>::new());
+            let (start, mut first) = (Instant::now(), None);
+            while !stop.load(Ordering::Relaxed) {
+                let Ok(n) = near.read(&mut buffer) else { continue };
+                reply.clear();
+                simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);
+                decoder.feed(&reply, |message| {
+                    let Ok(message) = message else { return };
+                    let described = matches!(message, FromController::Description(_));
+                    if described
+                        && first.get_or_insert_with(Instant::now).elapsed() < Duration::from_millis(1500)
+                    {
+                        return;
+                    }
+                    let mut frame = [0; 512];
+                    let n = encode(&message, &mut frame).unwrap();
+                    let _ = near.write(&frame[..n]);
+                });
+            }
+        });
+        let (_lost, to_reopen) = RingBuffer::new(1);
+        let (back, _back) = RingBuffer::new(1);
+        let expected = Expected::new(&path, &rig.rig, &Line::single(0..4, 20), 0);
+        let over_too = Arc::clone(&over);
+        let keeper = Keeper {
+            path: path.into(),
+            baud: rig.link.baud,
+            expected,
+            lost: to_reopen,
+            back,
+            over: over_too,
+        };
+        let (_, renewed) = keeper.find().unwrap();
+        assert_eq!(renewed, Renewed { rebooted: true });
+        over.store(true, Ordering::Relaxed);
+        controllers.join().unwrap();
     }
 }

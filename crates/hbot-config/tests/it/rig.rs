@@ -391,14 +391,17 @@ fn an_encrypted_service_names_both_its_files() {
     assert_eq!((tls.certificate, tls.key), (folder.path().join("a.pem"), "/k/b.pem".into()));
     assert_eq!(RigConfig::prototype().api.tls, None);
     let lines = LEAST.lines().count();
-    for (table, place, what) in [
-        ("{ certificate = 'a.pem' }", "7", "api.tls.key: missing; legal: a string"),
-        ("{ certificate = 'a.pem', key = 1 }", "36", "api.tls.key: found 1; legal: a string"),
-        ("{ certificate = 'a.pem', key = '' }", "36", "api.tls.key: "),
-        ("{ certificate = 'a.pem', kei = 'b.pem' }", "30", "api.tls.kei: unknown key (did you mean `key`?)"),
+    // What the column points at, and what is said of it.
+    for (table, at, what) in [
+        ("{ certificate = 'a.pem' }", "{", "api.tls.key: missing; legal: a string"),
+        ("{ certificate = 'a.pem', key = 1 }", "1", "api.tls.key: found 1; legal: a string"),
+        ("{ certificate = 'a.pem', key = '' }", "''", "api.tls.key: "),
+        ("{ certificate = 'a.pem', kei = 'b' }", "kei", "api.tls.kei: unknown key (did you mean `key`?)"),
     ] {
-        let said = said_of(&format!("{LEAST}[api]\ntls = {table}\n"));
-        let wanted = format!("x.toml:{}:{place}: {what}", lines + 2);
+        let line = format!("tls = {table}");
+        let said = said_of(&format!("{LEAST}[api]\n{line}\n"));
+        let column = line.find(at).unwrap() + 1;
+        let wanted = format!("x.toml:{}:{column}: {what}", lines + 2);
         assert!(said.lines().any(|line| line.starts_with(&wanted)), "{wanted}\n{said}");
     }
 }

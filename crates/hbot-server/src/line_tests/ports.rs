@@ -20,6 +20,12 @@ fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
     pty
 }
 
+/// Takes a rig and its port away; nothing stands behind `link` then, so that nobody finds the port of another test there.
+fn unplug(pty: PtyRig, link: &Path) -> SimulatedRig {
+    std::fs::remove_file(link).expect("a link");
+    pty.stop().expect("it ran")
+}
+
 /// The rig behind `link`, active, with a line that is kept open.
 fn plugged(link: &Path) -> (Bench<Serial>, PtyRig) {
     // A busy machine may hold the bytes of a pseudo-terminal up for longer than the 20 ticks of the prototype.
@@ -72,7 +78,7 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
     // The cable is cut; the controllers keep their power and their zeros.
-    let rig = pty.stop().expect("it ran");
+    let rig = unplug(pty, &link);
     let lost = until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
     assert_eq!(lost.state.cause, Some(Cause::LinkLost));
     assert!(lost.counters.send_failures > 0);
@@ -99,7 +105,7 @@ fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
     let mut patient = RigConfig::prototype();
     patient.rig.timing.timeout_ticks = 1_000_000;
     let (mut bench, pty) = plugged_in(patient, &link);
-    let rig = pty.stop().expect("it ran");
+    let rig = unplug(pty, &link);
     until(&mut bench, "gone", |sample| sample.counters.send_failures > 0);
     let _pty = plug(rig, &link);
     until(&mut bench, "back", |sample| sample.counters.reopened == 1);
@@ -115,7 +121,7 @@ fn controllers_that_lost_power_while_away_come_back_without_zeros() {
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
-    let mut rig = pty.stop().expect("it ran");
+    let mut rig = unplug(pty, &link);
     rig.inject(Fault::Reboot);
     until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
     let _pty = plug(rig, &link);
@@ -136,7 +142,7 @@ fn other_controllers_on_a_line_that_is_back_are_not_let_in() {
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
-    drop(pty.stop());
+    drop(unplug(pty, &link));
     let mut config = SimulatedConfig::new(&RigConfig::prototype().rig);
     config.joints[2].counts_per_turn += 4;
     let other = plug(SimulatedRig::new(&config).expect("it can be simulated"), &link);
