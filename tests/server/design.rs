@@ -10,7 +10,8 @@ use crate::process::{Process, hbot};
 
 fn rigs(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("readable").path());
-    let mut all: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
+    let mut all: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
     all.sort();
     all
 }
@@ -47,7 +48,8 @@ fn every_rig_file_of_the_design_study_is_checked_and_runs() {
     let rigs = rigs(&out);
     for wheels in ["2w", "3w", "4w"] {
         let name = format!("design_{wheels}_");
-        let of = rigs.iter().filter(|rig| rig.file_name().is_some_and(|f| f.to_string_lossy().starts_with(&name)));
+        let of =
+            rigs.iter().filter(|rig| rig.file_name().is_some_and(|f| f.to_string_lossy().starts_with(&name)));
         assert!(of.count() >= 5, "{wheels}: {rigs:?}");
     }
     for rig in &rigs {
