@@ -1,5 +1,6 @@
 //! `hbot study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
 
+mod backdrive;
 mod capability;
 mod comparison;
 mod frames;
@@ -22,7 +23,7 @@ use comparison::Comparison;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();
-    context.expect(11);
+    context.expect(12);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
@@ -34,6 +35,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     frames::study(context, &mut report, &mut comparison)?;
     singularity::study(context, &mut report, &mut comparison)?;
     capability::study(context, &mut report, &mut comparison)?;
+    backdrive::study(context, &mut report, &mut comparison)?;
     indices::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
     Ok(report)
