@@ -1,13 +1,16 @@
 //! `hbot study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
 
 mod backdrive;
+mod bandwidth;
 mod capability;
 mod comparison;
+mod effects;
 mod frames;
 mod grids;
 mod indices;
 mod literal;
 mod nested;
+mod position;
 mod readings;
 mod singularity;
 mod so3;
@@ -23,7 +26,7 @@ use comparison::Comparison;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();
-    context.expect(12);
+    context.expect(13);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
@@ -36,6 +39,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     singularity::study(context, &mut report, &mut comparison)?;
     capability::study(context, &mut report, &mut comparison)?;
     backdrive::study(context, &mut report, &mut comparison)?;
+    bandwidth::study(context, &mut report, &mut comparison)?;
     indices::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
     Ok(report)
