@@ -8,6 +8,7 @@ mod effects;
 mod frames;
 mod grids;
 mod indices;
+mod inverse;
 mod literal;
 mod nested;
 mod position;
@@ -26,7 +27,7 @@ use comparison::Comparison;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();
-    context.expect(13);
+    context.expect(14);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
@@ -41,6 +42,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     backdrive::study(context, &mut report, &mut comparison)?;
     bandwidth::study(context, &mut report, &mut comparison)?;
     indices::study(context, &mut report, &mut comparison)?;
+    inverse::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
     Ok(report)
 }
