@@ -17,6 +17,7 @@ mod singularity;
 mod so3;
 mod start_map;
 mod torus;
+mod tracking;
 mod turns;
 
 use crate::context::{Context, Interrupted};
@@ -27,7 +28,7 @@ use comparison::Comparison;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();
-    context.expect(14);
+    context.expect(15);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
@@ -43,6 +44,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     bandwidth::study(context, &mut report, &mut comparison)?;
     indices::study(context, &mut report, &mut comparison)?;
     inverse::study(context, &mut report, &mut comparison)?;
+    tracking::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
     Ok(report)
 }
