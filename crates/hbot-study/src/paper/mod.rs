@@ -15,7 +15,9 @@ mod position;
 mod readings;
 mod singularity;
 mod so3;
+mod springs;
 mod start_map;
+mod stiffness;
 mod torus;
 mod tracking;
 mod turns;
@@ -28,7 +30,7 @@ use comparison::Comparison;
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();
-    context.expect(15);
+    context.expect(16);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
@@ -45,6 +47,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     indices::study(context, &mut report, &mut comparison)?;
     inverse::study(context, &mut report, &mut comparison)?;
     tracking::study(context, &mut report, &mut comparison)?;
+    stiffness::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
     Ok(report)
 }
