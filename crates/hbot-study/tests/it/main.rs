@@ -4,6 +4,7 @@ mod accuracy;
 mod effects;
 mod files;
 mod paper;
+mod paper_rig;
 mod stability;
 
 use std::collections::HashSet;
