@@ -93,7 +93,7 @@ pub(crate) fn study(
     settings.extend(grid(inner, gains, &|inner_hz, gain| Setting { inner_hz, gain, ..STATED }));
     let second = settings.len();
     settings.extend(grid(with, amplitudes, &|gain, amplitude| Setting { gain, amplitude, ..STATED }));
-    let measured = by_two(&settings, |setting| context.go_on().map(|()| bandwidth(*setting)));
+    let measured = by_two(&settings, |setting| bandwidth(context, *setting));
     let measured = measured.into_iter().collect::<Result<Vec<f64>, Interrupted>>()?;
 
     let predicted = linear_bandwidth(&STATED);

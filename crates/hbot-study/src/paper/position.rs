@@ -11,6 +11,7 @@ use hbot_sim::phenomena::{CageFriction, JointFriction, Motor, Phenomena};
 use hbot_sim::plant::{Plant, State};
 use serde_json::json;
 
+use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
 /// The corner of the rate loops' integral over that of their proportional part.
@@ -158,19 +159,23 @@ pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
 }
 
 /// Where the response has fallen to -3 dB, Hz: between the first two frequencies of a scan that it falls through it at.
-pub(super) fn bandwidth(setting: Setting) -> f64 {
+///
+/// # Errors
+/// Where the study is to stop.
+pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Interrupted> {
     let mut period = LONGEST;
     let mut before = [0.0, 1.0];
     while period >= SHORTEST {
+        context.go_on()?;
         let ticks = period.round() as u32;
         let (hertz, [size, _]) = (1.0e3 / f64::from(ticks), response(setting, ticks));
         if size < DOWN {
-            return between(before, [hertz, size]);
+            return Ok(between(before, [hertz, size]));
         }
         before = [hertz, size];
         period /= RATIO;
     }
-    f64::NAN
+    Ok(f64::NAN)
 }
 
 /// The same of the linear loop: rate loops F about the inertia, with the motors' lag, half a period of holding and a period from

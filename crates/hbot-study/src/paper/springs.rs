@@ -6,6 +6,7 @@ use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::State;
 use serde_json::json;
 
+use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
 /// Loads to either side.
@@ -68,7 +69,10 @@ impl Measured {
 }
 
 /// Weights put on one after another, up to the most and off again, then the same to the other side.
-pub(super) fn measure(setting: &Setting) -> Measured {
+///
+/// # Errors
+/// Where the study is to stop.
+pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, Interrupted> {
     let Setting { axis, asked, .. } = *setting;
     let limits = [("limits.torque", json!(2.0)), ("limits.traction", json!({"mu": 5, "normal_force": 100}))];
     let config = prototype(if setting.limited { &[] } else { &limits });
@@ -84,6 +88,7 @@ pub(super) fn measure(setting: &Setting) -> Measured {
     let (coming, alone, looks) = (run.ticks(LOAD_S), run.ticks(REST_S), run.ticks(LOOK_S));
     let mut before = 0.0;
     for load in loads.map(|k| setting.most * f64::from(k) / f64::from(STEPS)) {
+        context.go_on()?;
         let mut deflection = 0.0;
         for k in 1..=coming + alone + looks {
             let x = (f64::from(k) / f64::from(coming)).min(1.0);
@@ -99,5 +104,5 @@ pub(super) fn measure(setting: &Setting) -> Measured {
         measured.points.push((deflection, load));
         before = load;
     }
-    measured
+    Ok(measured)
 }

@@ -110,7 +110,7 @@ pub(crate) fn study(
     for most in tried {
         settings.extend(ROWS.iter().map(|of| Setting { most: *most, ..on(of, LAWS[0], cold()) }));
     }
-    let found = by_two(&settings, |setting| context.go_on().map(|()| measure(setting)));
+    let found = by_two(&settings, |setting| measure(context, setting));
     let found = found.into_iter().collect::<Result<Vec<Measured>, Interrupted>>()?;
 
     let worst = rows(report, comparison, &found[..singles]);

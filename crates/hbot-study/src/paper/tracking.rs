@@ -72,7 +72,7 @@ fn seen(q: Quat) -> f64 {
     2.0 * libm::atan2(q.x, q.w)
 }
 
-fn follow(setting: &Setting, time: f64) -> Followed {
+fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, Interrupted> {
     let config = prototype(&[("limits.reference_rate", json!(10)), ("limits.slip", json!(SLIP_LIMIT))]);
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": setting.stiffness, "damping": DAMPING, "fade_s": 0}
@@ -85,6 +85,9 @@ fn follow(setting: &Setting, time: f64) -> Followed {
     let (mut wanted, mut joints, mut camera) = (Vec::new(), Vec::new(), Vec::new());
     let (mut aside, mut active) = (0.0_f64, true);
     for k in 0..run.ticks(time) {
+        if k % 1000 == 0 {
+            context.go_on()?;
+        }
         let [angle, rate] = chirp(f64::from(k) * run.period(), time);
         let reference = Command::Reference {
             slot,
@@ -110,7 +113,7 @@ fn follow(setting: &Setting, time: f64) -> Followed {
         100.0 * (squares.sum::<f64>() / found.len() as f64).sqrt() / AMPLITUDE
     };
     let (joints_rms, camera_rms) = (rms(&joints), rms(&camera));
-    Followed { wanted, joints, camera, joints_rms, camera_rms, aside, active }
+    Ok(Followed { wanted, joints, camera, joints_rms, camera_rms, aside, active })
 }
 
 pub(crate) fn study(
@@ -167,7 +170,7 @@ pub(crate) fn study(
     let loose = |force| Phenomena { slip: Some(Slip { normal_force: force, ..Slip::default() }), ..all };
     let forces_tried = tried(&FORCES, context.quick);
     settings.extend(forces_tried.iter().map(|force| setting(loose(*force))));
-    let runs = by_two(&settings, |setting| context.go_on().map(|()| follow(setting, time)));
+    let runs = by_two(&settings, |setting| follow(context, setting, time));
     let runs = runs.into_iter().collect::<Result<Vec<Followed>, Interrupted>>()?;
 
     let [plain, real] = [&runs[0], &runs[1]];
