@@ -164,7 +164,7 @@ pub(super) fn study(
     report.heading("Torque capability (table II)");
     report.say(&format!(
         "The largest torque about each axis alone (none about the others) that the motors of section IV.B can give: 0.93 N m at a steer and 0.14 N m at a drive at peak, 0.073 and 0.023 N m \
-         continuously; over even cells of all steering angles. *With grip*, no contact carries more than mu N = {:.0} N either, in the best distribution over the joints.",
+         continuously; over even cells of all steering angles, the least by search between them. *With grip*, no contact carries more than mu N = {:.0} N either, in the best distribution over the joints.",
         rig.grip
     ));
     report.family(

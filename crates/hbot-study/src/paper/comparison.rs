@@ -2,7 +2,7 @@
 //!
 //! Every section adds its rows while it runs, and the table is put above them all in the end. So a section is
 //!
-//! ```ignore
+//! ```text
 //! pub(crate) fn study(context: &Context, report: &mut Report, comparison: &mut Comparison) -> Result<(), Interrupted>
 //! ```
 //!

@@ -217,7 +217,7 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
         ]));
     }
     report.say(
-        "Equation 1 begins with \"a rotation about the steering axis by the steering angle\". To the letter that leaves A = N at a steering angle of zero, whatever the axis, so both wheels of \
+        "Equation 1 begins with the rotation about the steering axis by the steering angle and nothing before it. To the letter that leaves A = N at a steering angle of zero, whatever the axis, so both wheels of \
          table I start at the same point of the sphere: the interior singularity that the paper rules out. Here A takes n3 to the axis first, and then its claims hold.",
     );
     report.table(&table);

@@ -1,4 +1,8 @@
 //! `hbot study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
+//!
+//! First what is computed from the geometry, in the order of the paper: `frames` (section II), `singularity` with `nested` (III), `capability` (table
+//! II), `indices` with `grids`, `start_map` and `readings` (V). `literal` has the paper's equations by the letter; `torus`, `so3` and `turns`, the
+//! postures that are looked at. Then what takes a simulated rig. Every section adds to the table that the report begins with (`comparison`).
 
 mod backdrive;
 mod bandwidth;

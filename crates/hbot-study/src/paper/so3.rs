@@ -18,7 +18,7 @@ pub(crate) const fn count(level: u8) -> usize {
 
 /// Orientations spread evenly over SO(3), each of the same share of it; always in the same order.
 ///
-/// `level` refines them, 0 to 5 in reason: there are [`count`] of them, about 1.03 rad / 2^level from one to the next along the circle. Each comes once as a
+/// `level` refines them, 0 to 5 in reason: there are [`count`] of them, about 1.05 rad / 2^level from one to the next along the circle. Each comes once as a
 /// rotation, with either sign as a quaternion.
 pub(crate) fn uniform(level: u8) -> impl Iterator<Item = Quat> {
     let pixels = 12_u64 << (2 * level);
