@@ -2,7 +2,8 @@
 //!
 //! First what is computed from the geometry, in the order of the paper: `frames` (section II), `singularity` with `nested` (III), `capability` (table
 //! II), `indices` with `grids`, `start_map` and `readings` (V). `literal` has the paper's equations by the letter; `torus`, `so3` and `turns`, the
-//! postures that are looked at. Then what takes a simulated rig. Every section adds to the table that the report begins with (`comparison`).
+//! postures that are looked at. Then what takes a simulated rig: `backdrive` and `bandwidth` with `position`
+//! (table II), `inverse` (V.D), `tracking` (fig. 7), `stiffness` with `springs` (table III), with and without the `effects` of a real one. Every section adds to the table that the report begins with (`comparison`).
 
 mod backdrive;
 mod bandwidth;
