@@ -17,6 +17,7 @@
 //! | `stages` | the stages under study, compiled once with each width of the core |
 //! | `motion` | true motions of the sphere, and what its encoders read of them |
 //! | `report`, `plot`, `machine` | what is written |
+//! | `whole` | the whole loop, controller, line and simulated rig in lock-step |
 //! | `timing`, `context` | how it is timed, shown and stopped |
 //!
 //! Every study is deterministic but for its times.
@@ -36,6 +37,7 @@ mod report;
 mod rng;
 mod stability;
 mod timing;
+mod whole;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -27,6 +27,9 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(160, 110, 60),
 ];
 
+/// A line of more points than this is drawn without them: they would run together.
+const MARKED: usize = 120;
+
 /// Width and height of a plot, pixels.
 const SIZE: (u32, u32) = (960, 540);
 
@@ -66,6 +69,12 @@ pub(crate) struct Bar {
     pub(crate) colour: usize,
 }
 
+impl Series {
+    fn is_marked(&self) -> bool {
+        self.points.len() <= MARKED
+    }
+}
+
 type Surface<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 impl Lines {
@@ -85,6 +94,12 @@ impl Lines {
     fn visible(&self, &(x, y): &(f64, f64)) -> bool {
         let shown = |value: f64, log: bool| value.is_finite() && (value > 0.0 || !log);
         shown(x, self.log[0]) && shown(y, self.log[1])
+    }
+
+    /// Below this a mark of an even axis is zero.
+    fn rounding(&self, axis: usize) -> f64 {
+        let range = self.range(axis);
+        if self.log[axis] { 0.0 } else { 1.0e-9 * (range.end - range.start) }
     }
 
     fn range(&self, axis: usize) -> Range<f64> {
@@ -121,14 +136,17 @@ impl Lines {
             .y_label_area_size(74)
             .build_cartesian_2d(x, y)
             .map_err(failed)?;
-        let number = |value: &f64| short(*value);
+        // A mark at zero is off it by the rounding of the marks' distance.
+        let [x_rounding, y_rounding] = [0, 1].map(|axis| self.rounding(axis));
+        let x_number = |value: &f64| short(if value.abs() < x_rounding { 0.0 } else { *value });
+        let y_number = |value: &f64| short(if value.abs() < y_rounding { 0.0 } else { *value });
         chart
             .configure_mesh()
             .x_desc(&self.x)
             .y_desc(&self.y)
             .x_labels(8)
-            .x_label_formatter(&number)
-            .y_label_formatter(&number)
+            .x_label_formatter(&x_number)
+            .y_label_formatter(&y_number)
             .light_line_style(RGBColor(238, 238, 238))
             .bold_line_style(RGBColor(215, 215, 215))
             .label_style(("sans-serif", 14))
@@ -142,12 +160,14 @@ impl Lines {
             chart
                 .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(width)))
                 .map_err(failed)?;
-            chart
-                .draw_series(points.iter().map(|p| {
-                    let style = if series.open { colour.stroke_width(1) } else { colour.filled() };
-                    Circle::new(*p, 4, style)
-                }))
-                .map_err(failed)?;
+            if series.is_marked() {
+                chart
+                    .draw_series(points.iter().map(|p| {
+                        let style = if series.open { colour.stroke_width(1) } else { colour.filled() };
+                        Circle::new(*p, 4, style)
+                    }))
+                    .map_err(failed)?;
+            }
         }
         if self.front {
             chart
@@ -169,7 +189,9 @@ impl Lines {
                 (colour.stroke_width(2), colour.filled())
             };
             area.draw(&PathElement::new(vec![(4, y), (28, y)], line)).map_err(failed)?;
-            area.draw(&Circle::new((16, y), 4, dot)).map_err(failed)?;
+            if series.is_marked() {
+                area.draw(&Circle::new((16, y), 4, dot)).map_err(failed)?;
+            }
             area.draw(&Text::new(series.name.clone(), (34, y - 7), font.clone())).map_err(failed)?;
             y += 19;
         }

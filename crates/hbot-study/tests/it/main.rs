@@ -5,6 +5,7 @@ mod design;
 mod effects;
 mod files;
 mod paper;
+mod paper_rig;
 mod stability;
 
 use std::collections::HashSet;

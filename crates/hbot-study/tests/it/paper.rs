@@ -8,7 +8,7 @@ use hbot_study::{Report, Study};
 use crate::{assert_documented, assert_holds, measure, value};
 
 /// One quick run for all tests.
-fn report() -> &'static Report {
+pub(crate) fn report() -> &'static Report {
     static REPORT: OnceLock<Report> = OnceLock::new();
     REPORT.get_or_init(|| measure(Study::Paper))
 }

@@ -1,0 +1,114 @@
+//! The effects of a real device, one by one and together, as the experiments on the simulated rig put them on.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use hbot_sim::phenomena::{
+    CageFriction, Eccentric, Encoder, Gear, JointFriction, Link, Motor, Phenomena, Pivoting, Slip,
+    WheelModules,
+};
+
+/// One effect of a real device.
+pub(super) struct Effect {
+    /// In words.
+    pub(super) name: &'static str,
+    /// As ids have it.
+    pub(super) id: &'static str,
+    pub(super) phenomena: Phenomena,
+}
+
+/// Motors of which only the torque constant is wrong.
+const WEAK: Motor = Motor {
+    torque_scale: 0.95,
+    lag_s: 0.0,
+    steer_no_load_rate: 1.0e5,
+    drive_no_load_rate: 1.0e5,
+    thermal_time_s: 1.0e5,
+};
+
+/// Motors that give what is asked, but late and not at any rate.
+fn slow() -> Motor {
+    Motor { torque_scale: 1.0, thermal_time_s: WEAK.thermal_time_s, ..Motor::default() }
+}
+
+/// Motors that get hot and then give no more than they hold for ever.
+fn hot() -> Motor {
+    Motor { thermal_time_s: Motor::default().thermal_time_s, torque_scale: 1.0, ..WEAK }
+}
+
+/// Every effect by itself, with the prototype's figures (docs/physics.md, section 8). The motor's three are told apart.
+pub(super) fn alone() -> Vec<Effect> {
+    let none = Phenomena::default();
+    let effect = |name, id, phenomena| Effect { name, id, phenomena };
+    vec![
+        effect("torque constant 5 % low", "torque_scale", Phenomena { motor: Some(WEAK), ..none }),
+        effect("motors late, with back-EMF", "motor_lag", Phenomena { motor: Some(slow()), ..none }),
+        effect("motors that get hot", "motor_heat", Phenomena { motor: Some(hot()), ..none }),
+        effect(
+            "joint friction",
+            "joint_friction",
+            Phenomena { joint_friction: Some(JointFriction::default()), ..none },
+        ),
+        effect(
+            "cage friction",
+            "cage_friction",
+            Phenomena { cage_friction: Some(CageFriction::default()), ..none },
+        ),
+        effect("contacts that slip", "slip", Phenomena { slip: Some(Slip::default()), ..none }),
+        effect("pivoting friction", "pivoting", Phenomena { pivoting: Some(Pivoting::default()), ..none }),
+        effect(
+            "sphere 0.5 mm out of centre",
+            "eccentric",
+            Phenomena { eccentric: Some(Eccentric::default()), ..none },
+        ),
+        effect(
+            "weight of the wheel modules",
+            "wheel_modules",
+            Phenomena { wheel_modules: Some(WheelModules::default()), ..none },
+        ),
+        effect("gears: play and losses", "gear", Phenomena { gear: Some(Gear::default()), ..none }),
+        effect(
+            "encoder discs out of centre",
+            "encoder",
+            Phenomena { encoder: Some(Encoder::default()), ..none },
+        ),
+        effect("late and lossy line", "link", Phenomena { link: Some(Link::default()), ..none }),
+    ]
+}
+
+/// All of them at once.
+pub(super) fn together() -> Phenomena {
+    Phenomena {
+        joint_friction: Some(JointFriction::default()),
+        cage_friction: Some(CageFriction::default()),
+        slip: Some(Slip::default()),
+        pivoting: Some(Pivoting::default()),
+        eccentric: Some(Eccentric::default()),
+        wheel_modules: Some(WheelModules::default()),
+        gear: Some(Gear::default()),
+        encoder: Some(Encoder::default()),
+        motor: Some(Motor::default()),
+        link: Some(Link::default()),
+        hand: None,
+    }
+}
+
+/// `work` of every item, two at a time; the results in the items' order.
+pub(super) fn by_two<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let all = || {
+        let mut done = Vec::new();
+        loop {
+            let k = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(k) else { return done };
+            done.push((k, work(item)));
+        }
+    };
+    let mut done = std::thread::scope(|scope| {
+        let other = scope.spawn(all);
+        let mut mine = all();
+        mine.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        mine
+    });
+    done.sort_by_key(|(k, _)| *k);
+    done.into_iter().map(|(_, result)| result).collect()
+}

@@ -1,0 +1,252 @@
+//! The position control of fig. 6 on the simulated rig: drives that follow rates, and a loop about them.
+
+use core::f64::consts::TAU;
+
+use hbot_core::allocation::{ContactArms, traction};
+use hbot_core::kinematics::Posture;
+use hbot_core::outputs::Outputs;
+use hbot_core::rotation::{self, error_eq24, shortest, vector_part};
+use hbot_core::{Device, MAX_JOINTS, Quat, Vec3};
+use hbot_sim::phenomena::{CageFriction, JointFriction, Motor, Phenomena};
+use hbot_sim::plant::{Plant, State};
+use serde_json::json;
+
+use crate::context::{Context, Interrupted};
+use crate::whole::{Whole, prototype};
+
+/// The corner of the rate loops' integral over that of their proportional part.
+const INTEGRAL: f64 = 0.2;
+/// How long the swing takes to reach its amplitude, s.
+const FADE_S: f64 = 0.5;
+/// Ticks in which the response settles at least, and in which it is looked at at least: 1 s each.
+const LEAST: u32 = 1000;
+/// -3 dB.
+const DOWN: f64 = core::f64::consts::FRAC_1_SQRT_2;
+/// The longest and the shortest period that a bandwidth is sought between, ticks, and the ratio from one to the next.
+const LONGEST: f64 = 2000.0;
+const SHORTEST: f64 = 20.0;
+const RATIO: f64 = 1.15;
+
+/// Motors that are late and not quick at any rate, but give what is asked and stay cold.
+pub(super) const MOTOR: Motor = Motor {
+    torque_scale: 1.0,
+    lag_s: 5.0e-4,
+    steer_no_load_rate: 500.0,
+    drive_no_load_rate: 60.0,
+    thermal_time_s: 1.0e5,
+};
+
+/// One position loop and what it is asked to follow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Setting {
+    /// K_O, 1/s.
+    pub(super) gain: f64,
+    /// The corner of the drives' rate loops for a turn about `axis`, Hz.
+    pub(super) inner_hz: f64,
+    /// Of the sine, rad.
+    pub(super) amplitude: f64,
+    /// About which axis of N.
+    pub(super) axis: Vec3,
+    /// Whether joints and cage have friction.
+    pub(super) friction: bool,
+}
+
+/// The apparent inertia about `axis` with both wheels at zero, kg m².
+pub(super) fn inertia(device: &Device, axis: Vec3) -> f64 {
+    let plant = Plant::new(device).unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
+    axis.dot(plant.apparent_inertia(&State::default()) * axis)
+}
+
+/// A running loop.
+struct Loop {
+    run: Whole,
+    setting: Setting,
+    arms: [ContactArms; 2],
+    /// Of the rate loops, N m s/rad.
+    gains: [f64; MAX_JOINTS],
+    /// 1/s.
+    integral_gain: f64,
+    integral: [f64; MAX_JOINTS],
+}
+
+impl Loop {
+    fn new(setting: Setting) -> Self {
+        let config = prototype(&[]);
+        let device = config.rig.device;
+        let phenomena = Phenomena {
+            motor: Some(MOTOR),
+            joint_friction: setting.friction.then(JointFriction::default),
+            cage_friction: setting.friction.then(CageFriction::default),
+            ..Phenomena::default()
+        };
+        let radius = device.sphere_radius();
+        let posture = Posture::new(&device, &[0.0; 2]);
+        // Joint gains in proportion to the squares of the contacts' arms resist a turn of the sphere by R² sum (I - c3 c3ᵀ),
+        // whatever the headings.
+        let resist: f64 = posture.frames().iter().map(|frame| 1.0 - frame.c3.dot(setting.axis).powi(2)).sum();
+        let scale = TAU * setting.inner_hz * inertia(&device, setting.axis) / (radius * radius * resist);
+        let arms = [0, 1].map(|i| ContactArms::of(&device.wheels()[i], radius));
+        let mut gains = [0.0; MAX_JOINTS];
+        for (pair, arm) in gains.chunks_exact_mut(2).zip(&arms) {
+            pair.copy_from_slice(&[scale * arm.steer * arm.steer, scale * arm.roll * arm.roll]);
+        }
+        Self {
+            run: Whole::new(&config, json!({"name": "study"}), phenomena, State::default()),
+            setting,
+            arms,
+            gains,
+            integral_gain: INTEGRAL * TAU * setting.inner_hz,
+            integral: [0.0; MAX_JOINTS],
+        }
+    }
+
+    /// One tick: zd = G K_O e_O to the rate loops, whose torques keep within the rig's limits.
+    fn step(&mut self, wanted: Quat) {
+        let Self { run, setting, arms, gains, integral_gain, integral } = self;
+        let rig = *run.controller().rig();
+        let period = run.period();
+        let torque = |told: &Outputs| {
+            let q = told.state.q;
+            // The nearer of the two quaternions.
+            let error = error_eq24(shortest(wanted * q.conjugate()) * q, q);
+            let posture = Posture::new(&rig.device, &[told.state.angle[0], told.state.angle[2]]);
+            let rates = posture.inverse(error * setting.gain);
+            let mut tau = [0.0; MAX_JOINTS];
+            let mut held = true;
+            for j in 0..rig.device.joints() {
+                let asked = gains[j] * (rates[j] - told.state.rate[j] + *integral_gain * integral[j]);
+                tau[j] = asked.clamp(-rig.joints[j].peak, rig.joints[j].peak);
+                held &= asked == tau[j];
+            }
+            // As the server does: no more on the sphere than its limit, no more on a contact than it holds.
+            let grip = rig.limits.traction.map_or(f64::INFINITY, |grip| grip.mu * grip.normal_force);
+            let size = posture.torque_on_sphere(&tau[..rig.device.joints()]).length();
+            let over = (size / rig.limits.torque).max(traction(arms, &tau, grip)).max(1.0);
+            for j in 0..rig.device.joints() {
+                tau[j] /= over;
+                // An integral that went on where the torque cannot follow would have to be unwound.
+                if held && over == 1.0 {
+                    integral[j] += (rates[j] - told.state.rate[j]) * period;
+                }
+            }
+            tau
+        };
+        run.step_driven(torque);
+    }
+}
+
+/// Steady state under a sine of a whole number of ticks, one bin of its Fourier series: size and phase (rad) of the
+/// sphere's turn over the desired one's.
+pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
+    let mut run = Loop::new(setting);
+    let settle = LEAST.div_ceil(ticks).max(3) * ticks;
+    let looks = LEAST.div_ceil(ticks).max(2) * ticks;
+    let fade = FADE_S / run.run.period();
+    let (mut re, mut im) = (0.0, 0.0);
+    for k in 0..settle + looks {
+        let (sin, cos) = libm::sincos(TAU * f64::from(k % ticks) / f64::from(ticks));
+        let amplitude = setting.amplitude * (f64::from(k) / fade).min(1.0);
+        run.step(rotation::exp(setting.axis * (amplitude * sin)));
+        if k >= settle {
+            // The tick's reference and the truth at that very time.
+            let q = shortest(run.run.rig().state().q);
+            let turn = 2.0 * libm::atan2(vector_part(q).dot(setting.axis), q.w);
+            (re, im) = (re + turn * sin, im + turn * cos);
+        }
+    }
+    let scale = 2.0 / (f64::from(looks) * setting.amplitude);
+    [libm::hypot(re, im) * scale, libm::atan2(im, re)]
+}
+
+/// Where the response has fallen to -3 dB, Hz: between the first two frequencies of a scan that it falls through it at.
+///
+/// # Errors
+/// Where the study is to stop.
+pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Interrupted> {
+    let mut period = LONGEST;
+    let mut before = [0.0, 1.0];
+    while period >= SHORTEST {
+        context.go_on()?;
+        let ticks = period.round() as u32;
+        let (hertz, [size, _]) = (1.0e3 / f64::from(ticks), response(setting, ticks));
+        if size < DOWN {
+            return Ok(between(before, [hertz, size]));
+        }
+        before = [hertz, size];
+        period /= RATIO;
+    }
+    Ok(f64::NAN)
+}
+
+/// The same of the linear loop: rate loops F about the inertia, with the motors' lag, half a period of holding and a period from
+/// reading to torque, and the turn about them, H = P V / (s + P V z), P = K_O / 2, V = F / (1 + F z), z a period's delay.
+pub(super) fn linear_response(setting: &Setting, hertz: f64) -> [f64; 2] {
+    let (s, h) = (Complex { re: 0.0, im: TAU * hertz }, 1.0e-3);
+    let corner = TAU * setting.inner_hz;
+    let one = Complex { re: 1.0, im: 0.0 };
+    let delay = |time: f64| {
+        let (sin, cos) = libm::sincos(-s.im * time);
+        Complex { re: cos, im: sin }
+    };
+    let lag = one.over(one.plus(s.times_real(MOTOR.lag_s)));
+    let pi = one.plus(one.times_real(INTEGRAL * corner).over(s));
+    let f = one.times_real(corner).over(s).times(pi).times(lag).times(delay(0.5 * h));
+    let v = f.over(one.plus(f.times(delay(h)))).times_real(0.5 * setting.gain);
+    let response = v.over(s.plus(v.times(delay(h))));
+    [libm::hypot(response.re, response.im), libm::atan2(response.im, response.re)]
+}
+
+/// The bandwidth of the linear loop, Hz.
+pub(super) fn linear_bandwidth(setting: &Setting) -> f64 {
+    let mut before = [0.0, 1.0];
+    for k in 0..2000 {
+        let hertz = 0.2 * libm::pow(1.005, f64::from(k));
+        let [size, _] = linear_response(setting, hertz);
+        if size < DOWN {
+            return between(before, [hertz, size]);
+        }
+        before = [hertz, size];
+    }
+    f64::NAN
+}
+
+/// The gain with which the linear loop has a bandwidth of `hertz`, 1/s.
+pub(super) fn gain_for(setting: &Setting, hertz: f64) -> f64 {
+    let (mut low, mut high) = (1.0, 500.0);
+    for _ in 0..40 {
+        let gain = 0.5 * (low + high);
+        if linear_bandwidth(&Setting { gain, ..*setting }) < hertz { low = gain } else { high = gain }
+    }
+    0.5 * (low + high)
+}
+
+/// Where a straight line through two points of a Bode plot, Hz and size, is at -3 dB.
+fn between([f0, g0]: [f64; 2], [f1, g1]: [f64; 2]) -> f64 {
+    let part = (g0 / DOWN).ln() / (g0 / g1).ln();
+    (f0.ln() * (1.0 - part) + f1.ln() * part).exp()
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Complex {
+    re: f64,
+    im: f64,
+}
+
+impl Complex {
+    fn plus(self, other: Self) -> Self {
+        Self { re: self.re + other.re, im: self.im + other.im }
+    }
+
+    fn times(self, other: Self) -> Self {
+        Self { re: self.re * other.re - self.im * other.im, im: self.re * other.im + self.im * other.re }
+    }
+
+    fn times_real(self, x: f64) -> Self {
+        Self { re: self.re * x, im: self.im * x }
+    }
+
+    fn over(self, other: Self) -> Self {
+        let size = other.re * other.re + other.im * other.im;
+        self.times(Self { re: other.re / size, im: -other.im / size })
+    }
+}

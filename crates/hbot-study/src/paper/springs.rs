@@ -1,0 +1,108 @@
+//! A spring under known torques: its deflection at rest, and the line through the readings.
+
+use hbot_core::mode::Mode;
+use hbot_core::{Vec3, rotation};
+use hbot_sim::phenomena::Phenomena;
+use hbot_sim::plant::State;
+use serde_json::json;
+
+use crate::context::{Context, Interrupted};
+use crate::whole::{Whole, prototype};
+
+/// Loads to either side.
+pub(super) const STEPS: i32 = 4;
+/// Damping of the springs, N m s/rad: at rest it does nothing.
+pub(super) const DAMPING: f64 = 0.2;
+/// Until the motors push, s; then how long a load takes to come, how long it is left alone, and over how long it is looked at.
+const START_S: f64 = 0.7;
+pub(super) const LOAD_S: f64 = 0.2;
+pub(super) const REST_S: f64 = 0.4;
+pub(super) const LOOK_S: f64 = 0.1;
+
+/// What is measured on what.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Setting {
+    pub(super) axis: Vec3,
+    /// N m/rad.
+    pub(super) asked: f64,
+    pub(super) law: &'static str,
+    pub(super) phenomena: Phenomena,
+    /// The largest load, N m.
+    pub(super) most: f64,
+    /// Whether torque is limited as on the rig.
+    pub(super) limited: bool,
+}
+
+/// Deflection (rad) and load (N m) of every reading, and whether the motors pushed to the end.
+pub(super) struct Measured {
+    pub(super) asked: f64,
+    pub(super) points: Vec<(f64, f64)>,
+    pub(super) active: bool,
+}
+
+/// The line of least squares through the readings: torque over deflection.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fit {
+    /// N m/rad.
+    pub(super) slope: f64,
+    /// N m.
+    pub(super) offset: f64,
+    pub(super) r2: f64,
+}
+
+impl Measured {
+    pub(super) fn fit(&self) -> Fit {
+        let n = self.points.len() as f64;
+        let (x, y) = self.points.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for (a, b) in &self.points {
+            (xx, xy, yy) = (xx + (a - x) * (a - x), xy + (a - x) * (b - y), yy + (b - y) * (b - y));
+        }
+        let slope = xy / xx;
+        Fit { slope, offset: y - slope * x, r2: xy * xy / (xx * yy) }
+    }
+
+    /// How far the fitted slope is from what was asked, %.
+    pub(super) fn error(&self) -> f64 {
+        100.0 * (self.fit().slope / self.asked - 1.0)
+    }
+}
+
+/// Weights put on one after another, up to the most and off again, then the same to the other side.
+///
+/// # Errors
+/// Where the study is to stop.
+pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, Interrupted> {
+    let Setting { axis, asked, .. } = *setting;
+    let limits = [("limits.torque", json!(2.0)), ("limits.traction", json!({"mu": 5, "normal_force": 100}))];
+    let config = prototype(if setting.limited { &[] } else { &limits });
+    let scene = json!({"name": "study", "effect": [
+        {"id": "spring", "kind": "spring", "law": setting.law, "stiffness": asked, "damping": DAMPING, "fade_s": 0}
+    ]});
+    let mut run = Whole::new(&config, scene, setting.phenomena, State::default());
+    for _ in 0..run.ticks(START_S) {
+        run.step(None);
+    }
+    let loads = (0..=STEPS).chain((0..STEPS).rev()).chain((-STEPS..0).rev()).chain(1 - STEPS..=0);
+    let mut measured = Measured { asked, points: Vec::new(), active: true };
+    let (coming, alone, looks) = (run.ticks(LOAD_S), run.ticks(REST_S), run.ticks(LOOK_S));
+    let mut before = 0.0;
+    for load in loads.map(|k| setting.most * f64::from(k) / f64::from(STEPS)) {
+        context.go_on()?;
+        let mut deflection = 0.0;
+        for k in 1..=coming + alone + looks {
+            let x = (f64::from(k) / f64::from(coming)).min(1.0);
+            run.rig_mut().set_external(axis * (before + (load - before) * x * x * (3.0 - 2.0 * x)));
+            measured.active &= run.step(None).state.mode == Mode::Active;
+            if k > coming + alone {
+                deflection += rotation::log(run.rig().state().q).dot(axis) / f64::from(looks);
+            }
+        }
+        if !measured.active {
+            break;
+        }
+        measured.points.push((deflection, load));
+        before = load;
+    }
+    Ok(measured)
+}
