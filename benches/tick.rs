@@ -64,6 +64,7 @@ macro_rules! width {
                         align_rate: 0.2,
                         reference_rate: 2.0,
                         thermal_time: None,
+                        energy: None,
                         max_age_ticks: 100,
                     },
                     timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },

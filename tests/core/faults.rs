@@ -1,10 +1,11 @@
 //! When a link, a clock or an encoder is bad enough to stop, and when it is not.
 
-use crate::bench::{Bench, DT, FirstReply, rig, spring_scene};
+use crate::bench::{Bench, DT, FirstReply, rig, spring_scene, stream};
 use crate::rng::Rng;
 use hbot_core::inputs::{Command, JointFeedback};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
+use hbot_core::rig::EnergyLimit;
 use hbot_core::{CompiledScene, Vec3, rotation};
 
 fn active() -> Bench {
@@ -311,6 +312,53 @@ fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
         assert!((-20.0..80.0).contains(&off), "{factor}: {ticks} ticks, {expected} expected");
     }
     assert_eq!(ticks_until_hot(0.98), None, "below the continuous torque it works for ever");
+}
+
+#[test]
+fn energy_beyond_its_limit_is_a_fault_when_it_has_added_up_and_not_before() {
+    // The sphere turns along with 0.3 N m at 2 rad/s: 0.6 W into the hand; or against it, out of the hand.
+    let ticks_until = |burst: f64, power: f64, omega: f64| {
+        let mut rig = rig();
+        rig.limits.energy = Some(EnergyLimit { burst, power });
+        let mut bench = Bench::active(rig, CompiledScene::empty());
+        bench.command(stream(Vec3::X * 0.3, 1_000_000));
+        let found = (0..5000).find(|_| bench.turn(Vec3::X * omega).state.cause.is_some());
+        if found.is_some() {
+            let state = bench.step().state;
+            assert_eq!((state.cause, state.torque), (Some(Cause::Overtorque), Vec3::ZERO));
+            assert_eq!(
+                bench.command(Command::Reset).reply(),
+                Reply::Done,
+                "without power nothing is given out"
+            );
+        }
+        found
+    };
+    for (burst, power) in [(0.1, 0.1), (0.05, 0.4), (0.5, 0.35)] {
+        let expected = burst / (0.6 - power) / DT;
+        let ticks = ticks_until(burst, power, 2.0).expect("some time");
+        // The slew of the torque, a tick's delay of the reading, and rounding.
+        assert!(
+            (ticks as f64 - expected).abs() <= 8.0,
+            "{burst} J, {power} W: {ticks} ticks, not {expected}"
+        );
+    }
+    assert_eq!(ticks_until(0.01, 0.61, 2.0), None, "a power that is allowed is allowed for ever");
+    assert_eq!(ticks_until(0.01, 0.01, -2.0), None, "what comes in is no burst");
+}
+
+#[test]
+fn energy_that_came_in_is_no_credit_for_a_burst() {
+    let mut rig = rig();
+    rig.limits.energy = Some(EnergyLimit { burst: 0.1, power: 0.01 });
+    let mut bench = Bench::active(rig, CompiledScene::empty());
+    bench.command(stream(Vec3::X * 0.3, 1_000_000));
+    for _ in 0..3000 {
+        assert_eq!(bench.turn(Vec3::X * -2.0).state.cause, None);
+    }
+    assert!(bench.step().state.energy < -1.0);
+    let ticks = (0..1000).find(|_| bench.turn(Vec3::X * 2.0).state.cause.is_some()).expect("some time");
+    assert!((160..190).contains(&ticks), "0.1 J at 0.59 W: {ticks} ticks");
 }
 
 #[test]

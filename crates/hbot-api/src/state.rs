@@ -146,7 +146,7 @@ pub enum Fault {
     ControllerFault,
     /// The sphere turns faster than the rig's limit.
     Overspeed,
-    /// More torque was about to be sent than the rig's limit.
+    /// A controller reports more current than it may, or more energy was given out than the rig's limit.
     Overtorque,
     /// The wheels slip more than the rig's limit.
     Slip,

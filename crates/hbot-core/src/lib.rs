@@ -22,6 +22,7 @@
 #![no_std]
 
 pub mod allocation;
+mod burst;
 pub mod controller;
 pub mod device;
 pub mod effects;

@@ -35,7 +35,7 @@ pub enum Cause {
     ControllerFault,
     /// The powered sphere turns faster than the rig's limit.
     Overspeed,
-    /// A controller reports more current than it may.
+    /// A controller reports more current than it may, or more energy was given out than the rig's limit.
     Overtorque,
     /// The powered wheels slip faster than the rig's limit.
     Slip,

@@ -61,6 +61,9 @@ pub struct Limits {
     pub speed: Real,
     /// Largest slip of the powered sphere, m/s; above it: fault slip.
     pub slip: Real,
+    /// How much energy may go into the hand, and how fast; more is the fault overtorque. `None`: as much as torque and speed
+    /// allow.
+    pub energy: Option<EnergyLimit>,
     /// The thermal time of the motors, s: a joint whose mean square of torque over it is above that of its continuous torque is
     /// the fault thermal. `None`: heat is left to the controllers.
     pub thermal_time: Option<Real>,
@@ -74,6 +77,16 @@ pub struct Limits {
     pub reference_rate: Real,
     /// Stream messages that name a tick older than this are refused.
     pub max_age_ticks: u32,
+}
+
+/// A bound on the energy given out to the hand, as the passivity observer sees it: what is given out faster than `power` must
+/// not add up to more than `burst`. Both positive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnergyLimit {
+    /// Energy above what `power` allows, J.
+    pub burst: Real,
+    /// What may be given out for ever, W.
+    pub power: Real,
 }
 
 /// The contact's friction limit, mu N.

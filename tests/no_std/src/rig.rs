@@ -157,6 +157,7 @@ fn rig() -> Option<Rig> {
             align_rate: 0.5,
             reference_rate: 5.0,
             thermal_time: None,
+            energy: None,
             max_age_ticks: 50,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },

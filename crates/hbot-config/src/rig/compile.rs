@@ -286,6 +286,7 @@ fn limits(limits: &settings::Limits) -> core::Limits {
         align_rate: limits.align_rate,
         reference_rate: limits.reference_rate,
         thermal_time: limits.thermal_time,
+        energy: limits.energy.as_ref().map(|e| core::EnergyLimit { burst: e.burst, power: e.power }),
         max_age_ticks: limits.max_age_ticks,
     }
 }

@@ -111,6 +111,10 @@ pub(crate) struct Limits {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = 100_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "s"))]
     pub(crate) thermal_time: Option<f64>,
+    /// How much energy may go into the hand; more is the fault overtorque. Absent: as much as torque and speed allow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Energy")]
+    pub(crate) energy: Option<Energy>,
     /// What the contacts hold. Absent where nobody knows: joint torques are then not limited by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Traction")]
@@ -137,6 +141,7 @@ impl Default for Limits {
             speed: 30.0,
             slip: 0.05,
             thermal_time: None,
+            energy: None,
             traction: None,
             enable_max_angle: 0.5,
             align_rate: 0.2,
@@ -144,6 +149,18 @@ impl Default for Limits {
             max_age_ticks: 100,
         }
     }
+}
+
+/// Energy given out to the hand, as the passivity observer sees it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Energy {
+    /// What may be given out beyond `power`, as in one push.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "J"))]
+    pub(crate) burst: f64,
+    /// What may be given out for ever.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "W"))]
+    pub(crate) power: f64,
 }
 
 /// What the contacts hold: mu N.

@@ -30,6 +30,7 @@ fn tables(page: &str) -> Vec<(String, String)> {
     for name in ["loop", "link", "limits", "api"] {
         all.push((name.to_owned(), rows(section(name))));
     }
+    all.push(("energy".to_owned(), rows(&section("limits")["properties"]["energy"])));
     all.push(("traction".to_owned(), rows(&section("limits")["properties"]["traction"])));
     all.push(("tls".to_owned(), rows(&section("api")["properties"]["tls"])));
     for name in ["accuracy", "rate_estimate", "passivity"] {

@@ -8,6 +8,7 @@
 mod commands;
 
 use crate::allocation::{self, ContactArms, JointLimits};
+use crate::burst::Burst;
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
 use crate::heat::Heat;
@@ -50,6 +51,8 @@ pub struct Controller {
     last_motion: Motion,
     stream: Stream,
     observer: Observer,
+    /// Energy given out in bursts, where the rig limits it.
+    burst: Option<Burst>,
     guard: Option<Guard>,
     heat: Option<Heat>,
     /// A motor is too hot by its torques.
@@ -90,6 +93,7 @@ impl Controller {
             arms,
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
+            burst: rig.limits.energy.map(Burst::new),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             hot: false,
             rig,
@@ -126,6 +130,9 @@ impl Controller {
         let dt = elapsed.min(SKIPPED_FAULT) as Real * self.rig.timing.period_s();
         if let Some(heat) = &mut self.heat {
             self.hot = heat.held(dt);
+        }
+        if let Some(burst) = &mut self.burst {
+            burst.pass(dt, self.machine.powered());
         }
 
         let measured = self.measure(inputs, elapsed);
@@ -172,6 +179,9 @@ impl Controller {
         if let Some(guard) = &mut self.guard {
             guard.given(given);
         }
+        if let Some(burst) = &mut self.burst {
+            burst.given(given);
+        }
         Ok(true)
     }
 
@@ -186,7 +196,7 @@ impl Controller {
         if inputs.rebooted || complaints.fault {
             return Some(Cause::ControllerFault);
         }
-        if complaints.overcurrent {
+        if complaints.overcurrent || (powered && self.burst.is_some_and(|burst| burst.over())) {
             return Some(Cause::Overtorque);
         }
         if complaints.overtemperature || self.hot {

@@ -33,8 +33,8 @@ pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
             "Let it come to rest. Less stiffness or more damping keeps it slower. Then Reset.",
         ),
         Fault::Overtorque => (
-            "More torque was about to be sent than the rig allows.",
-            "This is a mistake in the program or its settings: keep the flight log, check the rig file, then Reset.",
+            "A motor took more current than it may, or more energy went into the hand than the rig allows.",
+            "Less stiffness or more damping gives out less. Check limits.energy and the controllers, then Reset.",
         ),
         Fault::Slip => (
             "The sphere slips on its wheels.",

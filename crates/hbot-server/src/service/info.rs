@@ -73,6 +73,7 @@ impl Info {
                 "torque_rate": limit.torque_rate,
                 "speed": limit.speed,
                 "slip": limit.slip,
+                "energy": limit.energy.map(|e| json!({"burst": e.burst, "power": e.power})),
                 "traction": traction,
                 "enable_max_angle": limit.enable_max_angle,
                 "align_rate": limit.align_rate,

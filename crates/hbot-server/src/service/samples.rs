@@ -163,7 +163,14 @@ impl Hub {
                 state.omega.length(),
                 rig.limits.speed
             ),
-            Cause::Overtorque => "a motor controller reports more current than its motor may have".to_owned(),
+            Cause::Overtorque => match rig.limits.energy {
+                None => "a motor controller reports more current than its motor may have".to_owned(),
+                Some(limit) => format!(
+                    "more than {} J went into the hand beyond {} W (limits.energy), or a motor controller reports more current \
+                     than its motor may have",
+                    limit.burst, limit.power
+                ),
+            },
             Cause::Slip => format!(
                 "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force",
                 state.slip, rig.limits.slip

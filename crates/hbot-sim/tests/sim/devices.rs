@@ -83,6 +83,7 @@ pub(crate) fn rig() -> Rig {
             align_rate: 0.1,
             reference_rate: 1.0,
             thermal_time: None,
+            energy: None,
             max_age_ticks: 20,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },

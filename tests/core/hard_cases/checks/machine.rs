@@ -52,6 +52,7 @@ pub fn rig() -> Rig {
             reference_rate: 5.0,
             max_age_ticks: 50,
             thermal_time: None,
+            energy: None,
         },
         timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
         methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
