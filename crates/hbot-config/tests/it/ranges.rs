@@ -97,6 +97,8 @@ fn of_the_rig_file() {
     // What may be a table is one.
     file["loop"]["rate_estimate"] = toml::Value::Table("method = 'kalman'".parse().unwrap());
     file["loop"].as_table_mut().unwrap().insert("passivity".to_owned(), toml::Table::new().into());
+    let energy = "burst = 0.5\npower = 1".parse::<toml::Table>().unwrap();
+    file["limits"].as_table_mut().unwrap().insert("energy".to_owned(), energy.into());
     all_are_refused(&all, &file, |text| {
         RigConfig::from_toml(text, "x.toml").map(drop).map_err(|error| error.to_string())
     });
