@@ -40,7 +40,7 @@ enum Command {
     /// Check rig files
     #[command(subcommand)]
     Rig(rig::RigCommand),
-    /// Measure on this machine what accuracy costs, what effects cost, where stability ends
+    /// Measure on this machine what accuracy and effects cost and where stability ends, rerun the paper, look for better designs
     #[command(subcommand)]
     Study(study::StudyCommand),
     /// Check this machine for real-time use and serial access, measure, and say how to mend what is wanting

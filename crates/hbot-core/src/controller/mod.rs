@@ -284,7 +284,8 @@ impl Controller {
         guard.damped(&self.observer, now, wanted, self.joints.omega)
     }
 
-    /// Allocates the torque, a `share` of what was wanted, to the joints and makes the tick's outputs; a number that is not finite ends in a fault.
+    /// Allocates the torque, a `share` of what was wanted, to the joints and makes the tick's outputs; a number that is not
+    /// finite ends in a fault.
     #[inline]
     fn send(
         &mut self,

@@ -1,0 +1,129 @@
+//! What happens to a rig besides commands and faults of a tick: every such event in every mode.
+
+use super::*;
+
+/// What happens to a rig besides commands and the conditions of `provoke`: in two parts where a line goes and comes back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Event {
+    /// The port is gone for longer than the time-out.
+    LineLost,
+    /// It was, and is back: its first reading says that torque had ended meanwhile.
+    LineBack,
+    /// It was gone for less than the time-out.
+    LineBlinks,
+    /// The controllers have lost power.
+    Reboot,
+    /// A tick came more than 20 ms late.
+    Late,
+    /// Ten ticks were skipped.
+    Skipped,
+    /// A motor's own sensor says that it is too hot.
+    Hot,
+    /// The holder has gone, by each policy.
+    ClientRamp,
+    ClientKeep,
+    ClientFault,
+    /// SIGUSR1, which the loop takes before all other commands of the tick.
+    Signal,
+}
+
+const EVENTS: [Event; 11] = [
+    Event::LineLost,
+    Event::LineBack,
+    Event::LineBlinks,
+    Event::Reboot,
+    Event::Late,
+    Event::Skipped,
+    Event::Hot,
+    Event::ClientRamp,
+    Event::ClientKeep,
+    Event::ClientFault,
+    Event::Signal,
+];
+
+fn happen(event: Event, bench: &mut Bench) -> Outputs {
+    let watchdog = |bench: &mut Bench| bench.step_with(|inputs| complain(inputs, |c| c.watchdog = true));
+    let policy = |bench: &mut Bench, policy| {
+        bench.command(Command::ClientLost(policy));
+        bench.step()
+    };
+    match event {
+        Event::LineLost => provoke(Cause::LinkLost, bench),
+        Event::LineBack => {
+            provoke(Cause::LinkLost, bench);
+            watchdog(bench)
+        }
+        Event::LineBlinks => {
+            bench.deaf();
+            watchdog(bench)
+        }
+        Event::Reboot => bench.step_with(|inputs| inputs.rebooted = true),
+        Event::Late => provoke(Cause::Deadline, bench),
+        Event::Skipped => {
+            bench.tick += 10;
+            bench.step()
+        }
+        Event::Hot => provoke(Cause::Thermal, bench),
+        Event::ClientRamp => policy(bench, OnClientLost::Ramp),
+        Event::ClientKeep => policy(bench, OnClientLost::Keep),
+        Event::ClientFault => policy(bench, OnClientLost::Fault),
+        Event::Signal => bench.step_with(|inputs| {
+            for command in [Command::Estop, Command::Enable, Command::Reset] {
+                inputs.commands.push(command).unwrap();
+            }
+        }),
+    }
+}
+
+#[test]
+fn every_event_leads_where_the_table_says_from_every_mode() {
+    use Mode::{Active, Enabling, Estop, Fault, Idle, Unreferenced};
+    for event in EVENTS {
+        for from in MODES {
+            let powered = matches!(from, Enabling | Active);
+            let mut bench = bench_in(from);
+            let before = bench.step().state;
+            let outputs = happen(event, &mut bench);
+            let (mode, cause) = (outputs.state.mode, outputs.state.cause);
+            let place = format!("{event:?} from {from:?}: {mode:?} {cause:?}");
+            let stays = (from, before.cause);
+            let fault = |cause| (Fault, Some(if from == Fault { Cause::ControllerFault } else { cause }));
+            let expected = match event {
+                Event::LineLost | Event::LineBack => fault(Cause::LinkLost),
+                // What gave no torque has lost none.
+                Event::LineBlinks => {
+                    if powered {
+                        fault(Cause::LinkLost)
+                    } else {
+                        stays
+                    }
+                }
+                Event::Reboot => fault(Cause::ControllerFault),
+                Event::Late | Event::Skipped => fault(Cause::Deadline),
+                Event::Hot => fault(Cause::Thermal),
+                Event::ClientRamp | Event::ClientKeep => stays,
+                Event::ClientFault => fault(Cause::ClientLost),
+                Event::Signal => (Estop, None),
+            };
+            assert_eq!((mode, cause), expected, "{place}");
+            if matches!(mode, Fault | Estop) {
+                assert!(outputs.state.torque == Vec3::ZERO && !outputs.drive.enable, "{place}");
+                assert_eq!(outputs.drive.torque, [0.0; 16], "{place}");
+            }
+            // Nothing but a command brings torque back, however long one waits.
+            if !powered || mode != from {
+                let later = bench.run(700);
+                assert_eq!((later.state.mode, later.state.cause), expected, "{place}");
+                assert!(later.state.torque == Vec3::ZERO && !later.drive.enable, "{place}");
+            }
+            if !matches!(mode, Fault | Estop) {
+                continue;
+            }
+            assert!(matches!(bench.command(Command::Enable).reply(), Reply::Refused(_)), "{place}");
+            // With the index not seen anew, zeros outlive everything but a loss of power.
+            let back = if from == Unreferenced || event == Event::Reboot { Unreferenced } else { Idle };
+            let reset = bench.command(Command::Reset);
+            assert_eq!((reset.reply(), reset.state.mode), (Reply::Done, back), "{place}");
+        }
+    }
+}
