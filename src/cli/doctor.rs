@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
-use hbot_server::doctor::{Finding, Machine, Mark, processor, punctuality, rights, serial, verdict};
+use hbot_server::doctor::{Finding, Machine, Mark, lead, processor, punctuality, rights, serial, verdict};
 use serde_json::{Value, json};
 
 use super::{ServerAddress, commands, server, style};
@@ -66,11 +66,11 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         anstream::println!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF);
     }
     let measured = punctuality(rig.rate_hz, rig.cpu, Duration::from_secs(args.seconds));
-    let judged = verdict(&measured);
+    let judged = [verdict(&measured), lead(&measured, rig.early_ns)];
     if !args.json {
-        show(&judged);
+        judged.iter().for_each(show);
     }
-    findings.push(judged);
+    findings.extend(judged);
     let address =
         args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
     let stats = address
@@ -124,7 +124,7 @@ fn show_server(stats: &Value) {
         stats["corrupt_frames"],
         stats["send_failures"],
     );
-    for name in ["lateness_us", "compute_us", "link_us", "age_us"] {
+    for name in ["awake_us", "lateness_us", "compute_us", "link_us", "age_us"] {
         let d = &stats[name];
         let at = |key: &str| d[key].as_f64().unwrap_or(f64::NAN);
         anstream::println!(

@@ -1,5 +1,6 @@
 //! One tick of the loop, the same in wall-clock and in virtual time: frames in, controller, frame out, sample.
 
+use std::hint::black_box;
 use std::time::Duration;
 
 use hbot_config::RigConfig;
@@ -109,6 +110,8 @@ pub(crate) struct Moment {
     pub(crate) tick: u64,
     /// Nominal time since the start, ns.
     pub(crate) t_ns: u64,
+    /// Awake before the deadline.
+    pub(crate) awake_ns: u64,
     pub(crate) lateness_ns: u64,
     /// Counts as late.
     pub(crate) late: bool,
@@ -218,6 +221,7 @@ impl<W: Wire> Engine<W> {
             t_ns: moment.t_ns,
             scene: self.scene.revision(),
             timing: Timing {
+                awake_ns: moment.awake_ns,
                 lateness_ns: moment.lateness_ns,
                 compute_ns: computed - computing,
                 link_ns: (computing - started) + (sent - computed),
@@ -230,6 +234,23 @@ impl<W: Wire> Engine<W> {
         if let Some(recorder) = &mut self.recorder {
             recorder(&self.scene, &inputs, &outputs);
         }
+    }
+
+    /// What `tick` is going to compute if the line brings what it brought last, on a copy that is thrown away: code and data are in
+    /// the caches afterwards, and nothing else has changed.
+    #[inline(never)]
+    pub(crate) fn rehearse(&self, tick: u64) {
+        let heard = self.ports.iter().any(|port| port.sequence.is_some());
+        let feedback = JointFeedback { sequence: self.readings.sequence.wrapping_add(1), ..self.readings };
+        let inputs = Inputs {
+            tick,
+            lateness_ns: 0,
+            feedback: heard.then_some(feedback),
+            corrupt_frames: 0,
+            rebooted: false,
+            commands: Commands::default(),
+        };
+        black_box(self.controller.clone().tick(&self.scene, black_box(&inputs)));
     }
 
     /// Zero torque, motors off: the last thing that the controllers hear. Said more than once, `pause` apart, in case a

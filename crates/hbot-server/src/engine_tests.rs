@@ -71,20 +71,23 @@ impl<W: Wire> Bench<W> {
 }
 
 fn moment(tick: u64) -> Moment {
-    Moment { tick, t_ns: tick * 1_000_000, lateness_ns: 0, late: false, skipped: 0 }
+    Moment { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
 fn runtime() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime")
 }
 
-/// Ticks, of which nothing but `outside` may allocate or free.
+/// Ticks and their rehearsals, of which nothing but `outside` may allocate or free.
 fn allocations<W: Wire>(bench: &mut Bench<W>, mut between: impl FnMut(&mut Engine<W>, u64)) -> u64 {
     let mut found = 0;
     for tick in 0..TICKS {
         bench.outside(tick);
         between(&mut bench.engine, tick);
-        let info = allocation_counter::measure(|| bench.engine.tick(&moment(tick)));
+        let info = allocation_counter::measure(|| {
+            bench.engine.rehearse(tick);
+            bench.engine.tick(&moment(tick));
+        });
         found += info.count_total + info.count_current.unsigned_abs();
     }
     bench.outside(TICKS);
@@ -120,6 +123,31 @@ fn ten_thousand_ticks_allocate_and_free_nothing_over_a_pseudo_terminal() {
     let found = allocations(&mut bench, |_, _| std::thread::sleep(std::time::Duration::from_micros(50)));
     assert_eq!(found, 0, "allocations in the tick");
     assert_eq!(bench.seen, TICKS);
+}
+
+#[test]
+fn rehearsals_change_nothing() {
+    let runtime = runtime();
+    let _entered = runtime.enter();
+    let run = |rehearsals: u64| {
+        let (rig, simulated) = simulated();
+        let (_calls, inbox) = mpsc::channel();
+        let mut bench = Bench::new(&rig, Memory::new(simulated, inbox));
+        let states = (0..2_000).map(|tick| {
+            bench.outside(tick);
+            bench.engine.set_time(tick * 1_000_000);
+            // As many as a tick may have, and at the ticks of others.
+            (0..rehearsals).for_each(|k| bench.engine.rehearse(tick + k));
+            bench.engine.tick(&moment(tick));
+            let sample = bench.end.try_sample().expect("a sample");
+            bench.mode = sample.state.mode;
+            sample.state
+        });
+        states.collect::<Vec<_>>()
+    };
+    let without = run(0);
+    assert!(without.iter().any(|state| state.torque != Vec3::ZERO));
+    assert_eq!(run(3), without);
 }
 
 #[test]

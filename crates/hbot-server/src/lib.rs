@@ -6,7 +6,7 @@
 //! 1. [`wire`]: bytes in, bytes out, never waiting: a [`serial`] port, or the simulated rig in memory.
 //! 2. [`handshake`]: who the controllers are; `port`: the frames of one line; [`engine`]: one tick, frames in,
 //!    `Controller::tick`, frames out, sample.
-//! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], [`realtime`], [`clock`]) or in virtual time.
+//! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], `early`, [`realtime`], [`clock`]) or in virtual time.
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
 //! 6. [`bringup`]: one joint at a time, and calibration; [`doctor`]: whether a machine can keep the loop's time.
@@ -17,6 +17,7 @@ pub mod bridge;
 pub mod bringup;
 pub mod clock;
 pub mod doctor;
+mod early;
 pub mod engine;
 #[cfg(test)]
 mod engine_tests;

@@ -165,6 +165,7 @@ impl Collector for Figures {
         let refused = ErrorCode::ALL.iter().map(|code| code.as_str()).zip(events.refused);
         family(&mut encoder, "refused", "Requests refused by code", "code", refused)?;
         for (name, help, distribution) in [
+            ("awake", "Awake before a tick's deadline, waiting for it", &self.0.awake_us),
             ("lateness", "From a tick's deadline to its start", &self.0.lateness_us),
             ("compute", "In the controller", &self.0.compute_us),
             ("link", "On the serial lines", &self.0.link_us),

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::clock::{now_ns, sleep_until_ns};
+use crate::clock::now_ns;
+use crate::early::Early;
 use crate::engine::{Engine, Moment};
-use crate::pace::Pace;
+use crate::pace::{Beat, Pace};
 use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
 use crate::wire::Wire;
 
@@ -37,27 +38,30 @@ pub enum Ended {
     Panicked,
 }
 
-/// Ticks at absolute deadlines every `period_ns` until stopped, or for `ticks` periods. Zero torque is sent at the end, whatever ends it.
-/// `settled` hears whether the thread has its real-time priority, or why not, before the first tick.
+/// Ticks at absolute deadlines every `period_ns` until stopped, or for `ticks` periods, awake up to `early_ns` before them. Zero torque
+/// is sent at the end, whatever ends it. `settled` hears whether the thread has its real-time priority, or why not, before the first tick.
 pub(crate) fn wall<W: Wire>(
     mut engine: Engine<W>,
     period_ns: u64,
+    early_ns: u64,
     ticks: Option<u64>,
     stop: &StopFlag,
     settled: impl FnOnce(Result<(), String>),
 ) -> Ended {
     settled(real_time(LOOP_PRIORITY));
     touch_stack();
+    let mut early = Early::new(early_ns, period_ns);
     let mut pace = Pace::new(now_ns() + period_ns, period_ns);
     let mut tick = 0;
     guarded(&mut engine, Duration::from_nanos(period_ns), |engine| {
         let mut skipped = 0;
         while !stop.is_set() && ticks.is_none_or(|n| tick < n) {
-            sleep_until_ns(pace.deadline_ns());
+            let awake_ns = early.wait(pace.deadline_ns(), || engine.rehearse(tick));
             let beat = pace.beat(now_ns());
             tick = beat.tick;
             let t_ns = tick * period_ns;
-            engine.tick(&Moment { tick, t_ns, lateness_ns: beat.lateness_ns, late: beat.late, skipped });
+            let Beat { lateness_ns, late, .. } = beat;
+            engine.tick(&Moment { tick, t_ns, awake_ns, lateness_ns, late, skipped });
             skipped = pace.end(now_ns());
             tick += 1;
         }
@@ -81,7 +85,7 @@ pub(crate) fn lockstep<W: Wire>(
             }
             let t_ns = tick * period_ns;
             engine.set_time(t_ns);
-            engine.tick(&Moment { tick, t_ns, lateness_ns: 0, late: false, skipped: 0 });
+            engine.tick(&Moment { tick, t_ns, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 });
             tick += 1;
         }
         tick

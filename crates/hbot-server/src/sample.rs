@@ -32,6 +32,8 @@ pub struct Answer {
 /// How long things took in one tick, ns.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timing {
+    /// Awake before the deadline, waiting for it; 0 in virtual time.
+    pub awake_ns: u64,
     /// From the deadline to the start of the tick; 0 in virtual time.
     pub lateness_ns: u64,
     /// In the controller.

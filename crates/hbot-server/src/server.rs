@@ -172,7 +172,7 @@ impl Server {
         let (loop_end, end) = bridge()?;
         let stop = StopFlag::default();
         let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
-        let period_ns = rig.rig.timing.period_ns;
+        let (period_ns, early_ns) = (rig.rig.timing.period_ns, rig.early_ns);
         let mut notices = Vec::new();
         let simulated = rig.link.port == Port::Sim;
         for (wheel, name) in rig.wheels.iter().enumerate() {
@@ -232,7 +232,7 @@ impl Server {
                 let (settled, heard) = mpsc::sync_channel(1);
                 let thread = spawn(move || {
                     let pinned = processor.map_or(Ok(()), Processor::keep);
-                    wall(engine, period_ns, ticks, &stop, move |outcome| {
+                    wall(engine, period_ns, early_ns, ticks, &stop, move |outcome| {
                         let _ = settled.send((pinned, outcome));
                     })
                 })?;

@@ -96,6 +96,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         controllers,
         zero_offsets,
         rate_hz: file.r#loop.rate_hz,
+        early_ns: 1000 * u64::from(file.r#loop.early_us),
         cpu: file.r#loop.cpu,
         accuracy: file.r#loop.accuracy.name(),
         link,

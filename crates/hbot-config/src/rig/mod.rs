@@ -42,6 +42,8 @@ pub struct RigConfig {
     pub zero_offsets: Vec<f64>,
     /// Ticks a second, 50 to 20000.
     pub rate_hz: u32,
+    /// How long before a tick's deadline the loop wakes at most, ns; 0: it sleeps until the deadline.
+    pub early_ns: u64,
     /// The processor that the loop's thread stays on; `None` where the system chooses.
     pub cpu: Option<u32>,
     /// The preset of methods: `fast`, `balanced`, `exact`, or `custom` where the file names each.

@@ -22,6 +22,11 @@ pub(crate) struct Loop {
     pub(crate) rate_estimate: RateEstimate,
     /// Whether energy given out is held within what came in: true, false, or a table that says how.
     pub(crate) passivity: Passivity,
+    /// How long before a tick's deadline the loop wakes at most, and at most a quarter of the period; it learns how early is enough on
+    /// this machine, rehearses the tick and waits out the rest awake, which keeps a processor busy for that long. 0: it sleeps
+    /// until the deadline.
+    #[schemars(range(max = 1000), extend("unit" = "us"))]
+    pub(crate) early_us: u32,
     /// The processor that the loop's thread stays on, from 0; best one that nothing else uses. Absent: the system chooses.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(max = 1023))]
@@ -35,6 +40,7 @@ impl Default for Loop {
             accuracy: Accuracy::Preset(Preset::Balanced),
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(false),
+            early_us: 200,
             cpu: None,
         }
     }

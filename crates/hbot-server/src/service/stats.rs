@@ -15,6 +15,7 @@ const DIGITS: u8 = 3;
 
 /// Everything that is counted and measured.
 pub(super) struct Stats {
+    awake: Histogram<u64>,
     lateness: Histogram<u64>,
     compute: Histogram<u64>,
     link: Histogram<u64>,
@@ -97,6 +98,8 @@ impl Distribution {
 pub struct Summary {
     /// Samples that came from the loop.
     pub ticks: u64,
+    /// Awake before a tick's deadline, waiting for it.
+    pub awake_us: Distribution,
     /// From a tick's deadline to its start.
     pub lateness_us: Distribution,
     /// In the controller.
@@ -119,6 +122,7 @@ impl Stats {
                 .unwrap_or_else(|error| unreachable!("the bounds of the histograms are legal: {error}"))
         };
         Self {
+            awake: histogram(),
             lateness: histogram(),
             compute: histogram(),
             link: histogram(),
@@ -135,6 +139,7 @@ impl Stats {
         let timing = &sample.timing;
         self.ticks += 1;
         self.counters = sample.counters;
+        self.awake.saturating_record(timing.awake_ns);
         self.lateness.saturating_record(timing.lateness_ns);
         self.compute.saturating_record(timing.compute_ns);
         self.link.saturating_record(timing.link_ns);
@@ -158,6 +163,7 @@ impl Stats {
     pub(super) fn summary(&self) -> Summary {
         Summary {
             ticks: self.ticks,
+            awake_us: Distribution::of(&self.awake),
             lateness_us: Distribution::of(&self.lateness),
             compute_us: Distribution::of(&self.compute),
             link_us: Distribution::of(&self.link),
@@ -180,6 +186,7 @@ impl Summary {
         let refused = by_name(&mut ErrorCode::ALL.iter().map(|c| c.as_str()), &events.refused);
         json!({
             "ticks": self.ticks,
+            "awake_us": self.awake_us.to_json(),
             "lateness_us": self.lateness_us.to_json(),
             "compute_us": self.compute_us.to_json(),
             "link_us": self.link_us.to_json(),

@@ -1,0 +1,143 @@
+//! What a machine must have for the loop to keep its time: looked up, and measured.
+//!
+//! Nothing here changes anything. Each finding has a mark, the numbers behind it, and where something is wanting, what to do.
+
+mod machine;
+mod punctuality;
+
+use std::path::Path;
+use std::thread;
+
+use rustix::fs::{Access, access};
+use rustix::process::{Resource, getrlimit};
+use serde::Serialize;
+
+pub use machine::Machine;
+pub use punctuality::{Punctuality, lead, punctuality, verdict};
+
+use crate::processor::Processor;
+use crate::realtime::{LOOP_PRIORITY, lock_memory, real_time};
+use crate::serial::LatencyTimer;
+
+/// Memory that a server locks, with room to spare, bytes.
+const MEMLOCK: u64 = 256 << 20;
+
+/// How good what was found is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mark {
+    /// Nothing to mend.
+    Good,
+    /// The rig works; other work on the machine, or bad luck, can be felt.
+    Usable,
+    /// The rig does not work, or faults.
+    NotSufficient,
+}
+
+/// One thing that was looked at.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// What was looked at: stable, for programs.
+    pub id: &'static str,
+    /// How good it is.
+    pub mark: Mark,
+    /// What was found, with its numbers.
+    pub found: String,
+    /// What to do about it.
+    pub mend: Option<String>,
+}
+
+impl Finding {
+    fn new(id: &'static str, mark: Mark, found: impl Into<String>, mend: &str) -> Self {
+        let mend = (mark != Mark::Good).then(|| mend.to_owned());
+        Self { id, mark, found: found.into(), mend }
+    }
+}
+
+/// What this process may do: real-time priority and locked memory, tried rather than read.
+#[must_use]
+pub fn rights() -> Vec<Finding> {
+    let shown = |limit: Option<u64>| limit.map_or_else(|| "unlimited".to_owned(), |n| n.to_string());
+    // Tried in a thread of its own, which ends with what it was given.
+    let tried =
+        thread::spawn(|| real_time(LOOP_PRIORITY)).join().unwrap_or_else(|_| Err("panicked".to_owned()));
+    let limit = shown(getrlimit(Resource::Rtprio).current);
+    let priority = match tried {
+        Ok(()) => Finding::new("priority", Mark::Good, format!("SCHED_FIFO {LOOP_PRIORITY} is granted"), ""),
+        Err(reason) => Finding::new(
+            "priority",
+            Mark::Usable,
+            format!("SCHED_FIFO {LOOP_PRIORITY} is refused ({reason}); the limit rtprio is {limit}"),
+            "copy contrib/99-hbot.conf to /etc/security/limits.d, join its group, and log in anew; or use contrib/hbot.service",
+        ),
+    };
+    let limit = getrlimit(Resource::Memlock).current;
+    let enough = limit.is_none_or(|bytes| bytes >= MEMLOCK) || lock_memory().is_ok();
+    let memory = Finding::new(
+        "memlock",
+        if enough { Mark::Good } else { Mark::Usable },
+        format!(
+            "the limit of locked memory is {}",
+            limit.map_or_else(|| shown(None), |b| format!("{} KiB", b >> 10))
+        ),
+        "as for the priority: contrib/99-hbot.conf raises memlock too",
+    );
+    vec![priority, memory]
+}
+
+/// A serial device: there, allowed, and quick.
+#[must_use]
+pub fn serial(port: &str) -> Vec<Finding> {
+    let path = Path::new(port);
+    if !path.exists() {
+        let found = format!("{port} is not there");
+        let mend =
+            "plug the controllers in and switch them on; `ls /dev/serial/by-id` shows what the system sees";
+        return vec![Finding::new("serial_device", Mark::NotSufficient, found, mend)];
+    }
+    let allowed = access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
+    let (mark, found) = if allowed {
+        (Mark::Good, format!("{port} may be read and written"))
+    } else {
+        (Mark::NotSufficient, format!("{port} may not be read and written by this user"))
+    };
+    let mend = "`sudo usermod -aG dialout $USER` and log in anew, or contrib/99-hbot.rules";
+    let mut findings = vec![Finding::new("serial_device", mark, found, mend)];
+    findings.push(match LatencyTimer::of(path) {
+        None => Finding::new(
+            "latency_timer",
+            Mark::Good,
+            format!("the driver of {port} has no latency timer"),
+            "",
+        ),
+        Some(timer) => Finding::new(
+            "latency_timer",
+            if timer.ms <= 1 { Mark::Good } else { Mark::NotSufficient },
+            format!("{port} holds readings back for up to {} ms", timer.ms),
+            &format!("`echo 1 | sudo tee {}`, or contrib/99-hbot.rules for good", timer.path.display()),
+        ),
+    });
+    findings
+}
+
+/// The processor that the rig file gives the loop, from 0.
+#[must_use]
+pub fn processor(number: u32) -> Finding {
+    match Processor::new(number) {
+        Ok(_) => Finding::new("processor", Mark::Good, format!("the loop stays on processor {number}"), ""),
+        Err(error) => {
+            Finding::new("processor", Mark::NotSufficient, error.to_string(), "another one, or none")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_that_is_not_there_is_told() {
+        let findings = serial("/dev/no-such-port");
+        assert_eq!((findings.len(), findings[0].mark), (1, Mark::NotSufficient));
+    }
+}
