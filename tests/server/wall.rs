@@ -80,6 +80,35 @@ fn the_loop_and_nothing_else_stays_on_the_processor_that_it_is_given() {
 }
 
 #[test]
+fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
+    if !has_pty() {
+        return;
+    }
+    for early_us in [0, 1000] {
+        let state = tempfile::tempdir().expect("a folder");
+        let rig = patient_rig(state.path());
+        let early = format!("rate_hz = 200\nearly_us = {early_us}");
+        let text = std::fs::read_to_string(&rig).expect("a rig file").replace("rate_hz = 1000", &early);
+        std::fs::write(&rig, text).expect("written");
+        let server = Process::start(&["--rig", &rig], state.path());
+        let mut client = Lines::greeted(&server.address);
+        let start = std::time::Instant::now();
+        loop {
+            let stats = client.ask(r#"{"id": 1, "op": "stats"}"#);
+            let awake = stats["ok"]["awake_us"]["max"].as_f64().expect("a number");
+            // The histogram has three digits.
+            assert!(awake <= 1.001 * f64::from(early_us), "{awake}");
+            let enough = stats["ok"]["ticks"].as_u64() > Some(100);
+            if enough && (awake > 0.0 || early_us == 0) {
+                break;
+            }
+            assert!(start.elapsed() < PATIENCE, "never awake before its deadline: {stats}");
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+    }
+}
+
+#[test]
 fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
     if !has_pty() {
         return;

@@ -106,7 +106,8 @@ impl<W: Wire> Bench<W> {
     }
 
     fn tick(&mut self) -> Sample {
-        let moment = Moment { tick: self.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        let moment =
+            Moment { tick: self.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
         self.engine.tick(&moment);
         self.tick += 1;
         self.end.try_sample().expect("a sample a tick")

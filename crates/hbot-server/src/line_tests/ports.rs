@@ -169,7 +169,8 @@ fn a_line_that_takes_no_bytes_costs_no_allocation() {
     while full < 1000 {
         assert!(Instant::now() < deadline);
         let before = bench.engine.counters().send_failures;
-        let moment = Moment { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        let moment =
+            Moment { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
         let info = allocation_counter::measure(|| bench.engine.tick(&moment));
         assert_eq!((info.count_total, info.count_current), (0, 0));
         bench.tick += 1;
