@@ -88,5 +88,7 @@ pub(crate) fn summary(finished: &Finished) -> String {
 }
 
 fn pair(d: &Distribution) -> String {
-    format!("{:.1} ({:.1})", d.p50, d.p99)
+    // A tick that was waited for awake is late by less than 0.1 us.
+    let shown = |us: f64| if us < 1.0 { format!("{us:.3}") } else { format!("{us:.1}") };
+    format!("{} ({})", shown(d.p50), shown(d.p99))
 }
