@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::{Control, Status};
-use hbot_study::expectation::{self, BRISK, Expectation};
+use hbot_study::expectation::{self, Expectation};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -211,18 +211,23 @@ fn expected(rig: &mut RigConfig, target: Option<f64>) -> anyhow::Result<Expectat
             Ok(choice)
         }
         Err(best) if best.error.is_finite() => bail!(
-            "--accuracy-target {target:e}: no methods meet it on this rig at {} Hz. The best are {} with {:.1e} rad in {BRISK}; finer \
+            "--accuracy-target {target:e}: no methods meet it on this rig at {} Hz. The best are {} with {:.1e} rad in {}; finer \
              encoders or another rate may bring more",
             rig.rate_hz,
             best.name(),
-            best.error
+            best.error,
+            best.motion()
         ),
-        Err(_) => bail!("--accuracy-target {target:e}: {}", too_slow(rig)),
+        Err(best) => bail!("--accuracy-target {target:e}: {}", too_slow(rig, &best)),
     }
 }
 
-fn too_slow(rig: &RigConfig) -> String {
-    format!("at {} Hz a joint of this rig turns by half a turn and more in a tick of {BRISK}", rig.rate_hz)
+fn too_slow(rig: &RigConfig, expected: &Expectation) -> String {
+    format!(
+        "at {} Hz a joint of this rig turns by half a turn and more in a tick of {}",
+        rig.rate_hz,
+        expected.motion()
+    )
 }
 
 /// What the server says at start: rig, port, rate, methods with what they cost and err, scene, address.
@@ -235,9 +240,9 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
     let wheels = rig.wheels.len();
     let load = 100.0 * expected.ns / rig.rig.timing.period_ns as f64;
     let error = if expected.error.is_finite() {
-        format!("errs by {:.1e} rad in {BRISK}", expected.error)
+        format!("errs by {:.1e} rad in {}", expected.error, expected.motion())
     } else {
-        too_slow(rig)
+        too_slow(rig, expected)
     };
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
