@@ -172,7 +172,8 @@ impl Hub {
                 ),
             },
             Cause::Slip => format!(
-                "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force",
+                "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force. A gear that crosses \
+                 its play looks the same",
                 state.slip, rig.limits.slip
             ),
             Cause::NonFinite => "a number is not finite, in what the encoders say or in a torque".to_owned(),
