@@ -44,13 +44,13 @@ pub(crate) fn written(result: Result<()>) -> anyhow::Result<Reader> {
     }
 }
 
-/// See [`say!`].
+/// What `say!` does.
 pub(crate) fn line(text: Arguments<'_>) -> anyhow::Result<()> {
     let mut out = anstream::stdout().lock();
     written(writeln!(out, "{text}").and_then(|()| out.flush())).map(|_| ())
 }
 
-/// See [`note!`].
+/// What `note!` does.
 pub(crate) fn aside(text: Arguments<'_>) {
     // Nowhere is left to say that it failed.
     let _ = writeln!(anstream::stderr(), "{text}");
