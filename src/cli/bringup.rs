@@ -12,6 +12,7 @@ use hbot_server::bringup::joint::{self, Verdict};
 use hbot_server::bringup::open;
 use serde_json::json;
 
+use super::out::say;
 use super::style;
 
 /// Readings are this far apart, s: long enough that a count is little of what has moved, short enough that wheels hardly turn.
@@ -88,7 +89,7 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     let outcome = joint::test(&mut bench, number, args.torque, args.speed)?;
     let good = outcome.verdict == Verdict::Good;
     let colour = if good { style::GOOD } else { style::BAD };
-    anstream::println!(
+    say!(
         "joint {}, {}: {:+.4} rad by its counts, {:+.4} rad by its rates, at most {:.2} rad/s\n  {colour}{}{}",
         args.joint,
         joint_name(&rig, number),
@@ -97,12 +98,12 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         outcome.fastest,
         outcome.verdict,
         style::OFF
-    );
+    )?;
     if good {
         let sense = if rig.rig.joints[number].reversed { "against" } else { "in" };
-        anstream::println!(
+        say!(
             "  by the rig file's sign it has turned {sense} its positive sense; `hbot rig calibrate` tells whether that is so"
-        );
+        )?;
     }
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -110,10 +111,10 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let mut bench = open(&rig, true)?;
-    anstream::println!(
+    say!(
         "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
         args.seconds
-    );
+    )?;
     let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
     let ticks = (f64::from(args.seconds) / bench.period_s()) as u32;
     let mut counts = Vec::new();
@@ -124,22 +125,22 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         }
     }
     let found = calibrate(&rig.rig, &counts).context("nothing has moved: turn the sphere while this runs")?;
-    Ok(if report(&rig, &found) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if report(&rig, &found)? { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// Says what was found: whether the rig is as its file says.
-fn report(rig: &RigConfig, found: &Calibration) -> bool {
-    anstream::println!(
+fn report(rig: &RigConfig, found: &Calibration) -> anyhow::Result<bool> {
+    say!(
         "slip over rolling, root mean square: {:.2} % as the file has the rig, {:.2} % as found",
         100.0 * found.before,
         100.0 * found.after
-    );
+    )?;
     let (bad, off) = (style::BAD, style::OFF);
     if !found.known {
-        anstream::println!(
+        say!(
             "  {bad}not enough was turned to tell the zeros{off}: turn further, about all three axes, and longer"
-        );
-        return false;
+        )?;
+        return Ok(false);
     }
     let mut as_filed = true;
     for (i, wheel) in found.wheels.iter().enumerate() {
@@ -150,38 +151,38 @@ fn report(rig: &RigConfig, found: &Calibration) -> bool {
             if wrong {
                 as_filed = false;
                 let sign = if rig.rig.joints[joint].reversed { 1 } else { -1 };
-                anstream::println!(
+                say!(
                     "  {bad}wheel {name}: the sign of {key} is wrong{off}: set wheel[{i}].{key}.sign = {sign}"
-                );
+                )?;
             }
         }
         let zero_wrong = wheel.zero.abs() > TRIFLE.max(3.0 * wheel.zero_deviation);
         as_filed &= !zero_wrong;
-        anstream::println!(
+        say!(
             "  wheel {name}: {}steering zero off by {:+.4} rad{off} (+- {:.4}); radius {:.3} mm, cone {:.4} rad",
             if zero_wrong { bad } else { style::GOOD },
             wheel.zero,
             wheel.zero_deviation,
             1000.0 * wheel.radius,
             wheel.cone
-        );
+        )?;
         if zero_wrong {
             let filed = rig.zero_offsets[2 * i];
             let lasts = match rig.rig.joints[2 * i].zero {
                 Zero::Absolute | Zero::Index => "for good",
                 Zero::Assume | Zero::Calibrate => "with zero = \"assume\", until the controllers lose power",
             };
-            anstream::println!(
+            say!(
                 "    set wheel[{i}].steer.zero_offset = {:.4}: it holds {lasts}",
                 if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed }
-            );
+            )?;
         }
     }
     if found.after > ORDINARY {
         as_filed = false;
-        anstream::println!(
+        say!(
             "  {bad}no signs, zeros, radii and cones explain it{off}: look for slip, play, or a wrong gear (`hbot rig test`)"
-        );
+        )?;
     }
-    as_filed
+    Ok(as_filed)
 }

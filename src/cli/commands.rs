@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use hbot_api::{Client, ClientError, ConnectOptions, Trust};
 
 use super::ServerAddress;
+use super::out::say;
 
 /// What to order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +25,7 @@ pub(crate) fn run(address: &ServerAddress, order: Order) -> anyhow::Result<ExitC
         Order::Enable => holding(&mut client, Client::enable),
         Order::Reset => holding(&mut client, Client::reset),
     }?;
-    anstream::println!("{}{mode}{}", super::style::of_mode(mode.as_str()), super::style::OFF);
+    say!("{}{mode}{}", super::style::of_mode(mode.as_str()), super::style::OFF)?;
     Ok(ExitCode::SUCCESS)
 }
 

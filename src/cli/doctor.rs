@@ -10,6 +10,7 @@ use hbot_config::{Override, RigConfig};
 use hbot_server::doctor::{Finding, Machine, Mark, lead, processor, punctuality, rights, serial, verdict};
 use serde_json::{Value, json};
 
+use super::out::say;
 use super::{ServerAddress, commands, server, style};
 
 /// Flight logs shown.
@@ -62,13 +63,13 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         findings.extend(devices.iter().flat_map(|device| serial(device)));
     }
     if !args.json {
-        findings.iter().for_each(show);
-        anstream::println!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF);
+        findings.iter().try_for_each(show)?;
+        say!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF)?;
     }
     let measured = punctuality(rig.rate_hz, rig.cpu, Duration::from_secs(args.seconds));
     let judged = [verdict(&measured), lead(&measured, rig.early_ns)];
     if !args.json {
-        judged.iter().for_each(show);
+        judged.iter().try_for_each(show)?;
     }
     findings.extend(judged);
     let address =
@@ -82,16 +83,16 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         let all = json!({
             "verdict": worst, "findings": findings, "punctuality": measured, "server": stats, "flight_logs": logs,
         });
-        anstream::println!("{all}");
+        say!("{all}")?;
     } else {
         if let Some(stats) = &stats {
-            show_server(stats);
+            show_server(stats)?;
         }
         for log in &logs {
-            anstream::println!("  flight log       {}", log.display());
+            say!("  flight log       {}", log.display())?;
         }
         let (colour, word) = mark(worst);
-        anstream::println!("\n{colour}{word}{}", style::OFF);
+        say!("\n{colour}{word}{}", style::OFF)?;
     }
     Ok(if worst == Mark::NotSufficient { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
@@ -104,18 +105,19 @@ fn mark(mark: Mark) -> (anstyle::Style, &'static str) {
     }
 }
 
-fn show(finding: &Finding) {
+fn show(finding: &Finding) -> anyhow::Result<()> {
     let (colour, word) = mark(finding.mark);
     let off = style::OFF;
-    anstream::println!("  {:<16} {colour}{word:<14}{off} {}", finding.id, finding.found);
+    say!("  {:<16} {colour}{word:<14}{off} {}", finding.id, finding.found)?;
     if let Some(mend) = &finding.mend {
-        anstream::println!("  {:<16} {:<14} {}to mend it: {mend}{off}", "", "", style::DIM);
+        say!("  {:<16} {:<14} {}to mend it: {mend}{off}", "", "", style::DIM)?;
     }
+    Ok(())
 }
 
 /// What a running server says of its loop.
-fn show_server(stats: &Value) {
-    anstream::println!(
+fn show_server(stats: &Value) -> anyhow::Result<()> {
+    say!(
         "\nthe running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
         stats["ticks"],
         stats["late_ticks"],
@@ -123,19 +125,20 @@ fn show_server(stats: &Value) {
         stats["missed_ticks"],
         stats["corrupt_frames"],
         stats["send_failures"],
-    );
+    )?;
     for name in ["awake_us", "lateness_us", "compute_us", "link_us", "age_us"] {
         let d = &stats[name];
         let at = |key: &str| d[key].as_f64().unwrap_or(f64::NAN);
-        anstream::println!(
+        say!(
             "  {name:<12} median {:.1}, 99 % {:.1}, 99.9 % {:.1}, 99.99 % {:.1}, most {:.1}",
             at("p50"),
             at("p99"),
             at("p99_9"),
             at("p99_99"),
             at("max")
-        );
+        )?;
     }
+    Ok(())
 }
 
 /// The newest flight logs; their names sort by time.

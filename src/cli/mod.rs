@@ -2,13 +2,15 @@
 
 mod bringup;
 mod commands;
+mod console;
 mod doctor;
+pub(crate) mod out;
 mod rig;
 mod scene;
 mod server;
 mod status;
 mod study;
-pub(crate) mod style;
+mod style;
 mod watch;
 
 use std::process::ExitCode;

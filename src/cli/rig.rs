@@ -15,6 +15,7 @@ use hbot_core::{Device, MAX_JOINTS, Vec3};
 use hbot_link::{command_frame_bytes, feedback_frame_bytes};
 use hbot_server::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
 
+use super::out::say;
 use super::{bringup, style};
 
 /// Steering angles looked at for each wheel; the torus of two wheels is sampled at their square.
@@ -41,32 +42,32 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
-    anstream::println!("{}{}{}: a legal design", style::NAME, config.name, style::OFF);
+    say!("{}{}{}: a legal design", style::NAME, config.name, style::OFF)?;
     for (wheel, name) in config.wheels.iter().enumerate() {
         if config.rig.joints[2 * wheel].zero == hbot_core::rig::Zero::Calibrate {
-            anstream::println!(
+            say!(
                 "  {}warning:{} wheel {name} leaves its steering zero to a calibration: the rig stays unreferenced until \
                  `hbot rig calibrate` has found it and the file says so",
                 style::WARN,
                 style::OFF
-            );
+            )?;
         }
     }
-    geometry(&config);
-    abilities(&config);
-    stiffness(&config);
-    Ok(if line(&config) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    geometry(&config)?;
+    abilities(&config)?;
+    stiffness(&config)?;
+    Ok(if line(&config)? { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn geometry(config: &RigConfig) {
+fn geometry(config: &RigConfig) -> anyhow::Result<()> {
     let device = &config.rig.device;
-    anstream::println!("\nmargins over all steering angles");
+    say!("\nmargins over all steering angles")?;
     for (wheel, name) in device.wheels().iter().zip(&config.wheels) {
-        anstream::println!(
+        say!(
             "  boundary   {name}: det H = {:.3e} m², sin(cone) cos(toe) = {:.4} (0 is singular)",
             boundary_determinant(device, wheel),
             wheel.axis_along_roll()
-        );
+        )?;
     }
     for (j, b) in device.wheels().iter().enumerate() {
         for (i, a) in device.wheels()[..j].iter().enumerate() {
@@ -74,28 +75,25 @@ fn geometry(config: &RigConfig) {
                 ([&config.wheels[i], &config.wheels[j]], closest_approach(a, b, Meeting::Collocated));
             let opposite = closest_approach(a, b, Meeting::Antipodal);
             let [first, second] = names;
-            anstream::println!(
+            say!(
                 "  contacts   {first} and {second}: at least {:.2} deg apart, {:.2} deg from opposite",
                 near.to_degrees(),
                 opposite.to_degrees()
-            );
+            )?;
             if near == 0.0 {
-                anstream::println!(
+                say!(
                     "             {}warning:{} these wheels can collide; other wheels keep the sphere controlled",
                     style::WARN,
                     style::OFF
-                );
+                )?;
             }
         }
     }
     let bound = if device.wheels().len() == 2 { "" } else { "at least " };
-    anstream::println!(
-        "  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)",
-        interior_margin_over_all(device)
-    );
+    say!("  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)", interior_margin_over_all(device))
 }
 
-fn abilities(config: &RigConfig) {
+fn abilities(config: &RigConfig) -> anyhow::Result<()> {
     let rig = &config.rig;
     let n = rig.device.joints();
     let limits = |pick: fn(&hbot_core::rig::Joint) -> f64| {
@@ -123,50 +121,47 @@ fn abilities(config: &RigConfig) {
             }
         }
     }
-    anstream::println!(
-        "  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)"
-    );
+    say!("  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)")?;
     if actuation < 0.05 {
-        anstream::println!(
+        say!(
             "             {}warning:{} at some steering angles the motors can hardly make some torques",
             style::WARN,
             style::OFF
-        );
+        )?;
     }
-    anstream::println!("\nover {SAMPLES} postures spread evenly over all steering angles");
-    anstream::println!("  spectral index, all joints: mean {mean:.3}, least {least:.3}");
+    say!("\nover {SAMPLES} postures spread evenly over all steering angles")?;
+    say!("  spectral index, all joints: mean {mean:.3}, least {least:.3}")?;
     for (name, [a, b, c]) in ["peak", "continuous"].iter().zip(capable) {
-        anstream::println!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m");
+        say!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m")?;
     }
+    Ok(())
 }
 
 /// What stiffness to expect, and under which assumptions.
-fn stiffness(config: &RigConfig) {
-    let Some(expected) = Expected::of(config) else { return };
+fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
+    let Some(expected) = Expected::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
-    anstream::println!(
+    say!(
         "\nstiffness to expect at {} Hz, from a reading to its torque D = {DELAY_TICKS} tick, least apparent inertia J = {:.2e} kg m²",
         config.rate_hz,
         expected.inertia
-    );
+    )?;
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
-    anstream::println!(
+    say!(
         "  stable     up to (b + B) / (h (1/2 + D)), b the device's damping and B the spring's: {} N m s/rad",
         examples.join(", ").replacen(" at", " N m/rad at", 1)
-    );
-    anstream::println!(
-        "             whatever the damping, up to J / (4 h²) = {most:.0} N m/rad, with B = {with:.2}"
-    );
-    anstream::println!(
+    )?;
+    say!("             whatever the damping, up to J / (4 h²) = {most:.0} N m/rad, with B = {with:.2}")?;
+    say!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
         expected.count,
         expected.quiet(1.0e-3)
-    );
+    )?;
     let stage = if config.rig.methods.passivity.is_some() { "on" } else { "off" };
-    anstream::println!(
+    say!(
         "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: hbot study stability"
-    );
+    )
 }
 
 /// Steering angles spread evenly over the torus: a Kronecker sequence of the generalised golden ratio (Roberts 2018).
@@ -180,7 +175,7 @@ fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
 }
 
 /// Whether a frame a tick each way fits on the lines.
-fn line(config: &RigConfig) -> bool {
+fn line(config: &RigConfig) -> anyhow::Result<bool> {
     // The simulated rig has one line for all.
     let lines = match &config.link.port {
         Port::Sim => vec![("sim".to_owned(), config.rig.device.joints())],
@@ -190,15 +185,11 @@ fn line(config: &RigConfig) -> bool {
             .map(|(port, device)| (device.clone(), config.ports.iter().filter(|p| **p == port).count()))
             .collect(),
     };
-    lines.iter().fold(true, |fits, (name, joints)| one_line(config, name, *joints) && fits)
+    lines.iter().try_fold(true, |fits, (name, joints)| Ok(one_line(config, name, *joints)? && fits))
 }
 
-fn one_line(config: &RigConfig, name: &str, joints: usize) -> bool {
-    anstream::println!(
-        "\nserial line {name} at {} baud, {} Hz, {joints} joints",
-        config.link.baud,
-        config.rate_hz
-    );
+fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<bool> {
+    say!("\nserial line {name} at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz)?;
     let mut fits = true;
     for (name, bytes) in
         [("commands", command_frame_bytes(joints)), ("feedback", feedback_frame_bytes(joints))]
@@ -214,10 +205,7 @@ fn one_line(config: &RigConfig, name: &str, joints: usize) -> bool {
             fits = false;
             format!("{}does not fit{}: raise link.baud or lower loop.rate_hz", style::BAD, style::OFF)
         };
-        anstream::println!(
-            "  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}",
-            100.0 * load
-        );
+        say!("  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}", 100.0 * load)?;
     }
-    fits
+    Ok(fits)
 }

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 use clap::Subcommand;
 use hbot_config::SceneFile;
 
+use super::out::say;
 use super::{ServerAddress, commands, style};
 
 /// What to do with a scene.
@@ -42,33 +43,28 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
     match command {
         SceneCommand::Check { file } => {
             let scene = SceneFile::from_path(&file)?;
-            anstream::println!(
+            say!(
                 "{}{}{}: {} effect{}, all legal",
                 style::NAME,
                 scene.name(),
                 style::OFF,
                 scene.effects().len(),
                 if scene.effects().len() == 1 { "" } else { "s" }
-            );
+            )?;
             for effect in scene.effects() {
-                anstream::println!("  {:12} {}", effect.id(), effect.kind_name());
+                say!("  {:12} {}", effect.id(), effect.kind_name())?;
             }
         }
         SceneCommand::Load { file, address } => {
             let scene = SceneFile::from_path(&file)?;
             let mut client = commands::connect(&address, "hbot scene load")?;
             let loaded = commands::holding(&mut client, |client| client.load_scene(scene.to_json()))?;
-            anstream::println!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF);
+            say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
             for effect in &loaded.effects {
-                anstream::println!("  {:12} {:12} {:>5} ns a tick", effect.id, effect.kind, effect.cost_ns);
+                say!("  {:12} {:12} {:>5} ns a tick", effect.id, effect.kind, effect.cost_ns)?;
             }
             if !loaded.ignored.is_empty() {
-                anstream::println!(
-                    "  {}ignored on a real rig:{} {}",
-                    style::WARN,
-                    style::OFF,
-                    loaded.ignored.join(", ")
-                );
+                say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, loaded.ignored.join(", "))?;
             }
         }
         SceneCommand::Plot(args) => plot::run(&args)?,

@@ -1,6 +1,5 @@
 //! `hbot server`: run the loop and the TCP service until somebody stops them.
 
-use std::io::IsTerminal as _;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -11,10 +10,11 @@ use clap::{Args, ValueEnum};
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::{Control, Status};
-use hbot_study::expectation::{self, BRISK, Expectation};
+use hbot_study::expectation::{self, Expectation};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 
+use super::console::Console;
 use super::{status, style};
 
 /// Options of `hbot server`. What is not given comes from the rig file.
@@ -109,7 +109,13 @@ impl ServerArgs {
 }
 
 pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
-    logging();
+    let console = Console::start()?;
+    let ended = start(args, &console);
+    console.end();
+    ended
+}
+
+fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
     let scene = match &args.scene {
         Some(path) => SceneFile::from_path(path)?,
@@ -118,7 +124,7 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
     let token = token(&rig)?;
     let expected = expected(&mut rig, args.accuracy_target)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(serve(args, rig, scene, token, &expected))
+    runtime.block_on(serve(args, rig, scene, token, &expected, console))
 }
 
 async fn serve(
@@ -127,6 +133,7 @@ async fn serve(
     scene: SceneFile,
     token: Option<String>,
     expected: &Expectation,
+    console: &Console,
 ) -> anyhow::Result<ExitCode> {
     let listen = rig.api.listen;
     let listener = tokio::net::TcpListener::bind(listen).await.with_context(|| in_use(listen))?;
@@ -159,11 +166,11 @@ async fn serve(
         recorder: None,
     })?;
     if let Some(at) = metrics_at {
-        anstream::println!("metrics http://{at}/metrics");
+        console.say(format!("metrics http://{at}/metrics"));
     }
-    anstream::println!("{banner}");
+    console.say(banner);
     for notice in server.notices() {
-        anstream::println!("  {}note{}     {notice}", style::WARN, style::OFF);
+        console.say(format!("  {}note{}     {notice}", style::WARN, style::OFF));
     }
 
     let (control_in, control) = tokio::sync::mpsc::channel(8);
@@ -177,7 +184,7 @@ async fn serve(
             let _ = control_in.try_send(Control::Estop);
         }
     });
-    let line = std::io::stderr().is_terminal().then(|| tokio::spawn(status::show(status)));
+    console.status(Some(status));
     let shutdown = async move {
         tokio::select! {
             _ = interrupt.recv() => {}
@@ -187,11 +194,8 @@ async fn serve(
         }
     };
     let finished = server.serve(listener, control, status_in, shutdown).await?;
-    if let Some(line) = line {
-        line.abort();
-        status::clear();
-    }
-    anstream::println!("{}", status::summary(&finished));
+    console.status(None);
+    console.say(status::summary(&finished));
     Ok(if finished.failed.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -207,36 +211,23 @@ fn expected(rig: &mut RigConfig, target: Option<f64>) -> anyhow::Result<Expectat
             Ok(choice)
         }
         Err(best) if best.error.is_finite() => bail!(
-            "--accuracy-target {target:e}: no methods meet it on this rig at {} Hz. The best are {} with {:.1e} rad in {BRISK}; finer \
+            "--accuracy-target {target:e}: no methods meet it on this rig at {} Hz. The best are {} with {:.1e} rad in {}; finer \
              encoders or another rate may bring more",
             rig.rate_hz,
             best.name(),
-            best.error
+            best.error,
+            best.motion()
         ),
-        Err(_) => bail!("--accuracy-target {target:e}: {}", too_slow(rig)),
+        Err(best) => bail!("--accuracy-target {target:e}: {}", too_slow(rig, &best)),
     }
 }
 
-fn too_slow(rig: &RigConfig) -> String {
-    format!("at {} Hz a joint of this rig turns by half a turn and more in a tick of {BRISK}", rig.rate_hz)
-}
-
-/// Log lines on standard error, by default warnings and what the service does; `HBOT_LOG` says otherwise.
-fn logging() {
-    let filter = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
-    let terminal = std::io::stderr().is_terminal();
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(move || {
-            if terminal {
-                // The status line makes room; it is drawn again a moment later.
-                eprint!("{}", style::CLEAR_LINE);
-            }
-            std::io::stderr()
-        })
-        .with_ansi(terminal)
-        .init();
+fn too_slow(rig: &RigConfig, expected: &Expectation) -> String {
+    format!(
+        "at {} Hz a joint of this rig turns by half a turn and more in a tick of {}",
+        rig.rate_hz,
+        expected.motion()
+    )
 }
 
 /// What the server says at start: rig, port, rate, methods with what they cost and err, scene, address.
@@ -249,9 +240,9 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
     let wheels = rig.wheels.len();
     let load = 100.0 * expected.ns / rig.rig.timing.period_ns as f64;
     let error = if expected.error.is_finite() {
-        format!("errs by {:.1e} rad in {BRISK}", expected.error)
+        format!("errs by {:.1e} rad in {}", expected.error, expected.motion())
     } else {
-        too_slow(rig)
+        too_slow(rig, expected)
     };
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };

@@ -1,34 +1,14 @@
 //! The status line of a server that runs in a terminal, and the figures at its end.
 
 use std::fmt::Write as _;
-use std::time::Duration;
 
 use hbot_server::server::Finished;
 use hbot_server::service::{Distribution, Status};
-use tokio::sync::watch;
 
 use super::style;
 
-/// Draws the status line five times a second, for ever.
-pub(crate) async fn show(mut status: watch::Receiver<Status>) {
-    let mut beat = tokio::time::interval(Duration::from_millis(200));
-    beat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    loop {
-        beat.tick().await;
-        let line = line(&status.borrow_and_update());
-        eprint!("{}", style::SAME_LINE);
-        anstream::eprint!("{line}");
-        eprint!("{}", style::LINE_END);
-    }
-}
-
-/// Takes the status line away.
-pub(crate) fn clear() {
-    eprint!("{}", style::CLEAR_LINE);
-}
-
 /// One line: time, mode, orientation, torque, how punctual, who is there.
-fn line(status: &Status) -> String {
+pub(crate) fn line(status: &Status) -> String {
     let Some(sample) = &status.sample else { return "waiting for the first tick".to_owned() };
     let (state, counters) = (&sample.state, &sample.counters);
     let mode = status.mode();

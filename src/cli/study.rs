@@ -10,6 +10,7 @@ use hbot_sim::rig::SimulatedRig;
 use hbot_study::{Counter, Interrupt, Options, Study, StudyError};
 use tokio::signal::unix::{SignalKind, signal};
 
+use super::out::{note, say};
 use super::style;
 
 /// Which study.
@@ -69,7 +70,7 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
     let (report, out) = match hbot_study::run(study, &options, &interrupt) {
         Ok(done) => done,
         Err(StudyError::Interrupted) => {
-            anstream::eprintln!("{}", StudyError::Interrupted);
+            note!("{}", StudyError::Interrupted);
             return Ok(ExitCode::from(INTERRUPTED));
         }
         Err(error) => return Err(error.into()),
@@ -77,10 +78,10 @@ pub(crate) fn run(command: StudyCommand) -> anyhow::Result<ExitCode> {
     for check in report.checks() {
         let (colour, verdict) =
             if check.holds { (style::GOOD, "holds") } else { (style::BAD, "does not hold") };
-        anstream::println!("{colour}{verdict}{}  {}: {}", style::OFF, check.what, check.found);
+        say!("{colour}{verdict}{}  {}: {}", style::OFF, check.what, check.found)?;
     }
-    anstream::println!("{} figures in {}", report.figures().len(), out.join("summary.json").display());
-    anstream::println!("read {}", out.join("report.html").display());
+    say!("{} figures in {}", report.figures().len(), out.join("summary.json").display())?;
+    say!("read {}", out.join("report.html").display())?;
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

@@ -1,12 +1,13 @@
 //! `hbot watch`: the state of a running server, live.
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::{IsTerminal as _, Stdout, Write as _};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
 use hbot_api::{Event, StateEvent};
 
+use super::out::{Reader, note, say, written};
 use super::{ServerAddress, commands, style};
 
 /// Options of `hbot watch`.
@@ -29,17 +30,19 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     client.subscribe(every)?;
     let screen = std::io::stdout().is_terminal() && !args.json;
     if !args.json {
-        anstream::println!(
+        say!(
             "{}{}{} on {} at {} Hz; Ctrl-C ends",
             style::NAME,
             hello.rig,
             style::OFF,
             args.address.server,
             hello.rate_hz
-        );
+        )?;
         // Cut at the edge of a terminal like the rows below it.
         print(&header(), screen, screen)?;
-        println!();
+        if screen {
+            say!("")?;
+        }
     }
     loop {
         let Some(event) = client.next_event(Duration::from_secs(3600))? else { continue };
@@ -48,10 +51,9 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Event::State(state) => row(state),
             Event::Stopping(_) => {
                 if screen {
-                    print!("{}", style::CLEAR_LINE);
-                    std::io::stdout().flush()?;
+                    raw(|out| out.write_all(style::CLEAR_LINE.as_bytes()))?;
                 }
-                anstream::eprintln!("the server stops");
+                note!("the server stops");
                 return Ok(ExitCode::SUCCESS);
             }
             Event::Fault(fault) if !args.json => {
@@ -64,27 +66,32 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             }
             _ => continue,
         };
-        // A reader that has gone away (`| head`) is no error.
-        if print(&line, screen, screen && matches!(event, Event::State(_))).is_err() {
+        if print(&line, screen, screen && matches!(event, Event::State(_)))? == Reader::Gone {
             return Ok(ExitCode::SUCCESS);
         }
     }
 }
 
 /// Prints a line; on a terminal a state takes the place of the state before it.
-fn print(line: &str, screen: bool, again: bool) -> std::io::Result<()> {
-    let mut raw = std::io::stdout();
-    if again {
-        raw.write_all(style::SAME_LINE.as_bytes())?;
-        anstream::stdout().write_all(line.as_bytes())?;
-        raw.write_all(style::LINE_END.as_bytes())?;
-    } else {
-        if screen {
-            raw.write_all(style::CLEAR_LINE.as_bytes())?;
+fn print(line: &str, screen: bool, again: bool) -> anyhow::Result<Reader> {
+    raw(|out| {
+        if again {
+            out.write_all(style::SAME_LINE.as_bytes())?;
+            write!(anstream::stdout(), "{line}")?;
+            out.write_all(style::LINE_END.as_bytes())
+        } else {
+            if screen {
+                out.write_all(style::CLEAR_LINE.as_bytes())?;
+            }
+            writeln!(anstream::stdout(), "{line}")
         }
-        writeln!(anstream::stdout(), "{line}")?;
-    }
-    raw.flush()
+    })
+}
+
+/// Has `write` write to standard output past anstream, all at once.
+fn raw(write: impl FnOnce(&mut Stdout) -> std::io::Result<()>) -> anyhow::Result<Reader> {
+    let mut out = std::io::stdout();
+    written(write(&mut out).and_then(|()| out.flush()))
 }
 
 fn header() -> String {

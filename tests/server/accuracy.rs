@@ -17,6 +17,8 @@ fn it_says_what_its_methods_cost_and_err() {
         assert!(line.contains(words), "{words} in: {line}");
     }
     assert!(methods(&["--accuracy", "exact"]).contains("magnus4, cubic"));
+    // A quick loop is not followed for longer than a slow one: it would hold up the start.
+    assert!(methods(&["--rate", "20000"]).contains("rad in 1 s of brisk motion"));
 }
 
 #[test]

@@ -5,27 +5,31 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use hbot_config::{RigConfig, SceneFile};
+use hbot_core::kinematics::Posture;
 use hbot_core::mode::{Cause, Mode};
-use hbot_core::{CompiledScene, Inputs, Outputs, Vec3, rotation};
+use hbot_core::{CompiledScene, Inputs, MAX_JOINTS, Outputs, Vec3, rotation};
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::Status;
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
 use tokio::net::{TcpListener, TcpStream};
+
+use crate::process::hbot;
 
 struct Tick {
     inputs: Inputs,
     outputs: Outputs,
 }
 
-/// All ticks of a server that runs `scene` for so many seconds, or until what `meanwhile` makes of its address is done.
+/// All ticks of a server that runs `scene` on `rig` for so many seconds, or until what `meanwhile` makes of its address is done.
 fn run<F: Future<Output = ()> + Send + 'static>(
+    rig: RigConfig,
     scene: &str,
     seconds: Option<u64>,
     meanwhile: impl FnOnce(std::net::SocketAddr) -> F,
 ) -> Vec<Tick> {
     let (into, recorded) = mpsc::channel();
     let options = Options {
-        rig: RigConfig::prototype(),
+        rig,
         scene: SceneFile::from_toml(scene, "scene.toml").unwrap_or_else(|mistakes| panic!("{mistakes}")),
         time: Time::Virtual,
         duration: seconds.map(Duration::from_secs),
@@ -50,7 +54,7 @@ fn run<F: Future<Output = ()> + Send + 'static>(
 }
 
 fn undisturbed(scene: &str, seconds: u64) -> Vec<Tick> {
-    run(scene, Some(seconds), |_| std::future::pending())
+    run(RigConfig::prototype(), scene, Some(seconds), |_| std::future::pending())
 }
 
 /// A line that loses and spoils one frame in a hundred each way, late and unsteady besides, is ridden through.
@@ -191,7 +195,7 @@ fn phenomena_change_with_the_scene() {
         [simulate]
         link = { latency_s = 0.003, jitter_s = 0, loss = 0, corrupt = 0 }
     "#;
-    let ticks = run(late, None, |address| async move {
+    let ticks = run(RigConfig::prototype(), late, None, |address| async move {
         let lines = [
             r#"{"id": 1, "op": "hello", "version": 1, "name": "a test"}"#,
             r#"{"id": 2, "op": "acquire"}"#,
@@ -256,4 +260,65 @@ fn slip_is_seen_and_is_a_fault_at_its_limit() {
     for tick in &loose[active + 1..fault] {
         assert!(slip(tick) <= limit, "{} m/s and no fault", slip(tick));
     }
+}
+
+/// A scene whose torque changes its sign quickly, behind gears with play.
+fn geared() -> String {
+    include_str!("../../scenes/heavy-door.toml").to_owned() + "\n[simulate.gear]\n[simulate.hand]\n"
+}
+
+/// What a person sees whose scene has play: the fault, and that its cause may be the play.
+#[test]
+fn play_looks_like_slip_and_the_fault_says_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("geared.toml");
+    std::fs::write(&path, geared()).expect("written");
+    let mut server = assert_cmd::Command::from_std(hbot());
+    server.args(["server", "--time", "virtual", "--duration", "3", "--listen", "127.0.0.1:0", "--scene"]);
+    server.arg(&path).env("XDG_STATE_HOME", folder.path()).timeout(Duration::from_secs(120));
+    let said = server.assert().success();
+    let log = String::from_utf8_lossy(&said.get_output().stderr);
+    assert!(log.contains("slip: a wheel slipped at 0.051 m/s"), "{log}");
+    assert!(log.contains("A gear that crosses its play looks the same"), "{log}");
+}
+
+/// A limit for rigs with play, as docs/simulator.md has it: what a motor can seem to slip that crosses its play, pushed as hard as
+/// it ever was, of which two wheels show half, and both at once that of both.
+#[test]
+fn what_play_seems_to_slip_is_bounded_by_the_torque_that_crosses_it() {
+    let mut rig = RigConfig::prototype();
+    rig.rig.limits.slip = 10.0;
+    let device = rig.rig.device;
+    let ticks = run(rig, &geared(), Some(10), |_| std::future::pending());
+    assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()), "nothing else is wrong");
+    let gear = hbot_sim::phenomena::Gear::default();
+    let (mut seen, mut bound) = (0.0_f64, 0.0_f64);
+    for (i, wheel) in device.wheels().iter().enumerate() {
+        let spec = wheel.spec();
+        let hardest = |most: f64, tick: &Tick| most.max(tick.outputs.state.joint_torque[2 * i + 1].abs());
+        let torque = ticks.iter().fold(0.0, hardest);
+        let inertia = gear.rotor_share * spec.drive_inertia;
+        bound += 0.5 * spec.radius * (2.0 * torque * gear.backlash / inertia).sqrt();
+    }
+    for tick in &ticks {
+        seen = seen.max(tick.outputs.state.slip);
+    }
+    assert!(seen > 0.05 && seen < bound, "{seen} m/s, at most {bound} m/s");
+}
+
+/// Of the slip of one drive alone two wheels show up to half.
+#[test]
+fn two_wheels_show_half_of_what_one_drive_slips() {
+    let device = RigConfig::prototype().rig.device;
+    let mut most = 0.0_f64;
+    for k in 0..400 {
+        let th = [f64::from(k % 20), f64::from(k / 20)].map(|x| x * std::f64::consts::TAU / 20.0);
+        let mut rates = [0.0; MAX_JOINTS];
+        rates[1] = 1.0;
+        let slip = Posture::new(&device, &th).forward(&device, &rates).slip;
+        most = slip[..2].iter().map(|[u, v]| u.hypot(*v)).fold(most, f64::max);
+    }
+    let half = 0.5 * device.wheels()[0].spec().radius;
+    // A grid of 18 degrees comes within its cosine of the largest.
+    assert!(most <= half * (1.0 + 1e-9) && most > 0.95 * half, "{most} of {half} m");
 }

@@ -50,6 +50,29 @@ pub struct StateEvent {
     pub timing: Timing,
 }
 
+/// A rig of which nothing is known yet: unreferenced, at the identity, at rest, with nothing cut by a limit.
+impl Default for StateEvent {
+    fn default() -> Self {
+        Self {
+            tick: 0,
+            t: 0.0,
+            mode: Mode::Unreferenced,
+            fault: None,
+            q: [1.0, 0.0, 0.0, 0.0],
+            omega: [0.0; 3],
+            reference: None,
+            torque: [0.0; 3],
+            joints: Vec::new(),
+            slip: 0.0,
+            scale: 1.0,
+            traction: 0.0,
+            energy: 0.0,
+            client: None,
+            timing: Timing::default(),
+        }
+    }
+}
+
 /// A joint in a [`StateEvent`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointState {

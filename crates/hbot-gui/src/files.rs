@@ -79,7 +79,7 @@ const COLUMNS: [&str; 16] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::sample::blank;
+    use hbot_api::StateEvent;
 
     #[test]
     fn a_scene_that_is_saved_is_the_scene_that_is_loaded() {
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn every_sample_is_a_line_of_as_many_figures_as_there_are_columns() {
         let folder = tempfile::tempdir().expect("a folder");
-        let samples = [Sample::of(&blank()); 3];
+        let samples = [Sample::of(&StateEvent::default()); 3];
         let path = export(folder.path(), &samples).expect("written");
         let text = std::fs::read_to_string(path).expect("a file");
         assert_eq!(text.lines().count(), 4);

@@ -2,7 +2,9 @@
 //! a program that starts.
 //!
 //! The rig's own controller follows 10 s of brisk motion by what its encoders would read, once with each choice, in turns: so
-//! method, path, counts and rate are all in the error, and a machine that is slow for a while is slow for all.
+//! method, path, counts and rate are all in the error, and a machine that is slow for a while is slow for all. A loop so quick
+//! that 10 s are more than 20,000 ticks is followed for so many of them, and its error is that of the time that they take: no
+//! rule would make the error of 10 s of it, since a method's grows with the time and that of counts does not.
 
 use core::f64::consts::TAU;
 use std::time::Instant;
@@ -14,13 +16,14 @@ use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
 
 use crate::double::stages::odometry::{LEAD, METHODS, PATHS};
 use crate::motion::{MOTIONS, Motion};
+use crate::plot::short;
 
 /// The motion that errors are told of: brisk, ever on.
 const MOTION: Motion = MOTIONS[1];
-/// How long it is followed, s.
-const TIME_S: u64 = 10;
-/// That motion in words.
-pub const BRISK: &str = "10 s of brisk motion (3 rad/s)";
+/// How long it is followed, ns.
+const TIME_NS: u64 = 10_000_000_000;
+/// Ticks that a start may take.
+const TICKS: u64 = 20_000;
 /// Ticks that are timed together.
 const CHUNK: usize = 200;
 /// Times that are as good as one another.
@@ -35,9 +38,11 @@ pub struct Expectation {
     pub path: PathFit,
     /// From counts to orientation and rates, ns a tick: the median of many measurements. A scene comes on top.
     pub ns: f64,
-    /// The largest error of the orientation in [`BRISK`], rad: method, path and counts together. Infinite where a joint
+    /// The largest error of the orientation in that motion, rad: method, path and counts together. Infinite where a joint
     /// would turn by half a turn and more in a tick, which counts cannot tell.
     pub error: f64,
+    /// How long the motion was followed, s.
+    pub time_s: f64,
 }
 
 impl Expectation {
@@ -45,6 +50,12 @@ impl Expectation {
     #[must_use]
     pub fn name(&self) -> String {
         named(self.odometry, self.path)
+    }
+
+    /// The motion in words.
+    #[must_use]
+    pub fn motion(&self) -> String {
+        format!("{} s of brisk motion ({} rad/s)", short(self.time_s), MOTION.speed)
     }
 
     /// `methods` with these in place of their own.
@@ -61,14 +72,14 @@ pub(crate) fn named(odometry: OdometryMethod, path: PathFit) -> String {
     format!("{odometry}, {path}")
 }
 
-/// What is to be expected of `rig` with its own methods.
+/// What is to be expected of `rig` with its own methods, in 10 s or in 20,000 ticks, whichever is less.
 #[must_use]
 pub fn of(rig: &Rig) -> Expectation {
     let own = (rig.methods.odometry, rig.methods.path);
-    measured(rig, &[own])[0]
+    measured(rig, &[own], TIME_NS.min(TICKS * rig.timing.period_ns))[0]
 }
 
-/// The same for every choice of odometry and path that makes a difference, in the order of methods and paths.
+/// The same in 10 s for every choice of odometry and path that makes a difference, in the order of methods and paths.
 #[must_use]
 pub fn of_all(rig: &Rig) -> Vec<Expectation> {
     let each = |(_, method): &(&str, OdometryMethod)| {
@@ -76,10 +87,10 @@ pub fn of_all(rig: &Rig) -> Vec<Expectation> {
         let paths = if *method == OdometryMethod::Euler { &PATHS[..1] } else { &PATHS };
         paths.iter().map(|(_, path)| (*method, *path)).collect::<Vec<_>>()
     };
-    measured(rig, &METHODS.iter().flat_map(each).collect::<Vec<_>>())
+    measured(rig, &METHODS.iter().flat_map(each).collect::<Vec<_>>(), TIME_NS)
 }
 
-/// The cheapest methods for `rig` that err by no more than `target` (rad); of those that cost the same to 5 %, the most accurate.
+/// The cheapest methods for `rig` that err by no more than `target` (rad) in 10 s; of those that cost the same to 5 %, the most accurate.
 ///
 /// # Errors
 /// With the most accurate there is, where none is as good as that.
@@ -110,27 +121,31 @@ struct Run {
     q: Vec<Quat>,
 }
 
-fn measured(rig: &Rig, choices: &[(OdometryMethod, PathFit)]) -> Vec<Expectation> {
+fn measured(rig: &Rig, choices: &[(OdometryMethod, PathFit)], time_ns: u64) -> Vec<Expectation> {
     match rig.device.wheels().len() {
-        2 => follow::<8>(rig, choices),
-        3 => follow::<10>(rig, choices),
-        4 => follow::<12>(rig, choices),
-        5 => follow::<14>(rig, choices),
-        6 => follow::<16>(rig, choices),
-        7 => follow::<18>(rig, choices),
-        _ => follow::<20>(rig, choices),
+        2 => follow::<8>(rig, choices, time_ns),
+        3 => follow::<10>(rig, choices, time_ns),
+        4 => follow::<12>(rig, choices, time_ns),
+        5 => follow::<14>(rig, choices, time_ns),
+        6 => follow::<16>(rig, choices, time_ns),
+        7 => follow::<18>(rig, choices, time_ns),
+        _ => follow::<20>(rig, choices, time_ns),
     }
 }
 
 /// `N`: four for q, and the joints.
-fn follow<const N: usize>(rig: &Rig, choices: &[(OdometryMethod, PathFit)]) -> Vec<Expectation> {
+fn follow<const N: usize>(
+    rig: &Rig,
+    choices: &[(OdometryMethod, PathFit)],
+    time_ns: u64,
+) -> Vec<Expectation> {
     let mut rig = *rig;
     // Where the wheels stand is not in question, only how far they turn.
     rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
     let mut runs: Vec<Run> = choices.iter().map(|choice| Run::new(rig, *choice)).collect();
     let period = rig.timing.period_ns;
     let h = period as f64 * 1.0e-9;
-    let ticks = (TIME_S * 1_000_000_000).div_ceil(period) as usize + LEAD;
+    let ticks = time_ns.div_ceil(period) as usize + LEAD;
     let mut course = MOTION.course::<N>(&rig.device, 0.0, h);
     let mut last: Option<[f64; N]> = None;
     let mut done = 0;
@@ -139,7 +154,7 @@ fn follow<const N: usize>(rig: &Rig, choices: &[(OdometryMethod, PathFit)]) -> V
         for y in &chunk {
             let told = last.is_none_or(|last| (4..N).all(|j| (y[j] - last[j]).abs() < core::f64::consts::PI));
             if !told {
-                return expectations(choices, runs.iter().map(|run| (run, f64::INFINITY)));
+                return expectations(choices, time_ns, runs.iter().map(|run| (run, f64::INFINITY)));
             }
             last = Some(*y);
         }
@@ -151,18 +166,19 @@ fn follow<const N: usize>(rig: &Rig, choices: &[(OdometryMethod, PathFit)]) -> V
         }
         done += chunk.len();
     }
-    expectations(choices, runs.iter().map(|run| (run, run.error)))
+    expectations(choices, time_ns, runs.iter().map(|run| (run, run.error)))
 }
 
 fn expectations<'a>(
     choices: &[(OdometryMethod, PathFit)],
+    time_ns: u64,
     runs: impl Iterator<Item = (&'a Run, f64)>,
 ) -> Vec<Expectation> {
     let each = |((odometry, path), (run, error)): (&(OdometryMethod, PathFit), (&Run, f64))| {
         let mut samples = run.samples.clone();
         samples.sort_by(f64::total_cmp);
         let ns = samples.get(samples.len() / 2).copied().unwrap_or(f64::NAN);
-        Expectation { odometry: *odometry, path: *path, ns, error }
+        Expectation { odometry: *odometry, path: *path, ns, error, time_s: time_ns as f64 * 1.0e-9 }
     };
     choices.iter().zip(runs).map(each).collect()
 }
@@ -231,7 +247,7 @@ mod tests {
     use super::*;
 
     fn choice(odometry: OdometryMethod, ns: f64, error: f64) -> Expectation {
-        Expectation { odometry, path: PathFit::Straight, ns, error }
+        Expectation { odometry, path: PathFit::Straight, ns, error, time_s: 10.0 }
     }
 
     #[test]
@@ -272,5 +288,29 @@ mod tests {
         // Steering turns with 20 rad/s and more.
         rig.timing.period_ns = 400_000_000;
         assert_eq!(of(&rig).error, f64::INFINITY);
+    }
+
+    /// However quick the loop, a server that starts follows so many ticks, and says the time that they are; whoever asks for a
+    /// target is told of 10 s.
+    #[test]
+    fn a_quick_loop_is_followed_for_a_shorter_time() {
+        let at = |hz: u64| {
+            let mut rig = hbot_config::RigConfig::prototype().rig;
+            rig.timing.period_ns = 1_000_000_000 / hz;
+            of(&rig)
+        };
+        for (hz, time_s, words) in
+            [(1000, 10.0, "10 s"), (2000, 10.0, "10 s"), (8000, 2.5, "2.5 s"), (20_000, 1.0, "1 s")]
+        {
+            let expected = at(hz);
+            assert_eq!(expected.time_s, time_s, "{hz} Hz");
+            assert_eq!(expected.motion(), format!("{words} of brisk motion (3 rad/s)"));
+            assert!(expected.error > 0.0 && expected.error < 1.0e-3, "{hz} Hz: {expected:?}");
+        }
+        let mut rig = hbot_config::RigConfig::prototype().rig;
+        rig.timing.period_ns = 250_000;
+        let whole = measured(&rig, &[(rig.methods.odometry, rig.methods.path)], TIME_NS)[0];
+        // The largest of a part is not above the largest of the whole, which begins with it.
+        assert!(of(&rig).time_s == 5.0 && of(&rig).error <= whole.error);
     }
 }

@@ -9,8 +9,8 @@ use hbot_core::Vec3;
 use plotters::backend::SVGBackend;
 use plotters::prelude::*;
 
-use super::picture;
 use super::sweep::Probe;
+use super::{picture, say};
 
 /// Options of `hbot scene plot`.
 #[derive(Debug, Args)]
@@ -71,8 +71,7 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     };
     let svg = draw(&scene, &axes).map_err(|error| anyhow!("the picture could not be drawn: {error}"))?;
     write(&args.out, &svg)?;
-    anstream::println!("{}", args.out.display());
-    Ok(())
+    say!("{}", args.out.display())
 }
 
 fn write(path: &Path, svg: &str) -> anyhow::Result<()> {

@@ -87,7 +87,6 @@ impl Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::sample::blank;
     use hbot_api::{Mode, StateEvent};
 
     fn moving(k: usize, zero: DQuat, stiffness: DVec3, damping: f64) -> Sample {
@@ -95,7 +94,7 @@ mod tests {
         let deflection = DVec3::new(0.02 * t.sin(), 0.01 * (1.7 * t).cos(), 0.0);
         let rate = DVec3::new(0.02 * t.cos(), -0.017 * (1.7 * t).sin(), 0.0);
         let torque = zero * (-stiffness * deflection - damping * rate);
-        let state = StateEvent { mode: Mode::Active, ..blank() };
+        let state = StateEvent { mode: Mode::Active, ..StateEvent::default() };
         let mut sample = Sample::of(&state);
         sample.q = zero * DQuat::from_scaled_axis(deflection);
         sample.omega = zero * rate;

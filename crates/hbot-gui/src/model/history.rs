@@ -92,11 +92,10 @@ pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::sample::blank;
     use hbot_api::StateEvent;
 
     fn sample(tick: u64, rate_hz: f64) -> Sample {
-        Sample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..blank() })
+        Sample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
     }
 
     #[test]

@@ -2,8 +2,6 @@
 
 use glam::{DQuat, DVec3};
 use hbot_api::StateEvent;
-#[cfg(test)]
-use hbot_api::{Mode, Timing};
 
 /// A state without its joints: what histories and plots are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,28 +65,6 @@ pub(crate) fn quaternion([w, x, y, z]: [f64; 4]) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
 }
 
-/// A state of a rig that does nothing.
-#[cfg(test)]
-pub(crate) fn blank() -> StateEvent {
-    StateEvent {
-        tick: 0,
-        t: 0.0,
-        mode: Mode::Idle,
-        fault: None,
-        q: [1.0, 0.0, 0.0, 0.0],
-        omega: [0.0; 3],
-        reference: None,
-        torque: [0.0; 3],
-        joints: Vec::new(),
-        slip: 0.0,
-        scale: 1.0,
-        traction: 0.0,
-        energy: 0.0,
-        client: None,
-        timing: Timing::default(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,7 +74,7 @@ mod tests {
         let zero = DQuat::from_rotation_z(1.0);
         let turned = zero * DQuat::from_rotation_x(0.3);
         for q in [turned, -turned] {
-            let sample = Sample { q, ..Sample::of(&blank()) };
+            let sample = Sample { q, ..Sample::of(&StateEvent::default()) };
             // Rounding of a handful of products of numbers below 1.
             assert!((sample.deflection(zero) - DVec3::new(0.3, 0.0, 0.0)).length() < 1e-15);
         }

@@ -184,7 +184,7 @@ mod tests {
     fn samples_and_news_are_bounded_where_the_window_sleeps() {
         let mailbox = Mailbox::new(Arc::new(|| {}));
         for tick in 0..2 * MAX_SAMPLES as u64 {
-            mailbox.sample(StateEvent { tick, ..crate::model::sample::blank() });
+            mailbox.sample(StateEvent { tick, ..StateEvent::default() });
             mailbox.post(News::Note(Ok(tick.to_string())));
             mailbox.post(News::Stats(Box::new(json!(tick))));
         }

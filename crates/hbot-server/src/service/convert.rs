@@ -59,27 +59,6 @@ pub(super) fn microseconds(ns: u64) -> f64 {
     ns as f64 * 1.0e-3
 }
 
-/// An event with nothing in it, to be filled by [`fill`].
-pub(super) fn blank() -> StateEvent {
-    StateEvent {
-        tick: 0,
-        t: 0.0,
-        mode: Mode::Unreferenced,
-        fault: None,
-        q: [1.0, 0.0, 0.0, 0.0],
-        omega: [0.0; 3],
-        reference: None,
-        torque: [0.0; 3],
-        joints: Vec::new(),
-        slip: 0.0,
-        scale: 1.0,
-        traction: 0.0,
-        energy: 0.0,
-        client: None,
-        timing: Timing::default(),
-    }
-}
-
 /// Makes `event` that of a sample; takes no memory after the first.
 pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
     let state = &sample.state;

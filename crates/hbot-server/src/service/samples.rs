@@ -2,7 +2,7 @@
 
 use std::io;
 
-use hbot_api::{Event, FaultEvent};
+use hbot_api::{Event, FaultEvent, StateEvent};
 use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
 use hbot_core::mode::{Cause, Mode};
 use tokio::task::JoinError;
@@ -35,7 +35,7 @@ pub(super) struct Watch {
 
 impl Publisher {
     pub(super) fn new() -> Self {
-        Self { event: Event::State(convert::blank()), subscribers: 0 }
+        Self { event: Event::State(StateEvent::default()), subscribers: 0 }
     }
 }
 
@@ -172,7 +172,8 @@ impl Hub {
                 ),
             },
             Cause::Slip => format!(
-                "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force",
+                "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force. A gear that crosses \
+                 its play looks the same",
                 state.slip, rig.limits.slip
             ),
             Cause::NonFinite => "a number is not finite, in what the encoders say or in a torque".to_owned(),

@@ -1,7 +1,7 @@
 //! What a builder should conclude, and where the model ends.
 
+use super::fronts::Fronts;
 use super::margins::{HOLDS, grip};
-use super::results::Fronts;
 use super::space::{DEGREE, Parts};
 use super::torus::Measures;
 use crate::report::Report;

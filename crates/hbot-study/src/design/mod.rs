@@ -6,8 +6,10 @@
 mod conclusions;
 mod figures;
 mod front;
+mod fronts;
 mod local;
 mod margins;
+mod plots;
 mod results;
 mod rigfile;
 mod search;
@@ -21,8 +23,8 @@ use crate::plot::{Lines, Series, short};
 use crate::report::{Report, row};
 
 use front::{BOX, Found, better_by, front, volume};
+use fronts::Fronts;
 use margins::MARGINS;
-use results::Fronts;
 use search::{Search, climb, measure, measure_all, search};
 use space::{Design, MODULE_MASS, MODULE_ROOM, Parts, Point, WHEEL_DENSITY, WHEEL_WIDTH, WHEELS};
 use torus::{Measures, TOLD};

@@ -1,6 +1,7 @@
 //! Plots as SVG: lines on logarithmic or even axes, bars, maps over a plane, and sketches of the device.
 
 mod map;
+mod plane;
 mod sketch;
 
 pub(crate) mod scatter;
@@ -8,9 +9,11 @@ pub(crate) mod scatter;
 use std::ops::Range;
 
 use plotters::coord::Shift;
-use plotters::coord::ranged1d::{Ranged, ValueFormatter};
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use plane::{Axis, Legend, Words, plane, rooms};
 
 pub(crate) use map::{Map, maps};
 pub(crate) use sketch::{Pen, Sketch};
@@ -82,11 +85,13 @@ impl Lines {
     pub(crate) fn svg(&self) -> String {
         let mut out = String::new();
         let [x, y] = [0, 1].map(|axis| self.range(axis));
+        let even = Axis::even;
+        let log = |range: Range<f64>| Axis { coordinate: range.log_scale(), rounding: 0.0 };
         drawn(&mut out, SIZE, |area| match self.log {
-            [true, true] => self.draw(area, x.log_scale(), y.log_scale()),
-            [true, false] => self.draw(area, x.log_scale(), y),
-            [false, true] => self.draw(area, x, y.log_scale()),
-            [false, false] => self.draw(area, x, y),
+            [true, true] => self.draw(area, log(x), log(y)),
+            [true, false] => self.draw(area, log(x), even(y)),
+            [false, true] => self.draw(area, even(x), log(y)),
+            [false, false] => self.draw(area, even(x), even(y)),
         });
         out
     }
@@ -94,12 +99,6 @@ impl Lines {
     fn visible(&self, &(x, y): &(f64, f64)) -> bool {
         let shown = |value: f64, log: bool| value.is_finite() && (value > 0.0 || !log);
         shown(x, self.log[0]) && shown(y, self.log[1])
-    }
-
-    /// Below this a mark of an even axis is zero.
-    fn rounding(&self, axis: usize) -> f64 {
-        let range = self.range(axis);
-        if self.log[axis] { 0.0 } else { 1.0e-9 * (range.end - range.start) }
     }
 
     fn range(&self, axis: usize) -> Range<f64> {
@@ -119,40 +118,17 @@ impl Lines {
         }
     }
 
-    fn draw<X, Y>(&self, whole: &Surface<'_>, x: X, y: Y) -> Result<(), Failed>
+    fn draw<X, Y>(&self, whole: &Surface<'_>, x: Axis<X>, y: Axis<Y>) -> Result<(), Failed>
     where
-        X: plotters::coord::ranged1d::AsRangedCoord<Value = f64>,
-        Y: plotters::coord::ranged1d::AsRangedCoord<Value = f64>,
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
         X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
         Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
     {
-        let longest = self.series.iter().map(|s| s.name.len()).max().unwrap_or(0).max(16);
-        let (area, legend) = whole.split_horizontally(SIZE.0 as i32 - 44 - 7 * longest as i32);
-        self.legend(&legend)?;
-        let mut chart = ChartBuilder::on(&area)
-            .caption(&self.title, ("sans-serif", 20))
-            .margin(12)
-            .x_label_area_size(46)
-            .y_label_area_size(74)
-            .build_cartesian_2d(x, y)
-            .map_err(failed)?;
-        // A mark at zero is off it by the rounding of the marks' distance.
-        let [x_rounding, y_rounding] = [0, 1].map(|axis| self.rounding(axis));
-        let x_number = |value: &f64| short(if value.abs() < x_rounding { 0.0 } else { *value });
-        let y_number = |value: &f64| short(if value.abs() < y_rounding { 0.0 } else { *value });
-        chart
-            .configure_mesh()
-            .x_desc(&self.x)
-            .y_desc(&self.y)
-            .x_labels(8)
-            .x_label_formatter(&x_number)
-            .y_label_formatter(&y_number)
-            .light_line_style(RGBColor(238, 238, 238))
-            .bold_line_style(RGBColor(215, 215, 215))
-            .label_style(("sans-serif", 14))
-            .axis_desc_style(("sans-serif", 15))
-            .draw()
-            .map_err(failed)?;
+        let (area, legend) = rooms(whole, self.series.iter().map(|series| series.name.as_str()));
+        self.legend(Legend::on(&legend))?;
+        let words = Words { title: &self.title, x: &self.x, y: &self.y };
+        let mut chart = plane(&area, &words, x, y)?;
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
             let points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| self.visible(p)).collect();
@@ -178,9 +154,7 @@ impl Lines {
     }
 
     /// What each line is, beside the plane.
-    fn legend(&self, area: &Surface<'_>) -> Result<(), Failed> {
-        let font = ("sans-serif", 13).into_font().color(&BLACK);
-        let mut y = 56;
+    fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
             let (line, dot) = if series.open {
@@ -188,16 +162,16 @@ impl Lines {
             } else {
                 (colour.stroke_width(2), colour.filled())
             };
-            area.draw(&PathElement::new(vec![(4, y), (28, y)], line)).map_err(failed)?;
+            legend.line(line)?;
             if series.is_marked() {
-                area.draw(&Circle::new((16, y), 4, dot)).map_err(failed)?;
+                legend.dot(4, dot)?;
             }
-            area.draw(&Text::new(series.name.clone(), (34, y - 7), font.clone())).map_err(failed)?;
-            y += 19;
+            legend.name(&series.name)?;
         }
         if self.front {
-            area.draw(&Circle::new((16, y + 4), 8, BLACK.stroke_width(2))).map_err(failed)?;
-            area.draw(&Text::new("the front", (34, y - 3), font)).map_err(failed)?;
+            legend.skip(4);
+            legend.dot(8, BLACK.stroke_width(2))?;
+            legend.name("the front")?;
         }
         Ok(())
     }

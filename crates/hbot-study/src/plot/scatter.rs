@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 
-use super::{COLOURS, Failed, SIZE, Surface, drawn, failed, short};
+use super::plane::{Axis, Legend, Words, plane, rooms};
+use super::{COLOURS, Failed, SIZE, Surface, drawn, failed};
 
 /// Points of one kind.
 #[derive(Debug, Clone)]
@@ -45,30 +46,11 @@ impl Scatter {
     }
 
     fn draw(&self, whole: &Surface<'_>) -> Result<(), Failed> {
-        let names = self.clouds.iter().map(|cloud| cloud.name.len());
-        let longest = names.chain([self.mark.0.len()]).max().unwrap_or(0);
-        let (area, legend) = whole.split_horizontally(SIZE.0 as i32 - 44 - 7 * longest as i32);
-        let mut chart = ChartBuilder::on(&area)
-            .caption(&self.title, ("sans-serif", 20))
-            .margin(12)
-            .x_label_area_size(46)
-            .y_label_area_size(74)
-            .build_cartesian_2d(self.range(|p| p.0), self.range(|p| p.1))
-            .map_err(failed)?;
-        let number = |value: &f64| short(*value);
-        chart
-            .configure_mesh()
-            .x_desc(&self.x)
-            .y_desc(&self.y)
-            .x_labels(8)
-            .x_label_formatter(&number)
-            .y_label_formatter(&number)
-            .light_line_style(RGBColor(238, 238, 238))
-            .bold_line_style(RGBColor(215, 215, 215))
-            .label_style(("sans-serif", 14))
-            .axis_desc_style(("sans-serif", 15))
-            .draw()
-            .map_err(failed)?;
+        let names = self.clouds.iter().map(|cloud| cloud.name.as_str());
+        let (area, legend) = rooms(whole, names.chain([self.mark.0.as_str()]));
+        let words = Words { title: &self.title, x: &self.x, y: &self.y };
+        let [x, y] = [self.range(|p| p.0), self.range(|p| p.1)].map(Axis::even);
+        let mut chart = plane(&area, &words, x, y)?;
         for cloud in &self.clouds {
             let colour = COLOURS[cloud.colour % COLOURS.len()];
             if cloud.joined {
@@ -87,28 +69,22 @@ impl Scatter {
         }
         let diamond = EmptyElement::at(self.mark.1) + Polygon::new(DIAMOND.to_vec(), BLACK.filled());
         chart.draw_series([diamond]).map_err(failed)?;
-        self.legend(&legend)
+        self.legend(Legend::on(&legend))
     }
 
-    fn legend(&self, area: &Surface<'_>) -> Result<(), Failed> {
-        let font = ("sans-serif", 13).into_font().color(&BLACK);
-        let mut y = 56;
+    fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
         for cloud in &self.clouds {
             let colour = COLOURS[cloud.colour % COLOURS.len()];
             if cloud.joined {
-                let line = PathElement::new(vec![(4, y), (28, y)], colour.stroke_width(2));
-                area.draw(&line).map_err(failed)?;
-                area.draw(&Circle::new((16, y), 3, colour.filled())).map_err(failed)?;
+                legend.line(colour.stroke_width(2))?;
+                legend.dot(3, colour.filled())?;
             } else {
-                area.draw(&Circle::new((16, y), 2, colour.stroke_width(1))).map_err(failed)?;
+                legend.dot(2, colour.stroke_width(1))?;
             }
-            area.draw(&Text::new(cloud.name.clone(), (34, y - 7), font.clone())).map_err(failed)?;
-            y += 19;
+            legend.name(&cloud.name)?;
         }
-        let diamond: Vec<(i32, i32)> = DIAMOND.iter().map(|(dx, dy)| (16 + dx, y + dy)).collect();
-        area.draw(&Polygon::new(diamond, BLACK.filled())).map_err(failed)?;
-        area.draw(&Text::new(self.mark.0.clone(), (34, y - 7), font)).map_err(failed)?;
-        Ok(())
+        legend.shape(&DIAMOND, BLACK)?;
+        legend.name(&self.mark.0)
     }
 }
 

@@ -1,0 +1,100 @@
+//! Signs and rough zeros: every one of them, and of what explains the counts well the one in which least is wrong.
+
+use super::{Fit, Guess, within};
+
+/// Zeros tried on a turn.
+const GRID: usize = 36;
+/// Steps used to find signs and zeros; all are used for the fit.
+const COARSE: usize = 60;
+/// Of each set of signs so many zeros are looked at closely, so far apart, rad.
+const LOOKED_AT: usize = 6;
+const APART: f64 = 0.4;
+/// A zero that is off by less is called right where explanations are weighed, rad.
+const RIGHT: f64 = 0.02;
+/// An explanation in which less is wrong is believed unless another leaves less than this share of its residual.
+const BELIEVED: f64 = 0.3;
+
+impl Guess {
+    /// How much of the file it calls wrong: signs, zeros, and a little for how far off a zero is, since nobody overlooks half a
+    /// turn. Where wheels stand opposite each other, a steering sign and another wheel's zero off by half a turn look the same.
+    fn wrong(&self, count: usize) -> f64 {
+        let flips = self.flipped.iter().filter(|flipped| **flipped).count() as f64;
+        let zeros = self.wheels[..count].iter().map(|wheel| {
+            let off = within(wheel[0]).abs();
+            if off < RIGHT { 0.0 } else { 1.0 + 0.1 * off }
+        });
+        flips + zeros.sum::<f64>()
+    }
+}
+
+impl Fit<'_> {
+    /// Signs and rough zeros: of the first two wheels together, then of each further one beside those before it.
+    pub(super) fn coarse(&self) -> Guess {
+        let mut found = self.as_filed();
+        let first: Vec<Guess> =
+            self.variants(&found, 0).flat_map(|guess| self.variants(&guess, 1).collect::<Vec<_>>()).collect();
+        found = self.best(&found, first, 2);
+        for wheel in 2..self.rig.device.wheels().len() {
+            found = self.best(&found, self.variants(&found, wheel).collect(), wheel + 1);
+        }
+        found
+    }
+
+    /// A guess with all signs and zeros of one wheel.
+    fn variants<'b>(&'b self, guess: &Guess, wheel: usize) -> impl Iterator<Item = Guess> + 'b {
+        let guess = *guess;
+        (0..4 * GRID).map(move |k| {
+            let mut other = guess;
+            (other.flipped[2 * wheel], other.flipped[2 * wheel + 1]) = (k & 1 != 0, k & 2 != 0);
+            other.wheels[wheel][0] = std::f64::consts::TAU * (k / 4) as f64 / GRID as f64;
+            other
+        })
+    }
+
+    /// The likeliest of several guesses about the first `count` wheels. Of each set of signs the best zeros, some way apart from each
+    /// other, are looked at more closely; of all that explain what was seen the one is taken in which least is wrong.
+    fn best(&self, filed: &Guess, guesses: Vec<Guess>, count: usize) -> Guess {
+        let Some(device) = self.device(filed, count) else { return *filed };
+        let every = self.steps.len().div_ceil(COARSE);
+        let mut slips = Vec::new();
+        let mut cost = |guess: &Guess| {
+            slips.clear();
+            self.slips(guess, &device, every, &mut slips);
+            slips.iter().map(|s| s * s).sum::<f64>()
+        };
+        let mut costed: Vec<(f64, Guess)> = guesses.into_iter().map(|guess| (cost(&guess), guess)).collect();
+        costed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut closer: Vec<(f64, Guess)> = Vec::new();
+        for (c, guess) in costed {
+            let alike = |other: &&(f64, Guess)| other.1.flipped == guess.flipped;
+            let near = |other: &(f64, Guess)| {
+                (0..count).all(|i| within(other.1.wheels[i][0] - guess.wheels[i][0]).abs() < APART)
+            };
+            if closer.iter().filter(alike).count() < LOOKED_AT && !closer.iter().filter(alike).any(near) {
+                closer.push((c, guess));
+            }
+        }
+        for (c, guess) in &mut closer {
+            let mut step = std::f64::consts::TAU / GRID as f64;
+            while step > 1.0e-4 {
+                step *= 0.5;
+                for wheel in 0..count {
+                    for way in [-step, step] {
+                        let mut other = *guess;
+                        other.wheels[wheel][0] += way;
+                        let d = cost(&other);
+                        if d < *c {
+                            (*c, *guess) = (d, other);
+                        }
+                    }
+                }
+            }
+        }
+        let least = closer.iter().map(|(c, _)| *c).fold(f64::INFINITY, f64::min);
+        closer
+            .into_iter()
+            .filter(|(c, _)| *c <= least / (BELIEVED * BELIEVED))
+            .min_by(|a, b| a.1.wrong(count).total_cmp(&b.1.wrong(count)))
+            .map_or(*filed, |(_, guess)| guess)
+    }
+}

@@ -1,0 +1,214 @@
+//! Output that cannot be written: a reader who has gone away, one who does not read, a device that is full.
+
+use std::fs::{File, OpenOptions};
+use std::io::{PipeReader, PipeWriter, Write as _, pipe};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::process::{Lines, PATIENCE, Process, hbot};
+
+const FULL: &str = "error: standard output cannot be written: No space left on device (os error 28)";
+
+/// Commands that need no server.
+const ALONE: [&[&str]; 7] = [
+    &["--help"],
+    &["scene", "--help"],
+    &["--version"],
+    &["scene", "list"],
+    &["scene", "list", "--json"],
+    &["scene", "check", "scenes/notched-dial.toml"],
+    &["rig", "check"],
+];
+
+fn full() -> File {
+    OpenOptions::new().write(true).open("/dev/full").expect("Linux has it")
+}
+
+/// A pipe that nobody reads any more.
+fn closed() -> PipeWriter {
+    pipe().expect("a pipe").1
+}
+
+/// A pipe whose reader is there and never reads: it takes no further byte.
+fn stuck() -> (PipeReader, PipeWriter) {
+    let (reader, mut writer) = pipe().expect("a pipe");
+    let flags = fcntl_getfl(&writer).expect("flags");
+    fcntl_setfl(&writer, flags | OFlags::NONBLOCK).expect("flags");
+    while writer.write(&[b'.'; 512]).is_ok() {}
+    // Who shares it waits again.
+    fcntl_setfl(&writer, flags).expect("flags");
+    (reader, writer)
+}
+
+fn run(args: &[&str], out: impl Into<Stdio>) -> (Option<i32>, String) {
+    let Output { status, stderr, .. } =
+        hbot().args(args).stdout(out).stderr(Stdio::piped()).output().expect("it runs");
+    (status.code(), String::from_utf8(stderr).expect("UTF-8"))
+}
+
+fn says_that_it_is_full(args: &[&str]) {
+    assert_eq!(run(args, full()), (Some(1), format!("{FULL}\n")), "{args:?}");
+}
+
+#[test]
+fn a_full_device_is_one_line_and_exit_code_1() {
+    for args in ALONE {
+        says_that_it_is_full(args);
+    }
+    says_that_it_is_full(&["doctor", "--seconds", "1"]);
+}
+
+#[test]
+fn a_reader_who_has_gone_away_changes_nothing_but_what_is_said() {
+    let state = tempfile::tempdir().expect("a folder");
+    let slow = include_str!("../../rigs/prototype.toml").replace("\"sim\"", "\"/dev/ttyUSB0\"");
+    let slow = slow.replace("baud = ", "baud = 9600 # ");
+    let path = state.path().join("slow.toml");
+    std::fs::write(&path, slow).expect("written");
+    let slow = ["rig", "check", path.to_str().expect("UTF-8")];
+    assert_eq!(run(&slow, Stdio::null()).0, Some(1), "a line that is too slow for its rig");
+    for args in ALONE.into_iter().chain([&slow[..]]) {
+        assert_eq!(run(args, closed()), run(args, Stdio::null()), "{args:?}");
+    }
+}
+
+#[test]
+fn a_wrong_command_line_is_2_though_nobody_reads_why() {
+    let Output { status, .. } = hbot().arg("no-such-command").stderr(closed()).output().expect("it runs");
+    assert_eq!(status.code(), Some(2));
+    let Output { status, .. } =
+        hbot().args(["scene", "check", "no-such-file"]).stderr(full()).output().expect("it runs");
+    assert_eq!(status.code(), Some(1));
+}
+
+#[test]
+fn clients_of_a_server_too() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--time", "virtual"], state.path());
+    let commands: [&[&str]; 6] = [
+        &["estop"],
+        &["reset"],
+        &["disable"],
+        &["scene", "load", "scenes/notched-dial.toml"],
+        &["watch"],
+        &["watch", "--json"],
+    ];
+    for args in commands {
+        let args = [args, &["--server", &server.address]].concat();
+        assert_eq!(run(&args, closed()), (Some(0), String::new()), "{args:?}");
+        says_that_it_is_full(&args);
+    }
+    server.signal(Signal::TERM);
+    assert!(server.end().1.success());
+}
+
+/// A server that cannot say where it listens, so the test says it. Killed at the end of a test that has not stopped it.
+struct Mute {
+    child: Child,
+    address: String,
+}
+
+impl Mute {
+    fn start(state: &std::path::Path, with: impl Fn(&mut Command)) -> Self {
+        loop {
+            let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+            let address = free.expect("a free port").to_string();
+            let mut command = hbot();
+            command.args(["server", "--time", "virtual", "--listen", &address]).env("XDG_STATE_HOME", state);
+            with(&mut command);
+            let mut mute = Self { child: command.spawn().expect("the binary runs"), address };
+            if mute.listens() {
+                return mute;
+            }
+            // Another test was quicker to take the port.
+        }
+    }
+
+    /// Waits until it does; `false` where it has ended with exit code 1, as where the port is taken.
+    fn listens(&mut self) -> bool {
+        let at: SocketAddr = self.address.parse().expect("an address");
+        let start = Instant::now();
+        while TcpStream::connect(at).is_err() {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                assert_eq!(status.code(), Some(1), "the server ended at start");
+                return false;
+            }
+            assert!(start.elapsed() < PATIENCE, "it does not listen");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        true
+    }
+
+    /// Goes on ticking, stops in an emergency, and ends well when asked to.
+    fn serves(mut self) {
+        let mut client = Lines::greeted(&self.address);
+        client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
+        let first = client.state(|_| true)["tick"].as_u64().expect("a tick");
+        client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > first + 1000));
+        // Each is a line of its log.
+        for id in 2..12 {
+            client.ask(&format!(r#"{{"id": {id}, "op": "estop"}}"#));
+        }
+        client.state(|state| state["mode"] == "estop");
+        kill_process(Pid::from_child(&self.child), Signal::TERM).expect("it is there");
+        assert_eq!(self.child.wait().expect("it ends").code(), Some(0));
+    }
+}
+
+impl Drop for Mute {
+    fn drop(&mut self) {
+        // It has ended already where the test went well.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn a_server_goes_on_where_its_output_is_full_and_says_so_once() {
+    let state = tempfile::tempdir().expect("a folder");
+    let log = state.path().join("log");
+    let server = Mute::start(state.path(), |command| {
+        command.stdout(full()).stderr(File::create(&log).expect("a file"));
+    });
+    server.serves();
+    let log = std::fs::read_to_string(&log).expect("a log");
+    // At start and at its end it had something to say.
+    let said: Vec<&str> = log.lines().filter(|line| line.contains("standard output")).collect();
+    assert_eq!(said.len(), 1, "{log}");
+    assert!(said[0].contains("No space left on device"), "{log}");
+    assert!(log.contains("estop"), "{log}");
+}
+
+#[test]
+fn a_server_goes_on_where_nobody_is_left_to_read() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Mute::start(state.path(), |command| {
+        command.stdout(closed()).stderr(closed());
+    });
+    server.serves();
+}
+
+#[test]
+fn a_server_goes_on_where_its_log_is_full() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Mute::start(state.path(), |command| {
+        command.stdout(full()).stderr(full());
+    });
+    server.serves();
+}
+
+/// A service that waited for the reader of its log would hear no emergency stop.
+#[test]
+fn a_server_never_waits_for_a_reader() {
+    let state = tempfile::tempdir().expect("a folder");
+    let (_reader, writer) = stuck();
+    let share = || Stdio::from(writer.try_clone().expect("a pipe"));
+    let server = Mute::start(state.path(), |command| {
+        command.stdout(share()).stderr(share());
+    });
+    server.serves();
+}
