@@ -57,6 +57,9 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
         let mut witness = Witness::new(&bench);
         seat.click("Stop");
         witness.state("stopped", |state| state.mode == Mode::Estop);
+        seat.until_text("ESTOP");
+        // Where it is not, the session is asked next, and this told.
+        assert!(!seat.shows("has not confirmed the stop"), "{}", seat.texts());
         bench.stop();
         seat.until_text("No server at");
     }
