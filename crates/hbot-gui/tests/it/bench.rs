@@ -13,13 +13,13 @@ use eframe::egui::{self, Key};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Client, ConnectOptions, Event, StateEvent, Trust};
-use hbot_config::rig::TlsFiles;
 use hbot_config::{RigConfig, SceneFile};
 use hbot_gui::{Folders, Options, Panel};
 use hbot_server::server::{Options as ServerOptions, Server, Time};
 use hbot_server::service::Status;
-use rcgen::{BasicConstraints, CertificateParams, IsCa, KeyPair};
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
+
+use crate::identity::Identity;
 
 /// How long a test waits for what must come. It never says how fast anything is.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
@@ -74,36 +74,6 @@ impl Default for Setup<'_> {
             token: None,
             tls: None,
         }
-    }
-}
-
-/// What a server that encrypts shows of itself. It signs itself, as in docs/api.md.
-pub(crate) struct Identity {
-    pub(crate) certificate: String,
-    key: String,
-}
-
-impl Identity {
-    pub(crate) fn new() -> Self {
-        let mut params = CertificateParams::new(["rig.local".to_owned()]).expect("a name");
-        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-        let key = KeyPair::generate().expect("a key");
-        let certificate = params.self_signed(&key).expect("a certificate").pem();
-        Self { certificate, key: key.serialize_pem() }
-    }
-
-    pub(crate) fn trust(&self) -> Trust {
-        Trust::from_pem(self.certificate.as_bytes()).expect("a certificate")
-    }
-
-    /// For as long as the folder is kept.
-    fn files(&self) -> (tempfile::TempDir, TlsFiles) {
-        let folder = tempfile::tempdir().expect("a folder");
-        let files =
-            TlsFiles { certificate: folder.path().join("rig.pem"), key: folder.path().join("rig.key") };
-        std::fs::write(&files.certificate, &self.certificate).expect("written");
-        std::fs::write(&files.key, &self.key).expect("written");
-        (folder, files)
     }
 }
 

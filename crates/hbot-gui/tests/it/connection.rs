@@ -7,8 +7,9 @@ use eframe::egui::Key;
 use hbot_api::{Event, Mode};
 use hbot_gui::Options;
 
-use crate::bench::{Bench, Identity, Seat, Setup, Wire, Witness, alone};
+use crate::bench::{Bench, Seat, Setup, Wire, Witness, alone};
 use crate::controls::seated;
+use crate::identity::Identity;
 
 #[test]
 fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes() {

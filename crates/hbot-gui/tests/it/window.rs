@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::bench::{Bench, Identity, PATIENCE, Setup, alone};
+use crate::bench::{Bench, PATIENCE, Setup, alone};
+use crate::identity::Identity;
 
 /// A display without a screen.
 struct Display {
