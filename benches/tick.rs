@@ -1,4 +1,4 @@
-//! What each stage of the tick costs, and the whole, for 2 and 4 wheels, in f64 and f32.
+//! What each stage of the tick costs, the whole, and each limit in it, for 2 and 4 wheels, in f64 and f32.
 //!
 //! `cargo bench --bench tick`
 
@@ -14,8 +14,12 @@ macro_rules! width {
             use $core::impedance::{geodesic_law, quaternion_law};
             use $core::inputs::{Command, Complaints, Inputs, JointFeedback};
             use $core::kinematics::Posture;
+            use $core::outputs::Outputs;
             use $core::path::Trail;
-            use $core::rig::{Joint, Limits, Methods, OdometryMethod, PathFit, Rig, Timing, Traction, Zero};
+            use $core::rig::{
+                EnergyLimit, Joint, Limits, Methods, OdometryMethod, PassivityLimit, PathFit, Rig, Timing,
+                Traction, Zero,
+            };
             use $core::{
                 CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry,
                 rotation,
@@ -105,40 +109,84 @@ macro_rules! width {
                 feedback
             }
 
+            /// The ticks of a controller past its soft start: what is timed is the active tick.
+            fn active(mut rig: Rig) -> impl FnMut() -> Outputs {
+                // The feedback above is no turning sphere: its slip is no fault here.
+                rig.limits.slip = 1.0e6;
+                let mut controller = Controller::new(rig);
+                let scene = scene();
+                let readings: Vec<_> = (0..1024).map(|tick| feedback(&rig, tick)).collect();
+                let mut tick = 0_u64;
+                let mut run = move || {
+                    let mut inputs = Inputs::quiet(tick);
+                    let mut reading = readings[tick as usize % readings.len()];
+                    reading.sequence = tick as u32;
+                    inputs.feedback = Some(reading);
+                    if tick == 1 {
+                        let _ = inputs.commands.push(Command::Enable);
+                    }
+                    tick += 1;
+                    controller.tick(&scene, &inputs)
+                };
+                for _ in 0..1000 {
+                    run();
+                }
+                let last = run();
+                assert_eq!(last.state.mode, $core::mode::Mode::Active);
+                assert!(last.state.torque != Vec3::ZERO);
+                run
+            }
+
             pub(super) fn whole(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("tick/{label}"));
                 for wheels in [2, 4] {
                     for (name, methods) in
                         [("fast", Methods::FAST), ("balanced", Methods::BALANCED), ("exact", Methods::EXACT)]
                     {
-                        let mut rig = rig(wheels, methods);
-                        // The feedback above is no turning sphere: its slip is no fault here.
-                        rig.limits.slip = 1.0e6;
-                        let mut controller = Controller::new(rig);
-                        let scene = scene();
-                        let readings: Vec<_> = (0..1024).map(|tick| feedback(&rig, tick)).collect();
-                        let mut tick = 0_u64;
-                        let mut run = |controller: &mut Controller| {
-                            let mut inputs = Inputs::quiet(tick);
-                            let mut reading = readings[tick as usize % readings.len()];
-                            reading.sequence = tick as u32;
-                            inputs.feedback = Some(reading);
-                            if tick == 1 {
-                                let _ = inputs.commands.push(Command::Enable);
-                            }
-                            tick += 1;
-                            controller.tick(&scene, &inputs)
-                        };
-                        // Through the soft start: what is timed is the active tick.
-                        for _ in 0..1000 {
-                            run(&mut controller);
-                        }
-                        let last = run(&mut controller);
-                        assert_eq!(last.state.mode, $core::mode::Mode::Active);
-                        assert!(last.state.torque != Vec3::ZERO);
+                        let mut run = active(rig(wheels, methods));
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
-                            b.iter(|| black_box(run(&mut controller)).state.torque);
+                            b.iter(|| black_box(run()).state.torque);
                         });
+                    }
+                }
+                group.finish();
+            }
+
+            /// The balanced tick with each limit that a rig may do without: none, one of them alone, all. Each is far from being
+            /// reached, so that it is asked in every tick and ends none of them; passivity is as it is when a rig file says `true`.
+            pub(super) fn limits(c: &mut Criterion, label: &str) {
+                let mut group = c.benchmark_group(format!("limits/{label}"));
+                for wheels in [2, 4] {
+                    let mut none = rig(wheels, Methods::BALANCED);
+                    none.limits.traction = None;
+                    let traction = |rig: &mut Rig| {
+                        rig.limits.traction = Some(Traction { mu: 0.8, normal_force: 10.0 });
+                    };
+                    let heat = |rig: &mut Rig| rig.limits.thermal_time = Some(1.0e9);
+                    let energy = |rig: &mut Rig| {
+                        rig.limits.energy = Some(EnergyLimit { burst: 1.0e9, power: 1.0 });
+                    };
+                    let passivity = |rig: &mut Rig| {
+                        let limit = PassivityLimit::of(&rig.device, rig.timing.period_s());
+                        rig.methods.passivity = Some(limit);
+                    };
+                    let each: [(&str, &[&dyn Fn(&mut Rig)]); 6] = [
+                        ("none", &[]),
+                        ("traction", &[&traction]),
+                        ("thermal_time", &[&heat]),
+                        ("energy", &[&energy]),
+                        ("passivity", &[&passivity]),
+                        ("all", &[&traction, &heat, &energy, &passivity]),
+                    ];
+                    for (name, on) in each {
+                        let mut rig = none;
+                        on.iter().for_each(|on| on(&mut rig));
+                        let mut run = active(rig);
+                        group.bench_function(BenchmarkId::new(name, wheels), |b| {
+                            b.iter(|| black_box(run()).state.torque);
+                        });
+                        // Another tick than the active one would be a cheaper one.
+                        assert_eq!(run().state.mode, $core::mode::Mode::Active, "{name}");
                     }
                 }
                 group.finish();
@@ -222,10 +270,15 @@ fn whole(c: &mut Criterion) {
     single::whole(c, "f32");
 }
 
+fn limits(c: &mut Criterion) {
+    double::limits(c, "f64");
+    single::limits(c, "f32");
+}
+
 fn stages(c: &mut Criterion) {
     double::stages(c, "f64");
     single::stages(c, "f32");
 }
 
-criterion_group!(benches, whole, stages);
+criterion_group!(benches, whole, limits, stages);
 criterion_main!(benches);

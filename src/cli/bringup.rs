@@ -1,5 +1,9 @@
 //! `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over it. No server may hold its port meanwhile.
 
+#[cfg(test)]
+mod tests;
+
+use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -7,9 +11,10 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use hbot_config::{Override, RigConfig};
 use hbot_core::rig::Zero;
-use hbot_server::bringup::calibrate::{Calibration, calibrate};
+use hbot_server::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_server::bringup::joint::{self, Verdict};
-use hbot_server::bringup::open;
+use hbot_server::bringup::{Bench, Silent, open};
+use hbot_server::wire::Wire;
 use serde_json::json;
 
 use super::out::say;
@@ -17,10 +22,10 @@ use super::style;
 
 /// Readings are this far apart, s: long enough that a count is little of what has moved, short enough that wheels hardly turn.
 const APART_S: f64 = 0.02;
-/// Slip that bearings, rubber and encoders leave of a rig that is as its file says, as a share of rolling.
-const ORDINARY: f64 = 0.05;
 /// A zero that is off by less is as good as it gets by hand, rad.
 const TRIFLE: f64 = 0.01;
+/// Radii that are further apart than their measures in the file, as a share of them, are none that somebody has misread.
+const CALIPER: f64 = 0.1;
 
 /// Which rig.
 #[derive(Debug, Args)]
@@ -71,6 +76,11 @@ fn joint_name(rig: &RigConfig, joint: usize) -> String {
     format!("{} of wheel {}", if joint.is_multiple_of(2) { "steer" } else { "drive" }, rig.wheels[joint / 2])
 }
 
+/// Its table in a rig file.
+fn key(joint: usize) -> String {
+    format!("wheel[{}].{}", joint / 2, if joint.is_multiple_of(2) { "steer" } else { "drive" })
+}
+
 pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let joints = rig.rig.device.joints();
@@ -99,11 +109,22 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         outcome.verdict,
         style::OFF
     )?;
-    if good {
-        let sense = if rig.rig.joints[number].reversed { "against" } else { "in" };
-        say!(
-            "  by the rig file's sign it has turned {sense} its positive sense; `hbot rig calibrate` tells whether that is so"
-        )?;
+    match outcome.verdict {
+        Verdict::Good => {
+            let turned = (outcome.torque > 0.0) != rig.rig.joints[number].reversed;
+            let sense = if turned { "in" } else { "against" };
+            say!(
+                "  by the rig file's sign it has turned {sense} its positive sense; `hbot rig calibrate` tells whether that is so\n  \
+                 where another joint than the {} has turned, `controller` of the two is exchanged in the rig file",
+                joint_name(&rig, number)
+            )?;
+        }
+        Verdict::Gear(ratio) if ratio.is_finite() => say!(
+            "  {} would have them agree; the rig file has {}",
+            format_args!("{}.gear = {:.3}", key(number), ratio * rig.rig.joints[number].gear),
+            rig.rig.joints[number].gear
+        )?,
+        _ => {}
     }
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -115,8 +136,16 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
         args.seconds
     )?;
+    let counts = watch(&mut bench, args.seconds)?;
+    let (words, as_filed) = told(&rig, &counts)?;
+    say!("{}", words.trim_end())?;
+    Ok(if as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The counts of all joints for so long, motors off.
+fn watch<W: Wire>(bench: &mut Bench<W>, seconds: u32) -> Result<Vec<Counts>, Silent> {
     let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
-    let ticks = (f64::from(args.seconds) / bench.period_s()) as u32;
+    let ticks = (f64::from(seconds) / bench.period_s()) as u32;
     let mut counts = Vec::new();
     for tick in 0..ticks {
         let reading = bench.exchange(None)?;
@@ -124,23 +153,73 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
             counts.push(reading.counts);
         }
     }
-    let found = calibrate(&rig.rig, &counts).context("nothing has moved: turn the sphere while this runs")?;
-    Ok(if report(&rig, &found)? { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(counts)
 }
 
-/// Says what was found: whether the rig is as its file says.
-fn report(rig: &RigConfig, found: &Calibration) -> anyhow::Result<bool> {
-    say!(
+/// What is to be said of what was seen, and whether the rig is as its file says.
+fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
+    let dead = still(&rig.rig, counts);
+    if !dead.is_empty() && dead.len() < rig.rig.device.joints() {
+        let mut words = String::new();
+        for joint in dead {
+            writeln!(
+                words,
+                "  {}joint {}, {}: its counts stood still while others moved{}: where it was turned too, its encoder is dead, or its cable",
+                style::BAD,
+                joint + 1,
+                joint_name(rig, joint),
+                style::OFF
+            )?;
+        }
+        // Of others nothing can be told without it.
+        return Ok((words, false));
+    }
+    let found = calibrate(&rig.rig, counts).context("nothing has moved: turn the sphere while this runs")?;
+    let (mut words, as_filed) = report(rig, &found)?;
+    if found.known && !explains(&rig.rig, &found) {
+        match exchanged(&rig.rig, counts) {
+            Some((a, b)) => writeln!(
+                words,
+                "  {}were joints {} and {} exchanged, it would be explained{}: the {} and the {} have each other's encoder, or each \
+                 other's `controller` in the rig file",
+                style::BAD,
+                a + 1,
+                b + 1,
+                style::OFF,
+                joint_name(rig, a),
+                joint_name(rig, b)
+            )?,
+            None => writeln!(
+                words,
+                "  {}no signs, zeros, radii, cones or two exchanged joints explain it{}: look for slip, play, or a wrong gear (`hbot rig test`)",
+                style::BAD,
+                style::OFF
+            )?,
+        }
+    }
+    Ok((words, as_filed))
+}
+
+/// What was found in words, and whether the rig is as its file says.
+fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::fmt::Error> {
+    let mut words = String::new();
+    writeln!(
+        words,
         "slip over rolling, root mean square: {:.2} % as the file has the rig, {:.2} % as found",
         100.0 * found.before,
         100.0 * found.after
     )?;
     let (bad, off) = (style::BAD, style::OFF);
     if !found.known {
-        say!(
+        writeln!(
+            words,
             "  {bad}not enough was turned to tell the zeros{off}: turn further, about all three axes, and longer"
         )?;
-        return Ok(false);
+        return Ok((words, false));
+    }
+    if !explains(&rig.rig, found) {
+        // Its zeros are none to be set.
+        return Ok((words, false));
     }
     let mut as_filed = true;
     for (i, wheel) in found.wheels.iter().enumerate() {
@@ -151,14 +230,16 @@ fn report(rig: &RigConfig, found: &Calibration) -> anyhow::Result<bool> {
             if wrong {
                 as_filed = false;
                 let sign = if rig.rig.joints[joint].reversed { 1 } else { -1 };
-                say!(
+                writeln!(
+                    words,
                     "  {bad}wheel {name}: the sign of {key} is wrong{off}: set wheel[{i}].{key}.sign = {sign}"
                 )?;
             }
         }
         let zero_wrong = wheel.zero.abs() > TRIFLE.max(3.0 * wheel.zero_deviation);
         as_filed &= !zero_wrong;
-        say!(
+        writeln!(
+            words,
             "  wheel {name}: {}steering zero off by {:+.4} rad{off} (+- {:.4}); radius {:.3} mm, cone {:.4} rad",
             if zero_wrong { bad } else { style::GOOD },
             wheel.zero,
@@ -172,17 +253,37 @@ fn report(rig: &RigConfig, found: &Calibration) -> anyhow::Result<bool> {
                 Zero::Absolute | Zero::Index => "for good",
                 Zero::Assume | Zero::Calibrate => "with zero = \"assume\", until the controllers lose power",
             };
-            say!(
+            writeln!(
+                words,
                 "    set wheel[{i}].steer.zero_offset = {:.4}: it holds {lasts}",
                 if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed }
             )?;
         }
     }
-    if found.after > ORDINARY {
+    if let Some((most, least, apart)) = radii_apart(rig, found) {
         as_filed = false;
-        say!(
-            "  {bad}no signs, zeros, radii and cones explain it{off}: look for slip, play, or a wrong gear (`hbot rig test`)"
+        let (most, least) = (&rig.wheels[most], &rig.wheels[least]);
+        writeln!(
+            words,
+            "  {bad}wheel {most} rolls {:.0} % further than wheel {least} for what the file says of both{off}: measure their radii; where \
+             those are right, the gear of one drive is wrong (`hbot rig test` tells which)",
+            100.0 * apart
         )?;
     }
-    Ok(as_filed)
+    Ok((words, as_filed))
+}
+
+/// The wheels that are furthest apart in how their radii stand to those of the file, and by how much, where no caliper errs so far.
+/// What all have in common cannot be seen: a smaller sphere turns likewise.
+fn radii_apart(rig: &RigConfig, found: &Calibration) -> Option<(usize, usize, f64)> {
+    let share: Vec<f64> = found
+        .wheels
+        .iter()
+        .zip(rig.rig.device.wheels())
+        .map(|(wheel, filed)| wheel.radius / filed.spec().radius)
+        .collect();
+    let by_share = |a: &usize, b: &usize| share[*a].total_cmp(&share[*b]);
+    let (most, least) = ((0..share.len()).max_by(by_share)?, (0..share.len()).min_by(by_share)?);
+    let apart = share[most] / share[least] - 1.0;
+    (apart > CALIPER).then_some((most, least, apart))
 }

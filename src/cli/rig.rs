@@ -29,7 +29,7 @@ pub(crate) enum RigCommand {
         /// The rig file (TOML); the prototype where none is given
         file: Option<PathBuf>,
     },
-    /// Push one joint with a small torque, within watched limits: sign, counts, gear
+    /// Push one joint with a small torque, within watched limits, the sphere taken out: sign, counts, gear
     Test(bringup::TestArgs),
     /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, motors off
     Calibrate(bringup::CalibrateArgs),

@@ -54,17 +54,26 @@ impl Far {
         Some(Self { path, heard, over, thread: Some(thread) })
     }
 
+    /// How many commands have been heard.
+    pub(crate) fn count(&self) -> usize {
+        self.heard.lock().expect("no panic").len()
+    }
+
+    /// Whether a command after the first `count` was so.
+    pub(crate) fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
+        self.heard.lock().expect("no panic")[count..].iter().any(so)
+    }
+
     /// Whether a command with torque has been heard.
     pub(crate) fn pushed(&self) -> bool {
-        self.heard.lock().expect("no panic").iter().any(|command| command.enable && !still(command))
+        self.any_after(0, |command| command.enable && !still(command))
     }
 
     /// Ends in zero torque and motors off, said three times: all that has been heard, once nothing more comes, is held to it.
     pub(crate) fn ends_still(mut self) {
-        let count = || self.heard.lock().expect("no panic").len();
         let mut before = 0;
-        while count() > before {
-            before = count();
+        while self.count() > before {
+            before = self.count();
             std::thread::sleep(Duration::from_millis(200));
         }
         self.over.store(true, Ordering::Relaxed);

@@ -12,6 +12,7 @@ mod refusals;
 mod replay;
 mod safety;
 mod scenes;
+mod start;
 mod study;
 mod tls;
 mod wall;

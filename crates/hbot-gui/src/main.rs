@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Parser, ValueEnum};
 use eframe::egui;
+use hbot_api::Trust;
 use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Options, Panel, Picture};
 
 /// The panel of an Hbot: see the sphere, set its stiffness, stop it
@@ -19,6 +20,9 @@ struct Args {
     /// File with the token that the server asks for
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// File with the certificate of a server that encrypts, or of the authority that signed it (PEM)
+    #[arg(long, value_name = "FILE")]
+    ca: Option<PathBuf>,
     /// Only watch: never take the lease unasked
     #[arg(long)]
     observe: bool,
@@ -102,6 +106,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: Args) -> anyhow::Result<()> {
+    let trust = args.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
     let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if cfg!(target_os = "linux") && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
         bail!("no display: set DISPLAY or WAYLAND_DISPLAY. `hbot watch` shows the state in a terminal");
@@ -114,8 +119,13 @@ fn run(args: Args) -> anyhow::Result<()> {
         }
         None => None,
     };
-    let options =
-        Options { token, observe: args.observe, samples_per_s: args.samples, ..Options::new(&args.server) };
+    let options = Options {
+        token,
+        trust,
+        observe: args.observe,
+        samples_per_s: args.samples,
+        ..Options::new(&args.server)
+    };
     let folders = Folders { scenes: args.scenes, out: args.out };
     let picture = args.picture.map(|path| Picture::new(path, Duration::from_secs(args.picture_after)));
     let viewport = egui::ViewportBuilder::default()

@@ -122,19 +122,37 @@ fn refusal(error: Error) -> ClientError {
     ClientError::Tls(match &error {
         Error::InvalidMessage(_) => "the server does not encrypt: leave out the certificate".to_owned(),
         Error::InvalidCertificate(reason) => {
-            let hint = match reason {
-                CertificateError::UnknownIssuer | CertificateError::BadSignature => {
-                    "; name the server's own, or the authority's that signed it"
-                }
-                CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. } => {
-                    "; connect to a name that it is for, or name the server's own certificate"
-                }
-                _ => "",
-            };
-            format!("the server's certificate is not trusted: {reason}{hint}")
+            format!("the server's certificate is not trusted: {}", mistrust(reason))
         }
         _ => format!("no encrypted connection: {error}"),
     })
+}
+
+/// Why a certificate is not believed, and what mends it. Of the server's own, named in the file, nothing of this is asked.
+fn mistrust(reason: &CertificateError) -> String {
+    use CertificateError as Reason;
+    match reason {
+        Reason::NotValidForName | Reason::NotValidForNameContext { .. } => {
+            format!("{reason}; connect to a name that it is for, or name the server's own certificate")
+        }
+        Reason::Expired
+        | Reason::ExpiredContext { .. }
+        | Reason::NotValidYet
+        | Reason::NotValidYetContext { .. } => format!(
+            "{reason}; renew it, set this machine's clock, or name the server's own certificate, whose dates are not looked at"
+        ),
+        // A certificate that signs itself comes as what nobody has named (`Other`), like all that authorities are asked for.
+        other => {
+            let reason = match other {
+                Reason::Other(other) => other.to_string(),
+                other => other.to_string(),
+            };
+            format!(
+                "it is neither in the file named nor signed by an authority in it ({reason}); name the server's own, or the \
+                 authority's that signed it"
+            )
+        }
+    }
 }
 
 /// Believes certificates that it knows, and those that authorities it knows have signed.

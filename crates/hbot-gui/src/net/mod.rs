@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use hbot_api::{DroppedEvent, FaultEvent, HelloOk, LeaseCause, SceneEvent, Token};
+use hbot_api::{DroppedEvent, FaultEvent, HelloOk, LeaseCause, SceneEvent, Token, Trust};
 use serde_json::Value;
 
 use mailbox::Outgoing;
@@ -36,6 +36,8 @@ pub struct Options {
     pub server: String,
     /// What the server asks for, where it does.
     pub token: Option<Token>,
+    /// Whom to believe, where the server encrypts; `None` for plain TCP. It holds for every connection, to whichever server.
+    pub trust: Option<Trust>,
     /// Never take the lease unasked.
     pub observe: bool,
     /// States of a second of the loop's time.
@@ -43,10 +45,16 @@ pub struct Options {
 }
 
 impl Options {
-    /// A server at `server` without a token; the lease is taken where it is free.
+    /// A server at `server` without a token or encryption; the lease is taken where it is free.
     #[must_use]
     pub fn new(server: &str) -> Self {
-        Self { server: server.to_owned(), token: None, observe: false, samples_per_s: DEFAULT_SAMPLES_PER_S }
+        Self {
+            server: server.to_owned(),
+            token: None,
+            trust: None,
+            observe: false,
+            samples_per_s: DEFAULT_SAMPLES_PER_S,
+        }
     }
 }
 

@@ -40,7 +40,7 @@ pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) 
                 Session::new(client, &mut options, outgoing, mailbox).run()
             }
             Err(ClientError::NoServer { .. }) => Over::Absent,
-            Err(error) => Over::Lost(error.to_string()),
+            Err(error) => Over::Lost(in_words(&error)),
         };
         match over {
             Over::Window => return,
@@ -65,10 +65,19 @@ pub(super) fn connect(options: &Options, name: &str) -> Result<Client, ClientErr
     let connect = ConnectOptions {
         token: options.token.clone(),
         encoding: Encoding::Msgpack,
+        trust: options.trust.clone(),
         timeout: ANSWER_TIMEOUT,
         ..ConnectOptions::new(name)
     };
     Client::connect_with(&options.server, &connect)
+}
+
+/// Why there is no connection. Where it is a matter of certificates, with what mends it: they are named at the panel's start.
+pub(super) fn in_words(error: &ClientError) -> String {
+    match error {
+        ClientError::Tls(_) => format!("hbot-gui --ca FILE names whom to trust: {error}"),
+        _ => error.to_string(),
+    }
 }
 
 /// Waits without a connection; false where the window is gone.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use hbot_api::{Client, ClientError};
 
 use super::mailbox::{Mailbox, Outgoing};
-use super::session::connect;
+use super::session::{connect, in_words};
 use super::{Intent, News, Options};
 
 /// How often events are read away, and a lost connection is made again.
@@ -70,7 +70,8 @@ fn run(mut options: Options, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoin
                     }
                 }
                 let result = result.map_err(|error| {
-                    format!("the server has not confirmed the stop ({error}): cut the motors' power")
+                    let why = in_words(&error);
+                    format!("the server has not confirmed the stop ({why}): cut the motors' power")
                 });
                 mailbox.post(News::Answer { intent: Intent::Stop, result });
             }

@@ -12,12 +12,14 @@ use eframe::egui::accesskit::Role;
 use eframe::egui::{self, Key};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use hbot_api::{Client, Event, StateEvent};
+use hbot_api::{Client, ConnectOptions, Event, StateEvent, Trust};
 use hbot_config::{RigConfig, SceneFile};
 use hbot_gui::{Folders, Options, Panel};
 use hbot_server::server::{Options as ServerOptions, Server, Time};
 use hbot_server::service::Status;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
+
+use crate::identity::Identity;
 
 /// How long a test waits for what must come. It never says how fast anything is.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
@@ -42,6 +44,8 @@ pub(crate) struct Bench {
     pub(crate) address: SocketAddr,
     shutdown: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
+    /// Of clients of this server, where it encrypts.
+    trust: Option<Trust>,
     /// Held for the next test to wait for.
     alone: Option<MutexGuard<'static, ()>>,
 }
@@ -56,11 +60,20 @@ pub(crate) struct Setup<'a> {
     pub(crate) address: SocketAddr,
     /// What clients must know.
     pub(crate) token: Option<&'a str>,
+    /// Certificate and key of a server that encrypts, PEM.
+    pub(crate) tls: Option<&'a Identity>,
 }
 
 impl Default for Setup<'_> {
     fn default() -> Self {
-        Self { scene: STILL, rig: &[], paced: false, address: ([127, 0, 0, 1], 0).into(), token: None }
+        Self {
+            scene: STILL,
+            rig: &[],
+            paced: false,
+            address: ([127, 0, 0, 1], 0).into(),
+            token: None,
+            tls: None,
+        }
     }
 }
 
@@ -83,7 +96,10 @@ impl Bench {
             assert!(rig.contains(from), "the prototype has {from:?}");
             rig = rig.replace(from, to);
         }
-        let rig = RigConfig::from_toml(&rig, "test.toml").expect("a legal rig");
+        let mut rig = RigConfig::from_toml(&rig, "test.toml").expect("a legal rig");
+        // Read when the server starts.
+        let files = setup.tls.map(Identity::files);
+        rig.api.tls = files.as_ref().map(|(_, files)| files.clone());
         let scene = SceneFile::from_toml(setup.scene, "test.toml").expect("a legal scene");
         let (paced, listen) = (setup.paced, setup.address);
         let token = setup.token.map(str::to_owned);
@@ -122,12 +138,15 @@ impl Bench {
             });
         });
         let address = started.recv().expect("the server starts");
-        Self { address, shutdown: Some(shutdown), thread: Some(thread), alone: None }
+        drop(files);
+        let trust = setup.tls.map(Identity::trust);
+        Self { address, shutdown: Some(shutdown), thread: Some(thread), trust, alone: None }
     }
 
     /// A client of its own.
     pub(crate) fn client(&self, name: &str) -> Client {
-        Client::connect(&self.address.to_string(), name).expect("the server listens")
+        let options = ConnectOptions { trust: self.trust.clone(), ..ConnectOptions::new(name) };
+        Client::connect_with(&self.address.to_string(), &options).expect("the server listens")
     }
 
     pub(crate) fn stop(mut self) {

@@ -9,6 +9,7 @@ use hbot_gui::Options;
 
 use crate::bench::{Bench, Seat, Setup, Wire, Witness, alone};
 use crate::controls::seated;
+use crate::identity::Identity;
 
 #[test]
 fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes() {
@@ -38,6 +39,73 @@ fn a_server_that_refuses_says_why() {
     let token = Some("a token of some length".to_owned().into());
     let mut seat = Seat::with(Options { token, ..Options::new(&bench.address.to_string()) });
     seat.until_text("you command");
+}
+
+#[test]
+fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_back() {
+    let _alone = alone();
+    let ours = Identity::new();
+    let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
+    let setup = Setup { address: free, tls: Some(&ours), ..Setup::default() };
+    let options = Options { samples_per_s: 2, trust: Some(ours.trust()), ..Options::new(&free.to_string()) };
+    let mut seat = Seat::with(options);
+    seat.until_text("No server at");
+    for _ in 0..2 {
+        let bench = Bench::beside(&setup);
+        seat.until_text("ACTIVE");
+        seat.until_text("you command");
+        // The stop has a connection of its own, which must be encrypted as well.
+        let mut witness = Witness::new(&bench);
+        seat.click("Stop");
+        witness.state("stopped", |state| state.mode == Mode::Estop);
+        seat.until_text("ESTOP");
+        // Where it is not, the session is asked next, and this told.
+        assert!(!seat.shows("has not confirmed the stop"), "{}", seat.texts());
+        bench.stop();
+        seat.until_text("No server at");
+    }
+    // In its place another with a certificate of its own, of the same name.
+    let stranger = Identity::new();
+    let bench = Bench::beside(&Setup { tls: Some(&stranger), ..setup });
+    seat.until_text("hbot-gui --ca FILE names whom to trust");
+    assert!(seat.shows("No connection to") && seat.shows("is not trusted"), "{}", seat.texts());
+    assert!(seat.shows("name the server's own, or the authority's that signed it"), "{}", seat.texts());
+    assert!(!seat.shows("OtherError") && !seat.is_enabled("Enable"), "{}", seat.texts());
+    bench.stop();
+    // And one that does not encrypt.
+    let bench = Bench::beside(&Setup { tls: None, ..setup });
+    seat.until_text("the server does not encrypt: leave out the certificate");
+    bench.stop();
+}
+
+#[test]
+fn a_server_that_encrypts_says_so_to_a_panel_without_a_certificate() {
+    let ours = Identity::new();
+    let bench = Bench::start(&Setup { tls: Some(&ours), ..Setup::default() });
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("hbot-gui --ca FILE names whom to trust");
+    assert!(seat.shows("the server encrypts: name its certificate"), "{}", seat.texts());
+    // The stop is not lost without a word.
+    seat.click("Stop");
+    seat.until_text("the server has not confirmed the stop (hbot-gui --ca FILE names whom to trust");
+    assert!(seat.shows("cut the motors' power"), "{}", seat.texts());
+}
+
+#[test]
+fn a_certificate_that_cannot_be_used_is_told_before_there_is_a_window() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("no.pem");
+    std::fs::write(&file, "no certificate").expect("written");
+    for (name, why) in [("no.pem", "no certificate in it"), ("absent.pem", "cannot be read")] {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
+            .arg("--ca")
+            .arg(folder.path().join(name))
+            .output()
+            .expect("it runs");
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(1));
+        assert!(said.contains("error: --ca: ") && said.contains(name) && said.contains(why), "{said}");
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod bench;
 mod connection;
 mod controls;
+mod identity;
 mod plots;
 mod scene;
 mod window;

@@ -1,4 +1,4 @@
-//! A real window on a display of its own (Xvfb), drawn in software, in five situations. The pictures stay in the build's
+//! A real window on a display of its own (Xvfb), drawn in software, in seven situations. The pictures stay in the build's
 //! folder for people to look at.
 
 use std::io::{BufRead as _, BufReader};
@@ -7,6 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::bench::{Bench, PATIENCE, Setup, alone};
+use crate::identity::Identity;
 
 /// A display without a screen.
 struct Display {
@@ -47,6 +48,11 @@ impl Drop for Display {
 
 /// Runs the panel until it has taken a picture of itself.
 fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &str) -> Vec<u8> {
+    picture_with(display, name, &["--server", server], size, theme)
+}
+
+/// The same with what else the panel is told.
+fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], theme: &str) -> Vec<u8> {
     let path = folder().join(format!("{name}.png"));
     // The one for people shows curves over all of its width.
     let after = if name == "running" { "12" } else { "4" };
@@ -54,7 +60,8 @@ fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &
     let _ = std::fs::remove_file(&path);
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
     let mut panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
-        .args(["--server", server, "--theme", theme, "--picture-after", after])
+        .args(args)
+        .args(["--theme", theme, "--picture-after", after])
         .arg(format!("--size={}x{}", size[0], size[1]))
         .arg("--picture")
         .arg(&path)
@@ -110,7 +117,7 @@ const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 const DESKTOP: [u32; 2] = [1280, 800];
 
 #[test]
-fn pictures_of_five_situations() {
+fn pictures_of_seven_situations() {
     let _alone = alone();
     let Some(display) = Display::start() else { return };
     let bench = |scene: &str, rig: &[(&str, &str)]| {
@@ -141,6 +148,21 @@ fn pictures_of_five_situations() {
     let pixels = picture(&display, "saturated", &saturated.address.to_string(), DESKTOP, "dark");
     assert!(count(&pixels, STOP) > 10_000 && count(&pixels, BAD) > 200, "the meters are at their ends");
     saturated.stop();
+
+    let ours = Identity::new();
+    let encrypted =
+        Bench::beside(&Setup { scene: spring, paced: true, tls: Some(&ours), ..Setup::default() });
+    let address = encrypted.address.to_string();
+    let (ca, other) = (folder().join("ours.pem"), folder().join("other.pem"));
+    std::fs::write(&ca, &ours.certificate).expect("written");
+    std::fs::write(&other, Identity::new().certificate).expect("written");
+    let [ca, other] = [ca, other].map(|path| path.to_str().expect("UTF-8").to_owned());
+    let pixels = picture_with(&display, "encrypted", &["--server", &address, "--ca", &ca], DESKTOP, "dark");
+    assert!(count(&pixels, N3) > 200, "axes and curves are drawn");
+    let args = ["--server", &address, "--ca", &other];
+    let pixels = picture_with(&display, "wrong-certificate", &args, DESKTOP, "dark");
+    assert!(count(&pixels, STOP) > 10_000 && count(&pixels, N3) < 50, "nothing is drawn of a stranger's");
+    encrypted.stop();
 
     let fault = bench("name = \"Nothing\"", &[("speed = 30 ", "speed = 0.05 ")]);
     let address = fault.address.to_string();

@@ -4,7 +4,7 @@
 use std::fmt;
 
 use hbot_core::MAX_JOINTS;
-use hbot_core::inputs::Complaints;
+use hbot_core::inputs::{Complaints, JointFeedback};
 
 use super::{Bench, Silent};
 use crate::wire::Wire;
@@ -44,14 +44,18 @@ pub enum Verdict {
     Good,
     /// It turned before there was any torque.
     Turns,
-    /// It did not move.
+    /// It did not move, and nor did any other.
     Stands,
+    /// Its counts did not move, and those of this joint did.
+    Another(usize),
+    /// Its counts did not move, though its controller reports rates.
+    CountsStand,
     /// It turns towards smaller counts under a positive torque.
     Reversed,
-    /// By its rates it turned this many times as far as by its counts.
+    /// By its counts it turned this many times as far as by its rates: by so much its gear in the rig file is too small.
     Gear(f64),
-    /// It was stopped because it turned faster than was allowed.
-    TooFast,
+    /// It was stopped because this joint turned faster than was allowed.
+    TooFast(usize),
     /// Its controller complains.
     Complains(Complaints),
 }
@@ -61,17 +65,49 @@ impl fmt::Display for Verdict {
         match self {
             Self::Good => f.write_str("good"),
             Self::Turns => f.write_str("it turned before there was any torque: let it come to rest"),
-            Self::Stands => f.write_str("it did not move: raise --torque, free the wheel, or check the motor's leads"),
+            Self::Stands => f.write_str(
+                "its counts did not move. Where the wheel did, its encoder is dead: check the encoder's cable, and do not raise \
+                 --torque, since nothing watches how fast it turns. Where it did not: raise --torque, free the wheel, or check the motor's \
+                 leads",
+            ),
+            Self::Another(joint) => write!(
+                f,
+                "its counts did not move, those of joint {} did: the motors or the encoders of the two are exchanged, or its own encoder \
+                 is dead and the sphere has taken the other along (take it out)",
+                joint + 1
+            ),
+            Self::CountsStand => f.write_str(
+                "its counts did not move, though its controller reports a rate: check the encoder's cable and the controller's settings",
+            ),
             Self::Reversed => f.write_str(
                 "its counts fall under a positive torque, which in a closed loop runs away: exchange two leads of the motor, or A and \
                  B of the encoder",
             ),
+            Self::Gear(ratio) if !ratio.is_finite() => {
+                f.write_str("its counts move, but its controller reports no rate: correct its settings or its firmware")
+            }
             Self::Gear(ratio) => write!(
                 f,
-                "its rates say {ratio:.3} times what its counts say: correct gear (by that factor) or counts_per_turn"
+                "its counts say {ratio:.3} times what its rates say: gear in the rig file is too small by that factor, its controller \
+                 reports another rate than that of the joint after the gear, or `controller` is another joint's"
             ),
-            Self::TooFast => f.write_str("stopped: it turned faster than --speed allows"),
-            Self::Complains(complaints) => write!(f, "its controller complains: {complaints:?}"),
+            Self::TooFast(joint) => write!(
+                f,
+                "stopped: joint {} turned faster than --speed allows. Lower --torque; a wheel that is free is quick",
+                joint + 1
+            ),
+            Self::Complains(complaints) => {
+                let all = [
+                    (complaints.fault, "a fault of its own: read its display or log"),
+                    (complaints.watchdog, "nothing heard within its watchdog time: this machine was busy, or the line is bad"),
+                    (complaints.overcurrent, "too much current: lower --torque, or check the motor's leads"),
+                    (complaints.overtemperature, "too hot: let it cool down"),
+                ];
+                f.write_str("a controller complains: ")?;
+                let mut told = all.iter().filter(|(is, _)| *is).map(|(_, what)| *what);
+                f.write_str(told.next().unwrap_or("nothing any more"))?;
+                told.try_for_each(|what| write!(f, "; {what}"))
+            }
         }
     }
 }
@@ -90,7 +126,10 @@ pub fn test<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64
 fn push<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Silent> {
     let period = bench.period_s();
     let before = bench.exchange(None)?;
-    let start = before.counts[joint];
+    let joints = bench.rig().device.joints();
+    let moved = |bench: &Bench<W>, reading: &JointFeedback, j: usize| {
+        bench.turned(j, reading.counts[j].wrapping_sub(before.counts[j]))
+    };
     let mut outcome =
         Outcome { joint, torque, moved: 0.0, by_rate: 0.0, fastest: 0.0, verdict: Verdict::Stands };
     // What would be called motion within the test without any torque says nothing of it; nor does a rate that is no number.
@@ -98,13 +137,14 @@ fn push<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64) ->
         outcome.verdict = Verdict::Turns;
         return Ok(outcome);
     }
-    let mut last_rate = 0.0;
+    let (mut last_rate, mut last, mut too_fast) = (0.0, before, None);
     for k in 1..=((RISE_S + HOLD_S) / period) as u32 {
         let mut asked = [0.0; MAX_JOINTS];
         asked[joint] = torque * (f64::from(k) * period / RISE_S).min(1.0);
         let reading = bench.exchange(Some(&asked))?;
         let rate = reading.rates[joint];
-        outcome.moved = bench.turned(joint, reading.counts[joint].wrapping_sub(start));
+        last = reading;
+        outcome.moved = moved(bench, &reading, joint);
         outcome.by_rate += 0.5 * (rate + last_rate) * period;
         outcome.fastest = outcome.fastest.max(rate.abs());
         last_rate = rate;
@@ -112,22 +152,31 @@ fn push<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64) ->
             outcome.verdict = Verdict::Complains(reading.complaints);
             return Ok(outcome);
         }
-        // A rate that is not a number is not slow either.
-        if !(rate.abs() <= speed) {
-            outcome.verdict = Verdict::TooFast;
-            return Ok(outcome);
+        // Whichever the motor turns, by how it is wired. A rate that is not a number is not slow either.
+        too_fast = (0..joints).find(|j| !(reading.rates[*j].abs() <= speed));
+        if too_fast.is_some() {
+            break;
         }
         if outcome.moved.abs() > FAR || outcome.by_rate.abs() > FAR {
             break;
         }
     }
     let along = outcome.moved * torque.signum();
-    outcome.verdict = if along.abs() < STILL && outcome.by_rate.abs() < STILL {
-        Verdict::Stands
-    } else if along < 0.0 {
+    outcome.verdict = if along <= -STILL {
+        // Said even of one that was too fast: this is why it would run away.
         Verdict::Reversed
+    } else if let Some(joint) = too_fast {
+        Verdict::TooFast(joint)
+    } else if along < STILL {
+        let far = |j: &usize| moved(bench, &last, *j).abs();
+        let furthest = (0..joints).filter(|j| *j != joint).max_by(|a, b| far(a).total_cmp(&far(b)));
+        match furthest.filter(|j| far(j) >= STILL) {
+            _ if outcome.by_rate.abs() >= STILL => Verdict::CountsStand,
+            Some(other) => Verdict::Another(other),
+            None => Verdict::Stands,
+        }
     } else if !((outcome.by_rate / outcome.moved - 1.0).abs() < DISAGREEMENT) {
-        Verdict::Gear(outcome.by_rate / outcome.moved)
+        Verdict::Gear(outcome.moved / outcome.by_rate)
     } else {
         Verdict::Good
     };

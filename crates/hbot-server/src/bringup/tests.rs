@@ -1,5 +1,7 @@
 //! Simulated rigs with something wrong, which must be caught and named.
 
+mod wiring;
+
 use hbot_sim::controller::Fault;
 
 use super::calibrate::{Calibration, Counts, calibrate};
@@ -60,9 +62,10 @@ fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
     let mut geared = bench(|c| c.joints[1].gear = 20.0, false, |_| ());
     let Verdict::Gear(ratio) = test(&mut geared, 1, 0.01, 50.0).unwrap().verdict else { panic!("not seen") };
     // A real gear of 20 where the file says 17: counts say 20/17 of what the rates say, to a count in some thousand.
-    assert!((ratio - 17.0 / 20.0).abs() < 0.01, "{ratio}");
+    assert!((ratio - 20.0 / 17.0).abs() < 0.01, "{ratio}");
+    assert!(Verdict::Gear(ratio).to_string().contains("gear in the rig file is too small by that factor"));
     let outcome = test(&mut bench(|_| (), false, |_| ()), 1, 0.05, 0.5).unwrap();
-    assert_eq!(outcome.verdict, Verdict::TooFast);
+    assert_eq!(outcome.verdict, Verdict::TooFast(1));
 }
 
 /// A line whose controllers push joint 1 the wrong way round: two leads of its motor are exchanged.

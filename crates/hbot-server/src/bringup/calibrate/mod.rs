@@ -2,14 +2,17 @@
 //!
 //! A sphere that turns without slip moves 2n joints by 3 numbers: what is left over, the slip that the encoders see, is zero only where
 //! the rig is as its file says. First all signs are tried with zeros on a grid, wheel by wheel (`search`); then zeros, radii and cones
-//! are fitted together (`fit`).
+//! are fitted together (`fit`). What that cannot explain may be wired otherwise (`wiring`).
 
 mod fit;
 mod search;
+mod wiring;
 
 use hbot_core::Rig;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::kinematics::Posture;
+
+pub use wiring::{exchanged, explains, still};
 
 /// Zeros known worse than this are not known, rad.
 const KNOWN: f64 = 0.05;

@@ -1,0 +1,35 @@
+//! Certificates of servers that encrypt.
+
+use hbot_api::Trust;
+use hbot_config::rig::TlsFiles;
+use rcgen::{BasicConstraints, CertificateParams, IsCa, KeyPair};
+
+/// What a server that encrypts shows of itself. It signs itself, as in docs/api.md.
+pub(crate) struct Identity {
+    pub(crate) certificate: String,
+    key: String,
+}
+
+impl Identity {
+    pub(crate) fn new() -> Self {
+        let mut params = CertificateParams::new(["rig.local".to_owned()]).expect("a name");
+        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+        let key = KeyPair::generate().expect("a key");
+        let certificate = params.self_signed(&key).expect("a certificate").pem();
+        Self { certificate, key: key.serialize_pem() }
+    }
+
+    pub(crate) fn trust(&self) -> Trust {
+        Trust::from_pem(self.certificate.as_bytes()).expect("a certificate")
+    }
+
+    /// For as long as the folder is kept.
+    pub(crate) fn files(&self) -> (tempfile::TempDir, TlsFiles) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let files =
+            TlsFiles { certificate: folder.path().join("rig.pem"), key: folder.path().join("rig.key") };
+        std::fs::write(&files.certificate, &self.certificate).expect("written");
+        std::fs::write(&files.key, &self.key).expect("written");
+        (folder, files)
+    }
+}

@@ -1,0 +1,78 @@
+//! What `hbot rig calibrate` says of rigs with something wrong.
+
+use super::*;
+
+/// The counts of the simulated prototype while a hand turns it.
+fn watched() -> Vec<Counts> {
+    let mut bench = open(&RigConfig::prototype(), true).unwrap();
+    watch(&mut bench, 20).unwrap()
+}
+
+/// The prototype's file with a mistake in it.
+fn mistaken(from: &str, to: &str) -> RigConfig {
+    let file = include_str!("../../../rigs/prototype.toml");
+    assert!(file.contains(from), "the prototype has no {from:?}");
+    RigConfig::from_toml(&file.replacen(from, to, 1), "mistaken.toml").unwrap()
+}
+
+#[test]
+fn a_rig_that_is_as_its_file_says_passes() {
+    let (words, as_filed) = told(&RigConfig::prototype(), &watched()).unwrap();
+    assert!(as_filed && !words.contains("set wheel"), "{words}");
+}
+
+#[test]
+fn two_exchanged_joints_are_named_and_no_zeros_are_made_of_them() {
+    for (a, b) in [(0, 2), (1, 3), (0, 1)] {
+        let mut counts = watched();
+        counts.iter_mut().for_each(|now| now.swap(a, b));
+        let (words, as_filed) = told(&RigConfig::prototype(), &counts).unwrap();
+        assert!(!as_filed && !words.contains("zero_offset"), "{words}");
+        assert!(words.contains(&format!("were joints {} and {} exchanged", a + 1, b + 1)), "{words}");
+    }
+}
+
+#[test]
+fn a_dead_encoder_is_named_and_no_zeros_are_made_of_it() {
+    for joint in 0..4 {
+        let mut counts = watched();
+        // It trembles between two counts.
+        counts.iter_mut().enumerate().for_each(|(k, now)| now[joint] = 77 + (k % 2) as i32);
+        let (words, as_filed) = told(&RigConfig::prototype(), &counts).unwrap();
+        assert!(!as_filed && !words.contains("zero_offset"), "{words}");
+        let named = format!("joint {}, {}:", joint + 1, joint_name(&RigConfig::prototype(), joint));
+        assert!(words.contains(&named) && words.contains("encoder is dead"), "{words}");
+        assert_eq!(words.lines().count(), 1, "{words}");
+    }
+    assert!(told(&RigConfig::prototype(), &[[5; 16]; 100]).is_err(), "nobody has turned the sphere");
+}
+
+#[test]
+fn a_wrong_gear_is_neither_a_radius_nor_a_zero() {
+    // Of the first drive: the wheel seems larger by what the gear is too large.
+    let (words, as_filed) = told(&mistaken("gear = 17 ", "gear = 20 "), &watched()).unwrap();
+    assert!(!as_filed && words.contains("wheel A rolls 18 % further than wheel B"), "{words}");
+    assert!(words.contains("the gear of one drive is wrong"), "{words}");
+    let (words, as_filed) = told(&mistaken("gear = 1 ", "gear = 2 "), &watched()).unwrap();
+    assert!(!as_filed && words.contains("a wrong gear") && !words.contains("zero_offset"), "{words}");
+}
+
+#[test]
+fn every_set_of_wrong_signs_is_named() {
+    let rig = RigConfig::prototype();
+    let counts = watched();
+    for set in 0..16_usize {
+        let wrong = |joint: usize| set >> joint & 1 == 1;
+        let mut now = counts.clone();
+        for reading in &mut now {
+            (0..4).filter(|joint| wrong(*joint)).for_each(|joint| reading[joint] = -reading[joint]);
+        }
+        let (words, as_filed) = told(&rig, &now).unwrap();
+        assert_eq!(as_filed, set == 0, "{words}");
+        for joint in 0..4 {
+            let named = words.contains(&format!("set {}.sign = -1", key(joint)));
+            assert_eq!(named, wrong(joint), "joint {} of {set:04b}: {words}", joint + 1);
+        }
+        assert!(!words.contains("zero_offset"), "{set:04b}: {words}");
+    }
+}

@@ -1,0 +1,138 @@
+//! What a server does, on motor controllers that are not simulated by itself, before anybody enables it; and which it refuses.
+
+use std::path::Path;
+use std::time::Instant;
+
+use hbot_config::RigConfig;
+use hbot_link::Command;
+use predicates::prelude::PredicateBooleanExt as _;
+use predicates::str::contains;
+use rustix::process::Signal;
+
+use crate::far::Far;
+use crate::process::{Lines, PATIENCE, Process, hbot, patient_rig};
+
+fn run(args: &[&str]) -> assert_cmd::assert::Assert {
+    assert_cmd::Command::from_std(hbot()).args(args).timeout(PATIENCE).assert()
+}
+
+/// A thousand ticks from now.
+fn a_while(client: &mut Lines) -> serde_json::Value {
+    let from = client.state(|_| true)["tick"].as_u64().expect("a tick");
+    client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > from + 1000))
+}
+
+fn watched(server: &Process) -> Lines {
+    let mut client = Lines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "subscribe", "every": 20}"#);
+    client
+}
+
+#[test]
+fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enables_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rig = patient_rig(folder.path());
+    let Some(far) = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig")) else { return };
+    // A scene that pushes always, so that nothing but the mode holds it back.
+    let scene = folder.path().join("push.toml");
+    std::fs::write(
+        &scene,
+        "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n",
+    )
+    .expect("written");
+    let args = ["--rig", &rig, "--port", &far.path, "--scene", scene.to_str().expect("UTF-8")];
+    let start = || Process::start(&args, folder.path());
+
+    let server = start();
+    let mut client = watched(&server);
+    // A machine that stood still for 20 ms has made a fault of it, in which there is no torque either.
+    let state = a_while(&mut client);
+    assert!(state["mode"] == "idle" || state["mode"] == "fault", "{state}");
+    let enabled = |command: &Command| command.enable;
+    assert!(!far.any_after(0, enabled), "motors on that nobody asked for");
+    client.ask(r#"{"id": 2, "op": "acquire"}"#);
+    let begun = Instant::now();
+    while !far.pushed() {
+        assert!(begun.elapsed() < PATIENCE, "no torque came about");
+        // A machine that stood still for 20 ms has made a deadline fault.
+        client.ask(r#"{"id": 3, "op": "reset"}"#);
+        client.ask(r#"{"id": 4, "op": "enable"}"#);
+    }
+    // The PC loses its power while the sphere pushes, and somebody, or something, starts the server again.
+    server.signal(Signal::KILL);
+    server.end();
+    let before = far.count();
+    let server = start();
+    let mut client = watched(&server);
+    let state = a_while(&mut client);
+    assert!(state["mode"] == "idle" || state["mode"] == "fault", "{state}");
+    assert!(far.count() > before + 1000 && !far.any_after(before, enabled), "it goes on by itself");
+}
+
+#[test]
+fn a_port_that_a_server_has_open_is_no_other_programs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rig = patient_rig(folder.path());
+    let Some(far) = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig")) else { return };
+    let server = Process::start(&["--rig", &rig, "--port", &far.path], folder.path());
+    for command in [
+        &["server", "--listen", "127.0.0.1:0"][..],
+        &["rig", "test", "--joint", "1", "--torque", "0.01"],
+        &["rig", "calibrate", "--seconds", "5"],
+    ] {
+        let which = ["--rig", &rig, "--port", &far.path];
+        run(&[command, &which].concat())
+            .failure()
+            .stderr(contains("another program has it open").and(contains(far.path.as_str())));
+    }
+    // The first goes on.
+    a_while(&mut watched(&server));
+    assert!(!far.any_after(0, |command| command.enable));
+}
+
+#[test]
+fn controllers_of_another_rig_than_the_files_are_refused_before_any_motor_is_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let Some(far) = Far::start(&RigConfig::prototype()) else { return };
+    let counts = folder.path().join("counts.toml");
+    let prototype = include_str!("../../rigs/prototype.toml");
+    let other = prototype.replacen("counts_per_turn = 16384", "counts_per_turn = 4096", 1);
+    assert_ne!(other, prototype, "the prototype's counts are written otherwise");
+    std::fs::write(&counts, other).expect("written");
+    for (rig, why) in [
+        (
+            counts.to_str().expect("UTF-8"),
+            "joint 1: its controller counts 16384 a turn, the rig file says 4096",
+        ),
+        ("rigs/three_wheels.toml", "have 4 joints, the rig file 6 there"),
+    ] {
+        for command in [
+            &["server", "--listen", "127.0.0.1:0"][..],
+            &["rig", "test", "--joint", "1", "--torque", "0.01"],
+            &["rig", "calibrate", "--seconds", "5"],
+        ] {
+            let which = ["--rig", rig, "--port", &far.path];
+            run(&[command, &which].concat()).failure().stderr(contains(why).and(contains("correct")));
+        }
+    }
+    assert!(!far.any_after(0, |command| command.enable));
+}
+
+#[test]
+fn a_rig_file_that_is_edited_while_the_server_runs_changes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rig = patient_rig(folder.path());
+    let server = Process::start(&["--rig", &rig, "--time", "virtual"], folder.path());
+    let mut client = watched(&server);
+    let limit =
+        |client: &mut Lines| client.ask(r#"{"id": 5, "op": "info"}"#)["ok"]["limits"]["torque"].clone();
+    assert_eq!(limit(&mut client), 0.9);
+    let edited = std::fs::read_to_string(&rig).expect("readable").replace("torque = 0.9 ", "torque = 0.1 ");
+    std::fs::write(&rig, edited).expect("written");
+    a_while(&mut client);
+    assert_eq!(limit(&mut client), 0.9);
+    // What other programs take for a wish to read their files again ends it.
+    server.signal(Signal::HUP);
+    client.until(|event| event["event"] == "stopping");
+    assert_eq!(server.end().1.code(), Some(0));
+}
