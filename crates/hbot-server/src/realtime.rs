@@ -25,7 +25,10 @@ pub fn real_time(priority: u8) -> Result<(), String> {
         ThreadPriority::Crossplatform(value),
         ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo),
     )
-    .map_err(|e| format!("{e:?}"))
+    .map_err(|error| match error {
+        thread_priority::Error::OS(code) => std::io::Error::from_raw_os_error(code).to_string(),
+        other => other.to_string(),
+    })
 }
 
 /// Locks the process's memory, now and later, so that no page fault meets the loop.

@@ -2,22 +2,21 @@
 //!
 //! Nothing here changes anything. Each finding has a mark, the numbers behind it, and where something is wanting, what to do.
 
+mod device;
 mod machine;
 mod punctuality;
 
-use std::path::Path;
 use std::thread;
 
-use rustix::fs::{Access, access};
 use rustix::process::{Resource, getrlimit};
 use serde::Serialize;
 
+pub use device::serial;
 pub use machine::Machine;
 pub use punctuality::{Punctuality, lead, punctuality, verdict};
 
 use crate::processor::Processor;
 use crate::realtime::{LOOP_PRIORITY, lock_memory, real_time};
-use crate::serial::LatencyTimer;
 
 /// Memory that a server locks, with room to spare, bytes.
 const MEMLOCK: u64 = 256 << 20;
@@ -85,41 +84,6 @@ pub fn rights() -> Vec<Finding> {
     vec![priority, memory]
 }
 
-/// A serial device: there, allowed, and quick.
-#[must_use]
-pub fn serial(port: &str) -> Vec<Finding> {
-    let path = Path::new(port);
-    if !path.exists() {
-        let found = format!("{port} is not there");
-        let mend =
-            "plug the controllers in and switch them on; `ls /dev/serial/by-id` shows what the system sees";
-        return vec![Finding::new("serial_device", Mark::NotSufficient, found, mend)];
-    }
-    let allowed = access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
-    let (mark, found) = if allowed {
-        (Mark::Good, format!("{port} may be read and written"))
-    } else {
-        (Mark::NotSufficient, format!("{port} may not be read and written by this user"))
-    };
-    let mend = "`sudo usermod -aG dialout $USER` and log in anew, or contrib/99-hbot.rules";
-    let mut findings = vec![Finding::new("serial_device", mark, found, mend)];
-    findings.push(match LatencyTimer::of(path) {
-        None => Finding::new(
-            "latency_timer",
-            Mark::Good,
-            format!("the driver of {port} has no latency timer"),
-            "",
-        ),
-        Some(timer) => Finding::new(
-            "latency_timer",
-            if timer.ms <= 1 { Mark::Good } else { Mark::NotSufficient },
-            format!("{port} holds readings back for up to {} ms", timer.ms),
-            &format!("`echo 1 | sudo tee {}`, or contrib/99-hbot.rules for good", timer.path.display()),
-        ),
-    });
-    findings
-}
-
 /// The processor that the rig file gives the loop, from 0.
 #[must_use]
 pub fn processor(number: u32) -> Finding {
@@ -128,16 +92,5 @@ pub fn processor(number: u32) -> Finding {
         Err(error) => {
             Finding::new("processor", Mark::NotSufficient, error.to_string(), "another one, or none")
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_port_that_is_not_there_is_told() {
-        let findings = serial("/dev/no-such-port");
-        assert_eq!((findings.len(), findings[0].mark), (1, Mark::NotSufficient));
     }
 }
