@@ -3,6 +3,7 @@
 mod bringup;
 mod commands;
 mod doctor;
+mod log;
 mod rig;
 mod scene;
 mod server;

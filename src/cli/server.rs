@@ -1,6 +1,6 @@
 //! `hbot server`: run the loop and the TCP service until somebody stops them.
 
-use std::io::IsTerminal as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -15,6 +15,7 @@ use hbot_study::expectation::{self, BRISK, Expectation};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 
+use super::log::Log;
 use super::{status, style};
 
 /// Options of `hbot server`. What is not given comes from the rig file.
@@ -109,7 +110,9 @@ impl ServerArgs {
 }
 
 pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
-    logging();
+    let log = logging()?;
+    log.tell_panics();
+    let _last_words = log.last_words();
     let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
     let scene = match &args.scene {
         Some(path) => SceneFile::from_path(path)?,
@@ -118,7 +121,7 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
     let token = token(&rig)?;
     let expected = expected(&mut rig, args.accuracy_target)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(serve(args, rig, scene, token, &expected))
+    runtime.block_on(serve(args, rig, scene, token, &expected, &log))
 }
 
 async fn serve(
@@ -127,6 +130,7 @@ async fn serve(
     scene: SceneFile,
     token: Option<String>,
     expected: &Expectation,
+    log: &Log,
 ) -> anyhow::Result<ExitCode> {
     let listen = rig.api.listen;
     let listener = tokio::net::TcpListener::bind(listen).await.with_context(|| in_use(listen))?;
@@ -177,7 +181,7 @@ async fn serve(
             let _ = control_in.try_send(Control::Estop);
         }
     });
-    let line = std::io::stderr().is_terminal().then(|| tokio::spawn(status::show(status)));
+    let line = std::io::stderr().is_terminal().then(|| tokio::spawn(status::show(status, log.clone())));
     let shutdown = async move {
         tokio::select! {
             _ = interrupt.recv() => {}
@@ -189,9 +193,11 @@ async fn serve(
     let finished = server.serve(listener, control, status_in, shutdown).await?;
     if let Some(line) = line {
         line.abort();
-        status::clear();
+        status::clear(log);
+        log.end();
     }
-    anstream::println!("{}", status::summary(&finished));
+    // The terminal may be what is gone.
+    let _ = writeln!(anstream::stdout(), "{}", status::summary(&finished));
     Ok(if finished.failed.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -222,21 +228,17 @@ fn too_slow(rig: &RigConfig) -> String {
 }
 
 /// Log lines on standard error, by default warnings and what the service does; `HBOT_LOG` says otherwise.
-fn logging() {
-    let filter = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+fn logging() -> anyhow::Result<Log> {
+    let asked = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG").ok();
     let terminal = std::io::stderr().is_terminal();
+    let log = Log::start(terminal, asked.is_some())?;
+    let writer = log.clone();
     tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(move || {
-            if terminal {
-                // The status line makes room; it is drawn again a moment later.
-                eprint!("{}", style::CLEAR_LINE);
-            }
-            std::io::stderr()
-        })
+        .with_env_filter(asked.unwrap_or_else(|| tracing_subscriber::EnvFilter::new("warn")))
+        .with_writer(move || writer.clone())
         .with_ansi(terminal)
         .init();
+    Ok(log)
 }
 
 /// What the server says at start: rig, port, rate, methods with what they cost and err, scene, address.

@@ -7,24 +7,25 @@ use hbot_server::server::Finished;
 use hbot_server::service::{Distribution, Status};
 use tokio::sync::watch;
 
+use super::log::Log;
 use super::style;
 
 /// Draws the status line five times a second, for ever.
-pub(crate) async fn show(mut status: watch::Receiver<Status>) {
+pub(crate) async fn show(mut status: watch::Receiver<Status>, log: Log) {
+    let plain = anstream::AutoStream::choice(&std::io::stderr()) == anstream::ColorChoice::Never;
     let mut beat = tokio::time::interval(Duration::from_millis(200));
     beat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
         beat.tick().await;
         let line = line(&status.borrow_and_update());
-        eprint!("{}", style::SAME_LINE);
-        anstream::eprint!("{line}");
-        eprint!("{}", style::LINE_END);
+        let line = if plain { anstream::adapter::strip_str(&line).to_string() } else { line };
+        log.draw(format!("{}{line}{}", style::SAME_LINE, style::LINE_END).into_bytes());
     }
 }
 
 /// Takes the status line away.
-pub(crate) fn clear() {
-    eprint!("{}", style::CLEAR_LINE);
+pub(crate) fn clear(log: &Log) {
+    log.draw(style::CLEAR_LINE.as_bytes().to_vec());
 }
 
 /// One line: time, mode, orientation, torque, how punctual, who is there.
