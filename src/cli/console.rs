@@ -21,6 +21,10 @@ const WAITING: usize = 1024;
 const BEAT: Duration = Duration::from_millis(200);
 /// How long a server that has ended waits for its last lines to be written.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// Where nobody has asked for more, so many lines of the log are written at once and then so many a second: a client that has one
+/// written by all that it does fills no disk.
+const BURST: f64 = 500.0;
+const PER_S: f64 = 20.0;
 
 /// Where a server writes.
 pub(crate) struct Console {
@@ -72,25 +76,26 @@ impl std::io::Write for Log {
 impl Console {
     /// Starts to write, log lines too: by default warnings and what is worse; `HBOT_LOG` says otherwise.
     pub(crate) fn start() -> Result<Self> {
+        let asked = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG").ok();
+        let rate = asked.is_none().then(Rate::full);
         let (queue, inbox) = sync_channel(WAITING);
         let lines = Lines { queue, lost: Arc::default() };
         let lost = lines.lost.clone();
         let (done, written) = channel();
         std::thread::Builder::new().name("hbot-console".to_owned()).spawn(move || {
-            Writer { lost, terminal: std::io::stderr().is_terminal(), drawn: false, failed: false }
-                .run(&inbox);
+            let terminal = std::io::stderr().is_terminal();
+            Writer { lost, terminal, drawn: false, failed: false, rate, left_out: 0 }.run(&inbox);
             drop(done);
         })?;
-        let filter = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG")
-            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
         let log = lines.clone();
         tracing_subscriber::fmt()
-            .with_env_filter(filter)
+            .with_env_filter(asked.unwrap_or_else(|| tracing_subscriber::EnvFilter::new("warn")))
             .with_writer(move || Log(log.clone()))
             .with_ansi(std::io::stderr().is_terminal())
             // It would complain on standard error itself, and panic where it cannot.
             .log_internal_errors(false)
             .init();
+        tell_panics(lines.clone());
         Ok(Self { lines, written })
     }
 
@@ -120,9 +125,45 @@ impl Console {
     }
 }
 
+/// Has panics told the same way. A loop that panics must not wait for a terminal before it switches the motors off.
+fn tell_panics(lines: Lines) {
+    std::panic::set_hook(Box::new(move |panic| {
+        let thread = std::thread::current();
+        let trace = std::backtrace::Backtrace::capture();
+        let text = format!("thread {:?}: {panic}\n{trace}\n", thread.name().unwrap_or("without a name"));
+        lines.put(Line::Log(text.into_bytes()));
+    }));
+}
+
+/// How many lines of the log may be written: a bucket that fills.
+struct Rate {
+    left: f64,
+    at: Instant,
+}
+
+impl Rate {
+    fn full() -> Self {
+        Self { left: BURST, at: Instant::now() }
+    }
+
+    fn allows(&mut self, now: Instant) -> bool {
+        let gained = now.duration_since(self.at).as_secs_f64() * PER_S;
+        self.at = now;
+        self.left = (self.left + gained).min(BURST);
+        let allowed = self.left >= 1.0;
+        if allowed {
+            self.left -= 1.0;
+        }
+        allowed
+    }
+}
+
 /// The thread that writes.
 struct Writer {
     lost: Arc<AtomicU64>,
+    rate: Option<Rate>,
+    /// Lines of the log that came too fast.
+    left_out: u64,
     terminal: bool,
     /// A status line stands in the terminal.
     drawn: bool,
@@ -140,13 +181,22 @@ impl Writer {
             };
             match line {
                 Ok(Line::Out(text)) => self.out(&text),
-                Ok(Line::Log(text)) => self.log(&text),
+                Ok(Line::Log(_)) if self.rate.as_mut().is_some_and(|rate| !rate.allows(Instant::now())) => {
+                    self.left_out += 1;
+                }
+                Ok(Line::Log(text)) => {
+                    self.tell_left_out();
+                    self.log(&text);
+                }
                 Ok(Line::Status(shown)) => {
                     status = shown.filter(|_| self.terminal);
                     self.clear();
                 }
                 Err(RecvTimeoutError::Timeout) => self.draw(status.as_ref()),
-                Ok(Line::End) | Err(RecvTimeoutError::Disconnected) => return self.clear(),
+                Ok(Line::End) | Err(RecvTimeoutError::Disconnected) => {
+                    self.tell_left_out();
+                    return self.clear();
+                }
             }
             let lost = self.lost.swap(0, Ordering::Relaxed);
             if lost > 0 {
@@ -161,6 +211,15 @@ impl Writer {
         let Err(error) = writeln!(out, "{text}").and_then(|()| out.flush()) else { return };
         if !std::mem::replace(&mut self.failed, true) {
             tracing::warn!(%error, "standard output cannot be written; the server goes on");
+        }
+    }
+
+    fn tell_left_out(&mut self) {
+        let left_out = std::mem::take(&mut self.left_out);
+        if left_out > 0 {
+            self.log(
+                format!("{left_out} lines of the log were left out; HBOT_LOG=warn shows all\n").as_bytes(),
+            );
         }
     }
 
@@ -191,4 +250,19 @@ impl Writer {
 fn error_out(bytes: &[u8]) {
     // Nowhere is left to say that it failed.
     let _ = std::io::stderr().write_all(bytes);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flood_of_lines_is_left_out_beyond_its_rate() {
+        let mut rate = Rate::full();
+        let start = rate.at;
+        let allowed = |rate: &mut Rate, at| (0..10_000).filter(|_| rate.allows(at)).count();
+        assert_eq!(allowed(&mut rate, start), BURST as usize);
+        assert_eq!(allowed(&mut rate, start + Duration::from_secs(1)), PER_S as usize);
+        assert_eq!(allowed(&mut rate, start + Duration::from_secs(3600)), BURST as usize);
+    }
 }

@@ -5,6 +5,7 @@ mod bringup;
 mod by_hand;
 mod design;
 mod far;
+mod log;
 mod output;
 mod phenomena;
 mod process;

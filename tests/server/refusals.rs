@@ -53,7 +53,13 @@ fn an_address_in_use() {
 
 #[test]
 fn another_machine_needs_a_token() {
-    run(&["server", "--listen", "0.0.0.0:0"]).failure().stderr(contains("--token-file"));
+    // Loopback by another name is not taken for it: whether it can be reached from elsewhere is the system's to say.
+    for other in ["0.0.0.0:0", "[::]:0", "[::ffff:127.0.0.1]:0", "[::ffff:0:0]:0"] {
+        run(&["server", "--listen", other]).failure().stderr(contains("--token-file"));
+        run(&["server", "--listen", "127.0.0.1:0", "--metrics", other])
+            .failure()
+            .stderr(contains("--token-file").and(contains("--metrics")));
+    }
     let short = file("secret");
     run(&["server", "--listen", "0.0.0.0:0", "--token-file", path(&short)])
         .failure()

@@ -53,6 +53,15 @@ impl Diagnostics {
         all.sort_by_key(|d| (d.line, d.column));
         Self(all)
     }
+
+    /// The same where there were more than are told.
+    pub(crate) fn cut_short(all: Vec<Diagnostic>) -> Self {
+        let Self(mut all) = Self::new(all);
+        let file = all.first().and_then(|first| first.file.clone());
+        let message = "... and more".to_owned();
+        all.push(Diagnostic { file, line: None, column: None, path: String::new(), message, legal: None });
+        Self(all)
+    }
 }
 
 impl std::ops::Deref for Diagnostics {

@@ -25,13 +25,20 @@ pub(crate) struct Report {
     places: HashMap<String, Place>,
     /// Paths whose values came from elsewhere, and from where.
     origins: Vec<(String, String)>,
+    /// At most [`MOST_MISTAKES`].
     found: Vec<Diagnostic>,
+    /// There were more than that.
+    more: bool,
 }
 
 struct Place {
     key: Option<Range<usize>>,
     value: Range<usize>,
 }
+
+/// So many mistakes are told; whoever made more of them mends those first. It also bounds how long a tree of nothing but mistakes, which
+/// a stranger may send, keeps its reader busy.
+const MOST_MISTAKES: usize = 100;
 
 /// A syntax error throws the parser off for a while; what it says after the first few helps nobody.
 const MOST_SYNTAX_ERRORS: usize = 10;
@@ -107,7 +114,18 @@ impl Report {
 
     /// Whether nothing was found at `path` and below it.
     pub(crate) fn clean_under(&self, path: &str) -> bool {
-        !self.found.iter().any(|d| is_under(&d.path, path))
+        // What is no longer looked for might be anywhere.
+        !self.is_full() && !self.found.iter().any(|d| is_under(&d.path, path))
+    }
+
+    /// Whether no further mistake will be told.
+    pub(crate) fn is_full(&self) -> bool {
+        self.found.len() == MOST_MISTAKES
+    }
+
+    /// Notes that there are more mistakes than are told.
+    pub(crate) fn more(&mut self) {
+        self.more = true;
     }
 
     /// Whether something was found at exactly `path`.
@@ -129,11 +147,15 @@ impl Report {
     pub(crate) fn finish<T>(self, value: Option<T>) -> Result<T, Diagnostics> {
         match value {
             Some(value) if self.found.is_empty() => Ok(value),
+            _ if self.more => Err(Diagnostics::cut_short(self.found)),
             _ => Err(Diagnostics::new(self.found)),
         }
     }
 
     fn push_at(&mut self, path: &str, key: bool, message: String, legal: Option<String>) {
+        if self.is_full() {
+            return self.more();
+        }
         let (mut file, mut line, mut column) = (self.file.clone(), None, None);
         if let Some((_, from)) = self.origins.iter().find(|(p, _)| is_under(path, p)) {
             file = Some(from.clone());

@@ -111,6 +111,10 @@ pub(crate) fn found(value: &Value) -> String {
 
 /// The one of `known` that was most likely meant by `word`.
 pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    // No key is as long, and the comparison takes time that grows with both.
+    if word.len() > 100 {
+        return None;
+    }
     // One slip in three letters, which lets `stiffnes` and `dampping` through but no other word.
     let most = (word.chars().count() / 3).max(1);
     known

@@ -32,10 +32,13 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
         Value::Array(array) => {
             let count = array.len() as u64;
             let enough = schema["minItems"].as_u64().is_none_or(|min| count >= min);
-            if !enough || schema["maxItems"].as_u64().is_some_and(|max| count > max) {
+            let most = schema["maxItems"].as_u64();
+            if !enough || most.is_some_and(|max| count > max) {
                 report.push(path, format!("found {}", found(value)), legal(schema));
             }
-            for (i, element) in array.iter().enumerate() {
+            // Those that are too many are not looked at.
+            let looked_at = most.and_then(|max| usize::try_from(max).ok()).unwrap_or(usize::MAX);
+            for (i, element) in array.iter().take(looked_at).enumerate() {
                 validate(&schema["items"], element, &format!("{path}[{i}]"), report);
             }
         }
@@ -79,6 +82,9 @@ fn validate_table(schema: &Value, table: &Map<String, Value>, path: &str, report
         if let Some(property) = properties.get(key) {
             validate(property, value, &at, report);
         } else if schema["additionalProperties"] == Value::Bool(false) {
+            if report.is_full() {
+                return report.more();
+            }
             let guess = did_you_mean(key, properties.keys().map(String::as_str));
             let guess = guess.map(|k| format!(" (did you mean `{k}`?)")).unwrap_or_default();
             let keys: Vec<&str> = properties.keys().map(String::as_str).collect();

@@ -1,8 +1,10 @@
 //! The flight log: what the loop did in the second before a fault and the 100 ms after it, as a file.
 //!
 //! Samples go into a ring that is there from the start. After a trigger the ring goes on for 100 ms and is then given out
-//! as a [`Flight`], which a blocking thread writes; whoever records never touches the disk.
+//! as a [`Flight`], which a blocking thread writes; whoever records never touches the disk. What comes within the 100 ms after a
+//! first trigger goes into the same log, which then goes on until 100 ms after the last of it.
 
+use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
@@ -30,13 +32,17 @@ pub struct FlightRecorder {
     next: usize,
     before_ticks: u64,
     after_ticks: u64,
-    trigger: Option<Trigger>,
+    /// Logs that have been begun: at most two, since one ends before a third can begin.
+    triggers: VecDeque<Trigger>,
     /// Logs begun so far, which tells files of one second apart.
     begun: u64,
 }
 
 struct Trigger {
+    /// What it is about.
     tick: u64,
+    /// The last tick of the log.
+    until: u64,
     path: PathBuf,
 }
 
@@ -47,7 +53,7 @@ impl FlightRecorder {
         let ticks =
             |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).div_ceil(period_ns.max(1));
         let (before_ticks, after_ticks) = (ticks(BEFORE), ticks(AFTER));
-        let capacity = usize::try_from(before_ticks + after_ticks + 1).unwrap_or(usize::MAX);
+        let capacity = usize::try_from(before_ticks + 2 * after_ticks + 1).unwrap_or(usize::MAX);
         Self {
             dir,
             ring: Vec::with_capacity(capacity),
@@ -55,7 +61,7 @@ impl FlightRecorder {
             next: 0,
             before_ticks,
             after_ticks,
-            trigger: None,
+            triggers: VecDeque::with_capacity(2),
             begun: 0,
         }
     }
@@ -69,28 +75,34 @@ impl FlightRecorder {
             self.ring[self.next] = *sample;
             self.next = if self.next + 1 == self.capacity { 0 } else { self.next + 1 };
         }
-        let done = self.trigger.as_ref().is_some_and(|t| sample.state.tick >= t.tick + self.after_ticks);
+        let done = self.triggers.front().is_some_and(|trigger| sample.state.tick >= trigger.until);
         if done { self.finish() } else { None }
     }
 
     /// Begins a log of what has happened in `tick`, whose sample has been pushed, and says where it will be. One that has
     /// been begun within the last 100 ms takes this one in.
     pub fn trigger(&mut self, tick: u64, what: &str) -> &Path {
-        if self.trigger.is_none() {
-            self.begun += 1;
-            let name = format!("{PREFIX}{}-{:03}-{what}{SUFFIX}", utc(SystemTime::now()), self.begun % 1000);
-            self.trigger = Some(Trigger { tick, path: self.dir.join(name) });
+        let until = tick + self.after_ticks;
+        match self.triggers.back_mut() {
+            Some(begun) if tick <= begun.tick + self.after_ticks => begun.until = until,
+            _ => {
+                self.begun += 1;
+                // Another server may have its logs in the same folder, and its faults in the same millisecond.
+                let (now, process) = (utc(SystemTime::now()), std::process::id());
+                let name = format!("{PREFIX}{now}-{process}-{:03}-{what}{SUFFIX}", self.begun % 1000);
+                self.triggers.push_back(Trigger { tick, until, path: self.dir.join(name) });
+            }
         }
-        self.trigger.as_ref().map_or(&self.dir, |trigger| &trigger.path)
+        self.triggers.back().map_or(&self.dir, |trigger| &trigger.path)
     }
 
-    /// Gives out a log that has been begun, complete or not.
+    /// Gives out the oldest log that has been begun, complete or not.
     pub fn finish(&mut self) -> Option<Flight> {
-        let trigger = self.trigger.take()?;
-        let first = trigger.tick.saturating_sub(self.before_ticks);
+        let Trigger { tick, until, path } = self.triggers.pop_front()?;
+        let wanted = tick.saturating_sub(self.before_ticks)..=until;
         let (newer, older) = self.ring.split_at(self.next);
-        let samples = older.iter().chain(newer).filter(|s| s.state.tick >= first).copied().collect();
-        Some(Flight { path: trigger.path, samples })
+        let samples = older.iter().chain(newer).filter(|s| wanted.contains(&s.state.tick)).copied().collect();
+        Some(Flight { path, samples })
     }
 }
 
@@ -111,17 +123,18 @@ impl Flight {
         let dir = self.path.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(dir)?;
         let part = self.path.with_extension("part");
-        let written = self.write_to(&part).and_then(|()| fs::rename(&part, &self.path));
+        let table = File::create_new(&part)?;
+        let written = self.write_to(table).and_then(|()| fs::rename(&part, &self.path));
         if written.is_err() {
             // What is left of it is of no use; that it could not be written is the error to tell.
             let _ = fs::remove_file(&part);
         }
         written?;
-        prune(dir)
+        prune(&self.path)
     }
 
-    fn write_to(&self, path: &Path) -> io::Result<()> {
-        let mut table = csv::Writer::from_writer(BufWriter::new(File::create(path)?));
+    fn write_to(&self, file: File) -> io::Result<()> {
+        let mut table = csv::Writer::from_writer(BufWriter::new(file));
         let joints = self.samples.first().map_or(0, |sample| sample.state.joints);
         table.write_record(header(joints))?;
         let mut row = Vec::new();
@@ -188,19 +201,26 @@ fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
     );
 }
 
-/// Removes the oldest logs beyond [`MAX_FILES`]; their names sort by time.
-fn prune(dir: &Path) -> io::Result<()> {
+/// Removes the oldest logs beyond [`MAX_FILES`], and what was left of those that a server had begun to write when it was killed;
+/// their names sort by time. The one at `newest` stays, whatever a clock that was set says of it.
+fn prune(newest: &Path) -> io::Result<()> {
+    let dir = newest.parent().unwrap_or(Path::new("."));
+    let is_log = |path: &Path| {
+        path.file_name().and_then(|name| name.to_str()).is_some_and(|name| {
+            name.starts_with(PREFIX) && (name.ends_with(SUFFIX) || name.ends_with(".part"))
+        })
+    };
     let mut logs: Vec<PathBuf> = fs::read_dir(dir)?
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| {
-            path.file_name()
-                .and_then(|name| name.to_str())
-                .is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX))
-        })
+        .filter(|path| is_log(path) && path != newest)
         .collect();
     logs.sort();
-    let surplus = logs.len().saturating_sub(MAX_FILES);
-    logs[..surplus].iter().try_for_each(fs::remove_file)
+    let surplus = (logs.len() + 1).saturating_sub(MAX_FILES);
+    logs[..surplus].iter().try_for_each(|log| match fs::remove_file(log) {
+        // Another server has had the same thought.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        result => result,
+    })
 }
 
 /// A moment as `20260131T235959.123Z`.
@@ -230,7 +250,80 @@ fn civil(days: u64) -> (u64, u64, u64) {
 
 #[cfg(test)]
 mod tests {
+    use hbot_config::RigConfig;
+    use hbot_core::inputs::{Inputs, MAX_COMMANDS};
+    use hbot_core::{CompiledScene, Controller};
+
     use super::*;
+    use crate::sample::{Counters, Timing};
+
+    fn sample(tick: u64) -> Sample {
+        let mut controller = Controller::new(RigConfig::prototype().rig);
+        let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;
+        let (timing, counters) = (Timing::default(), Counters::default());
+        Sample { state, t_ns: tick * 1_000_000, scene: 0, timing, counters, answers: [None; MAX_COMMANDS] }
+    }
+
+    /// The first and last tick of each log that a recorder gives out over `ticks`, where faults come in `faults`; without holes.
+    fn logs(faults: &[u64], ticks: u64) -> Vec<(u64, u64)> {
+        let mut recorder = FlightRecorder::new(PathBuf::from("flights"), 1_000_000);
+        let mut flights = Vec::new();
+        let mut like = sample(0);
+        for tick in 0..ticks {
+            like.state.tick = tick;
+            flights.extend(recorder.push(&like));
+            if faults.contains(&tick) {
+                recorder.trigger(tick, "estop");
+            }
+        }
+        let ends = flights.iter().map(|flight| {
+            let ticks: Vec<u64> = flight.samples.iter().map(|sample| sample.state.tick).collect();
+            assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 1), "{ticks:?}");
+            (ticks[0], ticks[ticks.len() - 1])
+        });
+        ends.collect()
+    }
+
+    #[test]
+    fn faults_in_quick_succession_each_have_their_second_before_and_tenth_after() {
+        assert_eq!(logs(&[2000], 5000), [(1000, 2100)]);
+        // Within the tenth after the first: one log, and it goes on.
+        assert_eq!(logs(&[2000, 2099], 5000), [(1000, 2199)]);
+        assert_eq!(logs(&[2000, 2050, 2100], 5000), [(1000, 2200)]);
+        // In what the second has made it longer by: a log of its own, while the first goes on.
+        assert_eq!(logs(&[2000, 2090, 2110, 2190], 5000), [(1000, 2190), (1110, 2290)]);
+        assert_eq!(logs(&[2000, 2101], 5000), [(1000, 2100), (1101, 2201)]);
+        // In every tick for half a second.
+        let all: Vec<u64> = (2000..2500).collect();
+        let logs = logs(&all, 5000);
+        assert!(logs.len() == 5 && logs[0] == (1000, 2200) && logs[4].1 == 2599, "{logs:?}");
+    }
+
+    #[test]
+    fn two_servers_with_faults_in_one_millisecond_and_what_a_killed_one_left_behind() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        // This process is told apart from others by its number.
+        let mut recorder = FlightRecorder::new(dir.path().to_owned(), 1_000_000);
+        recorder.push(&sample(5));
+        let name = recorder.trigger(5, "estop").to_str().unwrap().to_owned();
+        assert!(name.contains(&format!("-{}-001-estop.csv", std::process::id())), "{name}");
+        for i in 0..30 {
+            std::fs::write(at(&format!("flight-20000101T0000{i:02}.000Z-1-001-estop.part")), "cut").unwrap();
+        }
+        // The clock was wrong then, or is now: by their names these are of the future.
+        for i in 0..MAX_FILES {
+            std::fs::write(at(&format!("flight-99990101T0000{i:02}.000Z-1-001-estop.csv")), "").unwrap();
+        }
+        let flight = recorder.finish().unwrap();
+        flight.write().unwrap();
+        let left = std::fs::read_dir(dir.path()).unwrap().count();
+        assert!(flight.path.exists() && left == MAX_FILES, "{left} files");
+        assert!(!at("flight-20000101T000029.000Z-1-001-estop.part").exists(), "half a log is none");
+        // The same file is never written by two.
+        std::fs::write(flight.path.with_extension("part"), "another's").unwrap();
+        assert!(flight.write().is_err());
+    }
 
     #[test]
     fn days_have_their_dates() {

@@ -45,8 +45,10 @@ pub async fn serve(listener: TcpListener, control: mpsc::Sender<Control>, token:
             Ok((stream, _)) => {
                 let (control, token) = (control.clone(), Arc::clone(&token));
                 tokio::spawn(async move {
-                    // Who is too slow gets nothing.
-                    let _ = timeout(PATIENCE, answer(stream, &control, token.as_deref())).await;
+                    // Who is too slow gets nothing. Its place is kept meanwhile, so no more of this waits for the hub than there are places.
+                    if timeout(PATIENCE, answer(stream, &control, token.as_deref())).await.is_err() {
+                        let _ = control.send(Control::Refused(ErrorCode::BadRequest)).await;
+                    }
                     drop(place);
                 });
             }
@@ -65,11 +67,23 @@ async fn answer(
     while !request.windows(4).any(|end| end == b"\r\n\r\n") {
         let n = stream.read(&mut piece).await?;
         request.extend_from_slice(&piece[..n]);
-        if n == 0 || request.len() > REQUEST {
+        if n == 0 {
             return Ok(());
         }
+        if request.len() > REQUEST {
+            break;
+        }
     }
-    let (status, kind, body) = match judge(&String::from_utf8_lossy(&request), token) {
+    let judged = if request.len() > REQUEST {
+        Err("431 Request Header Fields Too Large")
+    } else {
+        judge(&String::from_utf8_lossy(&request), token)
+    };
+    if let Err(status) = judged {
+        // Where nobody counts any more, nobody asks how many.
+        let _ = control.send(Control::Refused(code(status))).await;
+    }
+    let (status, kind, body) = match judged {
         Ok(()) => match summary(control).await {
             Some(summary) => {
                 ("200 OK", "application/openmetrics-text; version=1.0.0; charset=utf-8", text(summary))
@@ -104,6 +118,15 @@ fn judge(request: &str, token: Option<&str>) -> Result<(), &'static str> {
     });
     let same = shown.is_some_and(|shown| bool::from(shown.as_bytes().ct_eq(token.as_bytes())));
     if same { Ok(()) } else { Err("401 Unauthorized") }
+}
+
+/// Under which of the API's codes a refusal is counted.
+fn code(status: &str) -> ErrorCode {
+    match status.get(..3) {
+        Some("401") => ErrorCode::Unauthorized,
+        Some("431") => ErrorCode::TooLarge,
+        _ => ErrorCode::BadRequest,
+    }
 }
 
 async fn summary(control: &mpsc::Sender<Control>) -> Option<Box<Summary>> {

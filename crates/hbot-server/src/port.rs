@@ -4,8 +4,8 @@ use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointFeedback};
 use hbot_core::outputs::Drive;
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME, ToController,
-    encode,
+    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
+    PROTOCOL_VERSION, ToController, encode,
 };
 
 use crate::sample::Counters;
@@ -41,14 +41,24 @@ pub(crate) struct Port<W> {
     pub(crate) sequence: Option<u32>,
     /// Damaged frames since the last tick.
     pub(crate) corrupt: u16,
-    /// The newest readings come from controllers that nobody has asked who they are.
+    /// Counts a turn of each joint of the rig.
+    turns: [u32; MAX_JOINTS],
+    /// Those who have said last who they are, are not those of the rig.
+    stranger: bool,
+    /// The newest readings come from controllers that nobody has asked who they are, or that are others.
     pub(crate) undescribed: bool,
     /// The controllers of a line that is back have lost power meanwhile.
     pub(crate) rebooted: bool,
 }
 
 impl<W: Wire> Port<W> {
-    pub(crate) fn new(wire: W, joints: Vec<(usize, usize)>, offsets: [i32; MAX_JOINTS]) -> Self {
+    /// `turns` are the counts a turn of each joint of the rig.
+    pub(crate) fn new(
+        wire: W,
+        joints: Vec<(usize, usize)>,
+        offsets: [i32; MAX_JOINTS],
+        turns: [u32; MAX_JOINTS],
+    ) -> Self {
         Self {
             wire,
             joints,
@@ -61,6 +71,8 @@ impl<W: Wire> Port<W> {
             complaints: Complaints::default(),
             sequence: None,
             corrupt: 0,
+            turns,
+            stranger: false,
             undescribed: false,
             rebooted: false,
         }
@@ -72,12 +84,15 @@ impl<W: Wire> Port<W> {
             counters.reopened += 1;
             self.decoder.reset();
             (self.cut, self.lost, self.rebooted) = (false, true, renewed.rebooted);
+            // Who they are has been asked before the line was given back.
+            self.stranger = false;
         }
-        self.undescribed = false;
+        self.undescribed = self.stranger;
         // A line that babbles faster than it is read is read on next tick.
         for _ in 0..4 {
             let n = self.wire.read(buffer).unwrap_or(0);
             let Self { decoder, joints, fresh, complaints, sequence, corrupt, undescribed, lost, .. } = self;
+            let (turns, stranger) = (&self.turns, &mut self.stranger);
             decoder.feed(&buffer[..n], |frame| match frame {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == joints.len() => {
                     *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
@@ -92,7 +107,10 @@ impl<W: Wire> Port<W> {
                     }
                 }
                 Ok(FromController::Feedback(_)) => counters.foreign_frames += 1,
-                Ok(FromController::Description(_)) => {}
+                Ok(FromController::Description(description)) => {
+                    *stranger = !expected(&description, joints, turns);
+                    *undescribed |= *stranger;
+                }
                 Err(_) => *corrupt = corrupt.saturating_add(1),
             });
             if n < buffer.len() {
@@ -138,6 +156,15 @@ impl<W: Wire> Port<W> {
         self.cut |= !whole;
         whole
     }
+}
+
+/// Whether controllers that describe themselves are those of `joints`, as before the first tick.
+fn expected(description: &Description, joints: &[(usize, usize)], turns: &[u32; MAX_JOINTS]) -> bool {
+    description.protocol == PROTOCOL_VERSION
+        && description.joints.len() == joints.len()
+        && joints.iter().all(|(joint, place)| {
+            description.joints.get(*place).is_some_and(|there| there.counts_per_turn == turns[*joint])
+        })
 }
 
 /// What a reading complains of; `lost`: the first after its line was gone.

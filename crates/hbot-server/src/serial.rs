@@ -183,10 +183,9 @@ impl Keeper {
 
     /// Looks for the line until it is there, or nobody wants it any more.
     fn find(&self) -> Option<(OwnedFd, Renewed)> {
-        let mut pause = FIRST_PAUSE;
         let mut told = String::new();
         let mut rebooted = false;
-        loop {
+        for pause in pauses() {
             for _ in 0..pause.as_millis() / LOOK.as_millis() {
                 if self.over.load(Ordering::Relaxed) {
                     return None;
@@ -201,8 +200,8 @@ impl Keeper {
                 }
                 Err(_) => {}
             }
-            pause = (2 * pause).min(LONGEST_PAUSE);
         }
+        None
     }
 
     /// Notes in `rebooted` whether the controllers have lost power, even where the line is not to be had yet: they say so only until they
@@ -215,6 +214,11 @@ impl Keeper {
         handshake(&mut wire, &self.expected).map_err(|error| error.to_string())?;
         wire.port.ok_or_else(|| "gone again".to_owned())
     }
+}
+
+/// How long to wait before each look for a line that is lost, for ever.
+fn pauses() -> impl Iterator<Item = Duration> {
+    std::iter::successors(Some(FIRST_PAUSE), |pause| Some((2 * *pause).min(LONGEST_PAUSE)))
 }
 
 /// Opens a port: raw, 8N1, no flow control, never waiting, barred for others, with as little delay as its driver lets it have.
@@ -234,9 +238,8 @@ fn open(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
     settings.set_speed(baud)?;
     tcsetattr(&port, OptionalActions::Now, &settings)?;
     tcflush(&port, QueueSelector::IOFlush)?;
-    if let Some(timer) = LatencyTimer::of(path).filter(|timer| timer.ms > LATENCY_MS) {
-        // Where it may not be written it stays as it is, and `hbot doctor` says so.
-        let _ = fs::write(&timer.path, LATENCY_MS.to_string());
+    if let Some(timer) = LatencyTimer::of(path) {
+        timer.shorten();
     }
     Ok(port)
 }
@@ -254,10 +257,21 @@ impl LatencyTimer {
     /// The timer of the device behind `port`; `None` where its driver has none.
     #[must_use]
     pub fn of(port: &Path) -> Option<Self> {
+        Self::listed(Path::new("/sys/class/tty"), port)
+    }
+
+    fn listed(devices: &Path, port: &Path) -> Option<Self> {
         let device = fs::canonicalize(port).ok()?;
-        let path = Path::new("/sys/class/tty").join(device.file_name()?).join("device/latency_timer");
+        let path = devices.join(device.file_name()?).join("device/latency_timer");
         let ms = fs::read_to_string(&path).ok()?.trim().parse().ok()?;
         Some(Self { path, ms })
+    }
+
+    /// Sets it to the least. Where it may not be written it stays as it is, and `hbot doctor` says so.
+    fn shorten(&self) {
+        if self.ms > LATENCY_MS {
+            let _ = fs::write(&self.path, LATENCY_MS.to_string());
+        }
     }
 }
 
@@ -273,6 +287,30 @@ mod tests {
 
     use super::*;
     use crate::engine::Line;
+
+    #[test]
+    fn a_lost_line_is_looked_for_with_growing_pauses() {
+        let ms: Vec<_> = pauses().take(7).map(|pause| pause.as_millis()).collect();
+        assert_eq!(ms, [100, 200, 400, 800, 1600, 2000, 2000]);
+    }
+
+    #[test]
+    fn a_chip_that_holds_readings_back_is_asked_not_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let (devices, port) = (folder.path().join("tty"), folder.path().join("ttyUSB7"));
+        fs::create_dir_all(devices.join("ttyUSB7/device")).unwrap();
+        fs::write(&port, "").unwrap();
+        // By the name of the device, whatever link leads to it.
+        let link = folder.path().join("hbot");
+        std::os::unix::fs::symlink(&port, &link).unwrap();
+        assert_eq!(LatencyTimer::listed(&devices, &link), None, "a driver that has none");
+        let file = devices.join("ttyUSB7/device/latency_timer");
+        for (was, is) in [("16\n", "1"), ("1\n", "1\n"), ("0\n", "0\n")] {
+            fs::write(&file, was).unwrap();
+            LatencyTimer::listed(&devices, &link).unwrap().shorten();
+            assert_eq!(fs::read_to_string(&file).unwrap(), is, "from {was:?}");
+        }
+    }
 
     #[test]
     fn a_loss_of_power_is_not_forgotten_where_the_first_question_gets_no_answer() {

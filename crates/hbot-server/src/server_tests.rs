@@ -3,7 +3,7 @@
 #[path = "../../../tests/server/far.rs"]
 mod far;
 
-use std::sync::mpsc;
+use std::sync::{Arc, Mutex, mpsc};
 use std::time::{Duration, Instant};
 
 use far::Far;
@@ -80,6 +80,52 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
     let finished = server.join().unwrap();
     far.ends_still();
     Some(finished)
+}
+
+/// Notes who says something.
+struct Witness(Arc<Mutex<Vec<String>>>);
+
+impl tracing::Subscriber for Witness {
+    fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
+        true
+    }
+
+    fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+        tracing::span::Id::from_u64(1)
+    }
+
+    fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+
+    fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+
+    fn event(&self, event: &tracing::Event<'_>) {
+        let thread = std::thread::current().name().unwrap_or_default().to_owned();
+        let text = format!("{thread}: {event:?}");
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(text);
+    }
+
+    fn enter(&self, _: &tracing::span::Id) {}
+
+    fn exit(&self, _: &tracing::span::Id) {}
+}
+
+#[test]
+fn the_loop_says_nothing_whatever_happens() {
+    let said = Arc::new(Mutex::new(Vec::new()));
+    // Of all threads of all tests of this process.
+    tracing::subscriber::set_global_default(Witness(Arc::clone(&said))).unwrap();
+    let stop = |ends: &mut Ends| {
+        ends.control.blocking_send(Control::Estop).unwrap();
+        let start = Instant::now();
+        while !said.lock().unwrap().iter().any(|line| line.contains("estop")) {
+            assert!(start.elapsed() < PATIENCE, "the service has not told of the stop");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        ends.shutdown.take().unwrap().send(()).unwrap();
+    };
+    let _ = ended(None, stop);
+    let said = said.lock().unwrap();
+    assert!(!said.iter().any(|line| line.starts_with("hbot-loop")), "{said:#?}");
 }
 
 #[test]

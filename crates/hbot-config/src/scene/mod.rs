@@ -172,7 +172,8 @@ impl SceneFile {
     fn from_document(Document { tree, mut report }: Document) -> Result<Self, Diagnostics> {
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
-        for (i, value) in tree["effect"].as_array().into_iter().flatten().enumerate() {
+        // Those beyond are one mistake already, and none of theirs matters.
+        for (i, value) in tree["effect"].as_array().into_iter().flatten().take(MAX_EFFECTS).enumerate() {
             let path = format!("effect[{i}]");
             let Some(effect) = SceneEffect::parse(value, &path, &mut report) else { continue };
             if let Some(other) = effects.iter().position(|e| e.id == effect.id) {
@@ -182,6 +183,10 @@ impl SceneFile {
             effects.push(effect);
         }
         check_figures(&effects, "effect", &mut report);
+        // It is shown in other people's terminals.
+        if tree["name"].as_str().is_some_and(|name| name.contains(char::is_control)) {
+            report.push("name", "it has control characters", "text of one line".to_owned());
+        }
         let top = if report.clean_under("") { decode::<Top>(&tree, "", &mut report) } else { None };
         report.finish(top.map(|top| Self { name: top.name, effects, simulate: top.simulate }))
     }

@@ -231,3 +231,30 @@ fn what_is_listed_as_default_is_what_absence_means() {
         assert_eq!(SceneFile::from_json(json!({"effect": [written]})).unwrap(), bare);
     }
 }
+
+#[test]
+fn a_list_of_nothing_but_mistakes_is_told_to_its_hundredth_and_looked_at_no_further() {
+    // As many as a message of 64 KiB holds, in the encoding that makes them shortest. Without a bound this takes minutes.
+    for effect in [json!({}), json!(0), json!({"kind": "sprng"})] {
+        let mistakes = SceneFile::from_json(json!({"effect": vec![effect; 60_000]})).unwrap_err();
+        assert!(mistakes.len() <= 101, "{}", mistakes.len());
+        assert!(mistakes[0].message.contains("60000 elements"), "{}", mistakes[0]);
+        assert!(!mistakes.iter().any(|mistake| mistake.path.starts_with("effect[32]")), "{mistakes}");
+    }
+    let unknown: serde_json::Map<_, _> = (0..101).map(|i| (format!("x{i}"), json!(0))).collect();
+    let mistakes = SceneFile::from_json(unknown.clone().into()).unwrap_err();
+    assert_eq!((mistakes.len(), mistakes[99].path.as_str()), (101, "x99"));
+    assert!(mistakes.to_string().ends_with("\n... and more"), "{mistakes}");
+    let hundred: serde_json::Map<_, _> = unknown.into_iter().take(100).collect();
+    let mistakes = SceneFile::from_json(hundred.into()).unwrap_err();
+    assert!(mistakes.len() == 100 && !mistakes.to_string().contains("and more"), "{mistakes}");
+}
+
+#[test]
+fn a_name_is_one_line_of_text() {
+    for name in ["\u{1b}[2J", "a\nb", "\u{9b}31m"] {
+        let mistakes = SceneFile::from_json(json!({"name": name})).unwrap_err();
+        assert_eq!(mistakes.to_string(), "name: it has control characters; legal: text of one line");
+    }
+    assert_eq!(SceneFile::from_json(json!({"name": "Zähne, 3×3"})).unwrap().name(), "Zähne, 3×3");
+}

@@ -35,7 +35,8 @@ pub fn serial(port: &str) -> Vec<Finding> {
     let holders = holders(path);
     if !holders.is_empty() {
         let found = format!("{port} is in use by {}", holders.join(", "));
-        let mend = "end that program, unless it is the server that is to have the port: a port is for one program";
+        let mend =
+            "end that program, unless it is the server that is to have the port: a port is for one program";
         findings.push(Finding::new("serial_user", Mark::Usable, found, mend));
     }
     findings.push(match LatencyTimer::of(path) {

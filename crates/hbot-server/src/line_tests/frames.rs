@@ -182,3 +182,36 @@ fn a_complaint_on_one_line_is_heard_while_another_is_silent() {
     bench.tick();
     assert_eq!(bench.tick().state.cause, Some(Cause::ControllerFault));
 }
+
+#[test]
+fn other_controllers_on_a_line_that_stays_are_a_fault_for_as_long_as_they_are_there() {
+    let rig = RigConfig::prototype();
+    let description = |protocol: u16, joints: usize, turn: u32| {
+        let mut description = Description { protocol, ..Description::default() };
+        for joint in &rig.rig.joints[..joints] {
+            let counts_per_turn = joint.counts_per_turn + turn;
+            description.joints.push(JointDescription { counts_per_turn }).expect("a place");
+        }
+        let mut frame = [0; MAX_FEEDBACK_FRAME];
+        let n = encode(&FromController::Description(description), &mut frame).expect("it fits");
+        frame[..n].to_vec()
+    };
+    // Another firmware, fewer joints, other encoders: swapped behind a port that never went away.
+    for other in [description(PROTOCOL_VERSION + 1, 4, 0), description(1, 3, 0), description(1, 4, 4)] {
+        let (mut bench, fake) = one_line();
+        fake.with(|far| far.answers.push(other));
+        let state = bench.tick().state;
+        assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::ControllerFault)));
+        assert!(!fake.with(|far| far.heard.last().expect("a command").enable));
+        bench.ticks(300);
+        assert_eq!(bench.order(Order::Reset).state.mode, Mode::Fault, "they are there still");
+        assert!(fake.with(|far| far.asked) >= 2, "they are asked again and again");
+        fake.with(|far| far.answers.push(description(1, 4, 0)));
+        bench.tick();
+        // Whoever they were, their zeros are not those of before.
+        assert_eq!(bench.order(Order::Reset).state.mode, Mode::Unreferenced);
+    }
+    let (mut bench, fake) = one_line();
+    fake.with(|far| far.answers.push(description(1, 4, 0)));
+    assert_eq!(bench.tick().state.mode, Mode::Active, "the same as ever");
+}

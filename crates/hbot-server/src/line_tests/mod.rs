@@ -12,8 +12,8 @@ use hbot_core::Controller;
 use hbot_core::inputs::Command as Order;
 use hbot_core::mode::{Cause, Mode};
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Feedback, FromController, JointReading, MAX_FEEDBACK_FRAME,
-    ToController, encode,
+    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointReading,
+    MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,
 };
 
 use crate::bridge::{ServiceEnd, bridge};
@@ -27,6 +27,8 @@ struct Far {
     joints: usize,
     decoder: Decoder<ToController>,
     heard: Vec<Command>,
+    /// Times that they were asked who they are.
+    asked: u32,
     flags: ControllerFlags,
     silent: bool,
     renewed: Option<Renewed>,
@@ -69,14 +71,16 @@ impl Wire for Fake {
 
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.with(|far| {
-            let Far { joints, decoder, heard, flags, silent, answers, .. } = far;
-            decoder.feed(bytes, |message| {
-                if let Ok(ToController::Command(command)) = message {
+            let Far { joints, decoder, heard, asked, flags, silent, answers, .. } = far;
+            decoder.feed(bytes, |message| match message {
+                Ok(ToController::Command(command)) => {
                     if !*silent {
                         answers.push(answer(command.sequence, *flags, *joints));
                     }
                     heard.push(command);
                 }
+                Ok(ToController::Describe) => *asked += 1,
+                Err(_) => {}
             });
         });
         Ok(bytes.len())

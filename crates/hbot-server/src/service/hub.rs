@@ -5,16 +5,17 @@ use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 
 use hbot_api::{Event, StoppingEvent};
 use hbot_core::inputs::Command;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use tokio::task::{JoinError, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
 
-use super::connection::FromClient;
+use super::connection::{FromClient, ToHub};
 use super::info::Info;
 use super::orders::{Asker, Orders};
 use super::peer::Peer;
@@ -32,6 +33,8 @@ const SAMPLES_A_TURN: usize = 512;
 const REQUESTS_A_TURN: usize = 64;
 /// Requests of all clients that wait for the hub.
 const REQUESTS: usize = 256;
+/// Bytes of them, read and not yet done.
+const REQUEST_BYTES: usize = 4 * hbot_api::MAX_REQUEST_BYTES;
 /// How often what nobody else brings up is looked at.
 const HEARTBEAT: Duration = Duration::from_millis(50);
 /// How long nothing is accepted after the system has refused to.
@@ -66,7 +69,7 @@ pub(super) struct Hub {
     pub(super) turned_away: JoinSet<()>,
     pub(super) next_session: u64,
     status: watch::Sender<Status>,
-    pub(super) to_hub: mpsc::Sender<FromClient>,
+    pub(super) to_hub: ToHub,
     from_clients: Option<mpsc::Receiver<FromClient>>,
 }
 
@@ -90,7 +93,8 @@ enum Wake {
 
 impl Hub {
     pub(super) fn new(bounds: Bounds, end: ServiceEnd, setup: Setup, status: watch::Sender<Status>) -> Self {
-        let (to_hub, from_clients) = mpsc::channel(REQUESTS);
+        let (queue, from_clients) = mpsc::channel(REQUESTS);
+        let to_hub = ToHub { queue, room: Arc::new(Semaphore::new(REQUEST_BYTES)) };
         let period_ns = setup.rig.rig.timing.period_ns;
         let simulated = setup.phenomena.is_some();
         Self {
@@ -162,6 +166,7 @@ impl Hub {
                     // Who no longer waits for it needs none.
                     let _ = wanted.send(Box::new(self.stats.summary()));
                 }
+                Wake::Control(Some(Control::Refused(code))) => self.stats.refused(code),
                 #[cfg(test)]
                 Wake::Control(Some(Control::Fail)) => panic!("as a test asks"),
                 Wake::Control(None) => controlled = false,
@@ -241,10 +246,10 @@ impl Hub {
         self.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
         // Connections end once all that waits for their clients has been sent.
         self.peers.clear();
-        let Self { mut connections, mut writing, recorder, mut stats, .. } = self;
+        let Self { mut connections, mut writing, mut recorder, mut stats, .. } = self;
         let _ = timeout(FLUSH, async { while connections.join_next().await.is_some() {} }).await;
         connections.shutdown().await;
-        if let Some(flight) = recorder.and_then(|mut recorder| recorder.finish()) {
+        while let Some(flight) = recorder.as_mut().and_then(FlightRecorder::finish) {
             writing.spawn_blocking(move || {
                 let result = flight.write();
                 (flight, result)

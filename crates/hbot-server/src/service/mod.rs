@@ -35,6 +35,7 @@ use std::future::Future;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use hbot_api::ErrorCode;
 use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
@@ -73,6 +74,8 @@ pub enum Control {
     Estop,
     /// Tell how the run goes.
     Summarize(oneshot::Sender<Box<Summary>>),
+    /// Count a refusal of somebody's who is no client of the API.
+    Refused(ErrorCode),
     /// Fail, so that a test sees what becomes of the motors.
     #[cfg(test)]
     Fail,

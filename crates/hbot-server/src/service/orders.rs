@@ -25,6 +25,8 @@ pub(super) struct Orders {
     pending: VecDeque<(u64, Asker)>,
     /// Orders of the service's own that have found no place yet.
     insisted: VecDeque<(Asker, Command)>,
+    /// The newest of all, where it is one of the service's own.
+    newest: Option<Command>,
 }
 
 /// Who wants an answer.
@@ -71,11 +73,19 @@ impl Orders {
         }
         let ticket = end.order(command)?;
         self.pending.push_back((ticket, asker));
+        self.newest = None;
         Ok(())
     }
 
-    /// Sends an order of the service's own, now or as soon as there is a place.
+    /// Sends an order of the service's own, now or as soon as there is a place. Where it is the newest of all that are on their way it is
+    /// not sent again: nothing has come after it that it would have to undo, and whoever brings it about can do so faster than the loop
+    /// takes orders.
     pub(super) fn insist(&mut self, end: &mut ServiceEnd, asker: Asker, command: Command) {
+        let on_its_way = !(self.pending.is_empty() && self.insisted.is_empty());
+        if on_its_way && self.newest == Some(command) {
+            return;
+        }
+        self.newest = Some(command);
         self.insisted.push_back((asker, command));
         self.retry(end);
     }
@@ -240,5 +250,44 @@ impl Hub {
             ),
         };
         ErrorBody::new(code, message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_core::inputs::OnClientLost;
+
+    use super::*;
+    use crate::bridge::bridge;
+
+    #[tokio::test]
+    async fn what_the_service_orders_again_and_again_waits_once() {
+        let (mut inner, mut end) = bridge().unwrap();
+        let mut orders = Orders::default();
+        let lost = Command::ClientLost(OnClientLost::Ramp);
+        for _ in 0..100_000 {
+            orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+        }
+        assert_eq!((orders.pending.len(), orders.insisted.len()), (1, 0));
+        // After an order of a client's it is another; and so it is once it has been answered.
+        let client = Asker::Client { session: 1, id: None, op: "enable", kind: OrderKind::Mode };
+        orders.place(&mut end, client, OrderKind::Mode, Command::Enable).unwrap();
+        orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+        orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+        assert_eq!(orders.pending.len(), 3);
+        let mut taken = Vec::new();
+        while let Ok(order) = inner.orders.pop() {
+            assert!(orders.take(order.ticket).is_some());
+            taken.push(order.command);
+        }
+        assert_eq!(taken, [lost, Command::Enable, lost]);
+        orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+        assert_eq!(orders.pending.len(), 1);
+        // Where the ring is full, it waits for a place: once.
+        while end.order(Command::Disable).is_ok() {}
+        for command in [Command::Estop, lost, lost, lost] {
+            orders.insist(&mut end, Asker::Service("a signal"), command);
+        }
+        assert_eq!(orders.insisted.len(), 2);
     }
 }

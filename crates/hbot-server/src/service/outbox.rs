@@ -8,8 +8,9 @@ use tokio::sync::mpsc;
 /// A message as it goes over the wire, shared by all who get it.
 pub(super) type Frame = Arc<[u8]>;
 
-/// Bytes that may wait for a client; an answer to `info` is the longest message, well below a tenth of it.
-const MAX_BYTES: usize = 4 << 20;
+/// Bytes that may wait for a client; an answer to `info` is the longest message, well below a tenth of it. All clients together may have
+/// the service hold so much for each.
+const MAX_BYTES: usize = 1 << 20;
 
 /// The hub's end.
 pub(super) struct Outbox {

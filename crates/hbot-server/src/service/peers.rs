@@ -31,6 +31,10 @@ impl Hub {
         }
         // Without it a small answer may wait for the acknowledgement of the one before; a connection works all the same.
         let _ = stream.set_nodelay(true);
+        // Nor without this, but then it lasts for ever where the client's machine or the cable is gone.
+        if let Err(error) = connection::watch_over(&stream) {
+            tracing::debug!(%address, %error, "no keepalive");
+        }
         let session = self.next_session;
         self.next_session += 1;
         self.stats.events.connections += 1;

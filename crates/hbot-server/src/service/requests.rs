@@ -1,8 +1,8 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Op, PROTOCOL_VERSION, PingOk,
-    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
+    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Mode, ModeOk, Op,
+    PROTOCOL_VERSION, PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
@@ -20,7 +20,7 @@ impl Hub {
     /// Takes what a connection has to say.
     pub(super) fn message(&mut self, message: FromClient) {
         match message {
-            FromClient::First { session, message, verdict } => {
+            FromClient::First { session, message, place: _place, verdict } => {
                 let encoding = self.first(session, message);
                 if encoding.is_none() {
                     // The connection ends once the answer has left.
@@ -29,8 +29,10 @@ impl Hub {
                 // Where it has ended meanwhile, it says so in its next message.
                 let _ = verdict.send(encoding);
             }
-            FromClient::Message { session, message: Ok(request) } => self.request(session, request),
-            FromClient::Message { session, message: Err(Refusal { id, op, error }) } => {
+            FromClient::Message { session, message: Ok(request), place: _place } => {
+                self.request(session, request);
+            }
+            FromClient::Message { session, message: Err(Refusal { id, op, error }), place: _place } => {
                 self.stats.events.requests += 1;
                 self.refuse(session, id, op.unwrap_or_default(), error);
             }
@@ -179,7 +181,10 @@ impl Hub {
             Op::Disable => self.order(session, id, name, OrderKind::Stop, Command::Disable)?,
             Op::Estop => {
                 tracing::warn!(session, "estop");
-                self.order(session, id, name, OrderKind::Stop, Command::Estop)?;
+                if self.order(session, id.clone(), name, OrderKind::Stop, Command::Estop).is_err() {
+                    // There is no place for it among those that are answered, but the loop does it in its next tick.
+                    self.answer_with(session, id, &ModeOk { mode: Mode::Estop });
+                }
             }
             Op::Ping { data } => {
                 let (tick, t_ns) = self.latest.map_or((0, 0), |sample| (sample.state.tick, sample.t_ns));

@@ -156,7 +156,8 @@ impl Hub {
                 sample.counters.corrupt_frames
             ),
             Cause::ControllerFault => {
-                "a motor controller reports a fault, or has rebooted: see its own display".to_owned()
+                "a motor controller reports a fault, has rebooted, or is another than the rig file's: see its own display"
+                    .to_owned()
             }
             Cause::Overspeed => format!(
                 "the sphere turned at {:.3} rad/s; the limit is {} (limits.speed)",

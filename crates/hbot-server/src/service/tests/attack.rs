@@ -123,3 +123,53 @@ fn one_that_connects_again_and_again_is_served_and_counted_each_time() {
     let events = bench.finish().events;
     assert_eq!(events.connections + events.turned_away, 301, "{events:?}");
 }
+
+#[test]
+fn an_estop_is_never_refused_however_many_come() {
+    // A loop so slow that they find no place in the ring.
+    let bounds = Bounds { outgoing: 4096, ..Options::default().bounds };
+    let bench = Bench::start(Options { bounds, breath: Duration::from_millis(5), ..Options::default() });
+    let mut raw = Raw::greeted(&bench);
+    raw.bytes(&b"{\"id\": 1, \"op\": \"estop\"}\n".repeat(1000));
+    for _ in 0..1000 {
+        let answer = raw.answer();
+        assert_eq!(answer["ok"]["mode"], "estop", "{answer}");
+    }
+    assert_eq!(bench.finish().events.refused.iter().sum::<u64>(), 0);
+}
+
+#[test]
+fn the_system_looks_whether_clients_are_still_there() {
+    let bench = bench();
+    let raw = Raw::greeted(&bench);
+    let hex = |address: SocketAddr| match address {
+        SocketAddr::V4(v4) => format!("{:08X}:{:04X}", u32::from_le_bytes(v4.ip().octets()), v4.port()),
+        SocketAddr::V6(_) => panic!("bound to 127.0.0.1"),
+    };
+    let (server, client) = (hex(bench.address), hex(raw.stream.local_addr().unwrap()));
+    // sl, local, remote, state, queues, timer: 02 is that of keepalive.
+    eventually("a timer of keepalive", || {
+        let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
+        table.lines().any(|line| {
+            let words: Vec<_> = line.split_whitespace().collect();
+            words[1] == server && words[2] == client && words[5].starts_with("02:")
+        })
+    });
+}
+
+/// The limits of the page are those of the service.
+#[test]
+fn the_page_has_the_bounds() {
+    let page = include_str!("../../../../../docs/api.md");
+    let Bounds { connections, hello, stuck, outgoing, requests_per_s } = Bounds::default();
+    for row in [
+        format!("| connections at a time | {connections} |"),
+        format!("handshake where the port is encrypted | {} s,", hello.as_secs()),
+        format!("| messages on their way to a client | {outgoing}, 1 MiB |"),
+        format!("| requests a second of one client | {},000; ", requests_per_s / 1000),
+        format!("of one record) | {} s |", stuck.as_secs()),
+    ] {
+        assert!(page.contains(&row), "{row}");
+    }
+    assert_eq!((hello, connections), (Duration::from_secs(2), 64));
+}

@@ -6,6 +6,7 @@ mod faults;
 mod framing;
 mod hello;
 mod lease;
+mod metrics;
 mod overload;
 mod scenes;
 mod tls;

@@ -1,0 +1,51 @@
+//! The page of metrics, asked by those who may not, cannot, or do not go on.
+
+use super::*;
+
+fn served(bench: &Bench, token: &str) -> SocketAddr {
+    let (control, token) = (bench.control.clone(), token.to_owned());
+    let (ready, started) = blocking::channel();
+    // It ends with the test.
+    std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async move {
+            let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+            ready.send(listener.local_addr().unwrap()).unwrap();
+            crate::metrics::serve(listener, control, Some(token)).await;
+        });
+    });
+    started.recv().unwrap()
+}
+
+#[test]
+fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
+    let bench = bench();
+    let address = served(&bench, "open sesame");
+    let ask = |request: &str| {
+        let mut raw = Raw::new(address);
+        raw.bytes(request.as_bytes());
+        raw.rest()
+    };
+    let get = |token: &str| format!("GET /metrics HTTP/1.1\r\nAuthorization: Bearer {token}\r\n\r\n");
+    assert!(ask(&get("open sesame")).starts_with("HTTP/1.1 200 OK"));
+    let mut client = bench.client("c");
+    let refused = |client: &mut Client| client.stats().unwrap()["refused"].clone();
+    assert_eq!(refused(&mut client)["unauthorized"], 0);
+    // More than may be served at a time, one after another.
+    for _ in 0..20 {
+        assert!(ask(&get("open says me")).starts_with("HTTP/1.1 401"));
+    }
+    assert!(ask("POST /metrics HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 405"));
+    ask(&format!("GET /metrics HTTP/1.1\r\nX: {}", "x".repeat(9000)));
+    let counts = refused(&mut client);
+    assert_eq!(
+        (&counts["unauthorized"], &counts["bad_request"], &counts["too_large"]),
+        (&json!(20), &json!(1), &json!(1))
+    );
+    // One that begins a request and does not go on.
+    let mut slow = Raw::new(address);
+    slow.bytes(b"GET /met");
+    assert_eq!(slow.rest(), "");
+    eventually("one more", || refused(&mut bench.client("d"))["bad_request"] == 2);
+    assert!(ask(&get("open sesame")).contains("hbot_refused_total{code=\"unauthorized\"} 20\n"));
+}
