@@ -176,6 +176,8 @@ impl Hub {
                         let Ok(message) = from_clients.try_recv() else { break };
                         self.message(message);
                     }
+                    // The answers leave first, before everything else is looked at again.
+                    tokio::task::yield_now().await;
                 }
                 // The hub itself keeps a sender.
                 Wake::Message(None) | Wake::TurnedAway => {}
