@@ -14,6 +14,7 @@ use hbot_core::rig::Zero;
 use hbot_server::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_server::bringup::joint::{self, Verdict};
 use hbot_server::bringup::{Bench, Silent, open};
+use hbot_server::handshake::field;
 use hbot_server::wire::Wire;
 use serde_json::json;
 
@@ -76,11 +77,6 @@ fn joint_name(rig: &RigConfig, joint: usize) -> String {
     format!("{} of wheel {}", if joint.is_multiple_of(2) { "steer" } else { "drive" }, rig.wheels[joint / 2])
 }
 
-/// Its table in a rig file.
-fn key(joint: usize) -> String {
-    format!("wheel[{}].{}", joint / 2, if joint.is_multiple_of(2) { "steer" } else { "drive" })
-}
-
 pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let joints = rig.rig.device.joints();
@@ -121,7 +117,7 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         }
         Verdict::Gear(ratio) if ratio.is_finite() => say!(
             "  {} would have them agree; the rig file has {}",
-            format_args!("{}.gear = {:.3}", key(number), ratio * rig.rig.joints[number].gear),
+            format_args!("{}.gear = {:.3}", field(number), ratio * rig.rig.joints[number].gear),
             rig.rig.joints[number].gear
         )?,
         _ => {}

@@ -40,7 +40,7 @@ pub(crate) struct DoctorArgs {
     /// File with the token that the server asks for
     #[arg(long, value_name = "FILE", requires = "server")]
     token_file: Option<PathBuf>,
-    /// File with the certificate of a server that encrypts, or of the authority that signed it
+    /// File with the certificate of a server that encrypts, or of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE", requires = "server")]
     ca: Option<PathBuf>,
     /// One object of JSON, for programs
@@ -62,6 +62,22 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     if let Port::Devices(devices) = &rig.link.port {
         findings.extend(devices.iter().flat_map(|device| serial(device)));
     }
+    let address =
+        args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
+    // Asked for first: who waits for the measurement has a server to be told of.
+    let mut server = match address.map(|address| commands::connect(&address, "hbot doctor")).transpose() {
+        Ok(server) => server,
+        Err(error) => {
+            let mend = Some("start it, name another, or leave --server out".to_owned());
+            findings.push(Finding {
+                id: "server",
+                mark: Mark::NotSufficient,
+                found: format!("{error:#}"),
+                mend,
+            });
+            None
+        }
+    };
     if !args.json {
         findings.iter().try_for_each(show)?;
         say!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF)?;
@@ -72,11 +88,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         judged.iter().try_for_each(show)?;
     }
     findings.extend(judged);
-    let address =
-        args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
-    let stats = address
-        .map(|address| commands::connect(&address, "hbot doctor")?.stats().map_err(anyhow::Error::from));
-    let stats = stats.transpose()?;
+    let stats = server.as_mut().map(hbot_api::Client::stats).transpose()?;
     let logs = flight_logs();
     let worst = findings.iter().map(|finding| finding.mark).max().unwrap_or(Mark::Good);
     if args.json {

@@ -35,6 +35,19 @@ fn a_port_that_is_not_there_is_not_sufficient() {
 }
 
 #[test]
+fn a_server_that_does_not_answer_is_a_finding_beside_the_others() {
+    let told = run(&["doctor", "--seconds", "1", "--json", "--server", "127.0.0.1:1"]).failure();
+    let told: serde_json::Value = serde_json::from_slice(&told.get_output().stdout).expect("JSON");
+    assert_eq!(
+        (&told["verdict"], told["punctuality"]["ticks"].as_u64()),
+        (&"not_sufficient".into(), Some(1000))
+    );
+    let findings = told["findings"].as_array().expect("a list");
+    let server = findings.iter().find(|finding| finding["id"] == "server").expect("a finding");
+    assert!(server["mend"].as_str().is_some_and(|mend| mend.contains("start it")), "{server}");
+}
+
+#[test]
 fn each_joint_of_the_simulated_rig_passes_its_test() {
     for joint in ["1", "2", "3", "4"] {
         run(&["rig", "test", "--joint", joint, "--torque", "0.01", "--speed", "50"])

@@ -2,14 +2,12 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{PipeReader, PipeWriter, Write as _, pipe};
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Output, Stdio};
 
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::process::{Lines, PATIENCE, Process, hbot};
+use crate::process::{Lines, Mute, Process, hbot};
 
 const FULL: &str = "error: standard output cannot be written: No space left on device (os error 28)";
 
@@ -29,12 +27,12 @@ fn full() -> File {
 }
 
 /// A pipe that nobody reads any more.
-fn closed() -> PipeWriter {
+pub(crate) fn closed() -> PipeWriter {
     pipe().expect("a pipe").1
 }
 
 /// A pipe whose reader is there and never reads: it takes no further byte.
-fn stuck() -> (PipeReader, PipeWriter) {
+pub(crate) fn stuck() -> (PipeReader, PipeWriter) {
     let (reader, mut writer) = pipe().expect("a pipe");
     let flags = fcntl_getfl(&writer).expect("flags");
     fcntl_setfl(&writer, flags | OFlags::NONBLOCK).expect("flags");
@@ -106,65 +104,19 @@ fn clients_of_a_server_too() {
     assert!(server.end().1.success());
 }
 
-/// A server that cannot say where it listens, so the test says it. Killed at the end of a test that has not stopped it.
-struct Mute {
-    child: Child,
-    address: String,
-}
-
-impl Mute {
-    fn start(state: &std::path::Path, with: impl Fn(&mut Command)) -> Self {
-        loop {
-            let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-            let address = free.expect("a free port").to_string();
-            let mut command = hbot();
-            command.args(["server", "--time", "virtual", "--listen", &address]).env("XDG_STATE_HOME", state);
-            with(&mut command);
-            let mut mute = Self { child: command.spawn().expect("the binary runs"), address };
-            if mute.listens() {
-                return mute;
-            }
-            // Another test was quicker to take the port.
-        }
+/// Goes on ticking, stops in an emergency, and ends well when asked to.
+fn serves(mut server: Mute) {
+    let mut client = Lines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
+    let first = client.state(|_| true)["tick"].as_u64().expect("a tick");
+    client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > first + 1000));
+    // Each is a line of its log.
+    for id in 2..12 {
+        client.ask(&format!(r#"{{"id": {id}, "op": "estop"}}"#));
     }
-
-    /// Waits until it does; `false` where it has ended with exit code 1, as where the port is taken.
-    fn listens(&mut self) -> bool {
-        let at: SocketAddr = self.address.parse().expect("an address");
-        let start = Instant::now();
-        while TcpStream::connect(at).is_err() {
-            if let Some(status) = self.child.try_wait().expect("a child") {
-                assert_eq!(status.code(), Some(1), "the server ended at start");
-                return false;
-            }
-            assert!(start.elapsed() < PATIENCE, "it does not listen");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        true
-    }
-
-    /// Goes on ticking, stops in an emergency, and ends well when asked to.
-    fn serves(mut self) {
-        let mut client = Lines::greeted(&self.address);
-        client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
-        let first = client.state(|_| true)["tick"].as_u64().expect("a tick");
-        client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > first + 1000));
-        // Each is a line of its log.
-        for id in 2..12 {
-            client.ask(&format!(r#"{{"id": {id}, "op": "estop"}}"#));
-        }
-        client.state(|state| state["mode"] == "estop");
-        kill_process(Pid::from_child(&self.child), Signal::TERM).expect("it is there");
-        assert_eq!(self.child.wait().expect("it ends").code(), Some(0));
-    }
-}
-
-impl Drop for Mute {
-    fn drop(&mut self) {
-        // It has ended already where the test went well.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+    client.state(|state| state["mode"] == "estop");
+    kill_process(Pid::from_child(&server.child), Signal::TERM).expect("it is there");
+    assert_eq!(server.child.wait().expect("it ends").code(), Some(0));
 }
 
 #[test]
@@ -174,7 +126,7 @@ fn a_server_goes_on_where_its_output_is_full_and_says_so_once() {
     let server = Mute::start(state.path(), |command| {
         command.stdout(full()).stderr(File::create(&log).expect("a file"));
     });
-    server.serves();
+    serves(server);
     let log = std::fs::read_to_string(&log).expect("a log");
     // At start and at its end it had something to say.
     let said: Vec<&str> = log.lines().filter(|line| line.contains("standard output")).collect();
@@ -189,7 +141,7 @@ fn a_server_goes_on_where_nobody_is_left_to_read() {
     let server = Mute::start(state.path(), |command| {
         command.stdout(closed()).stderr(closed());
     });
-    server.serves();
+    serves(server);
 }
 
 #[test]
@@ -198,7 +150,7 @@ fn a_server_goes_on_where_its_log_is_full() {
     let server = Mute::start(state.path(), |command| {
         command.stdout(full()).stderr(full());
     });
-    server.serves();
+    serves(server);
 }
 
 /// A service that waited for the reader of its log would hear no emergency stop.
@@ -210,5 +162,5 @@ fn a_server_never_waits_for_a_reader() {
     let server = Mute::start(state.path(), |command| {
         command.stdout(share()).stderr(share());
     });
-    server.serves();
+    serves(server);
 }

@@ -1,9 +1,9 @@
 //! A running `hbot server`, and the raw lines of a client that sends JSON by hand.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
@@ -82,6 +82,52 @@ impl Process {
 }
 
 impl Drop for Process {
+    fn drop(&mut self) {
+        // It has ended already where the test went well.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A server that cannot say where it listens, so the test says it. Killed at the end of a test that has not stopped it.
+pub(crate) struct Mute {
+    pub(crate) child: Child,
+    pub(crate) address: String,
+}
+
+impl Mute {
+    pub(crate) fn start(state: &std::path::Path, with: impl Fn(&mut Command)) -> Self {
+        loop {
+            let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+            let address = free.expect("a free port").to_string();
+            let mut command = hbot();
+            command.args(["server", "--time", "virtual", "--listen", &address]).env("XDG_STATE_HOME", state);
+            with(&mut command);
+            let mut mute = Self { child: command.spawn().expect("the binary runs"), address };
+            if mute.listens() {
+                return mute;
+            }
+            // Another test was quicker to take the port.
+        }
+    }
+
+    /// Waits until it does; `false` where it has ended with exit code 1, as where the port is taken.
+    fn listens(&mut self) -> bool {
+        let at: SocketAddr = self.address.parse().expect("an address");
+        let start = Instant::now();
+        while TcpStream::connect(at).is_err() {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                assert_eq!(status.code(), Some(1), "the server ended at start");
+                return false;
+            }
+            assert!(start.elapsed() < PATIENCE, "it does not listen");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        true
+    }
+}
+
+impl Drop for Mute {
     fn drop(&mut self) {
         // It has ended already where the test went well.
         let _ = self.child.kill();

@@ -137,8 +137,7 @@ impl<W: Wire> Engine<W> {
         bridge: LoopEnd,
         recorder: Option<Recorder>,
     ) -> Self {
-        let turns = controller.rig().joints.map(|joint| joint.counts_per_turn);
-        let port = |(port, wire)| Port::new(wire, line.joints(port).collect(), line.offsets, turns);
+        let port = |(port, wire)| Port::new(wire, controller.rig(), line, port);
         Self {
             ports: wires.into_iter().enumerate().map(port).collect(),
             watchdog_ms: line.watchdog_ms,

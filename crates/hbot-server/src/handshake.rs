@@ -96,6 +96,35 @@ impl Expected {
     pub fn joints(&self) -> usize {
         self.joints.len()
     }
+
+    /// In what controllers that describe themselves differ from those of the rig, if in anything. Does not allocate.
+    pub(crate) fn difference(&self, there: &Description) -> Option<Difference> {
+        if there.protocol != PROTOCOL_VERSION {
+            return Some(Difference::Protocol);
+        }
+        if there.joints.len() != self.joints() {
+            return Some(Difference::Joints);
+        }
+        let mut both = there.joints.iter().zip(&self.joints);
+        both.position(|(theirs, (_, ours))| theirs.counts_per_turn != *ours).map(Difference::Counts)
+    }
+}
+
+/// In what controllers differ from those of the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Difference {
+    /// The version of the link protocol.
+    Protocol,
+    /// How many joints there are.
+    Joints,
+    /// The counts a turn of the joint at this place on the line.
+    Counts(usize),
+}
+
+/// The table of a joint in a rig file.
+#[must_use]
+pub fn field(joint: usize) -> String {
+    format!("wheel[{}].{}", joint / 2, if joint.is_multiple_of(2) { "steer" } else { "drive" })
 }
 
 /// Asks the controllers on `wire` to describe themselves and holds the answer against the rig.
@@ -158,19 +187,17 @@ fn ask<T>(
 }
 
 fn check(description: Description, expected: &Expected) -> Result<Description, HandshakeError> {
-    if description.protocol != PROTOCOL_VERSION {
-        return Err(HandshakeError::Protocol { theirs: description.protocol });
-    }
-    let (theirs, ours) = (description.joints.len(), expected.joints());
-    if theirs != ours {
-        return Err(HandshakeError::Joints { port: expected.port.clone(), theirs, ours });
-    }
-    for (described, (joint, ours)) in description.joints.iter().zip(&expected.joints) {
-        let theirs = described.counts_per_turn;
-        if theirs != *ours {
-            let field = format!("wheel[{}].{}", joint / 2, if joint % 2 == 0 { "steer" } else { "drive" });
-            return Err(HandshakeError::Counts { joint: joint + 1, field, theirs, ours: *ours });
+    match expected.difference(&description) {
+        None => Ok(description),
+        Some(Difference::Protocol) => Err(HandshakeError::Protocol { theirs: description.protocol }),
+        Some(Difference::Joints) => {
+            let (theirs, ours) = (description.joints.len(), expected.joints());
+            Err(HandshakeError::Joints { port: expected.port.clone(), theirs, ours })
+        }
+        Some(Difference::Counts(place)) => {
+            let (joint, ours) = expected.joints[place];
+            let theirs = description.joints[place].counts_per_turn;
+            Err(HandshakeError::Counts { joint: joint + 1, field: field(joint), theirs, ours })
         }
     }
-    Ok(description)
 }

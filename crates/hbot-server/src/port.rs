@@ -1,13 +1,15 @@
 //! One serial line with the joints on it: frames in, frames out.
 
-use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointFeedback};
 use hbot_core::outputs::Drive;
+use hbot_core::{MAX_JOINTS, Rig};
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
-    PROTOCOL_VERSION, ToController, encode,
+    Command, ControllerFlags, Decoder, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME, ToController,
+    encode,
 };
 
+use crate::engine::Line;
+use crate::handshake::Expected;
 use crate::sample::Counters;
 use crate::wire::Wire;
 
@@ -41,8 +43,8 @@ pub(crate) struct Port<W> {
     pub(crate) sequence: Option<u32>,
     /// Damaged frames since the last tick.
     pub(crate) corrupt: u16,
-    /// Counts a turn of each joint of the rig.
-    turns: [u32; MAX_JOINTS],
+    /// Who must be there.
+    expected: Expected,
     /// Those who have said last who they are, are not those of the rig.
     stranger: bool,
     /// The newest readings come from controllers that nobody has asked who they are, or that are others.
@@ -52,17 +54,12 @@ pub(crate) struct Port<W> {
 }
 
 impl<W: Wire> Port<W> {
-    /// `turns` are the counts a turn of each joint of the rig.
-    pub(crate) fn new(
-        wire: W,
-        joints: Vec<(usize, usize)>,
-        offsets: [i32; MAX_JOINTS],
-        turns: [u32; MAX_JOINTS],
-    ) -> Self {
+    /// Line number `port` of `line`, which carries joints of `rig`.
+    pub(crate) fn new(wire: W, rig: &Rig, line: &Line, port: usize) -> Self {
         Self {
             wire,
-            joints,
-            offsets,
+            joints: line.joints(port).collect(),
+            offsets: line.offsets,
             decoder: Decoder::new(),
             frame: [0; MAX_COMMAND_FRAME],
             cut: false,
@@ -71,7 +68,8 @@ impl<W: Wire> Port<W> {
             complaints: Complaints::default(),
             sequence: None,
             corrupt: 0,
-            turns,
+            // The name is for messages of a handshake.
+            expected: Expected::new("", rig, line, port),
             stranger: false,
             undescribed: false,
             rebooted: false,
@@ -92,7 +90,7 @@ impl<W: Wire> Port<W> {
         for _ in 0..4 {
             let n = self.wire.read(buffer).unwrap_or(0);
             let Self { decoder, joints, fresh, complaints, sequence, corrupt, undescribed, lost, .. } = self;
-            let (turns, stranger) = (&self.turns, &mut self.stranger);
+            let (expected, stranger) = (&self.expected, &mut self.stranger);
             decoder.feed(&buffer[..n], |frame| match frame {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == joints.len() => {
                     *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
@@ -108,7 +106,7 @@ impl<W: Wire> Port<W> {
                 }
                 Ok(FromController::Feedback(_)) => counters.foreign_frames += 1,
                 Ok(FromController::Description(description)) => {
-                    *stranger = !expected(&description, joints, turns);
+                    *stranger = expected.difference(&description).is_some();
                     *undescribed |= *stranger;
                 }
                 Err(_) => *corrupt = corrupt.saturating_add(1),
@@ -156,15 +154,6 @@ impl<W: Wire> Port<W> {
         self.cut |= !whole;
         whole
     }
-}
-
-/// Whether controllers that describe themselves are those of `joints`, as before the first tick.
-fn expected(description: &Description, joints: &[(usize, usize)], turns: &[u32; MAX_JOINTS]) -> bool {
-    description.protocol == PROTOCOL_VERSION
-        && description.joints.len() == joints.len()
-        && joints.iter().all(|(joint, place)| {
-            description.joints.get(*place).is_some_and(|there| there.counts_per_turn == turns[*joint])
-        })
 }
 
 /// What a reading complains of; `lost`: the first after its line was gone.

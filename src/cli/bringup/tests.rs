@@ -70,7 +70,7 @@ fn every_set_of_wrong_signs_is_named() {
         let (words, as_filed) = told(&rig, &now).unwrap();
         assert_eq!(as_filed, set == 0, "{words}");
         for joint in 0..4 {
-            let named = words.contains(&format!("set {}.sign = -1", key(joint)));
+            let named = words.contains(&format!("set {}.sign = -1", field(joint)));
             assert_eq!(named, wrong(joint), "joint {} of {set:04b}: {words}", joint + 1);
         }
         assert!(!words.contains("zero_offset"), "{set:04b}: {words}");

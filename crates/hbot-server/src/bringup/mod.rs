@@ -82,8 +82,7 @@ impl<W: Wire> Bench<W> {
     /// A bench on lines whose controllers have said who they are.
     #[must_use]
     pub fn new(rig: &Rig, wires: Vec<W>, line: &Line, simulated: bool) -> Self {
-        let turns = rig.joints.map(|joint| joint.counts_per_turn);
-        let port = |(port, wire)| Port::new(wire, line.joints(port).collect(), line.offsets, turns);
+        let port = |(port, wire)| Port::new(wire, rig, line, port);
         Self {
             ports: wires.into_iter().enumerate().map(port).collect(),
             rig: *rig,
