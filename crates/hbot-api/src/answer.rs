@@ -9,25 +9,25 @@ use serde_json::{Map, Value};
 /// How deep an answer may be nested; more than a request, whose data it may repeat inside.
 const ANSWER_DEPTH: usize = crate::MAX_DEPTH + 8;
 
-/// The answer to one request: `{"id", "ok"}` or `{"id", "error"}`.
+/// The answer to one request: `{"id", "ok"}` or `{"id", "error"}`. `T` is what its writer has, as [`PingOk`]; its reader has the untyped
+/// value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Response {
+pub struct Response<T = Value> {
     /// The request's id; `None` where the request had none that could be read.
     pub id: Option<Id>,
     /// What was asked for, a map whose fields depend on the op; or why not.
-    pub result: Result<Value, ErrorBody>,
+    pub result: Result<T, ErrorBody>,
+}
+
+impl<T: Serialize> Response<T> {
+    /// The answer to a request carried out. It cannot be encoded where `body` holds a number that is not finite.
+    #[must_use]
+    pub const fn ok(id: Option<Id>, body: T) -> Self {
+        Self { id, result: Ok(body) }
+    }
 }
 
 impl Response {
-    /// The answer to a request carried out.
-    ///
-    /// # Errors
-    ///
-    /// Where `body` holds a number that is not finite.
-    pub fn ok(id: Option<Id>, body: &impl Serialize) -> Result<Self, serde_json::Error> {
-        Ok(Self { id, result: Ok(serde_json::to_value(body)?) })
-    }
-
     /// The answer to a request carried out that has nothing to tell: `"ok": {}`.
     #[must_use]
     pub fn done(id: Option<Id>) -> Self {
@@ -47,7 +47,7 @@ impl From<crate::Refusal> for Response {
     }
 }
 
-impl Serialize for Response {
+impl<T: Serialize> Serialize for Response<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(2))?;
         map.serialize_entry("id", &self.id)?;

@@ -61,9 +61,16 @@ impl Splitter {
 
     /// Takes bytes in. Take all messages out before pushing more, or memory grows.
     pub fn push(&mut self, bytes: &[u8]) {
+        self.space(bytes.len()).extend_from_slice(bytes);
+    }
+
+    /// Where bytes that come are to be appended, with room for so many: what [`push`](Self::push) does, in place. What stands there is
+    /// not to be touched.
+    pub fn space(&mut self, bytes: usize) -> &mut Vec<u8> {
         self.bytes.drain(..self.start);
         self.start = 0;
-        self.bytes.extend_from_slice(bytes);
+        self.bytes.reserve(bytes);
+        &mut self.bytes
     }
 
     /// The next message without newline or length, or why one was refused; `None` where more bytes are needed.
@@ -103,7 +110,10 @@ impl Splitter {
         self.start += length + 1;
         self.searched = 0;
         let line = &self.bytes[from..from + length];
-        if let Err(error) = std::str::from_utf8(line) {
+        // Nearly every line is ASCII, which is seen at once.
+        if !line.is_ascii()
+            && let Err(error) = std::str::from_utf8(line)
+        {
             return Some(Err(FrameError::NotUtf8 { at: error.valid_up_to() }));
         }
         let blanks = length - line.trim_ascii_start().len();

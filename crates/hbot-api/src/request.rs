@@ -5,7 +5,8 @@ mod parse;
 
 pub(crate) use fields::Excerpt;
 
-use crate::{Align, Encoding, Id, ReferenceCommand, TorqueCommand};
+use crate::{Align, Encoding, ErrorBody, Id, ReferenceCommand, TorqueCommand};
+use fields::Fields;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
@@ -142,33 +143,49 @@ fn is_false(flag: &bool) -> bool {
     !flag
 }
 
-/// Name, who may ask it, and its fields without `id` and `op`.
-type Row = (&'static str, Who, &'static [&'static str]);
+/// What there is to know of an op.
+struct Row {
+    name: &'static str,
+    who: Who,
+    /// Without `id` and `op`.
+    fields: &'static [&'static str],
+    /// Reads it from its fields.
+    read: fn(&mut Fields<'_>) -> Result<Op, ErrorBody>,
+}
 
-const ROWS: [Row; 17] = [
-    ("hello", Who::First, &["version", "name", "token", "encoding"]),
-    ("info", Who::Any, &[]),
-    ("subscribe", Who::Any, &["every"]),
-    ("unsubscribe", Who::Any, &[]),
-    ("stats", Who::Any, &[]),
-    ("acquire", Who::Any, &["steal"]),
-    ("release", Who::Any, &[]),
-    ("load_scene", Who::Holder, &["scene"]),
-    ("set", Who::Holder, &["effect"]),
-    ("torque", Who::Holder, &["torque", "valid_ms", "tick", "seq"]),
-    ("reference", Who::Holder, &["effect", "q", "omega", "valid_ms", "tick", "seq"]),
-    ("align", Who::Holder, &["q", "weight", "t"]),
-    ("enable", Who::Holder, &[]),
-    ("disable", Who::Any, &[]),
-    ("reset", Who::Holder, &[]),
-    ("estop", Who::Any, &[]),
-    ("ping", Who::Any, &["data"]),
+const fn row(
+    name: &'static str,
+    who: Who,
+    fields: &'static [&'static str],
+    read: fn(&mut Fields<'_>) -> Result<Op, ErrorBody>,
+) -> Row {
+    Row { name, who, fields, read }
+}
+
+static ROWS: [Row; 17] = [
+    row("hello", Who::First, &["version", "name", "token", "encoding"], |f| f.hello()),
+    row("info", Who::Any, &[], |_| Ok(Op::Info)),
+    row("subscribe", Who::Any, &["every"], |f| f.subscribe()),
+    row("unsubscribe", Who::Any, &[], |_| Ok(Op::Unsubscribe)),
+    row("stats", Who::Any, &[], |_| Ok(Op::Stats)),
+    row("acquire", Who::Any, &["steal"], |f| f.acquire()),
+    row("release", Who::Any, &[], |_| Ok(Op::Release)),
+    row("load_scene", Who::Holder, &["scene"], |f| f.load_scene()),
+    row("set", Who::Holder, &["effect"], |f| f.set()),
+    row("torque", Who::Holder, &["torque", "valid_ms", "tick", "seq"], |f| f.torque()),
+    row("reference", Who::Holder, &["effect", "q", "omega", "valid_ms", "tick", "seq"], |f| f.reference()),
+    row("align", Who::Holder, &["q", "weight", "t"], |f| f.align()),
+    row("enable", Who::Holder, &[], |_| Ok(Op::Enable)),
+    row("disable", Who::Any, &[], |_| Ok(Op::Disable)),
+    row("reset", Who::Holder, &[], |_| Ok(Op::Reset)),
+    row("estop", Who::Any, &[], |_| Ok(Op::Estop)),
+    row("ping", Who::Any, &["data"], |f| f.ping()),
 ];
 
 impl Op {
     /// The names of all ops, in the order of the documentation.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        ROWS.iter().map(|(name, _, _)| *name)
+        ROWS.iter().map(|row| row.name)
     }
 
     const fn row(&self) -> &'static Row {
@@ -196,13 +213,13 @@ impl Op {
     /// The op as it is sent.
     #[must_use]
     pub const fn name(&self) -> &'static str {
-        self.row().0
+        self.row().name
     }
 
     /// Who may ask it.
     #[must_use]
     pub const fn who(&self) -> Who {
-        self.row().1
+        self.row().who
     }
 
     /// Whether it belongs to a stream: sent again and again, refused without ado, and answered only where it has an id.

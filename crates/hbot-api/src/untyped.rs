@@ -5,6 +5,7 @@ use crate::Encoding;
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
+use std::borrow::Cow;
 use std::fmt;
 
 /// What a message holds.
@@ -33,26 +34,52 @@ impl fmt::Display for Problem {
 /// Reads one message of at most `depth` levels that takes up all of `bytes`. The error is for people.
 pub(crate) fn read(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Untyped, String> {
     let mut problem = None;
-    let builder = Builder { problem: &mut problem, depth };
-    let value = match encoding {
+    let value = decode(encoding, bytes, Builder { problem: &mut problem, depth })?;
+    Ok(Untyped { value, problem })
+}
+
+/// The fields of a map by name. Text is that of the message where it stands there without escapes.
+pub(crate) type Named<'a> = Vec<(Cow<'a, str>, Value)>;
+
+/// A map of few fields.
+#[derive(Default)]
+pub(crate) struct Few<'a> {
+    /// The field of this name.
+    pub(crate) op: Option<Cow<'a, str>>,
+    /// The other ones.
+    pub(crate) others: Named<'a>,
+}
+
+/// The same of a message that is a map of few fields with text for `op`, as nearly all requests are: without a table to find them in, which
+/// would cost more than to look at each. `None` where it is something else or cannot be read.
+pub(crate) fn read_few(encoding: Encoding, bytes: &[u8], depth: usize) -> Option<(Few<'_>, Option<Problem>)> {
+    let mut problem = None;
+    let few = decode(encoding, bytes, FewBuilder(Builder { problem: &mut problem, depth })).ok()?;
+    Some((few, problem))
+}
+
+fn decode<'de, S: DeserializeSeed<'de>>(
+    encoding: Encoding,
+    bytes: &'de [u8],
+    seed: S,
+) -> Result<S::Value, String> {
+    match encoding {
         Encoding::Json => {
             let mut deserializer = serde_json::Deserializer::from_slice(bytes);
-            builder
-                .deserialize(&mut deserializer)
+            seed.deserialize(&mut deserializer)
                 .and_then(|value| deserializer.end().map(|()| value))
                 .map_err(|error| format!("not a JSON object: {error}"))
         }
         Encoding::Msgpack => {
             let mut deserializer = rmp_serde::Deserializer::new(bytes);
-            let value = builder.deserialize(&mut deserializer);
+            let value = seed.deserialize(&mut deserializer);
             let left = deserializer.get_ref().len();
             value.map_err(|error| format!("not a MessagePack map: {error}")).and_then(|value| match left {
                 0 => Ok(value),
                 left => Err(format!("{left} bytes are left over after the MessagePack map")),
             })
         }
-    }?;
-    Ok(Untyped { value, problem })
+    }
 }
 
 /// Builds a value and notes the first problem in it.
@@ -69,6 +96,11 @@ impl Builder<'_> {
 
     fn enter<E: Error>(&self) -> Result<(), E> {
         if self.depth == 0 { Err(E::custom("lists and maps are nested too deep")) } else { Ok(()) }
+    }
+
+    fn given_twice(&mut self) {
+        let (what, legal) = ("is given twice", "once");
+        self.problem.get_or_insert(Problem { what, legal, path: String::new() });
     }
 
     /// Puts one level before the path of a problem that came up below it.
@@ -159,12 +191,89 @@ impl<'de> Visitor<'de> for Builder<'_> {
             let known_before = self.problem.is_some();
             let value = map.next_value_seed(self.inner())?;
             if values.contains_key(&key) {
-                let (what, legal) = ("is given twice", "once");
-                self.problem.get_or_insert(Problem { what, legal, path: String::new() });
+                self.given_twice();
             }
             self.place(known_before, || key.clone());
             values.insert(key, value);
         }
         Ok(Value::Object(values))
+    }
+}
+
+/// More fields than any request has but `set`.
+const FEW: usize = 16;
+
+/// Builds a map of few fields.
+struct FewBuilder<'a>(Builder<'a>);
+
+impl<'de> DeserializeSeed<'de> for FewBuilder<'_> {
+    type Value = Few<'de>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for FewBuilder<'_> {
+    type Value = Few<'de>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a map of at most {FEW} fields")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let Self(mut builder) = self;
+        builder.enter()?;
+        let mut few = Few::default();
+        while let Some(name) = map.next_key_seed(Text)? {
+            if few.others.len() == FEW {
+                return Err(A::Error::custom("more fields"));
+            }
+            if name == "op" {
+                if few.op.replace(map.next_value_seed(Text)?).is_some() {
+                    builder.given_twice();
+                }
+                continue;
+            }
+            let known_before = builder.problem.is_some();
+            let value = map.next_value_seed(builder.inner())?;
+            let same = few.others.iter_mut().find(|(other, _)| *other == name);
+            if same.is_some() {
+                builder.given_twice();
+            }
+            builder.place(known_before, || name.clone().into_owned());
+            match same {
+                Some((_, first)) => *first = value,
+                None => few.others.push((name, value)),
+            }
+        }
+        Ok(few)
+    }
+}
+
+/// Reads text, in place where it can.
+struct Text;
+
+impl<'de> DeserializeSeed<'de> for Text {
+    type Value = Cow<'de, str>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_str(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Text {
+    type Value = Cow<'de, str>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("text")
+    }
+
+    fn visit_borrowed_str<E>(self, text: &'de str) -> Result<Self::Value, E> {
+        Ok(Cow::Borrowed(text))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Self::Value, E> {
+        Ok(Cow::Owned(text.to_owned()))
     }
 }

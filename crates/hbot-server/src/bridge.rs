@@ -6,10 +6,11 @@
 use std::io;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering, fence};
 
 use hbot_core::CompiledScene;
 use hbot_core::inputs::Command;
+use hbot_core::mode::{Cause, Mode};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, eventfd};
 use thiserror::Error;
@@ -19,6 +20,8 @@ use crate::sample::Sample;
 
 /// Samples between loop and service: half a second at 8 kHz, while the service is busy elsewhere.
 const SAMPLES: usize = 4096;
+/// So many may come before a service is woken that hears only of what is notable.
+const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
 
@@ -43,7 +46,14 @@ pub(crate) struct LoopEnd {
     pub(crate) retired: Producer<Box<CompiledScene>>,
     samples: Producer<Sample>,
     waker: Arc<Waker>,
+    /// Of the last sample.
+    last: Option<Situation>,
+    /// Samples since the service was last woken.
+    unheard: usize,
 }
+
+/// What of a sample the service hears of at once when it changes: what the rig does, and the scene that it renders.
+type Situation = (Mode, Option<Cause>, u64);
 
 /// The service's end. It belongs to a tokio runtime.
 pub struct ServiceEnd {
@@ -52,19 +62,36 @@ pub struct ServiceEnd {
     retired: Consumer<Box<CompiledScene>>,
     samples: Consumer<Sample>,
     waker: Arc<Waker>,
-    event: AsyncFd<OwnedFd>,
+    event: Arc<AsyncFd<OwnedFd>>,
     next_ticket: u64,
+}
+
+/// Rings when the loop has something to say. It is apart from the service's end, so that who waits for it leaves that end to
+/// others.
+pub(crate) struct Bell {
+    waker: Arc<Waker>,
+    event: Arc<AsyncFd<OwnedFd>>,
 }
 
 /// Wakes the service only where it sleeps, so that a busy one costs the loop no system call.
 struct Waker {
-    asleep: AtomicBool,
+    /// What wakes it: one of the constants below.
+    ear: AtomicU8,
+    /// Of the last sample.
+    tick: AtomicU64,
     /// An emergency stop stands before everything that waits in the ring.
     estop: AtomicBool,
     /// The loop is over: no sample will come.
     ended: AtomicBool,
     event: OwnedFd,
 }
+
+/// The service is awake.
+const AWAKE: u8 = 0;
+/// It sleeps until something notable happens, or many samples wait.
+const NOTABLE: u8 = 1;
+/// It sleeps until the next sample.
+const EVERY: u8 = 2;
 
 /// Both ends of a new bridge.
 ///
@@ -73,7 +100,8 @@ struct Waker {
 pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
     let waker = Arc::new(Waker {
-        asleep: AtomicBool::new(false),
+        ear: AtomicU8::new(AWAKE),
+        tick: AtomicU64::new(0),
         estop: AtomicBool::new(false),
         ended: AtomicBool::new(false),
         event: event.try_clone()?,
@@ -89,13 +117,15 @@ pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
         retired: retired_in,
         samples: samples_in,
         waker: Arc::clone(&waker),
+        last: None,
+        unheard: 0,
     };
     // Its successor is an unsafe function, because other types than OwnedFd may change or close their descriptor.
     #[expect(
         deprecated,
         reason = "an OwnedFd always gives the same open descriptor, which is all that new() asks"
     )]
-    let event = AsyncFd::new(event)?;
+    let event = Arc::new(AsyncFd::new(event)?);
     let outer = ServiceEnd {
         orders: orders_in,
         scenes: scenes_in,
@@ -112,8 +142,22 @@ impl LoopEnd {
     /// Publishes a sample: false where there was no place for it. At most one non-blocking write to the event.
     #[inline]
     pub(crate) fn publish(&mut self, sample: Sample) -> bool {
+        let situation = Some((sample.state.mode, sample.state.cause, sample.scene));
+        let notable = self.last != situation || sample.answers.iter().any(Option::is_some);
+        self.last = situation;
+        self.waker.tick.store(sample.state.tick, Ordering::Relaxed);
         let placed = self.samples.push(sample).is_ok();
-        if self.waker.asleep.swap(false, Ordering::SeqCst) {
+        self.unheard += 1;
+        // Either the service sees the sample when it looks again before it sleeps, or its ear is seen here.
+        fence(Ordering::SeqCst);
+        let wakes = match self.waker.ear.load(Ordering::Relaxed) {
+            AWAKE => false,
+            NOTABLE => notable || self.unheard >= UNHEARD,
+            _ => true,
+        };
+        if wakes {
+            self.unheard = 0;
+            self.waker.ear.store(AWAKE, Ordering::SeqCst);
             // A full counter has woken the service already.
             let _ = rustix::io::write(&self.waker.event, &1_u64.to_ne_bytes());
         }
@@ -171,25 +215,47 @@ impl ServiceEnd {
         self.samples.pop().ok()
     }
 
-    /// Waits for the next sample; `None` once the loop has ended and all samples are fetched. Cancel safe.
-    pub async fn sample(&mut self) -> Option<Sample> {
-        loop {
-            if let Ok(sample) = self.samples.pop() {
-                return Some(sample);
-            }
-            if self.waker.ended.load(Ordering::SeqCst) {
-                return self.samples.pop().ok();
-            }
-            // Fall asleep first and look again after: a sample that comes in between wakes us.
-            self.waker.asleep.swap(true, Ordering::SeqCst);
-            if !self.samples.is_empty() || self.waker.ended.load(Ordering::SeqCst) {
-                continue;
-            }
-            let Ok(mut guard) = self.event.readable().await else { return None };
-            let mut count = [0; 8];
-            let _ = rustix::io::read(guard.get_inner(), &mut count);
-            guard.clear_ready();
-        }
+    /// The last tick of which there is a sample, fetched or not; 0 before the first.
+    pub(crate) fn tick(&self) -> u64 {
+        self.waker.tick.load(Ordering::Relaxed)
+    }
+
+    /// Whether there are samples to be fetched.
+    pub(crate) fn has_samples(&self) -> bool {
+        !self.samples.is_empty()
+    }
+
+    /// Whether the loop has ended and all samples are fetched.
+    pub(crate) fn is_over(&self) -> bool {
+        // In this order: the loop's last sample comes before its end.
+        self.waker.ended.load(Ordering::SeqCst) && self.samples.is_empty()
+    }
+
+    /// What rings when there are more.
+    pub(crate) fn bell(&self) -> Bell {
+        Bell { waker: Arc::clone(&self.waker), event: Arc::clone(&self.event) }
+    }
+}
+
+impl Bell {
+    /// Has it ring at the next sample, or else at the next one that is notable (another mode, cause or scene, an answer) or after many; and
+    /// at the end of the loop. Look again after this whether there is anything to be fetched: only what comes later rings.
+    pub(crate) fn set(&self, every: bool) {
+        self.waker.ear.store(if every { EVERY } else { NOTABLE }, Ordering::SeqCst);
+        fence(Ordering::SeqCst);
+    }
+
+    /// Waits until it rings. Cancel safe.
+    ///
+    /// # Errors
+    /// The runtime shuts down.
+    pub(crate) async fn rung(&self) -> io::Result<()> {
+        let mut guard = self.event.readable().await?;
+        let mut count = [0; 8];
+        // Where another has read it, it has rung all the same.
+        let _ = rustix::io::read(guard.get_inner(), &mut count);
+        guard.clear_ready();
+        Ok(())
     }
 }
 

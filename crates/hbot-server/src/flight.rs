@@ -250,25 +250,14 @@ fn civil(days: u64) -> (u64, u64, u64) {
 
 #[cfg(test)]
 mod tests {
-    use hbot_config::RigConfig;
-    use hbot_core::inputs::{Inputs, MAX_COMMANDS};
-    use hbot_core::{CompiledScene, Controller};
 
     use super::*;
-    use crate::sample::{Counters, Timing};
-
-    fn sample(tick: u64) -> Sample {
-        let mut controller = Controller::new(RigConfig::prototype().rig);
-        let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;
-        let (timing, counters) = (Timing::default(), Counters::default());
-        Sample { state, t_ns: tick * 1_000_000, scene: 0, timing, counters, answers: [None; MAX_COMMANDS] }
-    }
 
     /// The first and last tick of each log that a recorder gives out over `ticks`, where faults come in `faults`; without holes.
     fn logs(faults: &[u64], ticks: u64) -> Vec<(u64, u64)> {
         let mut recorder = FlightRecorder::new(PathBuf::from("flights"), 1_000_000);
         let mut flights = Vec::new();
-        let mut like = sample(0);
+        let mut like = Sample::still(0);
         for tick in 0..ticks {
             like.state.tick = tick;
             flights.extend(recorder.push(&like));
@@ -305,7 +294,7 @@ mod tests {
         let at = |name: &str| dir.path().join(name);
         // This process is told apart from others by its number.
         let mut recorder = FlightRecorder::new(dir.path().to_owned(), 1_000_000);
-        recorder.push(&sample(5));
+        recorder.push(&Sample::still(5));
         let name = recorder.trigger(5, "estop").to_str().unwrap().to_owned();
         assert!(name.contains(&format!("-{}-001-estop.csv", std::process::id())), "{name}");
         for i in 0..30 {

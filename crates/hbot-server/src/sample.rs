@@ -65,3 +65,21 @@ pub struct Counters {
     /// Samples that found no place because nobody fetched them.
     pub dropped_samples: u64,
 }
+
+#[cfg(test)]
+impl Sample {
+    /// One of a loop that has just begun, with nothing on its line.
+    pub(crate) fn still(tick: u64) -> Self {
+        let mut controller = hbot_core::Controller::new(hbot_config::RigConfig::prototype().rig);
+        let inputs = hbot_core::inputs::Inputs::quiet(tick);
+        let state = controller.tick(&hbot_core::CompiledScene::empty(), &inputs).state;
+        Self {
+            state,
+            t_ns: tick * 1_000_000,
+            scene: 0,
+            timing: Timing::default(),
+            counters: Counters::default(),
+            answers: [None; MAX_COMMANDS],
+        }
+    }
+}

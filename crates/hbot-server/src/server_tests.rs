@@ -3,6 +3,7 @@
 #[path = "../../../tests/server/far.rs"]
 mod far;
 
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// What a test has in hand to end a server.
 struct Ends {
+    address: SocketAddr,
     shutdown: Option<oneshot::Sender<()>>,
     abandon: Option<oneshot::Sender<()>>,
     control: async_mpsc::Sender<Control>,
@@ -75,7 +77,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
         let _ = client.torque(torque);
         std::thread::sleep(Duration::from_millis(20));
     }
-    let mut ends = Ends { shutdown: Some(shutdown), abandon: Some(abandon), control };
+    let mut ends = Ends { address, shutdown: Some(shutdown), abandon: Some(abandon), control };
     end(&mut ends);
     let finished = server.join().unwrap();
     far.ends_still();
@@ -138,6 +140,16 @@ fn a_server_that_is_stopped_leaves_zero_torque_on_the_line() {
 #[test]
 fn a_service_that_panics_leaves_zero_torque_on_the_line() {
     let fail = |ends: &mut Ends| ends.control.blocking_send(Control::Fail).unwrap();
+    let Some(finished) = ended(None, fail) else { return };
+    assert_eq!(finished.unwrap().failed, Some(Part::Service));
+}
+
+#[test]
+fn a_request_that_panics_leaves_zero_torque_on_the_line() {
+    let fail = |ends: &mut Ends| {
+        let refused = Client::connect(&ends.address.to_string(), crate::service::tests::PANICS);
+        assert!(refused.is_err(), "its connection has ended");
+    };
     let Some(finished) = ended(None, fail) else { return };
     assert_eq!(finished.unwrap().failed, Some(Part::Service));
 }

@@ -1,20 +1,31 @@
 //! Reading one field of a request after another, with errors that name it.
 
+use crate::untyped::Named;
 use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM};
-use serde_json::{Map, Value};
+use serde_json::Value;
 use std::fmt;
 
 /// The fields of a request that have not been read.
-pub(crate) struct Fields(pub(crate) Map<String, Value>);
+pub(crate) struct Fields<'a>(pub(crate) Named<'a>);
 
-impl Fields {
+impl Fields<'_> {
+    pub(crate) fn get(&self, name: &str) -> Option<&Value> {
+        self.0.iter().find(|(key, _)| key == name).map(|(_, value)| value)
+    }
+
+    /// A field, even if it is null.
+    pub(crate) fn remove(&mut self, name: &str) -> Option<Value> {
+        let at = self.0.iter().position(|(key, _)| key == name)?;
+        Some(self.0.remove(at).1)
+    }
+
     /// A field that may be absent; null is the same.
     pub(crate) fn take(&mut self, name: &str) -> Option<Value> {
-        self.0.shift_remove(name).filter(|value| !value.is_null())
+        self.remove(name).filter(|value| !value.is_null())
     }
 
     fn required(&mut self, name: &str, legal: impl fmt::Display) -> Result<Value, ErrorBody> {
-        match self.0.shift_remove(name) {
+        match self.remove(name) {
             Some(value) => Ok(value),
             None => Err(bad(format!("field {name:?} is missing; legal: {legal}"))),
         }
@@ -81,8 +92,8 @@ impl Fields {
 
     /// Text of 1 to `most` bytes without control characters.
     pub(crate) fn text(&mut self, name: &str, most: usize) -> Result<String, ErrorBody> {
-        let legal = format!("text of 1 to {most} bytes without control characters");
-        match self.required(name, &legal)? {
+        let legal = format_args!("text of 1 to {most} bytes without control characters");
+        match self.required(name, legal)? {
             Value::String(text) if is_name(&text, most) => Ok(text),
             other => Err(illegal(name, &other, legal)),
         }
@@ -100,7 +111,7 @@ fn integer(name: &str, value: &Value, from: u64, to: u64) -> Result<u64, ErrorBo
     }
 }
 
-fn number(name: &str, value: &Value, from: f64, to: f64) -> Result<f64, ErrorBody> {
+fn number(name: impl fmt::Display, value: &Value, from: f64, to: f64) -> Result<f64, ErrorBody> {
     match value.as_f64() {
         Some(number) if (from..=to).contains(&number) => Ok(number),
         _ => Err(illegal(name, value, Real(from, to))),
@@ -122,7 +133,7 @@ fn array<const N: usize>(
     };
     let mut numbers = [0.0; N];
     for (i, (slot, item)) in numbers.iter_mut().zip(items).enumerate() {
-        *slot = number(&format!("{name}[{i}]"), item, -most, most)?;
+        *slot = number(format_args!("{name}[{i}]"), item, -most, most)?;
     }
     Ok(numbers)
 }
@@ -132,8 +143,8 @@ pub(crate) fn bad(message: impl Into<String>) -> ErrorBody {
     ErrorBody::new(ErrorCode::BadRequest, message)
 }
 
-pub(crate) fn illegal(name: &str, found: &Value, legal: impl fmt::Display) -> ErrorBody {
-    bad(format!("field {name:?} is {}; legal: {legal}", Found(found)))
+pub(crate) fn illegal(name: impl fmt::Display, found: &Value, legal: impl fmt::Display) -> ErrorBody {
+    bad(format!("field \"{name}\" is {}; legal: {legal}", Shown(found)))
 }
 
 /// What is legal for a whole number.
@@ -164,9 +175,9 @@ impl fmt::Display for Real {
 }
 
 /// A value as an error message shows it, never long.
-pub(crate) struct Found<'a>(pub(crate) &'a Value);
+pub(crate) struct Shown<'a>(pub(crate) &'a Value);
 
-impl fmt::Display for Found<'_> {
+impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             Value::Null => f.write_str("null"),

@@ -1,12 +1,13 @@
 //! From an untyped value to a request.
 
-use super::fields::{Excerpt, Fields, Found, bad, illegal};
-use super::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, ROWS, Request};
+use super::fields::{Excerpt, Fields, Shown, bad, illegal};
+use super::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, ROWS, Request, Row};
 use crate::{
     Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_VALID_MS, PROTOCOL_VERSION,
     ReferenceCommand, Refusal, TorqueCommand, untyped,
 };
 use serde_json::{Map, Value};
+use std::borrow::Cow;
 
 /// The longest effect's id and the longest token that are read, bytes.
 const MAX_EFFECT_BYTES: usize = 128;
@@ -20,12 +21,18 @@ impl Request {
     /// A [`Refusal`] where it is no legal request. It carries the id wherever that could be read, so the client learns
     /// which of its requests is meant.
     pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, Refusal> {
+        if let Some((few, problem)) = untyped::read_few(encoding, bytes, MAX_DEPTH) {
+            let problem = problem.map(|problem| problem.to_string());
+            return parse(few.op.map(Ok), Fields(few.others), problem);
+        }
+        // What is wrong with it, if it does not merely have many fields.
         let untyped = untyped::read(encoding, bytes, MAX_DEPTH).map_err(|message| Refusal {
             id: None,
             op: None,
             error: bad(message),
         })?;
-        parse(untyped.value, untyped.problem.map(|problem| problem.to_string()))
+        let (op, fields) = split(untyped.value)?;
+        parse(op, fields, untyped.problem.map(|problem| problem.to_string()))
     }
 
     /// Reads a value that has been decoded elsewhere. Decoders that take NaN for null, or the last of two equal keys,
@@ -35,23 +42,36 @@ impl Request {
     ///
     /// As [`read`](Self::read).
     pub fn from_value(value: Value) -> Result<Self, Refusal> {
-        parse(value, None)
+        let (op, fields) = split(value)?;
+        parse(op, fields, None)
     }
 }
 
-fn parse(value: Value, problem: Option<String>) -> Result<Request, Refusal> {
+/// What a message has for `op`: a value where that is no text.
+type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
+
+/// The op of a message, and its other fields.
+fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), Refusal> {
     let Value::Object(map) = value else {
-        let error = bad(format!("the message is {}; legal: a map with \"op\"", Found(&value)));
+        let error = bad(format!("the message is {}; legal: a map with \"op\"", Shown(&value)));
         return Err(Refusal { id: None, op: None, error });
     };
-    let mut fields = Fields(map);
+    let mut fields = Fields(map.into_iter().map(|(name, value)| (Cow::Owned(name), value)).collect());
+    let op = fields.take("op").map(|op| match op {
+        Value::String(name) => Ok(Cow::Owned(name)),
+        other => Err(other),
+    });
+    Ok((op, fields))
+}
+
+fn parse(found: Found<'_>, mut fields: Fields<'_>, problem: Option<String>) -> Result<Request, Refusal> {
     let id = fields.take("id").map(Id::from_value).transpose().map_err(|id| Refusal {
         id: None,
         op: None,
         error: illegal("id", &id, Id::LEGAL),
     })?;
     let mut known = None;
-    match op(&mut fields, problem, &mut known) {
+    match op(found, &mut fields, problem, &mut known) {
         Ok(op) => Ok(Request { id, op }),
         Err(error) => Err(Refusal { id, op: known, error }),
     }
@@ -59,21 +79,22 @@ fn parse(value: Value, problem: Option<String>) -> Result<Request, Refusal> {
 
 /// Reads the op and its fields. `known` becomes its name as soon as that is seen to be one.
 fn op(
-    fields: &mut Fields,
+    found: Found<'_>,
+    fields: &mut Fields<'_>,
     problem: Option<String>,
     known: &mut Option<&'static str>,
 ) -> Result<Op, ErrorBody> {
     let legal = || Op::names().collect::<Vec<_>>().join(", ");
-    let name = match fields.take("op") {
-        Some(Value::String(name)) => name,
-        Some(other) => return Err(illegal("op", &other, legal())),
+    let name = match found {
+        Some(Ok(name)) => name,
+        Some(Err(other)) => return Err(illegal("op", &other, legal())),
         None => {
             return Err(bad(
                 problem.unwrap_or_else(|| format!("field \"op\" is missing; legal: {}", legal()))
             ));
         }
     };
-    let Some((name, _, names)) = ROWS.iter().find(|row| row.0 == name) else {
+    let Some(Row { name, fields: names, read, .. }) = ROWS.iter().find(|row| row.name == name) else {
         return Err(bad(format!("unknown op {:?}; legal: {}", Excerpt(&name), legal())));
     };
     *known = Some(name);
@@ -89,13 +110,13 @@ fn op(
         check_version(fields)?;
     }
     if *name != "set" {
-        check_names(name, names, &fields.0)?;
+        check_names(name, names, fields)?;
     }
-    fields.op(name)
+    read(fields)
 }
 
-fn check_version(fields: &Fields) -> Result<(), ErrorBody> {
-    match fields.0.get("version").and_then(Value::as_u64) {
+fn check_version(fields: &Fields<'_>) -> Result<(), ErrorBody> {
+    match fields.get("version").and_then(Value::as_u64) {
         Some(version) if version != PROTOCOL_VERSION => Err(ErrorBody::new(
             ErrorCode::UnsupportedVersion,
             format!("field \"version\" is {version}; this server speaks {PROTOCOL_VERSION}"),
@@ -104,53 +125,57 @@ fn check_version(fields: &Fields) -> Result<(), ErrorBody> {
     }
 }
 
-fn check_names(op: &str, legal: &[&str], map: &Map<String, Value>) -> Result<(), ErrorBody> {
-    let Some(unknown) = map.keys().find(|name| !legal.contains(&name.as_str())) else { return Ok(()) };
+fn check_names(op: &str, legal: &[&str], fields: &Fields<'_>) -> Result<(), ErrorBody> {
+    let Some((unknown, _)) = fields.0.iter().find(|(name, _)| !legal.contains(&name.as_ref())) else {
+        return Ok(());
+    };
     let legal = ["id", "op"].iter().chain(legal).copied().collect::<Vec<_>>().join(", ");
     Err(bad(format!("unknown field {:?} of op {op}; legal: {legal}", Excerpt(unknown))))
 }
 
-impl Fields {
-    fn op(&mut self, name: &str) -> Result<Op, ErrorBody> {
-        Ok(match name {
-            "hello" => Op::Hello(self.hello()?),
-            "info" => Op::Info,
-            "subscribe" => Op::Subscribe { every: self.integer("every", 1, MAX_EVERY)? },
-            "unsubscribe" => Op::Unsubscribe,
-            "stats" => Op::Stats,
-            "acquire" => Op::Acquire { steal: self.flag("steal")? },
-            "release" => Op::Release,
-            "load_scene" => Op::LoadScene { scene: self.scene()? },
-            "set" => self.set()?,
-            "torque" => Op::Torque(TorqueCommand {
-                torque: self.vector("torque")?,
-                valid_ms: self.integer("valid_ms", 1, MAX_VALID_MS)?,
-                tick: self.optional_integer("tick", 0, u64::MAX)?,
-                seq: self.optional_integer("seq", 0, u64::MAX)?,
-            }),
-            "reference" => Op::Reference(ReferenceCommand {
-                effect: self.text("effect", MAX_EFFECT_BYTES)?,
-                q: self.quaternion("q")?,
-                omega: self.optional_vector("omega")?,
-                valid_ms: self.optional_integer("valid_ms", 1, MAX_VALID_MS)?.unwrap_or(DEFAULT_VALID_MS),
-                tick: self.optional_integer("tick", 0, u64::MAX)?,
-                seq: self.optional_integer("seq", 0, u64::MAX)?,
-            }),
-            "align" => Op::Align(Align {
-                q: self.quaternion("q")?,
-                weight: self.number("weight", 0.0, 1.0)?,
-                t: self.optional_number("t", 0.0, f64::MAX)?,
-            }),
-            "enable" => Op::Enable,
-            "disable" => Op::Disable,
-            "reset" => Op::Reset,
-            "ping" => Op::Ping { data: self.take("data").unwrap_or(Value::Null) },
-            _ => unreachable!("every other row of ROWS has its arm; a test parses them all"),
-        })
+impl Fields<'_> {
+    pub(super) fn subscribe(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Subscribe { every: self.integer("every", 1, MAX_EVERY)? })
     }
 
-    fn hello(&mut self) -> Result<Hello, ErrorBody> {
-        Ok(Hello {
+    pub(super) fn acquire(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Acquire { steal: self.flag("steal")? })
+    }
+
+    pub(super) fn torque(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Torque(TorqueCommand {
+            torque: self.vector("torque")?,
+            valid_ms: self.integer("valid_ms", 1, MAX_VALID_MS)?,
+            tick: self.optional_integer("tick", 0, u64::MAX)?,
+            seq: self.optional_integer("seq", 0, u64::MAX)?,
+        }))
+    }
+
+    pub(super) fn reference(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Reference(ReferenceCommand {
+            effect: self.text("effect", MAX_EFFECT_BYTES)?,
+            q: self.quaternion("q")?,
+            omega: self.optional_vector("omega")?,
+            valid_ms: self.optional_integer("valid_ms", 1, MAX_VALID_MS)?.unwrap_or(DEFAULT_VALID_MS),
+            tick: self.optional_integer("tick", 0, u64::MAX)?,
+            seq: self.optional_integer("seq", 0, u64::MAX)?,
+        }))
+    }
+
+    pub(super) fn align(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Align(Align {
+            q: self.quaternion("q")?,
+            weight: self.number("weight", 0.0, 1.0)?,
+            t: self.optional_number("t", 0.0, f64::MAX)?,
+        }))
+    }
+
+    pub(super) fn ping(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Ping { data: self.take("data").unwrap_or(Value::Null) })
+    }
+
+    pub(super) fn hello(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Hello(Hello {
             version: self.integer("version", PROTOCOL_VERSION, PROTOCOL_VERSION)?,
             name: self.text("name", MAX_NAME_BYTES)?,
             token: match self.take("token") {
@@ -168,21 +193,22 @@ impl Fields {
                     .and_then(|text| text.parse().ok())
                     .ok_or_else(|| illegal("encoding", &value, "\"json\" or \"msgpack\""))?,
             },
-        })
+        }))
     }
 
-    fn scene(&mut self) -> Result<Value, ErrorBody> {
+    pub(super) fn load_scene(&mut self) -> Result<Op, ErrorBody> {
         let legal = "a map of the shape of a scene file";
-        match self.0.shift_remove("scene") {
-            Some(scene @ Value::Object(_)) => Ok(scene),
+        match self.remove("scene") {
+            Some(scene @ Value::Object(_)) => Ok(Op::LoadScene { scene }),
             Some(other) => Err(illegal("scene", &other, legal)),
             None => Err(bad(format!("field \"scene\" is missing; legal: {legal}"))),
         }
     }
 
-    fn set(&mut self) -> Result<Op, ErrorBody> {
+    pub(super) fn set(&mut self) -> Result<Op, ErrorBody> {
         let effect = self.text("effect", MAX_EFFECT_BYTES)?;
-        let parameters = std::mem::take(&mut self.0);
+        let parameters: Map<String, Value> =
+            std::mem::take(&mut self.0).into_iter().map(|(name, value)| (name.into_owned(), value)).collect();
         if parameters.contains_key("kind") {
             return Err(bad(
                 "field \"kind\" cannot be set; legal: parameters of the effect's kind (load_scene \

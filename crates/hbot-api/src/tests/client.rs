@@ -40,7 +40,7 @@ impl Peer {
         let Some(Request { id, op: Op::Hello(hello) }) = self.request() else { panic!("hello comes first") };
         let body =
             HelloOk { server: "test 1".into(), version: 1, rig: "none".into(), rate_hz: 1000.0, session: 3 };
-        self.send(&Response::ok(id, &body).unwrap());
+        self.send(&Response::ok(id, body));
         self.splitter.set_encoding(hello.encoding);
         hello
     }
@@ -83,7 +83,7 @@ fn every_helper_asks_its_op_in_both_encodings() {
                 // An event before each answer: the client keeps it.
                 peer.send(&Event::State(samples::state()));
                 if request.id.is_some() {
-                    peer.send(&Response::ok(request.id, &body(&request.op)).unwrap());
+                    peer.send(&Response::ok(request.id, body(&request.op)));
                 }
                 seen.push(request.op.name());
             }
@@ -147,8 +147,8 @@ fn a_late_answer_is_passed_over() {
         peer.welcome();
         let late = peer.request().unwrap().id;
         let second = peer.request().unwrap();
-        peer.send(&Response::ok(late, &json!({"mode": "fault"})).unwrap());
-        peer.send(&Response::ok(second.id, &json!({"mode": "idle"})).unwrap());
+        peer.send(&Response::ok(late, json!({"mode": "fault"})));
+        peer.send(&Response::ok(second.id, json!({"mode": "idle"})));
     });
     let short = Duration::from_millis(50);
     let mut client = Client::connect(&address, "tester").unwrap();

@@ -115,7 +115,10 @@ fn nothing_that_is_not_finite_is_ever_sent() {
             assert_eq!(out, b"before", "spoil {i}");
         }
     }
-    assert!(Response::ok(None, &crate::AlignOk { angle: f64::NAN }).is_err());
+    for encoding in Encoding::ALL {
+        let answer = Response::ok(None, crate::AlignOk { angle: f64::NAN });
+        assert!(encoding.encode(&answer, &mut Vec::new()).is_err(), "{encoding}");
+    }
 }
 
 #[test]

@@ -62,7 +62,7 @@ pub(super) fn requests() -> Vec<Request> {
 
 pub(super) fn answers() -> Vec<ServerMessage> {
     fn ok(id: impl Into<Id>, body: impl serde::Serialize) -> ServerMessage {
-        ServerMessage::Response(Response::ok(Some(id.into()), &body).unwrap())
+        ServerMessage::Response(Response::ok(Some(id.into()), serde_json::to_value(body).unwrap()))
     }
     let refused = |error| ServerMessage::Response(Response::error(None, error));
     let effects = vec![EffectCost { id: "spring".into(), kind: "spring".into(), cost_ns: 210 }];

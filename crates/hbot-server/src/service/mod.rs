@@ -17,19 +17,23 @@
 mod connection;
 pub(crate) mod convert;
 mod cost;
+mod desk;
 mod hub;
 mod info;
 mod orders;
 mod outbox;
 mod peer;
 mod peers;
+mod reader;
 mod requests;
+mod run;
 mod samples;
 mod scenes;
 mod stats;
+mod writer;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::future::Future;
 use std::path::PathBuf;
@@ -156,5 +160,6 @@ pub(crate) async fn serve_within(
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,
 ) -> Summary {
-    hub::Hub::new(bounds, end, setup, status).run(listener, control, shutdown).await
+    let desk = desk::Desk::new(hub::Hub::new(bounds, end, setup, status));
+    run::run(desk, listener, control, shutdown).await
 }

@@ -177,10 +177,10 @@ impl Hub {
             }
             // A stream without an id is not answered.
             _ if kind == OrderKind::Stream && id.is_none() => {}
-            Some(Reply::Aligned { angle }) => hub.answer_with(session, id, &AlignOk { angle }),
+            Some(Reply::Aligned { angle }) => hub.answer_with(session, id, AlignOk { angle }),
             Some(Reply::Done) if kind == OrderKind::Stream => hub.respond(session, &Response::done(id)),
             Some(Reply::Done) => {
-                hub.answer_with(session, id, &ModeOk { mode: convert::mode(sample.state.mode) })
+                hub.answer_with(session, id, ModeOk { mode: convert::mode(sample.state.mode) })
             }
             None => {
                 let message = format!(

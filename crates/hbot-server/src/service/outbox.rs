@@ -1,81 +1,145 @@
 //! What is on its way to one client: a bounded queue between the hub, which never waits, and the connection.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-use tokio::sync::mpsc;
-
-/// A message as it goes over the wire, shared by all who get it.
-pub(super) type Frame = Arc<[u8]>;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker};
 
 /// Bytes that may wait for a client; an answer to `info` is the longest message, well below a tenth of it. All clients together may have
 /// the service hold so much for each.
 const MAX_BYTES: usize = 1 << 20;
+/// What a connection that has nothing to send keeps, bytes.
+const KEPT_BYTES: usize = 64 * 1024;
 
 /// The hub's end.
 pub(super) struct Outbox {
-    queue: mpsc::Sender<Frame>,
-    bytes: Arc<AtomicUsize>,
+    queue: Shared,
     /// Samples are being lost until the queue is short again.
     congested: bool,
 }
 
 /// The connection's end.
 pub(super) struct Inbox {
-    queue: mpsc::Receiver<Frame>,
-    bytes: Arc<AtomicUsize>,
+    queue: Shared,
+}
+
+#[derive(Clone)]
+struct Shared(Arc<Mutex<Queue>>);
+
+/// Messages one after the other, as they go over the wire.
+struct Queue {
+    bytes: Vec<u8>,
+    messages: usize,
+    /// Bytes and messages that the connection has taken and not yet sent.
+    sending: (usize, usize),
+    most: usize,
+    /// The other end is gone.
+    closed: bool,
+    waker: Option<Waker>,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        // Nothing in here panics half way through.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn close(&self) {
+        let mut queue = self.lock();
+        queue.closed = true;
+        if let Some(waker) = queue.waker.take() {
+            waker.wake();
+        }
+    }
 }
 
 /// Both ends of a queue of at most `messages`.
 pub(super) fn outbox(messages: usize) -> (Outbox, Inbox) {
-    let (queue, outgoing) = mpsc::channel(messages);
-    let bytes = Arc::new(AtomicUsize::new(0));
-    let inbox = Inbox { queue: outgoing, bytes: Arc::clone(&bytes) };
-    (Outbox { queue, bytes, congested: false }, inbox)
+    let queue =
+        Queue { bytes: Vec::new(), messages: 0, sending: (0, 0), most: messages, closed: false, waker: None };
+    let queue = Shared(Arc::new(Mutex::new(queue)));
+    (Outbox { queue: queue.clone(), congested: false }, Inbox { queue })
 }
 
 impl Outbox {
-    /// Queues an answer or event: false where it found no place, or the connection is gone.
-    #[must_use]
-    pub(super) fn send(&self, frame: Frame) -> bool {
-        let length = frame.len();
-        // Counted first, so that the other end never takes away what has not been added.
-        let waiting = self.bytes.fetch_add(length, Ordering::Relaxed);
-        let placed = waiting + length <= MAX_BYTES && self.queue.try_send(frame).is_ok();
-        if !placed {
-            self.bytes.fetch_sub(length, Ordering::Relaxed);
+    /// Queues an answer or event that `write` appends: `Ok(false)` where it finds no place, or the connection is gone.
+    ///
+    /// # Errors
+    /// Those of `write`. Nothing is queued then.
+    pub(super) fn send_with<E>(&self, write: impl FnOnce(&mut Vec<u8>) -> Result<(), E>) -> Result<bool, E> {
+        let mut queue = self.queue.lock();
+        let before = queue.bytes.len();
+        if queue.closed || queue.messages + queue.sending.1 >= queue.most {
+            return Ok(false);
         }
-        placed
+        let written = write(&mut queue.bytes);
+        let fits = queue.bytes.len() + queue.sending.0 <= MAX_BYTES;
+        if written.is_err() || !fits {
+            queue.bytes.truncate(before);
+            return written.map(|()| false);
+        }
+        queue.messages += 1;
+        if let Some(waker) = queue.waker.take() {
+            waker.wake();
+        }
+        Ok(true)
+    }
+
+    /// Queues a message that others get as well: false where it finds no place, or the connection is gone.
+    #[must_use]
+    pub(super) fn send(&self, message: &[u8]) -> bool {
+        let written: Result<bool, std::convert::Infallible> = self.send_with(|bytes| {
+            bytes.extend_from_slice(message);
+            Ok(())
+        });
+        written.is_ok_and(|placed| placed)
     }
 
     /// Whether the connection has ended by itself.
     pub(super) fn is_closed(&self) -> bool {
-        self.queue.is_closed()
+        self.queue.lock().closed
     }
 
     /// Whether a sample may be queued. Samples take at most half of the queue, so answers find a place; once they have
     /// been refused one, they are until three quarters of it are free.
     pub(super) fn takes_samples(&mut self) -> bool {
-        let (free, all) = (self.queue.capacity(), self.queue.max_capacity());
+        let queue = self.queue.lock();
+        let (free, all) = (queue.most.saturating_sub(queue.messages + queue.sending.1), queue.most);
         let enough = if self.congested { 3 * all / 4 } else { all / 2 };
-        self.congested = free < enough || self.bytes.load(Ordering::Relaxed) > MAX_BYTES / 2;
+        self.congested = free < enough || queue.bytes.len() + queue.sending.0 > MAX_BYTES / 2;
         !self.congested
     }
 }
 
-impl Inbox {
-    /// The next message; `None` once the hub has let go and all is taken.
-    pub(super) async fn next(&mut self) -> Option<Frame> {
-        let frame = self.queue.recv().await?;
-        self.bytes.fetch_sub(frame.len(), Ordering::Relaxed);
-        Some(frame)
+impl Drop for Outbox {
+    fn drop(&mut self) {
+        self.queue.close();
     }
+}
 
-    /// The next message, if there is one.
-    pub(super) fn try_next(&mut self) -> Option<Frame> {
-        let frame = self.queue.try_recv().ok()?;
-        self.bytes.fetch_sub(frame.len(), Ordering::Relaxed);
-        Some(frame)
+impl Inbox {
+    /// Takes all that waits into `bytes`, which has been sent; false once the hub has let go and everything is sent.
+    pub(super) fn poll_take(&mut self, context: &Context<'_>, bytes: &mut Vec<u8>) -> Poll<bool> {
+        let mut queue = self.queue.lock();
+        queue.sending = (queue.bytes.len(), queue.messages);
+        if queue.bytes.is_empty() {
+            if queue.closed {
+                return Poll::Ready(false);
+            }
+            if !queue.waker.as_ref().is_some_and(|waker| waker.will_wake(context.waker())) {
+                queue.waker = Some(context.waker().clone());
+            }
+            return Poll::Pending;
+        }
+        bytes.clear();
+        bytes.shrink_to(KEPT_BYTES);
+        std::mem::swap(bytes, &mut queue.bytes);
+        queue.messages = 0;
+        Poll::Ready(true)
+    }
+}
+
+impl Drop for Inbox {
+    fn drop(&mut self) {
+        self.queue.lock().closed = true;
     }
 }
 
@@ -83,8 +147,11 @@ impl Inbox {
 mod tests {
     use super::*;
 
-    fn frame(bytes: usize) -> Frame {
-        vec![0; bytes].into()
+    /// What `poll_take` gives, and the bytes.
+    fn take(inbox: &mut Inbox) -> (Poll<bool>, Vec<u8>) {
+        let mut bytes = Vec::new();
+        let taken = inbox.poll_take(&Context::from_waker(Waker::noop()), &mut bytes);
+        (taken, bytes)
     }
 
     #[test]
@@ -92,25 +159,49 @@ mod tests {
         let (mut out, mut inbox) = outbox(8);
         let mut samples = 0;
         while out.takes_samples() {
-            assert!(out.send(frame(1)));
+            assert!(out.send(b"s"));
             samples += 1;
         }
         assert_eq!(samples, 5);
-        assert!(out.send(frame(1)) && out.send(frame(1)) && out.send(frame(1)));
-        assert!(!out.send(frame(1)), "a ninth message");
-        // Not at once, but when most of it has been taken.
-        assert!(inbox.try_next().is_some());
-        assert!(!out.takes_samples());
-        while inbox.try_next().is_some() {}
-        assert!(out.takes_samples());
+        assert!(out.send(b"a") && out.send(b"a") && out.send(b"a"));
+        assert!(!out.send(b"a"), "a ninth message");
+        // Not when they have been taken, but when they have been sent.
+        assert_eq!(take(&mut inbox), (Poll::Ready(true), b"sssssaaa".to_vec()));
+        assert!(!out.takes_samples() && !out.send(b"a"));
+        assert_eq!(take(&mut inbox).0, Poll::Pending);
+        assert!(out.takes_samples() && out.send(b"s"));
     }
 
     #[test]
     fn bytes_are_bounded_as_well() {
         let (out, mut inbox) = outbox(8);
-        assert!(out.send(frame(MAX_BYTES - 1)));
-        assert!(!out.send(frame(2)));
-        assert!(inbox.try_next().is_some());
-        assert!(out.send(frame(2)));
+        assert!(out.send(&vec![0; MAX_BYTES - 1]));
+        assert!(!out.send(&[0; 2]));
+        assert_eq!(take(&mut inbox).1.len(), MAX_BYTES - 1, "nothing is left of what found no place");
+        assert!(!out.send(&[0; 2]), "what is being sent counts");
+        assert_eq!(take(&mut inbox).0, Poll::Pending);
+        assert!(out.send(&[0; 2]));
+    }
+
+    #[test]
+    fn what_cannot_be_written_leaves_nothing() {
+        let (out, mut inbox) = outbox(8);
+        let half = out.send_with(|bytes| {
+            bytes.extend_from_slice(b"half");
+            Err("no more")
+        });
+        assert_eq!((half, take(&mut inbox).0), (Err("no more"), Poll::Pending));
+    }
+
+    #[test]
+    fn either_end_learns_that_the_other_is_gone() {
+        let (out, mut inbox) = outbox(8);
+        assert!(out.send(b"last") && !out.is_closed());
+        drop(out);
+        assert_eq!(take(&mut inbox), (Poll::Ready(true), b"last".to_vec()));
+        assert_eq!(take(&mut inbox).0, Poll::Ready(false));
+        let (out, inbox) = outbox(8);
+        drop(inbox);
+        assert!(out.is_closed() && !out.send(b"a"));
     }
 }

@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use hbot_api::{DroppedEvent, Encoding, ErrorBody, Event, RefusedEvent};
+use hbot_api::{DroppedEvent, EncodeError, Encoding, ErrorBody, Event, RefusedEvent};
+use serde::Serialize;
 use tokio::task::AbortHandle;
 use tokio::time::Instant;
 
-use super::outbox::{Frame, Outbox};
+use super::outbox::Outbox;
 
 /// `refused` events come at most this often.
 const REFUSED_EVERY: Duration = Duration::from_secs(1);
@@ -112,35 +113,55 @@ impl Peer {
         }))
     }
 
+    /// Queues a message in this client's encoding; `Ok(false)` where it finds no place.
+    ///
+    /// # Errors
+    /// The message holds a number that is not finite.
+    pub(super) fn try_send(&self, message: &impl Serialize) -> Result<bool, EncodeError> {
+        self.outbox.send_with(|out| self.encoding.encode(message, out))
+    }
+
     /// Queues a message in this client's encoding; false where it finds no place.
     #[must_use]
-    pub(super) fn send(&self, message: &impl serde::Serialize, scratch: &mut Vec<u8>) -> bool {
-        match frame(self.encoding, message, scratch) {
-            Some(frame) => self.outbox.send(frame),
-            // What cannot be said is not said; the connection is none the worse.
-            None => true,
-        }
+    pub(super) fn send(&self, message: &impl Serialize) -> bool {
+        // What cannot be said is not said; the connection is none the worse.
+        self.try_send(message).inspect_err(unsaid).unwrap_or(true)
     }
 }
 
-/// A message as it goes over the wire; `None` where it holds a number that is not finite.
-pub(super) fn frame(
-    encoding: Encoding,
-    message: &(impl serde::Serialize + ?Sized),
-    scratch: &mut Vec<u8>,
-) -> Option<Frame> {
-    scratch.clear();
-    match encoding.encode(message, scratch) {
-        Ok(()) => Some(scratch.as_slice().into()),
-        Err(error) => {
-            tracing::debug!(%error, "a message was not sent");
-            None
-        }
+/// One message for many clients: written once in each encoding that is asked for. It keeps its memory for the next one.
+#[derive(Default)]
+pub(super) struct Frames {
+    bytes: [Vec<u8>; Encoding::ALL.len()],
+    made: [bool; Encoding::ALL.len()],
+}
+
+impl Frames {
+    /// Another message comes.
+    pub(super) fn clear(&mut self) {
+        self.made = [false; Encoding::ALL.len()];
     }
+
+    /// The message as it goes over the wire; nothing where it holds a number that is not finite.
+    pub(super) fn of(&mut self, encoding: Encoding, message: &impl Serialize) -> &[u8] {
+        let (bytes, made) = (&mut self.bytes[encoding as usize], &mut self.made[encoding as usize]);
+        if !std::mem::replace(made, true) {
+            bytes.clear();
+            // Nothing is left of what could not be written.
+            let _ = encoding.encode(message, bytes).inspect_err(unsaid);
+        }
+        bytes
+    }
+}
+
+fn unsaid(error: &EncodeError) {
+    tracing::debug!(%error, "a message was not sent");
 }
 
 #[cfg(test)]
 mod tests {
+    use std::task::{Context, Poll, Waker};
+
     use hbot_api::ErrorCode;
 
     use super::super::outbox::outbox;
@@ -169,14 +190,18 @@ mod tests {
     #[tokio::test]
     async fn lost_states_are_told_once_the_client_reads_again() {
         let (out, mut inbox) = outbox(4);
+        let mut sent = || {
+            while inbox.poll_take(&Context::from_waker(Waker::noop()), &mut Vec::new()) == Poll::Ready(true) {
+            }
+        };
         let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle());
         while peer.outbox.takes_samples() {
-            assert!(peer.outbox.send(vec![0].into()));
+            assert!(peer.outbox.send(&[0]));
         }
         peer.drop_state();
         peer.drop_state();
         assert_eq!(peer.dropped_event(), None);
-        while inbox.try_next().is_some() {}
+        sent();
         let told = Event::Dropped(DroppedEvent { count: 2, total: 2 });
         assert_eq!(peer.dropped_event(), Some(told));
         assert_eq!(peer.dropped_event(), None);

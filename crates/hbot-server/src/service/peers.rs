@@ -1,73 +1,12 @@
-//! Clients come, are told things, and go.
+//! Clients are told things, and go.
 
-use std::net::SocketAddr;
-
-use hbot_api::{ErrorBody, ErrorCode, Event, LeaseCause, LeaseEvent, Response};
+use hbot_api::{Event, LeaseCause, LeaseEvent, Response};
 use hbot_core::inputs::{Command, OnClientLost};
-use tokio::net::TcpStream;
-use tokio::task::JoinError;
 
-use super::connection;
 use super::convert;
 use super::hub::Hub;
-use super::outbox::outbox;
-use super::peer::{Peer, frame};
 
 impl Hub {
-    /// Takes a connection in, or turns it away.
-    pub(super) fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
-        // Tasks rather than clients: one that has been refused may still be on its way out.
-        let there = self.connections.len();
-        if there >= self.bounds.connections {
-            self.stats.events.turned_away += 1;
-            tracing::warn!(%address, "turned away: {there} connections already");
-            // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
-            if self.setup.encryption.is_none() && self.turned_away.len() < self.bounds.connections {
-                let message = format!("{there} connections already; try again later");
-                let error = ErrorBody::new(ErrorCode::Busy, message);
-                self.turned_away.spawn(connection::turn_away(stream, error));
-            }
-            return;
-        }
-        // Without it a small answer may wait for the acknowledgement of the one before; a connection works all the same.
-        let _ = stream.set_nodelay(true);
-        // Nor without this, but then it lasts for ever where the client's machine or the cable is gone.
-        if let Err(error) = connection::watch_over(&stream) {
-            tracing::debug!(%address, %error, "no keepalive");
-        }
-        let session = self.next_session;
-        self.next_session += 1;
-        self.stats.events.connections += 1;
-        tracing::debug!(session, %address, "connected");
-        let (outbox, inbox) = outbox(self.bounds.outgoing);
-        let task = self.connections.spawn(connection::serve(
-            stream,
-            self.setup.encryption.clone(),
-            session,
-            self.to_hub.clone(),
-            inbox,
-            self.bounds,
-        ));
-        self.tasks.insert(task.id(), session);
-        self.peers.insert(session, Peer::new(outbox, task));
-    }
-
-    /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.
-    pub(super) fn ended(&mut self, ended: Option<Result<(tokio::task::Id, ()), JoinError>>) {
-        let id = match &ended {
-            Some(Ok((id, ()))) => *id,
-            Some(Err(error)) => error.id(),
-            None => return,
-        };
-        let Some(session) = self.tasks.remove(&id) else { return };
-        if let Some(Err(error)) = ended
-            && error.is_panic()
-        {
-            tracing::error!(session, "the task of a connection has panicked");
-            self.gone(session);
-        }
-    }
-
     /// The client says no more. It stays as long as answers are owed to it.
     pub(super) fn gone(&mut self, session: u64) {
         let Some(peer) = self.peers.get_mut(&session) else { return };
@@ -125,7 +64,7 @@ impl Hub {
             self.stats.refused(error.code);
         }
         let Some(peer) = self.peers.get(&session) else { return };
-        if !peer.send(response, &mut self.scratch) {
+        if !peer.send(response) {
             self.doomed.push(session);
         }
     }
@@ -133,18 +72,16 @@ impl Hub {
     /// Sends an event to one client.
     pub(super) fn tell(&mut self, session: u64, event: &Event) {
         let Some(peer) = self.peers.get(&session) else { return };
-        if !peer.send(event, &mut self.scratch) {
+        if !peer.send(event) {
             self.doomed.push(session);
         }
     }
 
     /// Sends an event to all who have said hello.
     pub(super) fn broadcast(&mut self, event: &Event) {
-        let mut frames = [None, None];
+        self.frames.clear();
         for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
-            let slot = &mut frames[peer.encoding as usize];
-            let made = slot.get_or_insert_with(|| frame(peer.encoding, event, &mut self.scratch));
-            if made.as_ref().is_some_and(|frame| !peer.outbox.send(frame.clone())) {
+            if !peer.outbox.send(self.frames.of(peer.encoding, event)) {
                 self.doomed.push(*session);
             }
         }

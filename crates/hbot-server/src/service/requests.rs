@@ -11,55 +11,64 @@ use serde_json::json;
 use subtle::ConstantTimeEq as _;
 use tokio::time::Instant;
 
-use super::connection::{FromClient, Gone};
 use super::convert;
+use super::desk::Gone;
 use super::hub::Hub;
 use super::orders::OrderKind;
 
 impl Hub {
-    /// Takes what a connection has to say.
-    pub(super) fn message(&mut self, message: FromClient) {
-        match message {
-            FromClient::First { session, message, place: _place, verdict } => {
-                let encoding = self.first(session, message);
-                if encoding.is_none() {
-                    // The connection ends once the answer has left.
-                    self.peers.remove(&session);
-                }
-                // Where it has ended meanwhile, it says so in its next message.
-                let _ = verdict.send(encoding);
-            }
-            FromClient::Message { session, message: Ok(request), place: _place } => {
-                self.request(session, request);
-            }
-            FromClient::Message { session, message: Err(Refusal { id, op, error }), place: _place } => {
-                self.stats.events.requests += 1;
-                self.refuse(session, id, op.unwrap_or_default(), error);
-            }
-            FromClient::Gone { session, why } => {
-                match why {
-                    Gone::Ended => {}
-                    Gone::Stuck => {
-                        self.stats.events.cut += 1;
-                        tracing::warn!(
-                            session,
-                            "cut: the client has read nothing for {:?}",
-                            self.bounds.stuck
-                        );
-                    }
-                    Gone::NoHandshake => {
-                        self.stats.events.handshakes_failed += 1;
-                        tracing::debug!(session, "no encrypted connection came about");
-                    }
-                }
-                self.gone(session);
-            }
+    /// Takes the first message of a connection: how it goes on, if it does.
+    pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
+        let encoding = self.greet(session, message);
+        if encoding.is_none() {
+            // The connection ends once the answer has left.
+            self.peers.remove(&session);
         }
+        encoding
     }
 
-    /// The first message of a connection: how it goes on, if it does.
-    fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
+    /// Takes a later message; false where the client is none any more.
+    pub(super) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
+        if !self.peers.contains_key(&session) {
+            return false;
+        }
         self.stats.events.requests += 1;
+        let (id, op, result) = match message {
+            Ok(Request { id, op }) => {
+                let name = op.name();
+                let done = self.allowed(session, &op).and_then(|()| self.obey(session, id.clone(), op));
+                (id, name, done)
+            }
+            Err(Refusal { id, op, error }) => (id, op.unwrap_or_default(), Err(error)),
+        };
+        if let Err(error) = result {
+            self.refuse(session, id, op, error);
+        }
+        true
+    }
+
+    /// A connection has ended, or its client says no more.
+    pub(super) fn leave(&mut self, session: u64, why: Gone) {
+        match why {
+            Gone::Ended => {}
+            Gone::Stuck => {
+                self.stats.events.cut += 1;
+                tracing::warn!(session, "cut: the client has read nothing for {:?}", self.bounds.stuck);
+            }
+            Gone::NoHandshake => {
+                self.stats.events.handshakes_failed += 1;
+                tracing::debug!(session, "no encrypted connection came about");
+            }
+        }
+        self.gone(session);
+    }
+
+    fn greet(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
+        self.stats.events.requests += 1;
+        #[cfg(test)]
+        if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
+            assert_ne!(hello.name, super::tests::PANICS, "as a test asks");
+        }
         let (id, result) = match message {
             Ok(Request { id, op: Op::Hello(hello) }) => (id, self.authorize(&hello).map(|()| hello)),
             Ok(Request { id, op }) => {
@@ -83,7 +92,7 @@ impl Hub {
             rate_hz: f64::from(self.setup.rig.rate_hz),
             session,
         };
-        self.answer_with(session, id, &answer);
+        self.answer_with(session, id, answer);
         let peer = self.peers.get_mut(&session)?;
         peer.encoding = hello.encoding;
         tracing::info!(session, name = hello.name, encoding = %hello.encoding, "hello");
@@ -106,14 +115,6 @@ impl Hub {
         ))
     }
 
-    fn request(&mut self, session: u64, Request { id, op }: Request) {
-        self.stats.events.requests += 1;
-        let name = op.name();
-        if let Err(error) = self.allowed(session, &op).and_then(|()| self.obey(session, id.clone(), op)) {
-            self.refuse(session, id, name, error);
-        }
-    }
-
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
         match op.who() {
             Who::Any => Ok(()),
@@ -130,20 +131,17 @@ impl Hub {
         }
     }
 
-    /// Does what is asked and answers, or has it answered later.
+    /// Does what is asked and answers, or has it answered later. What takes much room on the stack is apart from it: it would be touched
+    /// for each request.
     fn obey(&mut self, session: u64, id: Option<Id>, op: Op) -> Result<(), ErrorBody> {
         let name = op.name();
         match op {
             Op::Hello(_) => {}
-            Op::Info => {
-                let mut answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref());
-                answer["lease"] = json!({"holder": self.holder_name(), "session": self.holder});
-                self.respond(session, &Response { id, result: Ok(answer) });
-            }
-            Op::Stats => self.respond(session, &Response { id, result: Ok(self.stats.summary().to_json()) }),
+            Op::Info => self.tell_info(session, id),
+            Op::Stats => self.tell_stats(session, id),
             Op::Subscribe { every } => {
                 self.subscribe(session, every);
-                self.answer_with(session, id, &SubscribeOk { every });
+                self.answer_with(session, id, SubscribeOk { every });
             }
             Op::Unsubscribe => {
                 self.subscribe(session, 0);
@@ -154,9 +152,7 @@ impl Hub {
                 self.respond(session, &Response::done(id));
             }
             Op::Release => {
-                if self.holder == Some(session) {
-                    self.lease(None, LeaseCause::Released);
-                }
+                self.release(session);
                 self.respond(session, &Response::done(id));
             }
             Op::LoadScene { scene } => self.load_scene(session, id, scene)?,
@@ -179,19 +175,37 @@ impl Hub {
             Op::Enable => self.order(session, id, name, OrderKind::Mode, Command::Enable)?,
             Op::Reset => self.order(session, id, name, OrderKind::Mode, Command::Reset)?,
             Op::Disable => self.order(session, id, name, OrderKind::Stop, Command::Disable)?,
-            Op::Estop => {
-                tracing::warn!(session, "estop");
-                if self.order(session, id.clone(), name, OrderKind::Stop, Command::Estop).is_err() {
-                    // There is no place for it among those that are answered, but the loop does it in its next tick.
-                    self.answer_with(session, id, &ModeOk { mode: Mode::Estop });
-                }
-            }
+            Op::Estop => self.estop(session, id),
             Op::Ping { data } => {
-                let (tick, t_ns) = self.latest.map_or((0, 0), |sample| (sample.state.tick, sample.t_ns));
-                self.answer_with(session, id, &PingOk { data, tick, t: convert::seconds(t_ns) });
+                let tick = self.end.tick();
+                let t = convert::seconds(tick * self.setup.rig.rig.timing.period_ns);
+                self.answer_with(session, id, PingOk { data, tick, t });
             }
         }
         Ok(())
+    }
+
+    #[inline(never)]
+    fn tell_info(&mut self, session: u64, id: Option<Id>) {
+        self.drain();
+        let mut answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref());
+        answer["lease"] = json!({"holder": self.holder_name(), "session": self.holder});
+        self.respond(session, &Response::ok(id, answer));
+    }
+
+    #[inline(never)]
+    fn tell_stats(&mut self, session: u64, id: Option<Id>) {
+        let summary = self.summary().to_json();
+        self.respond(session, &Response::ok(id, summary));
+    }
+
+    #[inline(never)]
+    fn estop(&mut self, session: u64, id: Option<Id>) {
+        tracing::warn!(session, "estop");
+        if self.order(session, id.clone(), "estop", OrderKind::Stop, Command::Estop).is_err() {
+            // There is no place for it among those that are answered, but the loop does it in its next tick.
+            self.answer_with(session, id, ModeOk { mode: Mode::Estop });
+        }
     }
 
     fn subscribe(&mut self, session: u64, every: u64) {
@@ -201,6 +215,13 @@ impl Hub {
         self.count_subscribers();
     }
 
+    fn release(&mut self, session: u64) {
+        if self.holder == Some(session) {
+            self.lease(None, LeaseCause::Released);
+        }
+    }
+
+    #[inline(never)]
     fn acquire(&mut self, session: u64, steal: bool) -> Result<(), ErrorBody> {
         match self.holder {
             Some(holder) if holder == session => {}
@@ -224,6 +245,7 @@ impl Hub {
         }
     }
 
+    #[inline(never)]
     fn reference(&self, reference: &ReferenceCommand) -> Result<Command, ErrorBody> {
         let id = &reference.effect;
         let place = self.setup.scene.slot_of(id);
@@ -259,7 +281,7 @@ impl Hub {
         let tick = match align.t {
             // To the nearest tick; what is beyond all ticks ends up at the last one and is not in the history.
             Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
-            None => self.latest.map_or(0, |sample| sample.state.tick),
+            None => self.end.tick(),
         };
         Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
     }
@@ -271,11 +293,17 @@ impl Hub {
     }
 
     /// Answers a request with a body.
-    pub(super) fn answer_with(&mut self, session: u64, id: Option<Id>, body: &impl Serialize) {
-        let response = Response::ok(id.clone(), body).unwrap_or_else(|error| {
-            Response::error(id, ErrorBody::new(ErrorCode::OutOfRange, format!("no answer: {error}")))
-        });
-        self.respond(session, &response);
+    pub(super) fn answer_with(&mut self, session: u64, id: Option<Id>, body: impl Serialize) {
+        let answer = Response::ok(id, body);
+        let Some(peer) = self.peers.get(&session) else { return };
+        match peer.try_send(&answer) {
+            Ok(true) => {}
+            Ok(false) => self.doomed.push(session),
+            Err(error) => {
+                let error = ErrorBody::new(ErrorCode::OutOfRange, format!("no answer: {error}"));
+                self.respond(session, &Response::error(answer.id, error));
+            }
+        }
     }
 
     /// Refuses a request: with an answer, or for a stream message without an id in a count.

@@ -9,7 +9,6 @@ use tokio::task::JoinError;
 
 use super::convert;
 use super::hub::Hub;
-use super::peer::frame;
 use super::stats::Stats;
 use crate::flight::Flight;
 use crate::sample::Sample;
@@ -37,6 +36,10 @@ impl Publisher {
     pub(super) fn new() -> Self {
         Self { event: Event::State(StateEvent::default()), subscribers: 0 }
     }
+
+    pub(super) fn is_watched(&self) -> bool {
+        self.subscribers > 0
+    }
 }
 
 impl Hub {
@@ -45,7 +48,7 @@ impl Hub {
     pub(super) fn take(&mut self, sample: &Sample) {
         self.stats.record(sample);
         self.watch.skipped =
-            self.latest.map_or(0, |before| sample.counters.skipped - before.counters.skipped);
+            self.latest.as_ref().map_or(0, |before| sample.counters.skipped - before.counters.skipped);
         self.latest = Some(*sample);
         if !self.orders.is_empty() {
             self.answers(sample);
@@ -61,7 +64,7 @@ impl Hub {
             let before = std::mem::replace(&mut self.watch.mode, mode);
             self.mode_changed(before.map(|(mode, _)| mode), sample);
         }
-        if self.publisher.subscribers > 0 {
+        if self.publisher.is_watched() {
             self.publish(sample);
         }
     }
@@ -69,12 +72,14 @@ impl Hub {
     /// Whether anybody is to get states has changed.
     pub(super) fn count_subscribers(&mut self) {
         self.publisher.subscribers = self.peers.values().filter(|peer| peer.every != 0).count();
+        self.changed.notify_one();
     }
 
     /// Sends a state to those who want one of this tick.
     fn publish(&mut self, sample: &Sample) {
-        let (mut frames, mut filled) = ([None, None], false);
-        let Self { peers, publisher, scratch, stats, .. } = self;
+        let mut filled = false;
+        let Self { peers, publisher, frames, stats, .. } = self;
+        frames.clear();
         for peer in peers.values_mut().filter(|peer| peer.wants(sample.state.tick)) {
             if !peer.outbox.takes_samples() {
                 peer.drop_state();
@@ -89,14 +94,10 @@ impl Hub {
             }
             if let Some(event) = peer.dropped_event() {
                 // There is room for samples, so there is for this.
-                let _ = peer.send(&event, scratch);
+                let _ = peer.send(&event);
             }
-            let made = frames[peer.encoding as usize]
-                .get_or_insert_with(|| frame(peer.encoding, &publisher.event, scratch));
-            if let Some(frame) = made {
-                // The same; and one whose connection has just broken will say so itself.
-                let _ = peer.outbox.send(frame.clone());
-            }
+            // The same; and one whose connection has just broken will say so itself.
+            let _ = peer.outbox.send(frames.of(peer.encoding, &publisher.event));
         }
     }
 
@@ -200,12 +201,7 @@ impl Hub {
             let result = flight.write();
             (flight, result)
         });
-    }
-
-    pub(super) fn written(&mut self, written: Option<Result<(Flight, io::Result<()>), JoinError>>) {
-        if let Some(written) = written {
-            self.stats.written(written);
-        }
+        self.changed.notify_one();
     }
 }
 

@@ -36,6 +36,8 @@ pub(super) struct Measured {
 
 impl Hub {
     /// Renders another scene; answered once the loop has it and its effects are measured.
+    // A scene takes some 20 KB of stack, several times over; so it does in `set`.
+    #[inline(never)]
     pub(super) fn load_scene(&mut self, session: u64, id: Option<Id>, scene: Value) -> Result<(), ErrorBody> {
         if self.loading.len() >= MAX_LOADING || !self.end.can_install() {
             return Err(busy("load_scene"));
@@ -73,6 +75,7 @@ impl Hub {
             tick: None,
         });
         self.measuring.spawn_blocking(move || Measured { revision, costs: cost::measure(&rig, &parts) });
+        self.changed.notify_one();
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.owed += 1;
         }
@@ -81,6 +84,7 @@ impl Hub {
     }
 
     /// Changes parameters of an effect.
+    #[inline(never)]
     pub(super) fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<(), ErrorBody> {
         if !self.end.can_install() {
             return Err(busy("set"));
@@ -118,10 +122,9 @@ impl Hub {
     }
 
     /// Notes what effects cost. Where the measurement has failed they are said to cost nothing.
-    pub(super) fn measured(&mut self, measured: Option<Result<Measured, JoinError>>) {
+    pub(super) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         match measured {
-            None => return,
-            Some(Ok(Measured { revision, costs })) => {
+            Ok(Measured { revision, costs }) => {
                 if let Some(loading) = self.loading.iter_mut().find(|loading| loading.revision == revision) {
                     loading.measured = true;
                     for (effect, cost) in loading.effects.iter_mut().zip(costs) {
@@ -129,7 +132,7 @@ impl Hub {
                     }
                 }
             }
-            Some(Err(error)) => {
+            Err(error) => {
                 tracing::error!(%error, "effects could not be measured");
                 if let Some(loading) = self.loading.iter_mut().find(|loading| !loading.measured) {
                     loading.measured = true;
@@ -143,7 +146,7 @@ impl Hub {
     fn loaded(&mut self) {
         while let Some((tick, Loading { session, id, name, effects, ignored, .. })) = self.next_loaded() {
             self.paid_after(session, |hub| {
-                hub.answer_with(session, id, &LoadSceneOk { effects: effects.clone(), ignored });
+                hub.answer_with(session, id, LoadSceneOk { effects: effects.clone(), ignored });
                 hub.broadcast(&Event::Scene(SceneEvent { tick, name, effects }));
             });
         }

@@ -1,7 +1,9 @@
 //! The service over real sockets, with the real loop and the simulated rig in virtual time.
 
 mod attack;
+mod bell;
 mod commands;
+mod connection;
 mod faults;
 mod framing;
 mod hello;
@@ -33,6 +35,9 @@ use crate::wire::{Memory, SimulatorCall, Wire};
 
 /// How long a test waits for what must come. It never says how fast anything is.
 const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The hub panics where a client calls itself so.
+pub(crate) const PANICS: &str = "panic";
 
 /// What a bench is to be.
 struct Options {

@@ -1,0 +1,67 @@
+//! The way from connections to the hub, which they share.
+
+use std::panic::resume_unwind;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use hbot_api::{Encoding, Refusal, Request};
+
+use super::hub::Hub;
+
+/// The hub, for whoever has something for it to do. One turn at a time, and none waits for anything: on the one thread of the
+/// service they never wait for each other either.
+#[derive(Clone)]
+pub(super) struct Desk(Arc<Mutex<Hub>>);
+
+/// Why a connection has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Gone {
+    /// Either side has ended it.
+    Ended,
+    /// It was given up because the client has not read.
+    Stuck,
+    /// It was to be encrypted, and never was.
+    NoHandshake,
+}
+
+impl Desk {
+    pub(super) fn new(hub: Hub) -> Self {
+        Self(Arc::new(Mutex::new(hub)))
+    }
+
+    /// A look at the hub.
+    ///
+    /// # Panics
+    /// Where a turn has panicked: what it leaves behind is not used. That ends the service, and with it the torque.
+    pub(super) fn hub(&self) -> MutexGuard<'_, Hub> {
+        self.0.lock().unwrap_or_else(|_| resume_unwind(Box::new("a turn of the hub has panicked")))
+    }
+
+    /// Has the hub do something: first the states that are there for subscribers, and at the end those go who do not read.
+    ///
+    /// # Panics
+    /// As [`hub`](Self::hub).
+    pub(super) fn turn<R>(&self, act: impl FnOnce(&mut Hub) -> R) -> R {
+        let mut hub = self.hub();
+        if hub.is_watched() {
+            hub.drain();
+        }
+        let result = act(&mut hub);
+        hub.bury();
+        result
+    }
+
+    /// The first message of a connection, hello or not: in which encoding it goes on, if it does.
+    pub(super) fn first(&self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
+        self.turn(|hub| hub.first(session, message))
+    }
+
+    /// A later message: whether the hub takes others of this connection.
+    pub(super) fn message(&self, session: u64, message: Result<Request, Refusal>) -> bool {
+        self.turn(|hub| hub.message(session, message))
+    }
+
+    /// The connection has ended, or the client will say no more.
+    pub(super) fn gone(&self, session: u64, why: Gone) {
+        self.turn(|hub| hub.leave(session, why));
+    }
+}

@@ -1,0 +1,245 @@
+//! The service's own task: it lets clients in, hears the loop, and waits for what nobody else waits for.
+
+use std::collections::HashMap;
+use std::future::{Future, poll_fn};
+use std::io;
+use std::net::SocketAddr;
+use std::pin::pin;
+use std::sync::Arc;
+use std::task::Poll;
+use std::time::Duration;
+
+use hbot_api::{ErrorBody, ErrorCode};
+use hbot_core::inputs::Command;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
+use tokio::task::{Id, JoinError, JoinSet, yield_now};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
+
+use super::desk::Desk;
+use super::hub::Hub;
+use super::outbox::outbox;
+use super::peer::Peer;
+use super::scenes::Measured;
+use super::stats::Summary;
+use super::{Control, connection};
+use crate::bridge::Bell;
+use crate::flight::{Flight, FlightRecorder};
+
+/// How often what nobody else brings up is looked at.
+const HEARTBEAT: Duration = Duration::from_millis(50);
+/// How long nothing is accepted after the system has refused to.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
+/// How long messages may take to leave at the end.
+const FLUSH: Duration = Duration::from_millis(200);
+
+/// The tasks of connections.
+struct Connections {
+    desk: Desk,
+    serving: JoinSet<()>,
+    /// Which client a task belongs to.
+    sessions: HashMap<Id, u64>,
+    turned_away: JoinSet<()>,
+}
+
+/// What woke the service's task.
+enum Wake {
+    Shutdown,
+    Control(Option<Control>),
+    Accepted(io::Result<(TcpStream, SocketAddr)>),
+    Ended(Option<Result<(Id, ()), JoinError>>),
+    TurnedAway,
+    Measured(Result<Measured, JoinError>),
+    Written(Result<(Flight, io::Result<()>), JoinError>),
+    Changed,
+    Rung(io::Result<()>),
+    Heartbeat,
+}
+
+/// Serves until `shutdown`, or until the loop has ended.
+pub(super) async fn run(
+    desk: Desk,
+    listener: TcpListener,
+    mut control: mpsc::Receiver<Control>,
+    shutdown: impl Future<Output = ()>,
+) -> Summary {
+    let mut shutdown = pin!(shutdown);
+    let mut heartbeat = interval(HEARTBEAT);
+    heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut controlled = true;
+    let mut accept_after = None;
+    let (bell, changed) = desk.turn(|hub| {
+        hub.tell_status();
+        (hub.end.bell(), Arc::clone(&hub.changed))
+    });
+    let mut connections = Connections::new(desk.clone());
+    let why = loop {
+        let (more, over) = desk.turn(|hub| {
+            hub.drain();
+            (hub.end.has_samples(), hub.end.is_over())
+        });
+        if over {
+            break "the loop has ended";
+        }
+        if more {
+            // Connections have their turn between.
+            yield_now().await;
+        }
+        let wake = tokio::select! {
+            () = &mut shutdown => Wake::Shutdown,
+            wanted = control.recv(), if controlled => Wake::Control(wanted),
+            accepted = accept(&listener, accept_after) => Wake::Accepted(accepted),
+            ended = connections.serving.join_next_with_id(), if !connections.serving.is_empty() => Wake::Ended(ended),
+            _ = connections.turned_away.join_next(), if !connections.turned_away.is_empty() => Wake::TurnedAway,
+            measured = next_of(&desk, |hub| &mut hub.measuring) => Wake::Measured(measured),
+            written = next_of(&desk, |hub| &mut hub.writing) => Wake::Written(written),
+            () = changed.notified() => Wake::Changed,
+            _ = heartbeat.tick() => Wake::Heartbeat,
+            rung = samples(&desk, &bell) => Wake::Rung(rung),
+        };
+        match wake {
+            Wake::Shutdown => break "the server stops",
+            Wake::Rung(Err(_)) => break "the loop is not heard",
+            Wake::Control(Some(Control::Estop)) => {
+                desk.turn(|hub| hub.order_internally("estop by signal", Command::Estop));
+            }
+            Wake::Control(Some(Control::Summarize(wanted))) => {
+                // Who no longer waits for it needs none.
+                let _ = wanted.send(Box::new(desk.turn(Hub::summary)));
+            }
+            Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.stats.refused(code)),
+            #[cfg(test)]
+            Wake::Control(Some(Control::Fail)) => panic!("as a test asks"),
+            Wake::Control(None) => controlled = false,
+            Wake::Accepted(Ok((stream, address))) => {
+                accept_after = None;
+                connections.accept(stream, address);
+            }
+            Wake::Accepted(Err(error)) => {
+                // Out of descriptors or memory: trying again at once would only spin.
+                tracing::warn!(%error, "a connection could not be accepted");
+                accept_after = Some(Instant::now() + ACCEPT_PAUSE);
+            }
+            Wake::Ended(ended) => connections.ended(ended),
+            Wake::Measured(measured) => desk.turn(|hub| hub.measured(measured)),
+            Wake::Written(written) => desk.turn(|hub| hub.stats.written(written)),
+            Wake::Heartbeat => desk.turn(Hub::heartbeat),
+            // The next turn takes the samples, and what is waited for is another.
+            Wake::Rung(Ok(())) | Wake::TurnedAway | Wake::Changed => {}
+        }
+    };
+    close(desk, connections, why).await
+}
+
+/// Waits until there are samples to be taken, or the loop has ended. Cancel safe.
+async fn samples(desk: &Desk, bell: &Bell) -> io::Result<()> {
+    let there = || {
+        let hub = desk.hub();
+        hub.end.has_samples() || hub.end.is_over()
+    };
+    while !there() {
+        let every = desk.hub().is_watched();
+        bell.set(every);
+        if there() {
+            break;
+        }
+        bell.rung().await?;
+    }
+    Ok(())
+}
+
+/// The end of the next of the hub's works on other threads; never where there are none. Cancel safe.
+async fn next_of<T: 'static>(desk: &Desk, set: fn(&mut Hub) -> &mut JoinSet<T>) -> Result<T, JoinError> {
+    poll_fn(|context| match set(&mut desk.hub()).poll_join_next(context) {
+        Poll::Ready(Some(ended)) => Poll::Ready(ended),
+        Poll::Ready(None) | Poll::Pending => Poll::Pending,
+    })
+    .await
+}
+
+/// The next connection, not before `after`. Cancel safe.
+async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(TcpStream, SocketAddr)> {
+    if let Some(after) = after {
+        sleep_until(after).await;
+    }
+    listener.accept().await
+}
+
+/// Says goodbye and lets everything go.
+async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
+    let (mut recorder, mut writing) = desk.turn(|hub| {
+        hub.farewell(why);
+        (hub.recorder.take(), std::mem::take(&mut hub.writing))
+    });
+    let _ = timeout(FLUSH, async { while connections.serving.join_next().await.is_some() {} }).await;
+    connections.serving.shutdown().await;
+    while let Some(flight) = recorder.as_mut().and_then(FlightRecorder::finish) {
+        writing.spawn_blocking(move || {
+            let result = flight.write();
+            (flight, result)
+        });
+    }
+    while let Some(written) = writing.join_next().await {
+        desk.hub().stats.written(written);
+    }
+    desk.hub().stats.summary()
+}
+
+impl Connections {
+    fn new(desk: Desk) -> Self {
+        Self { desk, serving: JoinSet::new(), sessions: HashMap::new(), turned_away: JoinSet::new() }
+    }
+
+    /// Takes a connection in, or turns it away.
+    fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
+        // Tasks rather than clients: one that has been refused may still be on its way out.
+        let there = self.serving.len();
+        let mut hub = self.desk.hub();
+        if there >= hub.bounds.connections {
+            hub.stats.events.turned_away += 1;
+            tracing::warn!(%address, "turned away: {there} connections already");
+            // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
+            if hub.setup.encryption.is_none() && self.turned_away.len() < hub.bounds.connections {
+                let message = format!("{there} connections already; try again later");
+                let error = ErrorBody::new(ErrorCode::Busy, message);
+                self.turned_away.spawn(connection::turn_away(stream, error));
+            }
+            return;
+        }
+        // Without it a small answer may wait for the acknowledgement of the one before; a connection works all the same.
+        let _ = stream.set_nodelay(true);
+        // Nor without this, but then it lasts for ever where the client's machine or the cable is gone.
+        if let Err(error) = connection::watch_over(&stream) {
+            tracing::debug!(%address, %error, "no keepalive");
+        }
+        let session = hub.next_session();
+        tracing::debug!(session, %address, "connected");
+        let (outbox, inbox) = outbox(hub.bounds.outgoing);
+        let task = self.serving.spawn(connection::serve(
+            stream,
+            hub.setup.encryption.clone(),
+            session,
+            self.desk.clone(),
+            inbox,
+            hub.bounds,
+        ));
+        self.sessions.insert(task.id(), session);
+        hub.peers.insert(session, Peer::new(outbox, task));
+    }
+
+    /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.
+    fn ended(&mut self, ended: Option<Result<(Id, ()), JoinError>>) {
+        let id = match &ended {
+            Some(Ok((id, ()))) => *id,
+            Some(Err(error)) => error.id(),
+            None => return,
+        };
+        let Some(session) = self.sessions.remove(&id) else { return };
+        if let Some(Err(error)) = ended
+            && error.is_panic()
+        {
+            tracing::error!(session, "the task of a connection has panicked");
+            self.desk.turn(|hub| hub.gone(session));
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! What wakes the service: every sample where somebody watches, and else what is notable.
+
+use hbot_core::outputs::Reply;
+
+use super::*;
+use crate::bridge::{Bell, LoopEnd, ServiceEnd};
+use crate::sample::{Answer, Sample};
+
+/// Both ends, the first sample fetched, and the bell.
+fn ends() -> (LoopEnd, ServiceEnd, Bell) {
+    let (mut inner, mut outer) = bridge().unwrap();
+    assert!(inner.publish(Sample::still(0)));
+    assert!(outer.try_sample().is_some());
+    let bell = outer.bell();
+    (inner, outer, bell)
+}
+
+async fn rings(bell: &Bell) -> bool {
+    // What rings has been written before.
+    tokio::time::timeout(Duration::from_millis(20), bell.rung()).await.is_ok()
+}
+
+#[tokio::test]
+async fn every_sample_rings_where_it_is_asked_for_and_once() {
+    let (mut inner, outer, bell) = ends();
+    bell.set(true);
+    inner.publish(Sample::still(1));
+    assert!(rings(&bell).await);
+    assert_eq!(outer.tick(), 1);
+    inner.publish(Sample::still(2));
+    assert!(!rings(&bell).await, "it has not been set again");
+    bell.set(true);
+    drop(inner);
+    assert!(rings(&bell).await && !outer.is_over(), "two samples are left");
+}
+
+#[tokio::test]
+async fn only_what_is_notable_rings_otherwise() {
+    type Change = (&'static str, fn(&mut Sample));
+    let changes: [Change; 4] = [
+        ("mode", |sample| sample.state.mode = hbot_core::mode::Mode::Estop),
+        ("cause", |sample| sample.state.cause = Some(hbot_core::mode::Cause::Slip)),
+        ("scene", |sample| sample.scene = 1),
+        ("answer", |sample| sample.answers[7] = Some(Answer { ticket: 1, reply: Reply::Done })),
+    ];
+    for (what, change) in changes {
+        let (mut inner, outer, bell) = ends();
+        bell.set(false);
+        for tick in 1..60 {
+            inner.publish(Sample::still(tick));
+        }
+        assert!(!rings(&bell).await && outer.has_samples());
+        let mut other = Sample::still(60);
+        change(&mut other);
+        inner.publish(other);
+        assert!(rings(&bell).await, "{what}");
+    }
+}
+
+#[tokio::test]
+async fn many_samples_ring_before_they_find_no_place() {
+    let (mut inner, mut outer, bell) = ends();
+    for round in 0..100 {
+        bell.set(false);
+        for tick in 1..=64 {
+            assert!(inner.publish(Sample::still(tick)));
+        }
+        assert!(rings(&bell).await, "{round}");
+        while outer.try_sample().is_some() {}
+    }
+}
+
+#[test]
+fn what_is_asked_for_is_of_now_though_nobody_watches() {
+    let bench = Bench::start(Options { breath: Duration::from_millis(1), ..Options::default() });
+    let mut client = bench.client("c");
+    for _ in 0..20 {
+        std::thread::sleep(Duration::from_millis(11));
+        // Ticks are counted from 0.
+        let tick = client.ping(Value::Null).unwrap().tick;
+        let counted = client.stats().unwrap()["ticks"].as_u64().unwrap();
+        assert!(counted > tick, "{counted} ticks counted, the last was {tick}");
+    }
+    assert_eq!(bench.finish().counters.dropped_samples, 0);
+}

@@ -1,0 +1,143 @@
+//! Connections over pipes in memory, with a hub that no loop runs behind.
+
+use std::sync::{Arc, Mutex};
+
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
+use tokio::task::yield_now;
+use tokio::time::{sleep, timeout};
+
+use super::super::connection::converse;
+use super::super::desk::Desk;
+use super::super::hub::Hub;
+use super::super::outbox::outbox;
+use super::super::peer::Peer;
+use super::*;
+use crate::bridge::LoopEnd;
+
+/// What a pipe takes.
+const PIPE: usize = 128 * 1024;
+
+fn still() -> (LoopEnd, Desk) {
+    let (loop_end, end) = bridge().unwrap();
+    let mut scene = RunningScene::new();
+    let _ = scene.load(SceneFile::default_scene());
+    let setup = Setup {
+        rig: RigConfig::prototype(),
+        scene,
+        phenomena: None,
+        token: None,
+        encryption: None,
+        flight_dir: None,
+        accuracy: "test".to_owned(),
+    };
+    let bounds = Bounds { stuck: Duration::from_millis(50), ..Bounds::default() };
+    (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))
+}
+
+/// A client's end, after a hello that asks for MessagePack, and its session.
+async fn greeted(desk: &Desk) -> (DuplexStream, u64) {
+    let (mut client, server) = duplex(PIPE);
+    let (session, inbox, bounds) = {
+        let mut hub = desk.hub();
+        let session = hub.next_session();
+        let (out, inbox) = outbox(8);
+        hub.peers.insert(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
+        (session, inbox, hub.bounds)
+    };
+    let deadline = tokio::time::Instant::now() + PATIENCE;
+    tokio::spawn(converse(server, deadline, session, desk.clone(), inbox, bounds));
+    let hello = b"{\"op\": \"hello\", \"version\": 1, \"name\": \"x\", \"encoding\": \"msgpack\"}\n";
+    client.write_all(hello).await.unwrap();
+    // The answer is still JSON.
+    while client.read_u8().await.unwrap() != b'\n' {}
+    (client, session)
+}
+
+/// A request that takes 200 times its bytes once it is read.
+fn swelling() -> Vec<u8> {
+    let mut map = b"\x82\xa2op\xa4ping\xa4data\xdc\x50\x00".to_vec();
+    map.extend(b"\x81\xa0\x00".repeat(0x5000));
+    let mut frame = u32::try_from(map.len()).unwrap().to_be_bytes().to_vec();
+    frame.extend(map);
+    frame
+}
+
+#[test]
+fn requests_that_swell_are_read_one_after_the_other() {
+    const CLIENTS: usize = 24;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let swollen = allocation_counter::measure(|| {
+        let frame = swelling();
+        assert!(hbot_api::Request::read(hbot_api::Encoding::Msgpack, &frame[4..]).is_ok());
+    });
+    let used = allocation_counter::measure(|| {
+        runtime.block_on(async {
+            let (_loop_end, desk) = still();
+            let mut clients = Vec::new();
+            for _ in 0..CLIENTS {
+                clients.push(greeted(&desk).await.0);
+            }
+            for client in &mut clients {
+                client.write_all(&swelling()).await.unwrap();
+            }
+            for client in &mut clients {
+                let length = client.read_u32().await.unwrap();
+                let mut answer = vec![0; length as usize];
+                client.read_exact(&mut answer).await.unwrap();
+            }
+        });
+    });
+    // That of one, and for each client its pipes and buffers.
+    let most = swollen.bytes_max + (CLIENTS * (2 * PIPE + 512 * 1024)) as u64;
+    assert!(swollen.bytes_max > 100 * swelling().len() as u64, "{} bytes", swollen.bytes_max);
+    assert!(used.bytes_max < most, "{} KiB of {}", used.bytes_max >> 10, most >> 10);
+}
+
+#[tokio::test]
+async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
+    let (_loop_end, desk) = still();
+    let (mut client, session) = greeted(&desk).await;
+    // More than the pipe takes.
+    assert!(desk.hub().peers[&session].outbox.send(&[0; 4 * PIPE]));
+    client.shutdown().await.unwrap();
+    timeout(PATIENCE, async {
+        while desk.hub().stats.events.cut == 0 {
+            sleep(Duration::from_millis(5)).await;
+        }
+    })
+    .await
+    .unwrap();
+    assert!(desk.hub().peers.is_empty());
+}
+
+#[tokio::test]
+async fn one_that_asks_without_end_leaves_the_others_their_turn() {
+    let (_loop_end, desk) = still();
+    let (mut busy, _) = greeted(&desk).await;
+    let (mut other, _) = greeted(&desk).await;
+    let ping = b"\0\0\0\x09\x81\xa2op\xa4ping";
+    assert_eq!(ping.len(), 4 + 9);
+    busy.write_all(&ping.repeat(5000)).await.unwrap();
+    other.write_all(ping).await.unwrap();
+    // Answers of the one are not read, so it would be cut by and by; the other has its own long before.
+    let order = Arc::new(Mutex::new(Vec::new()));
+    for (name, mut client, answers) in [("busy", busy, 1000), ("other", other, 1)] {
+        let order = Arc::clone(&order);
+        tokio::spawn(async move {
+            for _ in 0..answers {
+                let length = client.read_u32().await.unwrap();
+                client.read_exact(&mut vec![0; length as usize]).await.unwrap();
+            }
+            order.lock().unwrap().push(name);
+            std::future::pending::<()>().await;
+        });
+    }
+    timeout(PATIENCE, async {
+        while order.lock().unwrap().is_empty() {
+            yield_now().await;
+        }
+    })
+    .await
+    .unwrap();
+    assert_eq!(order.lock().unwrap()[0], "other");
+}
