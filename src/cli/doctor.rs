@@ -7,7 +7,9 @@ use std::time::Duration;
 use clap::Args;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
-use hbot_server::doctor::{Finding, Machine, Mark, lead, processor, punctuality, rights, serial, verdict};
+use hbot_server::doctor::{
+    Finding, Machine, Mark, lead, processor, punctuality, rights, serial, verdict, wake_latency,
+};
 use serde_json::{Value, json};
 
 use super::out::say;
@@ -56,8 +58,16 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         .chain(over("loop.cpu", "--cpu", args.cpu.map(Value::from)))
         .collect();
     let rig = RigConfig::load(args.rig.as_deref(), &overrides)?;
-    let mut findings = Machine::default().findings();
+    // What the server would hold while it runs is held for the measurement too.
+    let (limit, held) = rig.wake_us.map(wake_latency).unzip();
+    let machine = Machine::default();
+    let machine = match (&held, rig.wake_us) {
+        (Some(Some(_)), Some(wake_us)) => machine.holding(wake_us),
+        _ => machine,
+    };
+    let mut findings = machine.findings();
     findings.extend(rights());
+    findings.extend(limit);
     findings.extend(rig.cpu.map(processor));
     if let Port::Devices(devices) = &rig.link.port {
         findings.extend(devices.iter().flat_map(|device| serial(device)));
@@ -83,6 +93,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         say!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF)?;
     }
     let measured = punctuality(rig.rate_hz, rig.cpu, Duration::from_secs(args.seconds));
+    drop(held);
     let judged = [verdict(&measured), lead(&measured, rig.early_ns)];
     if !args.json {
         judged.iter().try_for_each(show)?;

@@ -79,6 +79,29 @@ fn the_loop_and_nothing_else_stays_on_the_processor_that_it_is_given() {
     assert_eq!(seen, 1, "the loop's thread");
 }
 
+/// The limit holds as long as the file is open; without the right to it the server says so.
+#[test]
+fn processors_are_kept_from_sleeping_while_the_loop_runs() {
+    if !has_pty() {
+        return;
+    }
+    const FILE: &str = "/dev/cpu_dma_latency";
+    let may = std::fs::File::options().write(true).open(FILE).is_ok();
+    for (wake_us, asked) in [(0, true), (1_000_000, false)] {
+        let state = tempfile::tempdir().expect("a folder");
+        let rig = patient_rig(state.path());
+        let text = std::fs::read_to_string(&rig).expect("a rig file");
+        let text = text.replace("rate_hz = 1000", &format!("rate_hz = 1000\nwake_us = {wake_us}"));
+        std::fs::write(&rig, text).expect("written");
+        let server = Process::start(&["--rig", &rig], state.path());
+        let files = std::fs::read_dir(format!("/proc/{}/fd", server.pid())).expect("its files");
+        let held = files.flatten().any(|file| {
+            std::fs::read_link(file.path()).is_ok_and(|target| target == std::path::Path::new(FILE))
+        });
+        assert_eq!(held, asked && may, "wake_us = {wake_us}");
+    }
+}
+
 #[test]
 fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
     if !has_pty() {

@@ -164,7 +164,7 @@ impl Splitter {
 }
 
 fn newline(bytes: &[u8]) -> Option<usize> {
-    bytes.iter().position(|byte| *byte == b'\n')
+    memchr::memchr(b'\n', bytes)
 }
 
 /// Why a message was refused before its contents were looked at.

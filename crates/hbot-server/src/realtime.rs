@@ -1,5 +1,8 @@
 //! What a thread needs of the system to keep its time: a real-time priority, and memory that stays.
 
+use std::fs::File;
+use std::io::Write as _;
+
 use rustix::mm::{MlockAllFlags, mlockall};
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
@@ -37,6 +40,32 @@ pub fn real_time(priority: u8) -> Result<(), String> {
 /// Why not: usually a missing right.
 pub fn lock_memory() -> Result<(), String> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| e.to_string())
+}
+
+/// Where the system takes how long processors may take to wake (PM QoS, kernel documentation power/pm_qos_interface).
+const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// Keeps processors out of sleeps that take long to wake from, as long as it is there.
+#[derive(Debug)]
+pub struct WakeLatency {
+    /// The system heeds the limit until this is closed.
+    _file: File,
+}
+
+impl WakeLatency {
+    /// A limit of so many us; 0: no processor sleeps.
+    ///
+    /// # Errors
+    /// Why not: usually a missing right.
+    pub fn limit(us: u32) -> Result<Self, String> {
+        let mut file = File::options().write(true).open(WAKE_LATENCY).map_err(in_words)?;
+        file.write_all(&us.to_ne_bytes()).map_err(in_words)?;
+        Ok(Self { _file: file })
+    }
+}
+
+fn in_words(error: std::io::Error) -> String {
+    format!("{WAKE_LATENCY}: {error}")
 }
 
 /// Touches the stack that the thread will use.

@@ -29,7 +29,7 @@ use crate::engine::{Engine, Line, Recorder};
 use crate::handshake::{Expected, HandshakeError, handshake};
 use crate::phenomena::phenomena;
 use crate::processor::{NoProcessor, Processor};
-use crate::realtime::{SIMULATOR_PRIORITY, lock_memory, real_time};
+use crate::realtime::{SIMULATOR_PRIORITY, WakeLatency, lock_memory, real_time};
 use crate::run_loop::{Ended, StopFlag, lockstep, wall};
 use crate::serial::{LatencyTimer, OpenError, Serial};
 use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
@@ -109,6 +109,8 @@ pub struct Server {
 struct Running {
     stop: StopFlag,
     thread: Option<JoinHandle<Ended>>,
+    /// Held as long as it runs.
+    _wake_latency: Option<WakeLatency>,
 }
 
 impl Running {
@@ -185,6 +187,13 @@ impl Server {
         }
         let line = Line::of(&rig);
 
+        let limit = rig.wake_us.filter(|_| time == Time::Wall).map(WakeLatency::limit).transpose();
+        let wake_latency = limit.unwrap_or_else(|reason| {
+            notices.push(format!(
+                "processors may sleep deeply ({reason}): the loop wakes late; run as root, or take the udev rule of contrib/"
+            ));
+            None
+        });
         let controller = Controller::new(rig.rig);
         let (thread, pty, set): (_, _, Option<SetPhenomena>) = match (time, &rig.link.port) {
             (Time::Virtual, Port::Devices(_)) => {
@@ -251,7 +260,7 @@ impl Server {
         let accuracy = rig.accuracy.to_owned();
         let setup = Setup { rig, scene: running, phenomena: set, token, encryption, flight_dir, accuracy };
         let started_ns = now_ns();
-        let running = Running { stop, thread: Some(thread) };
+        let running = Running { stop, thread: Some(thread), _wake_latency: wake_latency };
         Ok(Self { setup, end, running, pty, notices, period_ns, time, started_ns })
     }
 

@@ -97,6 +97,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         zero_offsets,
         rate_hz: file.r#loop.rate_hz,
         early_ns: 1000 * u64::from(file.r#loop.early_us),
+        wake_us: (file.r#loop.wake_us < settings::ANY_WAKE_US).then_some(file.r#loop.wake_us),
         cpu: file.r#loop.cpu,
         accuracy: file.r#loop.accuracy.name(),
         link,

@@ -44,6 +44,8 @@ pub struct RigConfig {
     pub rate_hz: u32,
     /// How long before a tick's deadline the loop wakes at most, ns; 0: it sleeps until the deadline.
     pub early_ns: u64,
+    /// How long a processor may take to wake while the loop runs, us; `None` where that is left to the system.
+    pub wake_us: Option<u32>,
     /// The processor that the loop's thread stays on; `None` where the system chooses.
     pub cpu: Option<u32>,
     /// The preset of methods: `fast`, `balanced`, `exact`, or `custom` where the file names each.

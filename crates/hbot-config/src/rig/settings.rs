@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::methods::{Accuracy, Passivity, Preset, RateEstimate, RateMethod};
 
+/// The `wake_us` that is no limit.
+pub(crate) const ANY_WAKE_US: u32 = 1_000_000;
+
 /// The control loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -27,6 +30,10 @@ pub(crate) struct Loop {
     /// until the deadline.
     #[schemars(range(max = 1000), extend("unit" = "us"))]
     pub(crate) early_us: u32,
+    /// How long a processor may take to wake from its sleep while the loop runs: the system keeps all of them out of deeper ones. 0: they
+    /// do not sleep at all, which takes power; from 20 on most still sleep lightly; 1000000: as the system likes.
+    #[schemars(range(max = ANY_WAKE_US), extend("unit" = "us"))]
+    pub(crate) wake_us: u32,
     /// The processor that the loop's thread stays on, from 0; best one that nothing else uses. Absent: the system chooses.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(max = 1023))]
@@ -41,6 +48,7 @@ impl Default for Loop {
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(false),
             early_us: 200,
+            wake_us: 0,
             cpu: None,
         }
     }

@@ -92,7 +92,7 @@ fn all_are_refused(
 fn of_the_rig_file() {
     let mut all = Vec::new();
     numbers(&RigConfig::schema(), "", &mut all);
-    assert_eq!(all.len(), 48, "{all:?}");
+    assert_eq!(all.len(), 49, "{all:?}");
     let mut file = toml::Value::Table(include_str!("../../../../rigs/prototype.toml").parse().unwrap());
     // What may be a table is one.
     file["loop"]["rate_estimate"] = toml::Value::Table("method = 'kalman'".parse().unwrap());

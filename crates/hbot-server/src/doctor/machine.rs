@@ -11,11 +11,13 @@ const WAKE_US: u64 = 50;
 /// What the files of the system say, under a root that tests replace.
 pub struct Machine<'a> {
     root: &'a Path,
+    /// Processors are kept out of sleeps that take longer than this to wake from, us.
+    held_us: Option<u64>,
 }
 
 impl Default for Machine<'_> {
     fn default() -> Self {
-        Self { root: Path::new("/") }
+        Self { root: Path::new("/"), held_us: None }
     }
 }
 
@@ -23,7 +25,13 @@ impl<'a> Machine<'a> {
     /// A machine whose `/sys` and `/proc` are in `root`.
     #[must_use]
     pub fn at(root: &'a Path) -> Self {
-        Self { root }
+        Self { root, held_us: None }
+    }
+
+    /// One whose processors are kept out of sleeps that take longer than this to wake from, us.
+    #[must_use]
+    pub fn holding(self, wake_us: u32) -> Self {
+        Self { held_us: Some(u64::from(wake_us)), ..self }
     }
 
     fn read(&self, path: &str) -> Option<String> {
@@ -71,13 +79,15 @@ impl<'a> Machine<'a> {
             let folder = format!("sys/devices/system/cpu/cpu0/cpuidle/state{state}");
             let number =
                 |file: &str| self.read(&format!("{folder}/{file}")).and_then(|t| t.parse::<u64>().ok());
-            if number("disable") == Some(0) {
-                longest = longest.max(number("latency").unwrap_or(0));
+            let latency = number("latency").unwrap_or(0);
+            if number("disable") == Some(0) && self.held_us.is_none_or(|held| latency <= held) {
+                longest = longest.max(latency);
             }
         }
         let mark = if longest > WAKE_US { Mark::Usable } else { Mark::Good };
-        let found = format!("waking from the deepest sleep takes up to {longest} us");
-        let mend = "disable the deep ones (`cpupower idle-set -D 50`), or boot with intel_idle.max_cstate=1 processor.max_cstate=1";
+        let held = if self.held_us.is_some() { " that the server leaves" } else { "" };
+        let found = format!("waking from the deepest sleep{held} takes up to {longest} us");
+        let mend = "let the server hold them off (`wake_us` in the rig file's [loop]), disable the deep ones (`cpupower idle-set -D 50`), or boot with intel_idle.max_cstate=1 processor.max_cstate=1";
         Finding::new("idle_states", mark, found, mend)
     }
 
@@ -146,6 +156,29 @@ mod tests {
             ("proc/sys/kernel/sched_rt_period_us", "1000000\n"),
         ]);
         assert!(all.iter().all(|(_, mark)| *mark == Mark::Good), "{all:?}");
+    }
+
+    #[test]
+    fn sleeps_that_the_server_holds_off_are_not_counted() {
+        let cpu = "sys/devices/system/cpu/cpu0/cpuidle";
+        let root = machine(&[
+            (&format!("{cpu}/state1/latency"), "2\n"),
+            (&format!("{cpu}/state1/disable"), "0\n"),
+            (&format!("{cpu}/state2/latency"), "130\n"),
+            (&format!("{cpu}/state2/disable"), "0\n"),
+        ]);
+        let sleep = |machine: Machine<'_>| {
+            let Finding { mark, found, .. } = machine.sleep();
+            (mark, found)
+        };
+        let found = |text: &str| text.to_owned();
+        let free = sleep(Machine::at(root.path()));
+        assert_eq!(free, (Mark::Usable, found("waking from the deepest sleep takes up to 130 us")));
+        let held = sleep(Machine::at(root.path()).holding(20));
+        assert_eq!(
+            held,
+            (Mark::Good, found("waking from the deepest sleep that the server leaves takes up to 2 us"))
+        );
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a machine must have for the loop to keep its time: looked up, and measured.
 //!
-//! Nothing here changes anything. Each finding has a mark, the numbers behind it, and where something is wanting, what to do.
+//! Nothing here changes anything for good. Each finding has a mark, the numbers behind it, and where something is wanting, what to do.
 
 mod device;
 mod machine;
@@ -16,7 +16,7 @@ pub use machine::Machine;
 pub use punctuality::{Punctuality, lead, punctuality, verdict};
 
 use crate::processor::Processor;
-use crate::realtime::{LOOP_PRIORITY, lock_memory, real_time};
+use crate::realtime::{LOOP_PRIORITY, WakeLatency, lock_memory, real_time};
 
 /// Memory that a server locks, with room to spare, bytes.
 const MEMLOCK: u64 = 256 << 20;
@@ -82,6 +82,23 @@ pub fn rights() -> Vec<Finding> {
         "as for the priority: contrib/99-hbot.conf raises memlock too",
     );
     vec![priority, memory]
+}
+
+/// Whether this process may keep processors out of sleeps that take longer than `wake_us` to wake from, and what does so as long as it is
+/// kept.
+#[must_use]
+pub fn wake_latency(wake_us: u32) -> (Finding, Option<WakeLatency>) {
+    match WakeLatency::limit(wake_us) {
+        Ok(held) => {
+            let found = format!("a limit of {wake_us} us for waking is granted");
+            (Finding::new("wake_latency", Mark::Good, found, ""), Some(held))
+        }
+        Err(reason) => {
+            let found = format!("a limit of {wake_us} us for waking is refused ({reason})");
+            let mend = "copy contrib/99-hbot.rules to /etc/udev/rules.d and join the group realtime, or boot with idle=poll";
+            (Finding::new("wake_latency", Mark::Usable, found, mend), None)
+        }
+    }
 }
 
 /// The processor that the rig file gives the loop, from 0.

@@ -1,18 +1,22 @@
 //! The TCP service: clients on one side, the loop's rings on the other.
 //!
-//! One task, the `hub`, owns everything that clients share: the way to the loop, the scene, the lease, subscriptions,
-//! statistics, the flight recorder. It never waits for a client. Each `connection` has a task that turns bytes into
-//! requests and messages into bytes, and talks to the hub through bounded queues:
+//! The `hub` owns everything that clients share: the way to the loop, the scene, the lease, subscriptions, statistics, the flight
+//! recorder. It never waits. Who has something for it to do comes to its `desk` and does it in a turn of its own, on the
+//! service's one thread: the task of each `connection`, whose `reader` turns bytes into requests and whose `writer` turns what
+//! waits for the client into bytes, and the service's own task (`run`), which lets clients in and hears the loop.
 //!
 //! ```text
-//! socket -> connection -> requests (all clients, 256) -> hub -> orders, scenes -> loop
-//! socket <- connection <- outbox   (each client, 256) <- hub <- samples        <- loop
+//! socket -> reader -> desk -> hub -> orders, scenes -> loop
+//! socket <- writer <- outbox (each client, 256) <- hub <- samples <- loop
 //! ```
 //!
-//! Where a client asks faster than the hub answers, its connection reads no further. Where it reads slower than the hub
-//! writes, it loses states first (`outbox`), which a `dropped` event counts; when an answer finds no place either, or
-//! nothing has moved for seconds, it loses its connection. Blocking work (measuring what effects cost, writing flight
-//! logs) is done on other threads.
+//! A request is done as soon as it is read, and its answer is on the socket before anything else is looked at. Where a client asks
+//! faster than it may, its connection reads no further. Where it reads slower than the hub writes, it loses states first
+//! (`outbox`), which a `dropped` event counts; when an answer finds no place either, or nothing has moved for seconds, it loses
+//! its connection. Blocking work (measuring what effects cost, writing flight logs) is done on other threads.
+//!
+//! Where somebody watches, the loop wakes the service at every sample. Where nobody does, at what is notable: another mode, cause
+//! or scene, an answer, or many samples (`bridge`).
 
 mod connection;
 pub(crate) mod convert;
