@@ -59,6 +59,7 @@ const ROWS: &[(&str, Make)] = &[
     ("disk_full", |_| losses::disk_full()),
     ("disk_read_only", |_| losses::disk_read_only()),
     ("ping", timing::ping),
+    ("ping_paced", timing::ping_paced),
     ("render", timing::render),
     ("subscribers", timing::subscribers),
     ("attack", timing::attack),

@@ -90,11 +90,13 @@ impl Line {
         }
     }
 
-    /// Round trips, us, one a millisecond: what a client does that keeps step with the loop.
-    fn round_trips(&mut self, count: u32, into: &mut Vec<f64>) -> Outcome<()> {
+    /// Round trips, us, with a pause after each.
+    fn round_trips(&mut self, count: u32, pause: Duration, into: &mut Vec<f64>) -> Outcome<()> {
         for _ in 0..count {
             into.push(self.ask(b"{\"id\":1,\"op\":\"ping\"}\n")?.as_secs_f64() * 1e6);
-            std::thread::sleep(Duration::from_millis(1));
+            if !pause.is_zero() {
+                std::thread::sleep(pause);
+            }
         }
         Ok(())
     }
@@ -104,25 +106,34 @@ impl Line {
 fn echoes(count: u32) -> Outcome<Vec<f64>> {
     let mut echo = Helper::start(&["echo"])?;
     let mut times = Vec::new();
-    Line::connect(&echo.line()?)?.round_trips(count, &mut times)?;
+    Line::connect(&echo.line()?)?.round_trips(count, Duration::from_millis(1), &mut times)?;
     Ok(times)
 }
 
-/// Round trips a turn. Short turns: what the machine is busy with otherwise changes from one moment to the next, and is to meet both.
-const TRIPS: u32 = 20;
-
-/// Pings beside an echo on the same kind of runtime.
+/// Pings one after the other, beside an echo.
 pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
+    pings("one after the other", 200, Duration::ZERO, seconds)
+}
+
+/// One a millisecond, as a client asks that keeps step with the loop: all that answers has had time to get cold.
+pub(crate) fn ping_paced(seconds: u64) -> Outcome<Row> {
+    pings("one a millisecond", 20, Duration::from_millis(1), seconds)
+}
+
+/// Pings beside an echo on the same kind of runtime. Turns are short: what the machine is busy with otherwise changes from one moment to the
+/// next, and is to meet both.
+fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
     let bench = quiet()?;
     let mut server = Line::connect(&bench.address)?;
     server.ask(b"{\"id\":0,\"op\":\"hello\",\"version\":1,\"name\":\"ping\"}\n")?;
     let mut echo = Helper::start(&["echo"])?;
     let mut beside = Line::connect(&echo.line()?)?;
     let (mut pings, mut echoes, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
-    for _ in 0..40 * seconds {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(2 * seconds) {
         let (mut one, mut other) = (Vec::new(), Vec::new());
-        server.round_trips(TRIPS, &mut one)?;
-        beside.round_trips(TRIPS, &mut other)?;
+        server.round_trips(turn, pause, &mut one)?;
+        beside.round_trips(turn, pause, &mut other)?;
         ratios.push(quantile(&mut one, 0.5) / quantile(&mut other, 0.5));
         pings.append(&mut one);
         echoes.append(&mut other);
@@ -132,12 +143,12 @@ pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
     let (ratio, pairs) = (a / b, median(ratios));
     Ok(Row::new(
         &format!(
-            "`ping` between two processes, {} in turns of {TRIPS} with an echo on the same kind of runtime",
+            "`ping` between two processes, {how}, {} in turns of {turn} with an echo on the same kind of runtime",
             pings.len()
         ),
         "median at most 1.3 times the echo's",
         format!(
-            "{ratio:.2}: {a:.0} us against {b:.0}; of pairs of turns {pairs:.2}; 99 % {far:.0} us against {far_echo:.0}"
+            "{ratio:.2}: {a:.1} us against {b:.1}; of pairs of turns {pairs:.2}; 99 % {far:.0} us against {far_echo:.0}"
         ),
         ratio <= 1.3,
     ))

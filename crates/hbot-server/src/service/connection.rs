@@ -92,6 +92,8 @@ enum Over {
 /// Both directions, until either is over.
 async fn exchange<S: AsyncRead + AsyncWrite>(reader: &mut Reader<S>, writer: &mut Writer<S>) -> Over {
     loop {
+        // The answers of this turn are sent right after it; woken by them, the task would only run once more for nothing.
+        writer.hush();
         let pause = match reader.turn() {
             Ok(pause) => pause,
             Err(ended) => return Over::Reading(ended),

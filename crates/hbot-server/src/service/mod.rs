@@ -136,7 +136,7 @@ impl Default for Bounds {
             hello: Duration::from_secs(2),
             stuck: Duration::from_secs(5),
             outgoing: 256,
-            requests_per_s: 20_000,
+            requests_per_s: 100_000,
         }
     }
 }

@@ -135,6 +135,11 @@ impl Inbox {
         queue.messages = 0;
         Poll::Ready(true)
     }
+
+    /// Does not want to be woken until it is polled again: it is about to be.
+    pub(super) fn hush(&mut self) {
+        self.queue.lock().waker = None;
+    }
 }
 
 impl Drop for Inbox {

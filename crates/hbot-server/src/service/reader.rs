@@ -119,10 +119,10 @@ impl<S: AsyncRead> Reader<S> {
 /// How many ordinary requests' worth of the hub's time one takes.
 fn weight(op: &Op) -> u32 {
     match op {
-        Op::Info => 100,
-        Op::LoadScene { .. } => 50,
+        Op::Info => 500,
+        Op::LoadScene { .. } => 250,
         // The lease is told to all.
-        Op::Stats | Op::Set { .. } | Op::Acquire { .. } | Op::Release => 20,
+        Op::Stats | Op::Set { .. } | Op::Acquire { .. } | Op::Release => 100,
         _ => 1,
     }
 }

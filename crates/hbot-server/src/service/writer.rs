@@ -36,6 +36,11 @@ impl<S: AsyncWrite> Writer<S> {
         poll_fn(|context| self.poll(context)).await
     }
 
+    /// What comes until it runs again need not wake it.
+    pub(super) fn hush(&mut self) {
+        self.inbox.hush();
+    }
+
     fn poll(&mut self, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         loop {
             while self.sent < self.batch.len() {
