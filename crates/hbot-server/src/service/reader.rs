@@ -11,8 +11,8 @@ use super::Bounds;
 use super::connection::{Ended, PIECE_BYTES};
 use super::desk::Desk;
 
-/// Requests of one client before others have their turn.
-const REQUESTS_A_TURN: usize = 16;
+/// Ordinary requests of one client before others have their turn; of those that take longer one.
+const REQUESTS_A_TURN: u32 = 16;
 
 /// Takes in what a client says.
 pub(super) struct Reader<S> {
@@ -57,7 +57,7 @@ impl<S: AsyncRead> Reader<S> {
 
     /// Has the hub do what has been read: what comes before there can be more, or how the connection ends.
     pub(super) fn turn(&mut self) -> Result<Pause, Ended> {
-        for _ in 0..REQUESTS_A_TURN {
+        while self.taken < REQUESTS_A_TURN {
             let encoding = self.splitter.encoding();
             let (request, lost) = match self.splitter.next_message() {
                 None => return Ok(Pause::Read),
