@@ -83,9 +83,13 @@ impl Outbox {
         Ok(true)
     }
 
-    /// Queues a message that others get as well: false where it finds no place, or the connection is gone.
+    /// Queues a message that others get as well: false where it finds no place, or the connection is gone. An empty one, which could not
+    /// be said, takes none.
     #[must_use]
     pub(super) fn send(&self, message: &[u8]) -> bool {
+        if message.is_empty() {
+            return true;
+        }
         let written: Result<bool, std::convert::Infallible> = self.send_with(|bytes| {
             bytes.extend_from_slice(message);
             Ok(())
@@ -196,6 +200,13 @@ mod tests {
             Err("no more")
         });
         assert_eq!((half, take(&mut inbox).0), (Err("no more"), Poll::Pending));
+    }
+
+    #[test]
+    fn what_could_not_be_said_takes_no_place() {
+        let (out, _inbox) = outbox(2);
+        assert!((0..10).all(|_| out.send(b"")));
+        assert!(out.send(b"a") && out.send(b"b") && !out.send(b"c"));
     }
 
     #[test]
