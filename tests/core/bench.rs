@@ -114,6 +114,24 @@ impl Sphere {
     }
 }
 
+/// What the encoders of `rig` read of `sphere`, in answer to the command `sequence`.
+pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
+    let mut counts = [0; MAX_JOINTS];
+    for j in 0..rig.device.joints() {
+        let joint = &rig.joints[j];
+        let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
+        // What wraps in the encoder wraps here.
+        counts[j] = (sphere.angle[j] * unit).round() as i64 as i32;
+    }
+    JointFeedback {
+        sequence,
+        counts,
+        rates: sphere.rates(sphere.omega),
+        index_seen: 0,
+        complaints: Complaints::default(),
+    }
+}
+
 pub struct Bench {
     pub controller: Controller,
     pub scene: CompiledScene,
@@ -170,20 +188,11 @@ impl Bench {
 
     /// What the encoders read now, in answer to the last command.
     pub fn feedback(&self) -> JointFeedback {
-        let mut counts = [0; MAX_JOINTS];
-        for j in 0..self.rig.device.joints() {
-            let joint = &self.rig.joints[j];
-            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-            // What wraps in the encoder wraps here.
-            counts[j] = self.offset[j].wrapping_add((self.sphere.angle[j] * unit).round() as i64 as i32);
+        let mut feedback = reading(&self.rig, &self.sphere, self.sent as u32);
+        for (count, offset) in feedback.counts.iter_mut().zip(self.offset) {
+            *count = offset.wrapping_add(*count);
         }
-        JointFeedback {
-            sequence: self.sent as u32,
-            counts,
-            rates: self.sphere.rates(self.sphere.omega),
-            index_seen: 0,
-            complaints: Complaints::default(),
-        }
+        feedback
     }
 
     /// The inputs of an ordinary tick.

@@ -16,10 +16,10 @@ const TICKS: u64 = 100_000;
 
 /// The hash of all outputs, for every machine and every profile. It changes when what the core computes does; the test
 /// then prints the new one. Two builds that differ in it do not compute the same.
-const GOLDEN: u64 = 0x660E_48BA_E43D_C9B9;
+const GOLDEN: u64 = 0xA7E8_5358_E7EE_2A97;
 
 /// The same of the stages that a rig has only where it asks for them.
-const GOLDEN_STAGES: u64 = 0x1735_AAD2_96AF_7A13;
+const GOLDEN_STAGES: u64 = 0x02DA_B862_0AD4_311F;
 
 /// FNV-1a, over words (Fowler, Noll and Vo).
 struct Hash(u64);
@@ -45,6 +45,7 @@ impl Hash {
             Reply::Refused(Refusal::NoReference) => self.word(5),
             Reply::Refused(Refusal::NotInHistory) => self.word(6),
             Reply::Refused(Refusal::NotFinite) => self.word(7),
+            Reply::Refused(Refusal::Ahead { ticks }) => self.reals(&[8.0, ticks as f64]),
         }
     }
 

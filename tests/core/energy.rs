@@ -109,7 +109,6 @@ fn over_skipped_ticks_the_last_torque_is_the_one_that_was_held() {
             bench.tick += 5;
             let turn = Vec3::Y * 0.002;
             bench.sphere.turn(turn / (6.0 * DT), 6.0 * DT);
-            bench.sphere.omega = Vec3::ZERO;
             bench.step_with(|inputs| inputs.feedback = Some(reading));
             let given = bench.step().state.energy - before.energy;
             // Encoder counts: 1e-4 rad.

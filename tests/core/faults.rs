@@ -2,7 +2,8 @@
 
 use crate::bench::{Bench, DT, FirstReply, rig, spring_scene, stream};
 use crate::rng::Rng;
-use hbot_core::inputs::{Command, JointFeedback};
+use hbot_core::inputs::{Command, Inputs, JointFeedback};
+use hbot_core::kinematics::Posture;
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
 use hbot_core::rig::EnergyLimit;
@@ -110,10 +111,12 @@ fn one_frame_in_a_hundred_may_be_damaged_and_every_second_one_may_not() {
 
 #[test]
 fn more_than_half_a_turn_between_readings_is_not_believed() {
+    // A person may spin a dead sphere, up to where the way that a joint went is lost.
     for (joint, half) in [(0, 8192), (1, 139_264), (2, 8192), (3, 139_264)] {
         for sign in [1, -1] {
             let jump = |counts: i32| {
-                let mut bench = active();
+                let mut bench = Bench::new(rig());
+                bench.run(3);
                 bench
                     .step_with(|inputs| inputs.feedback.as_mut().unwrap().counts[joint] += sign * counts)
                     .state
@@ -123,6 +126,150 @@ fn more_than_half_a_turn_between_readings_is_not_believed() {
             assert_eq!(jump(half), Some(Cause::ImplausibleFeedback), "joint {joint}");
             assert_eq!(jump(half + 1), Some(Cause::ImplausibleFeedback), "joint {joint}");
         }
+    }
+}
+
+#[test]
+fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
+    let rig = rig();
+    for joint in 0..4 {
+        // The joint's rate about the axis that turns it most, at 30 rad/s of the sphere.
+        let row = Posture::new(&rig.device, &[0.0; 2]).rows()[joint].length();
+        let counts = f64::from(rig.joints[joint].counts_per_turn) * rig.joints[joint].gear;
+        let most = 4.0 * rig.limits.speed * row * DT / std::f64::consts::TAU * counts;
+        for (share, cause) in [(0.99, None), (1.01, Some(Cause::ImplausibleFeedback))] {
+            // Two counts are left to rounding.
+            let by = (most * share + if share > 1.0 { 3.0 } else { 0.0 }) as i32;
+            for sign in [1, -1] {
+                let mut bench = active();
+                let state = bench
+                    .step_with(|inputs| inputs.feedback.as_mut().unwrap().counts[joint] += sign * by)
+                    .state;
+                assert_eq!(state.cause, cause, "joint {joint} by {by} counts");
+            }
+        }
+    }
+}
+
+/// Runs a powered rig whose counts move by `counts` a tick in each joint and whose controllers report
+/// `rates`: the fault that it ends in, and after how many ticks.
+fn lie(counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
+    let mut bench = active();
+    (1..200).find_map(|tick| {
+        for (offset, by) in bench.offset.iter_mut().zip(counts) {
+            *offset = offset.wrapping_add(by);
+        }
+        let state = bench
+            .step_with(|inputs| inputs.feedback.as_mut().unwrap().rates[..4].copy_from_slice(&rates))
+            .state;
+        state.cause.map(|cause| (cause, tick))
+    })
+}
+
+#[test]
+fn a_sphere_that_turns_too_fast_by_its_counts_alone_is_overspeed_within_50_ms() {
+    // Both drives roll: 41 rad/s at the sphere, of which 30 are allowed, with rates that say 0.
+    let counts = (41.0 * 0.102 / 0.0155 * DT / std::f64::consts::TAU * 16384.0 * 17.0) as i32;
+    let (cause, tick) = lie([0, counts, 0, counts], [0.0; 4]).expect("a fault");
+    assert!(cause == Cause::Overspeed && tick <= 50, "{cause:?} after {tick} ms");
+    assert_eq!(lie([0; 4], [0.0; 4]), None);
+}
+
+#[test]
+fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
+    // What no turn of the sphere explains of drive A's rolling, so that a contact slips at 0.2 m/s.
+    let rig = rig();
+    let posture = Posture::new(&rig.device, &[0.0; 2]);
+    let alone = posture.forward(&rig.device, &[0.0, 1.0, 0.0, 0.0]);
+    let explained = posture.inverse(alone.omega);
+    let slip = alone.slip.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
+    let counts = [0, 1, 2, 3].map(|j| {
+        let rate = (f64::from(u8::from(j == 1)) - explained[j]) * 0.2 / slip;
+        let joint = &rig.joints[j];
+        (rate * DT / std::f64::consts::TAU * f64::from(joint.counts_per_turn) * joint.gear) as i32
+    });
+    let (cause, tick) = lie(counts, [0.0; 4]).expect("a fault");
+    assert!(cause == Cause::Slip && tick <= 50, "{cause:?} after {tick} ms");
+}
+
+#[test]
+fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
+    // A steering joint that drifts at 1 rad/s, below the limit of slip, with rates that say 0; and rates
+    // of 1 rad/s with counts that stand.
+    let drift = (DT / std::f64::consts::TAU * 16384.0).ceil() as i32;
+    for (counts, rates) in [([drift, 0, 0, 0], [0.0; 4]), ([0; 4], [1.0, 0.0, 0.0, 0.0])] {
+        let (cause, tick) = lie(counts, rates).expect("a fault");
+        assert!(
+            cause == Cause::ImplausibleFeedback && (20..=75).contains(&tick),
+            "{cause:?} after {tick} ms"
+        );
+    }
+    // A lag of 5 ms in the rates of a sphere that is turned to and fro is no lie.
+    let mut bench = active();
+    let mut rates = [0.0; 4];
+    for k in 0..2000 {
+        let omega = Vec3::new(4.0, 2.0, 3.0) * (0.05 * f64::from(k)).sin();
+        let reading = bench.feedback();
+        bench.sphere.turn(omega, DT);
+        for (rate, now) in rates.iter_mut().zip(reading.rates) {
+            *rate += (now - *rate) * DT / 0.005;
+        }
+        let state = bench
+            .step_with(|inputs| {
+                inputs.feedback = Some(reading);
+                inputs.feedback.as_mut().unwrap().rates[..4].copy_from_slice(&rates);
+            })
+            .state;
+        assert_eq!(state.cause, None, "tick {k}");
+    }
+}
+
+#[test]
+fn motors_that_are_on_or_off_against_the_command_for_20_ms_are_a_fault() {
+    for powered in [true, false] {
+        let mut bench = if powered { active() } else { Bench::new(rig()) };
+        bench.run(2);
+        let disobey = |inputs: &mut Inputs| {
+            inputs.feedback.as_mut().unwrap().complaints.disobeyed = true;
+        };
+        let tick = (1..100).find(|_| bench.step_with(disobey).state.cause == Some(Cause::ControllerFault));
+        assert_eq!(tick, Some(21), "powered: {powered}");
+        assert!(bench.command(Command::Reset).reply() == Reply::Done, "it obeys again");
+        // Now and then is no fault: a power stage that wakes.
+        for _ in 0..100 {
+            bench.step_with(disobey);
+            assert_eq!(bench.step().state.cause, None);
+        }
+    }
+}
+
+#[test]
+fn readings_that_answer_too_old_a_command_are_a_lost_link_for_as_long_as_they_do() {
+    for (late, lost) in [(18, false), (19, false), (20, true), (30, true), (100, true)] {
+        let mut bench = active();
+        let mut line = std::collections::VecDeque::new();
+        let mut cause = None;
+        for k in 0..400_u32 {
+            line.push_back(bench.feedback());
+            // Later and later, so that no gap is long.
+            let now = line.len() as u32 > late.min(k / 4);
+            let reading = if now { line.pop_front() } else { None };
+            cause = bench.step_with(|inputs| inputs.feedback = reading).state.cause;
+        }
+        assert_eq!(cause, lost.then_some(Cause::LinkLost), "{late} ticks late");
+        if lost {
+            assert_eq!(bench.command(Command::Reset).reply(), Reply::Done, "news again");
+        }
+    }
+}
+
+#[test]
+fn one_reading_in_twenty_for_ever_is_a_lost_link_and_one_in_five_is_not() {
+    for (every, lost) in [(20, true), (10, true), (5, false), (2, false)] {
+        let mut bench = active();
+        let cause =
+            (0..2000).find_map(|k| if k % every == 0 { bench.step() } else { bench.deaf() }.state.cause);
+        assert_eq!(cause, lost.then_some(Cause::LinkLost), "one in {every}");
     }
 }
 

@@ -18,6 +18,7 @@ mod passivity;
 mod rates;
 mod references;
 mod rng;
+mod sessions;
 mod shaping;
 mod shelf;
 mod singularity;

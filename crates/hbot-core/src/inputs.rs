@@ -64,6 +64,11 @@ pub struct Complaints {
     pub overcurrent: bool,
     /// A motor is too hot.
     pub overtemperature: bool,
+    /// Motors are on although the command that is answered switches them off, or off although it
+    /// switches them on.
+    pub disobeyed: bool,
+    /// A current or a temperature is not finite.
+    pub not_finite: bool,
 }
 
 impl Complaints {
@@ -75,6 +80,8 @@ impl Complaints {
             watchdog: self.watchdog | other.watchdog,
             overcurrent: self.overcurrent | other.overcurrent,
             overtemperature: self.overtemperature | other.overtemperature,
+            disobeyed: self.disobeyed | other.disobeyed,
+            not_finite: self.not_finite | other.not_finite,
         }
     }
 }

@@ -11,6 +11,7 @@ use crate::path::Trail;
 use crate::rates::{Moved, Rates};
 use crate::real::{PI, Real, Vec3, fabs, sqrt};
 use crate::rig::{OdometryMethod, PathFit, Rig, Zero};
+use crate::watch::{Interval, Watch};
 
 /// Rates above this are not a joint's, rad/s: 100,000 turns a minute.
 const MAX_RATE: Real = 1.0e4;
@@ -28,6 +29,8 @@ pub(crate) struct Joints {
     pub(crate) rate: [Real; MAX_JOINTS],
     pub(crate) omega: Vec3,
     pub(crate) slip: Real,
+    /// Holds the counts against the rates and the limits.
+    pub(crate) watch: Watch,
 }
 
 /// What a reading brought.
@@ -52,6 +55,7 @@ impl Joints {
             rate: [0.0; MAX_JOINTS],
             omega: Vec3::ZERO,
             slip: 0.0,
+            watch: Watch::new(rig),
         }
     }
 
@@ -92,21 +96,31 @@ impl Joints {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
         self.estimator.restart();
+        self.watch.restart();
         self.rates(rig, feedback, None)?;
         self.locate(rig);
         Ok(())
     }
 
-    /// Takes the next reading: the turn of the sphere since the last one.
+    /// Takes the next reading: the turn of the sphere since the last one. `judged`: the motors are on,
+    /// or a fault is to be reset, so that counts which the limit of speed rules out are refused.
     #[inline]
-    pub(crate) fn advance(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<Step, Cause> {
+    pub(crate) fn advance(
+        &mut self,
+        rig: &Rig,
+        feedback: &JointFeedback,
+        judged: bool,
+    ) -> Result<Step, Cause> {
         let n = rig.device.joints();
+        let last = self.sequence.unwrap_or(feedback.sequence.wrapping_sub(1));
+        let ticks = feedback.sequence.wrapping_sub(last).max(1);
         let mut delta = [0.0; MAX_JOINTS];
         let mut start = [0.0; MAX_WHEELS];
         let mut plausible = true;
         for i in 0..n {
             delta[i] = self.encoders[i].peek(feedback.counts[i]);
-            plausible &= fabs(delta[i]) < PI;
+            let most = if judged { self.watch.most(i, ticks) } else { PI };
+            plausible &= fabs(delta[i]) < most;
         }
         if !plausible {
             // Which way the sphere went is lost, but not where the joints are: the next reading is held against this one.
@@ -119,8 +133,6 @@ impl Joints {
         for i in 0..n / 2 {
             start[i] = self.angle[2 * i];
         }
-        let last = self.sequence.unwrap_or(feedback.sequence.wrapping_sub(1));
-        let ticks = feedback.sequence.wrapping_sub(last).max(1);
         self.rates(rig, feedback, Some((&delta, ticks)))?;
         for i in 0..n {
             self.encoders[i].advance(feedback.counts[i]);
@@ -132,7 +144,16 @@ impl Joints {
             (method, PathFit::Straight) => odometry::turn(&rig.device, method, &start, &delta),
             _ => self.turn_along_a_curve(rig, &start, &delta, ticks),
         };
+        if judged {
+            self.watch.begin(rig, &self.posture, turn);
+        }
         self.locate(rig);
+        if judged {
+            let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks };
+            self.watch.end(rig, &self.posture, &moved);
+        } else {
+            self.watch.restart();
+        }
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }
 

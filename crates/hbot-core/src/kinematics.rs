@@ -130,7 +130,7 @@ fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
 
 /// H zd of one wheel: the velocity of its contact point along c1 and c2, m/s.
 #[inline]
-fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [Real; 2] {
+pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [Real; 2] {
     let r = device.sphere_radius();
     [r * wheel.axis_c2 * steer, wheel.spec().radius * drive - r * wheel.axis_c1 * steer]
 }

@@ -46,6 +46,7 @@ pub mod rotation;
 pub mod scene;
 mod shaping;
 pub mod singularity;
+mod watch;
 
 pub use controller::Controller;
 pub use device::{Device, MAX_JOINTS, MAX_WHEELS, WheelSpec};

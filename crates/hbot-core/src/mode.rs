@@ -165,13 +165,19 @@ impl Machine {
         self.gain = 0.0;
     }
 
+    /// Begins the soft start again, in the mode that it is in.
+    pub(crate) fn soften(&mut self) {
+        self.gain = 0.0;
+    }
+
     /// Moves the gain on by `dt` seconds.
     #[inline]
     pub(crate) fn ramp(&mut self, dt: Real) {
         match self.mode {
-            Mode::Active => {}
-            Mode::Enabling => {
-                self.gain += dt * (1.0 / SOFT_START_S);
+            Mode::Enabling | Mode::Active => {
+                if self.gain < 1.0 {
+                    self.gain += dt * (1.0 / SOFT_START_S);
+                }
                 if self.gain >= 1.0 {
                     self.gain = 1.0;
                     self.mode = Mode::Active;

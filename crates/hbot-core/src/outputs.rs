@@ -58,6 +58,11 @@ pub enum Refusal {
         /// How old, ticks.
         age_ticks: u64,
     },
+    /// The sample that it names has not been made yet.
+    Ahead {
+        /// How far in the future its tick is, ticks.
+        ticks: u64,
+    },
     /// That moment is no longer (or not yet) in the history.
     NotInHistory,
     /// A number is not finite, or a quaternion not unit.

@@ -7,8 +7,9 @@
 use crate::real::{Real, Vec3};
 use crate::rig::PassivityLimit;
 
-/// Torques remembered; more ticks than this without feedback have long been a lost link.
-const DEPTH: usize = 64;
+/// Torques remembered, ticks: more than the longest `timeout_ticks` of a rig file, so that the torque
+/// is known for every turn that is not a lost link.
+const DEPTH: usize = 1024;
 
 /// Energy given out since the start, J, and the torques not yet paired with a turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -199,6 +200,6 @@ mod tests {
         assert_eq!(observer.on_their_way(4, 4).x, 0.0, "the reading answers this very tick");
         assert_eq!(observer.on_their_way(5, 4).x, 0.0);
         // However long nothing came, no more than is remembered.
-        assert_eq!(observer.on_their_way(3, 3 + 1_000_000).x, 6400.0);
+        assert_eq!(observer.on_their_way(3, 3 + 1_000_000).x, 102_400.0);
     }
 }

@@ -13,6 +13,8 @@ pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
     shared: Shared,
     revision: Option<u64>,
+    /// One bit a slot: its effect has been placed anew by the scene of this tick.
+    placed: u32,
     /// The sphere's own inertia, kg m², and the loop's period, s: they limit virtual masses.
     inertia: Real,
     period: Real,
@@ -26,6 +28,7 @@ impl Renderer {
             states: [EffectState::EMPTY; MAX_EFFECTS],
             shared: Shared::EMPTY,
             revision: None,
+            placed: 0,
             inertia: rig.device.sphere_inertia(),
             period: rig.timing.period_s(),
         }
@@ -35,6 +38,7 @@ impl Renderer {
     /// the last tick. Call it before [`torque`](Self::torque).
     #[inline]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
+        self.placed = 0;
         if self.revision == Some(scene.revision()) {
             return false;
         }
@@ -45,8 +49,10 @@ impl Renderer {
                 *state = EffectState { epoch: effect.epoch, ..EffectState::EMPTY };
                 state.reference_revision = effect.reference_revision;
                 anchor(effect, state, q, true);
+                self.placed |= 1 << effect.slot;
             } else if state.reference_revision != effect.reference_revision {
                 state.reference_revision = effect.reference_revision;
+                self.placed |= 1 << effect.slot;
                 if let Some((reference, anchor)) = effect.kind.reference() {
                     state.reference.goal = anchored(reference, anchor, q);
                 }
@@ -67,10 +73,24 @@ impl Renderer {
             if anchor == Anchor::Here || effect.leaving {
                 return None;
             }
-            let goal = self.states[usize::from(effect.slot)].reference.goal;
-            let angle = effect.kind.excess(goal, q, scene.figures(effect.figures))?;
+            let angle = self.distance(scene, effect, q)?;
             (!(angle <= limit)).then_some((effect.slot, angle))
         })
+    }
+
+    /// Whether an effect that the scene of this tick has placed anew is further than `limit` rad from
+    /// where it rests at `q`; with `any`, whether any effect is.
+    pub(crate) fn is_far(&self, scene: &CompiledScene, q: Quat, limit: Real, any: bool) -> bool {
+        scene.effects().iter().filter(|effect| !effect.leaving).any(|effect| {
+            let placed = any || self.placed & (1 << effect.slot) != 0;
+            placed && self.distance(scene, effect, q).is_some_and(|angle| !(angle <= limit))
+        })
+    }
+
+    /// How far, rad, `q` is from where `effect` rests; `None` for kinds that rest everywhere or nowhere.
+    fn distance(&self, scene: &CompiledScene, effect: &Effect, q: Quat) -> Option<Real> {
+        let goal = self.states[usize::from(effect.slot)].reference.goal;
+        effect.kind.excess(goal, q, scene.figures(effect.figures))
     }
 
     /// Begins anew at enable: references anchored here, absolute ones at their goals, everything fading in.

@@ -7,34 +7,38 @@ pub(crate) const BLEND_S: Real = 0.05;
 /// How long a stream that is not renewed takes to end, s.
 pub(crate) const STREAM_RAMP_S: Real = 0.02;
 
-/// Makes a change of scene continuous: the step that it makes in torque is held against it and fades to zero.
+/// Makes a change of scene continuous. The step in torque that the change makes is added with the
+/// opposite sign and fades to zero.
 ///
-/// The step is the change's alone: both scenes are taken at the motion of the last tick, so what the sphere does meanwhile is
-/// rendered at once. Steps that follow each other add up, and what is left of them always fades: a client that sets a
-/// parameter every tick gets a spring that acts.
+/// The step is the change's alone: both scenes are evaluated at the motion of the last tick, so the
+/// motion since then is rendered at once. Steps that follow each other add up, and the sum always
+/// fades: a client that sets a parameter in every tick gets a spring that acts.
+///
+/// The torques that come in are within the rig's limit already. If the step of an unlimited torque
+/// were faded, a scene that asks for a hundred times the limit would reach the limit at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Blend {
-    /// What is held against the scene, N m, and how fast it changes, N m/s.
+    /// The torque that is added to the scene's, N m, and its rate, N m/s.
     offset: Vec3,
     speed: Vec3,
     /// Time since the last change, s.
     age_s: Real,
+    /// The torque of the last tick without the offset, N m.
     last: Vec3,
 }
 
-/// The fade is a critically damped one at this rate, 1/s: no corner in torque, the steepest slope 74 % of the step in 10 ms, and
-/// 0.05 % left after [`BLEND_S`], which is then taken away.
+/// The fade is a critically damped one at this rate, 1/s: no corner in torque, the steepest slope
+/// 74 % of the step in 10 ms, and 0.05 % left after [`BLEND_S`], which is then taken away.
 const BLEND_RATE: Real = 10.0 / BLEND_S;
 
 impl Blend {
     pub(crate) const DONE: Self =
         Self { offset: Vec3::ZERO, speed: Vec3::ZERO, age_s: BLEND_S, last: Vec3::ZERO };
 
-    /// The torque of the scene made continuous. `before`, where the scene is not that of the last tick: what it gives at the
-    /// motion of the last tick.
+    /// The torque to add to `torque` in this tick, N m. `before` is given if the scene is not the
+    /// last tick's: what it gives at the motion of the last tick, N m.
     #[inline]
-    pub(crate) fn apply(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
-        let held = self.offset;
+    pub(crate) fn offset(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
         if self.age_s < BLEND_S {
             self.age_s += dt;
             let step = (self.speed + self.offset * BLEND_RATE) * dt;
@@ -46,12 +50,11 @@ impl Blend {
             }
         }
         if let Some(before) = before {
-            // What was felt last is the old scene and what was held against it.
-            self.offset += self.last - held - before;
+            self.offset += self.last - before;
             self.age_s = 0.0;
         }
-        self.last = torque + self.offset;
-        self.last
+        self.last = torque;
+        self.offset
     }
 }
 
@@ -77,15 +80,31 @@ impl Stream {
         self.until = self.until.min(tick);
     }
 
+    /// Moves the ramp on by `dt` seconds once the stream has expired.
     #[inline]
-    pub(crate) fn torque(&mut self, tick: u64, dt: Real) -> Vec3 {
-        if self.level == 0.0 {
-            return Vec3::ZERO;
-        }
-        if tick > self.until {
+    pub(crate) fn pass(&mut self, tick: u64, dt: Real) {
+        if tick > self.until && self.level > 0.0 {
             self.level = (self.level - dt * (1.0 / STREAM_RAMP_S)).max(0.0);
         }
-        self.torque * self.level
+    }
+
+    /// The torque `scene` with the stream added, within `limit` (N m), and the share of the sum
+    /// that the limit left, 0 to 1.
+    ///
+    /// The ramp of an expired stream leads from the limited sum to the limited scene. Ramping the
+    /// stream before the limit would keep a stream of a thousand times the limit at full torque
+    /// until the last tick of its ramp.
+    #[inline]
+    pub(crate) fn added_to(&self, scene: Vec3, limit: Real) -> (Vec3, Real) {
+        if self.level == 0.0 {
+            return shortened(scene, limit);
+        }
+        let (sum, share) = shortened(scene + self.torque, limit);
+        if self.level == 1.0 {
+            return (sum, share);
+        }
+        let without = limited(scene, limit);
+        (without + (sum - without) * self.level, share)
     }
 }
 

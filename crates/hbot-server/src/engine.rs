@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use hbot_config::RigConfig;
-use hbot_core::inputs::Command::{Enable, Estop};
+use hbot_core::inputs::Command::{Disable, Enable, Estop};
 use hbot_core::inputs::{Commands, Complaints, Inputs, JointFeedback, MAX_COMMANDS};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::Drive;
@@ -17,8 +17,8 @@ use crate::port::{NO_READINGS, Port};
 use crate::sample::{Answer, Counters, Sample, Timing};
 use crate::wire::Wire;
 
-/// Send times remembered to tell the age of a reading.
-const SENT: usize = 64;
+/// Commands whose send time is remembered to tell the age of a reading; an older one has no age.
+const SENT: usize = 1024;
 /// How often the last command is said.
 const STOPS: u32 = 3;
 /// A rebooted controller is asked to describe itself this often, ticks.
@@ -88,8 +88,8 @@ pub(crate) struct Engine<W> {
     received: [u8; 4096],
     /// What the joints of all lines have told last, each in its own time.
     readings: JointFeedback,
-    /// When each of the last commands went out, ns, by sequence.
-    sent_at: [u64; SENT],
+    /// The sequence of each of the last commands, and when it went out, ns.
+    sent_at: Box<[(u32, u64); SENT]>,
     counters: Counters,
     recorder: Option<Recorder>,
     /// Enable as soon as the rig is idle, once.
@@ -146,7 +146,7 @@ impl<W: Wire> Engine<W> {
             bridge,
             received: [0; 4096],
             readings: NO_READINGS,
-            sent_at: [0; SENT],
+            sent_at: Box::new([(u32::MAX, 0); SENT]),
             counters: Counters::default(),
             recorder,
             enable_when_idle: false,
@@ -201,13 +201,15 @@ impl<W: Wire> Engine<W> {
             }
         }
         let sent = now_ns();
-        self.sent_at[moment.tick as usize % SENT] = sent;
-        let age_ns = inputs
-            .feedback
-            .filter(|_| outputs.state.fresh)
-            .map(|f| sent.saturating_sub(self.sent_at[f.sequence as usize % SENT]));
+        self.sent_at[moment.tick as usize % SENT] = (moment.tick as u32, sent);
+        let age_ns = inputs.feedback.filter(|_| outputs.state.fresh).and_then(|feedback| {
+            let (sequence, at) = self.sent_at[feedback.sequence as usize % SENT];
+            (sequence == feedback.sequence).then(|| sent.saturating_sub(at))
+        });
 
         self.idle = outputs.state.mode == Mode::Idle;
+        // After a fault or a stop torque comes back only if somebody asks for it.
+        self.enable_when_idle &= !matches!(outputs.state.mode, Mode::Fault | Mode::Estop);
         self.counters.late += u64::from(moment.late);
         self.counters.skipped += moment.skipped;
         self.counters.missed += u64::from(!outputs.state.fresh);
@@ -307,6 +309,8 @@ impl<W: Wire> Engine<W> {
         for ticket in &mut tickets[own..] {
             let Ok(order) = self.bridge.orders.pop() else { break };
             *ticket = order.ticket;
+            // A rig that somebody wants off does not come on by itself.
+            self.enable_when_idle &= order.command != Disable;
             // There are as many places as tickets.
             let _ = commands.push(order.command);
         }

@@ -19,8 +19,24 @@ pub(crate) const NO_READINGS: JointFeedback = JointFeedback {
     counts: [0; MAX_JOINTS],
     rates: [0.0; MAX_JOINTS],
     index_seen: 0,
-    complaints: Complaints { fault: false, watchdog: false, overcurrent: false, overtemperature: false },
+    complaints: NO_COMPLAINTS,
 };
+
+const NO_COMPLAINTS: Complaints = Complaints {
+    fault: false,
+    watchdog: false,
+    overcurrent: false,
+    overtemperature: false,
+    disobeyed: false,
+    not_finite: false,
+};
+
+/// A motor or driver at this temperature is too hot whatever its own limit, °C.
+const TOO_HOT: f32 = 150.0;
+/// A current beyond this is no motor's of such a rig, A.
+const TOO_STRONG: f32 = 1000.0;
+/// Commands of which a line remembers whether they switched the motors on.
+const COMMANDS: usize = 64;
 
 /// One line.
 pub(crate) struct Port<W> {
@@ -31,6 +47,8 @@ pub(crate) struct Port<W> {
     offsets: [i32; MAX_JOINTS],
     decoder: Decoder<FromController>,
     frame: [u8; MAX_COMMAND_FRAME],
+    /// The last commands: their sequence, and whether they switched the motors on.
+    enables: [(u32, bool); COMMANDS],
     /// The line took only a part of the last frame.
     cut: bool,
     /// It was gone; said with the next reading, so that no torque comes back unasked.
@@ -62,6 +80,7 @@ impl<W: Wire> Port<W> {
             offsets: line.offsets,
             decoder: Decoder::new(),
             frame: [0; MAX_COMMAND_FRAME],
+            enables: [(u32::MAX, false); COMMANDS],
             cut: false,
             lost: false,
             fresh: None,
@@ -89,12 +108,26 @@ impl<W: Wire> Port<W> {
         // A line that babbles faster than it is read is read on next tick.
         for _ in 0..4 {
             let n = self.wire.read(buffer).unwrap_or(0);
-            let Self { decoder, joints, fresh, complaints, sequence, corrupt, undescribed, lost, .. } = self;
+            let Self {
+                decoder,
+                joints,
+                fresh,
+                complaints,
+                sequence,
+                corrupt,
+                undescribed,
+                lost,
+                enables,
+                ..
+            } = self;
             let (expected, stranger) = (&self.expected, &mut self.stranger);
             decoder.feed(&buffer[..n], |frame| match frame {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == joints.len() => {
                     *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
-                    *complaints = complaints.or(complained(&feedback, std::mem::take(lost)));
+                    *complaints = complaints.or(Complaints {
+                        disobeyed: disobeys(&feedback, enables),
+                        ..complained(&feedback, std::mem::take(lost))
+                    });
                     // Answers may come twice, late, or out of order; one to a command that has not been sent is nobody's.
                     let ahead = |than: u32| feedback.sequence.wrapping_sub(than) as i32;
                     if ahead(tick) > 0 {
@@ -132,7 +165,8 @@ impl<W: Wire> Port<W> {
     }
 
     /// The command to the joints of this line.
-    pub(crate) fn command(&self, sequence: u32, watchdog_ms: u16, drive: &Drive) -> Command {
+    pub(crate) fn command(&mut self, sequence: u32, watchdog_ms: u16, drive: &Drive) -> Command {
+        self.enables[sequence as usize % COMMANDS] = (sequence, drive.enable);
         let mut torque = [0.0_f32; MAX_JOINTS];
         for (joint, place) in &self.joints {
             torque[*place] = drive.torque[*joint] as f32;
@@ -156,16 +190,31 @@ impl<W: Wire> Port<W> {
     }
 }
 
+/// Whether a reading says that motors are on although the command that it answers switched them off,
+/// or off although it switched them on, and no other flag says why.
+fn disobeys(feedback: &Feedback, enables: &[(u32, bool); COMMANDS]) -> bool {
+    let (sequence, enable) = enables[feedback.sequence as usize % COMMANDS];
+    let enabled = feedback.flags.contains(ControllerFlags::ENABLED);
+    let explained = enable
+        && (feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED)
+            || feedback.flags.contains(ControllerFlags::FAULT)
+            || feedback.flags.contains(ControllerFlags::UNDESCRIBED));
+    sequence == feedback.sequence && enabled != enable && !explained
+}
+
 /// What a reading complains of; `lost`: the first after its line was gone.
 fn complained(feedback: &Feedback, lost: bool) -> Complaints {
     let mut complaints = Complaints {
         fault: feedback.flags.contains(ControllerFlags::FAULT),
         watchdog: lost | feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED),
-        ..Complaints::default()
+        ..NO_COMPLAINTS
     };
     for joint in &feedback.joints {
-        complaints.overcurrent |= joint.flags.contains(JointFlags::OVERCURRENT);
-        complaints.overtemperature |= joint.flags.contains(JointFlags::OVERTEMPERATURE);
+        complaints.overcurrent |=
+            joint.flags.contains(JointFlags::OVERCURRENT) || joint.current.abs() > TOO_STRONG;
+        complaints.overtemperature |=
+            joint.flags.contains(JointFlags::OVERTEMPERATURE) || joint.temperature > TOO_HOT;
+        complaints.not_finite |= !(joint.current.is_finite() && joint.temperature.is_finite());
     }
     complaints
 }

@@ -82,8 +82,12 @@ impl Controller {
         Reply::Done
     }
 
-    /// Takes a stream message, unless the sample that it was computed from is too old.
+    /// Takes a stream message, unless the sample that it was computed from is too old or of the
+    /// future: a message that names a future tick would count as fresh until that tick.
     fn stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
+        if let Some(ticks) = stamp.tick.and_then(|seen| seen.checked_sub(tick)).filter(|ahead| *ahead > 0) {
+            return Reply::Refused(Refusal::Ahead { ticks });
+        }
         let age_ticks = stamp.tick.map_or(0, |seen| tick.saturating_sub(seen));
         if age_ticks > u64::from(self.rig.limits.max_age_ticks) {
             return Reply::Refused(Refusal::TooOld { age_ticks });

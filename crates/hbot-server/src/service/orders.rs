@@ -239,6 +239,12 @@ impl Hub {
                     rig.limits.max_age_ticks
                 ),
             ),
+            Refusal::Ahead { ticks } => (
+                ErrorCode::OutOfRange,
+                format!(
+                    "field \"tick\" is {ticks} ticks in the future; legal: the tick of a state that was sent"
+                ),
+            ),
             Refusal::NotInHistory => (
                 ErrorCode::OutOfRange,
                 "field \"t\" is not (or no longer) in the history; legal: a moment of about the last second"
