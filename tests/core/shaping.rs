@@ -4,7 +4,7 @@ use crate::bench::{
     Bench, DT, FirstReply, TORQUE_RATE, effect, rig, rig_with_grip, spring, spring_scene, stream,
 };
 use crate::rng::Rng;
-use hbot_core::effects::Anchor;
+use hbot_core::effects::{Anchor, Constant, Effect, Frame, Kind};
 use hbot_core::inputs::{Command, OnClientLost, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Refusal, Reply};
@@ -50,6 +50,143 @@ fn torque_goes_within_50_ms_of_disable() {
     }
     assert!(torque[50..].iter().all(|t| *t == 0.0));
     assert!(!bench.step().drive.enable);
+}
+
+/// A torque that does not change, in slot 0.
+fn constant(revision: u64, torque: Vec3) -> CompiledScene {
+    let kind = Kind::Constant(Constant { torque, frame: Frame::World });
+    CompiledScene::new(revision, &[effect(0, revision as u32, kind)]).unwrap()
+}
+
+#[test]
+fn full_torque_comes_over_half_a_second_however_much_is_asked_for() {
+    let mut rig = rig();
+    rig.limits.torque = 0.9;
+    // Within the limit, ten times and ten thousand times as much, and a stiff spring at its largest angle.
+    let scenes = [
+        constant(1, Vec3::Y * 0.8),
+        constant(1, Vec3::Y * 9.0),
+        constant(1, Vec3::Y * 9000.0),
+        spring_scene(1, 40.0, Vec3::Y * 0.45),
+    ];
+    for scene in scenes {
+        let mut bench = Bench::new(rig);
+        bench.scene = scene;
+        bench.step();
+        bench.command(Command::Enable);
+        let torque: Vec<f64> = (0..600).map(|_| bench.step().state.torque.length()).collect();
+        let full = torque[599];
+        let ninety = torque.iter().position(|t| *t >= 0.9 * full).unwrap();
+        assert!((440..=450).contains(&ninety), "90 % of {full} N m after {ninety} ms");
+        let envelope = (0..600).all(|k| torque[k] <= 0.9 * (k + 2) as f64 / 500.0 + ROUNDING);
+        assert!(envelope, "{torque:?}");
+    }
+}
+
+#[test]
+fn a_disable_and_the_end_of_a_stream_keep_the_slew_limit_however_much_is_asked_for() {
+    for (torque_rate, ms) in [(TORQUE_RATE, 50), (10.0, 90)] {
+        for size in [0.8, 1e6] {
+            let mut rig = rig();
+            (rig.limits.torque, rig.limits.torque_rate) = (0.9, torque_rate);
+            let ends = |bench: &mut Bench, most: f64| {
+                let mut last = bench.step().state.torque;
+                let zero = (0..200).find(|_| {
+                    let torque = bench.step().state.torque;
+                    assert!((torque - last).length() <= most + ROUNDING, "{last} to {torque}");
+                    last = torque;
+                    torque == Vec3::ZERO
+                });
+                zero.expect("it ends")
+            };
+            let mut bench = Bench::active(rig, constant(1, Vec3::Y * size));
+            bench.command(Command::Disable);
+            // No step is above the slew limit, nor above the ramp of 50 ms.
+            let most = (torque_rate * DT).min(0.9 / 50.0);
+            let took = ends(&mut bench, most);
+            assert!((ms - 12..=ms).contains(&took), "disabled in {took} ms at {torque_rate} N m/s");
+            assert!(!bench.step().drive.enable);
+            // A stream of 20 ms, and its ramp of 20 ms.
+            let mut bench = Bench::active(rig, CompiledScene::empty());
+            bench.command(stream(Vec3::Y * size, 200));
+            bench.run(199);
+            let took = ends(&mut bench, (torque_rate * DT).min(0.9 / 20.0));
+            assert!(took <= ms, "a stream ended in {took} ms at {torque_rate} N m/s");
+        }
+    }
+}
+
+#[test]
+fn torque_that_motors_or_contacts_limit_keeps_the_slew_limit() {
+    // Far more than the motors make, or than the contacts hold, in one direction after another.
+    let mut strong = rig();
+    strong.limits.torque = 8.0;
+    let mut slippery = rig_with_grip(6.0);
+    slippery.limits.torque = 8.0;
+    for rig in [strong, slippery] {
+        let mut bench = Bench::active(rig, CompiledScene::empty());
+        let mut rng = Rng(5);
+        let (mut last, mut limited) = (bench.step().state.torque, 0);
+        for k in 0..4000 {
+            let outputs = if k % 60 == 0 {
+                bench.command(stream(rng.vector(8.0), 200))
+            } else {
+                bench.turn(Vec3::new(0.5, -0.3, 0.4))
+            };
+            let change = (outputs.state.torque - last).length();
+            assert!(change <= TORQUE_RATE * DT + 1e-12, "tick {k}: {change}");
+            limited += u32::from(outputs.state.scale < 0.99);
+            last = outputs.state.torque;
+        }
+        assert!(limited > 2000, "{limited}");
+    }
+}
+
+#[test]
+fn a_far_scene_or_reference_under_power_comes_over_half_a_second() {
+    let mut rig = rig();
+    rig.limits.torque = 0.9;
+    let half_a_turn = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
+    let placed = |reference_revision, stiffness: f64, to: Quat| {
+        let spring = spring(stiffness, 0.0, to, Anchor::Absolute);
+        let effect = Effect { reference_revision, ..effect(0, 1, spring) };
+        move |revision| CompiledScene::new(revision, &[effect]).unwrap()
+    };
+    // Another effect, the same effect's reference, and the stiffness of one that is far already.
+    let far_effect =
+        CompiledScene::new(2, &[effect(3, 9, spring(1000.0, 0.0, half_a_turn, Anchor::Absolute))]);
+    let far_reference = placed(1, 1000.0, half_a_turn);
+    for (name, scene) in [("load", far_effect.unwrap()), ("set", far_reference(2))] {
+        let mut bench = Bench::active(rig, placed(0, 1000.0, rotation::exp(Vec3::Z * 0.0004))(1));
+        let before = bench.step().state.torque;
+        assert!((before.length() - 0.4).abs() < 1e-9);
+        bench.scene = scene;
+        let torque: Vec<Vec3> = (0..700).map(|_| bench.step().state.torque).collect();
+        // What was felt goes within 50 ms, and full torque takes half a second.
+        assert!((torque[0] - before).length() < 0.05, "{name}: no step");
+        for k in 0..500 {
+            let left = 0.4 * (1.0 - k as f64 / 50.0).max(0.0);
+            let most = 0.9 * (k + 1) as f64 / 500.0 + left;
+            assert!(torque[k].length() <= most + ROUNDING, "{name}, after {k} ms: {}", torque[k]);
+        }
+        assert!(torque[699].length() > 0.899, "{name}: {}", torque[699]);
+    }
+    // The hand holds a soft spring far from its reference: its stiffness moves as it is told.
+    let mut bench = Bench::active(rig, placed(0, 0.2, Quat::IDENTITY)(1));
+    for _ in 0..600 {
+        bench.turn(Vec3::Y * 2.0);
+    }
+    bench.sphere.omega = Vec3::ZERO;
+    let before = bench.run(5).state.torque.length();
+    for k in 0..20 {
+        bench.scene = placed(0, 0.2 + 0.01 * f64::from(k), Quat::IDENTITY)(2 + k as u64);
+        let torque = bench.run(20).state.torque.length();
+        assert!(torque >= before - ROUNDING, "{torque} N m of {before}");
+    }
+    // But not to a hundred times as much at once.
+    bench.scene = placed(0, 20.0, Quat::IDENTITY)(100);
+    let torque: Vec<f64> = (0..600).map(|_| bench.step().state.torque.length()).collect();
+    assert!(torque[80] < 0.2 && torque[440] < 0.85 && torque[599] > 0.899, "{} {}", torque[80], torque[440]);
 }
 
 #[test]

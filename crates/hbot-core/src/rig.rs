@@ -103,7 +103,8 @@ pub struct Traction {
 pub struct Timing {
     /// Nominal time between ticks, ns.
     pub period_ns: u64,
-    /// Ticks without feedback until fault link_lost.
+    /// Age of the newest reading, ticks, above which it is the fault link_lost: a longer silence, or
+    /// answers to older commands. At most 1000.
     pub timeout_ticks: u32,
 }
 

@@ -195,10 +195,8 @@ impl<W: Wire> Port<W> {
 fn disobeys(feedback: &Feedback, enables: &[(u32, bool); COMMANDS]) -> bool {
     let (sequence, enable) = enables[feedback.sequence as usize % COMMANDS];
     let enabled = feedback.flags.contains(ControllerFlags::ENABLED);
-    let explained = enable
-        && (feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED)
-            || feedback.flags.contains(ControllerFlags::FAULT)
-            || feedback.flags.contains(ControllerFlags::UNDESCRIBED));
+    let reasons = ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT | ControllerFlags::UNDESCRIBED;
+    let explained = enable && feedback.flags.intersects(reasons);
     sequence == feedback.sequence && enabled != enable && !explained
 }
 

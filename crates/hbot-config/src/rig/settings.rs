@@ -71,7 +71,7 @@ pub(crate) struct Link {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,
-    /// Ticks without feedback until the fault link_lost.
+    /// Age of the newest reading, ticks, above which it is the fault link_lost.
     #[schemars(range(min = 1, max = 1000))]
     pub(crate) timeout_ticks: u32,
 }

@@ -80,7 +80,7 @@ fn late_doubled_and_reordered_answers_do_no_harm() {
             0 => far.answers.extend(far.answers.clone()),
             // Lost, and then a tick late, behind the one that came after it.
             1 => far.answers.clear(),
-            _ => far.answers.push(answer(bench.tick as u32 - 2, ControllerFlags::empty(), 4)),
+            _ => far.answers.push(answer(bench.tick as u32 - 2, ControllerFlags::ENABLED, 4, None)),
         });
         let state = bench.tick().state;
         assert_eq!((state.mode, state.q), (Mode::Active, q), "round {round}");
@@ -90,8 +90,8 @@ fn late_doubled_and_reordered_answers_do_no_harm() {
     let tick = bench.tick as u32;
     fake.with(|far| {
         far.answers = vec![
-            answer(tick - 1, ControllerFlags::empty(), 4),
-            answer(tick - 2, ControllerFlags::empty(), 4),
+            answer(tick - 1, ControllerFlags::ENABLED, 4, None),
+            answer(tick - 2, ControllerFlags::ENABLED, 4, None),
         ];
     });
     assert!(state.state.fresh && bench.tick().state.fresh);
@@ -104,8 +104,8 @@ fn answers_to_commands_never_sent_and_from_other_controllers_are_counted() {
     let before = bench.tick().counters.foreign_frames;
     let tick = bench.tick as u32;
     fake.with(|far| {
-        far.answers.push(answer(tick + 1000, ControllerFlags::empty(), 4));
-        far.answers.push(answer(tick - 1, ControllerFlags::empty(), 3));
+        far.answers.push(answer(tick + 1000, ControllerFlags::ENABLED, 4, None));
+        far.answers.push(answer(tick - 1, ControllerFlags::ENABLED, 3, None));
     });
     let hit = bench.tick();
     assert_eq!(hit.counters.foreign_frames, before + 2);
@@ -214,4 +214,109 @@ fn other_controllers_on_a_line_that_stays_are_a_fault_for_as_long_as_they_are_th
     let (mut bench, fake) = one_line();
     fake.with(|far| far.answers.push(description(1, 4, 0)));
     assert_eq!(bench.tick().state.mode, Mode::Active, "the same as ever");
+}
+
+#[test]
+fn a_supply_that_was_off_and_on_again_gives_no_torque_until_somebody_enables_it() {
+    let (mut bench, fake) = one_line();
+    fake.with(|far| far.unsupplied = true);
+    // Within 20 ms, and a tick on the line each way.
+    let state = bench.ticks(23).state;
+    assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::ControllerFault)));
+    fake.with(|far| far.unsupplied = false);
+    let state = bench.ticks(100).state;
+    assert_eq!((state.mode, state.torque.length()), (Mode::Fault, 0.0));
+    assert!(fake.with(|far| far.heard.last().is_some_and(|command| !command.enable)));
+    assert_eq!(bench.order(Order::Reset).state.mode, Mode::Idle);
+    assert_eq!(bench.order(Order::Enable).state.mode, Mode::Enabling);
+    assert_eq!(bench.ticks(600).state.mode, Mode::Active);
+}
+
+#[test]
+fn motors_that_stay_on_after_a_disable_are_a_fault() {
+    let (mut bench, fake) = one_line();
+    bench.order(Order::Disable);
+    bench.ticks(100);
+    fake.with(|far| far.silent = true);
+    let cause = (0..40)
+        .map(|_| {
+            let tick = bench.tick as u32;
+            fake.with(|far| far.answers.push(answer(tick - 1, ControllerFlags::ENABLED, 4, None)));
+            bench.tick().state.cause
+        })
+        .last()
+        .flatten();
+    assert_eq!(cause, Some(Cause::ControllerFault));
+}
+
+#[test]
+fn temperatures_and_currents_that_cannot_be_are_faults() {
+    for (warmth, cause) in [
+        ([f32::NAN, 0.0], Cause::NonFinite),
+        ([f32::INFINITY, 0.0], Cause::Thermal),
+        ([500.0, 0.0], Cause::Thermal),
+        ([25.0, f32::NAN], Cause::NonFinite),
+        ([25.0, 1e30], Cause::Overtorque),
+        ([25.0, f32::NEG_INFINITY], Cause::Overtorque),
+    ] {
+        let (mut bench, fake) = one_line();
+        fake.with(|far| far.warmth = Some(warmth));
+        assert_eq!(bench.ticks(3).state.cause, Some(cause), "{warmth:?}");
+        fake.with(|far| far.warmth = Some([100.0, -30.0]));
+        bench.ticks(3);
+        assert_eq!(bench.order(Order::Reset).state.mode, Mode::Idle, "{warmth:?}");
+    }
+}
+
+#[test]
+fn the_age_of_a_reading_is_right_or_absent() {
+    let mut rig = RigConfig::prototype();
+    rig.rig.timing.timeout_ticks = 1000;
+    let fake = Fake::new(4);
+    let mut bench = Bench::new(&rig, vec![fake.clone()], &Line::single(0..4, 20));
+    bench.ticks(5);
+    for late in [1, 63, 64, 65, 500, 999] {
+        // Nothing new arrives for a while, so that the answer to an older command is news.
+        fake.with(|far| far.silent = true);
+        let asked = std::time::Instant::now();
+        bench.ticks(late);
+        let sequence = bench.tick as u32 - late;
+        fake.with(|far| {
+            far.answers.clear();
+            far.answers.push(answer(sequence, ControllerFlags::empty(), 4, None));
+        });
+        let sample = bench.tick();
+        let age = sample.timing.age_ns.expect("an age");
+        let most = u64::try_from(asked.elapsed().as_nanos()).expect("not that long");
+        assert!(sample.state.fresh && age <= most, "{late} ticks: {age} of {most} ns");
+        // The ticks of a test take about the same time each.
+        assert!(late < 63 || age > most / 4, "{late} ticks: {age} of {most} ns");
+        fake.with(|far| far.silent = false);
+        bench.ticks(5);
+    }
+    // A command that was never sent under this number: no age rather than a wrong one.
+    bench.tick += 5000;
+    fake.with(|far| far.answers.clear());
+    let sequence = bench.tick as u32 - 900;
+    fake.with(|far| far.answers.push(answer(sequence, ControllerFlags::empty(), 4, None)));
+    assert_eq!(bench.tick().timing.age_ns, None);
+}
+
+#[test]
+fn a_rig_that_was_stopped_before_it_was_ready_does_not_enable_itself() {
+    for stop in [None, Some(Order::Estop), Some(Order::Disable)] {
+        let mut rig = RigConfig::prototype();
+        rig.rig.joints.iter_mut().for_each(|joint| joint.zero = hbot_core::rig::Zero::Index);
+        let fake = Fake::new(4);
+        let mut bench = Bench::new(&rig, vec![fake.clone()], &Line::single(0..4, 20));
+        bench.engine = bench.engine.enabling(true);
+        assert_eq!(bench.ticks(5).state.mode, Mode::Unreferenced);
+        if let Some(stop) = stop {
+            bench.order(stop);
+            bench.order(Order::Reset);
+        }
+        fake.with(|far| far.index_seen = true);
+        let mode = bench.ticks(600).state.mode;
+        assert_eq!(mode, if stop.is_some() { Mode::Idle } else { Mode::Active }, "{stop:?}");
+    }
 }

@@ -12,8 +12,8 @@ use hbot_core::Controller;
 use hbot_core::inputs::Command as Order;
 use hbot_core::mode::{Cause, Mode};
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointReading,
-    MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,
+    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointFlags,
+    JointReading, MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,
 };
 
 use crate::bridge::{ServiceEnd, bridge};
@@ -30,6 +30,12 @@ struct Far {
     /// Times that they were asked who they are.
     asked: u32,
     flags: ControllerFlags,
+    /// Their motors' supply is off: they never say `ENABLED`.
+    unsupplied: bool,
+    /// Their encoders have passed their index.
+    index_seen: bool,
+    /// Temperature and current of their last joint.
+    warmth: Option<[f32; 2]>,
     silent: bool,
     renewed: Option<Renewed>,
     /// Frames that have not been read yet.
@@ -55,9 +61,13 @@ fn framed(feedback: Feedback) -> Vec<u8> {
     frame[..n].to_vec()
 }
 
-fn answer(sequence: u32, flags: ControllerFlags, joints: usize) -> Vec<u8> {
+fn answer(sequence: u32, flags: ControllerFlags, joints: usize, warmth: Option<[f32; 2]>) -> Vec<u8> {
     let reading = |j: usize| JointReading { count: j as i32, ..JointReading::default() };
-    framed(Feedback { sequence, flags, joints: (0..joints).map(reading).collect() })
+    let mut feedback = Feedback { sequence, flags, joints: (0..joints).map(reading).collect() };
+    if let (Some([temperature, current]), Some(last)) = (warmth, feedback.joints.last_mut()) {
+        (last.temperature, last.current) = (temperature, current);
+    }
+    framed(feedback)
 }
 
 impl Wire for Fake {
@@ -71,11 +81,30 @@ impl Wire for Fake {
 
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.with(|far| {
-            let Far { joints, decoder, heard, asked, flags, silent, answers, .. } = far;
+            let Far {
+                joints,
+                decoder,
+                heard,
+                asked,
+                flags,
+                unsupplied,
+                index_seen,
+                warmth,
+                silent,
+                answers,
+                ..
+            } = far;
             decoder.feed(bytes, |message| match message {
                 Ok(ToController::Command(command)) => {
-                    if !*silent {
-                        answers.push(answer(command.sequence, *flags, *joints));
+                    let mut flags = *flags;
+                    flags.set(ControllerFlags::ENABLED, command.enable && !*unsupplied);
+                    if !*silent && !*index_seen {
+                        answers.push(answer(command.sequence, flags, *joints, *warmth));
+                    } else if !*silent {
+                        let reading =
+                            JointReading { flags: JointFlags::INDEX_SEEN, ..JointReading::default() };
+                        let joints = (0..*joints).map(|_| reading).collect();
+                        answers.push(framed(Feedback { sequence: command.sequence, flags, joints }));
                     }
                     heard.push(command);
                 }
