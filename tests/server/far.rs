@@ -86,7 +86,6 @@ impl Far {
     }
 }
 
-/// Pulls the plug: the near end hears a hang-up.
 impl Drop for Far {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
