@@ -48,6 +48,7 @@ fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>
         time: Time::Wall,
         duration: Some(Duration::from_secs_f64(seconds)),
         token: None,
+        last_word: None,
         flight_dir: None,
         recorder: None,
     };

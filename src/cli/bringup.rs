@@ -13,12 +13,14 @@ use hbot_config::{Override, RigConfig};
 use hbot_core::rig::Zero;
 use hbot_server::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_server::bringup::joint::{self, Verdict};
-use hbot_server::bringup::{Bench, Silent, open};
+use hbot_server::bringup::{Bench, Interrupted, open};
 use hbot_server::handshake::field;
+use hbot_server::last_word::Program;
+use hbot_server::signals;
 use hbot_server::wire::Wire;
 use serde_json::json;
 
-use super::out::say;
+use super::out::{note, say};
 use super::style;
 
 /// Readings are this far apart, s: long enough that a count is little of what has moved, short enough that wheels hardly turn.
@@ -77,6 +79,29 @@ fn joint_name(rig: &RigConfig, joint: usize) -> String {
     format!("{} of wheel {}", if joint.is_multiple_of(2) { "steer" } else { "drive" }, rig.wheels[joint / 2])
 }
 
+/// Does `what` on the lines of a rig, which are open meanwhile. A signal that ends it switches the motors off first and then ends the
+/// process as Ctrl-C does, so that a loop in a shell does not go on to the next joint.
+fn on_the_lines<T>(
+    rig: &RigConfig,
+    turned: bool,
+    what: impl FnOnce(&mut Bench<Box<dyn Wire>>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let stop = signals::stop_flag()?;
+    let mut bench = open(rig, turned, stop, &Program::this(super::LAST_WORD))?;
+    for notice in bench.notices() {
+        note!("{}note{}: {notice}", style::WARN, style::OFF);
+    }
+    let done = what(&mut bench);
+    drop(bench);
+    if let Err(error) = &done
+        && error.downcast_ref() == Some(&Interrupted::Stopped)
+    {
+        super::out::error(error);
+        signals::end_as_interrupted()?;
+    }
+    done
+}
+
 pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let joints = rig.rig.device.joints();
@@ -91,8 +116,8 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     if !(args.speed > 0.0) {
         bail!("--speed {} is out of range; legal: above 0 rad/s", args.speed);
     }
-    let mut bench = open(&rig, false)?;
-    let outcome = joint::test(&mut bench, number, args.torque, args.speed)?;
+    let outcome =
+        on_the_lines(&rig, false, |bench| Ok(joint::test(bench, number, args.torque, args.speed)?))?;
     let good = outcome.verdict == Verdict::Good;
     let colour = if good { style::GOOD } else { style::BAD };
     say!(
@@ -127,19 +152,20 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
 
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
-    let mut bench = open(&rig, true)?;
-    say!(
-        "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
-        args.seconds
-    )?;
-    let counts = watch(&mut bench, args.seconds)?;
+    let counts = on_the_lines(&rig, true, |bench| {
+        say!(
+            "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
+            args.seconds
+        )?;
+        Ok(watch(bench, args.seconds)?)
+    })?;
     let (words, as_filed) = told(&rig, &counts)?;
     say!("{}", words.trim_end())?;
     Ok(if as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// The counts of all joints for so long, motors off.
-fn watch<W: Wire>(bench: &mut Bench<W>, seconds: u32) -> Result<Vec<Counts>, Silent> {
+fn watch<W: Wire>(bench: &mut Bench<W>, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
     let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
     let ticks = (f64::from(seconds) / bench.period_s()) as u32;
     let mut counts = Vec::new();

@@ -33,8 +33,7 @@ pub(crate) fn run(address: &ServerAddress, order: Order) -> anyhow::Result<ExitC
 pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Client> {
     let mut options = ConnectOptions::new(name);
     if let Some(file) = &address.token_file {
-        let token =
-            std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
+        let token = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
         options.token = Some(token.trim().to_owned().into());
     }
     options.trust = address.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;

@@ -4,6 +4,7 @@
 //! hold still (Ctrl-S) and a device that is full hold up neither clients nor signals. What does not fit the queue is lost and
 //! counted.
 
+use std::ffi::OsStr;
 use std::io::{IsTerminal as _, Result, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,9 +13,13 @@ use std::time::{Duration, Instant};
 
 use hbot_server::service::Status;
 use tokio::sync::watch;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
 
 use super::{status, style};
 
+/// The environment variable that says what is logged.
+const HBOT_LOG: &str = "HBOT_LOG";
 /// Lines that wait for a slow reader.
 const WAITING: usize = 1024;
 /// The status line is drawn so often.
@@ -76,7 +81,11 @@ impl std::io::Write for Log {
 impl Console {
     /// Starts to write, log lines too: by default warnings and what is worse; `HBOT_LOG` says otherwise.
     pub(crate) fn start() -> Result<Self> {
-        let asked = tracing_subscriber::EnvFilter::try_from_env("HBOT_LOG").ok();
+        let (asked, mistake) = match std::env::var_os(HBOT_LOG).map(|text| filter(&text)) {
+            None => (None, None),
+            Some(Ok(asked)) => (asked, None),
+            Some(Err(mistake)) => (None, Some(mistake)),
+        };
         let rate = asked.is_none().then(Rate::full);
         let (queue, inbox) = sync_channel(WAITING);
         let lines = Lines { queue, lost: Arc::default() };
@@ -89,13 +98,16 @@ impl Console {
         })?;
         let log = lines.clone();
         tracing_subscriber::fmt()
-            .with_env_filter(asked.unwrap_or_else(|| tracing_subscriber::EnvFilter::new("warn")))
+            .with_env_filter(asked.unwrap_or_else(|| EnvFilter::new("warn")))
             .with_writer(move || Log(log.clone()))
             .with_ansi(std::io::stderr().is_terminal())
             // It would complain on standard error itself, and panic where it cannot.
             .log_internal_errors(false)
             .init();
         tell_panics(lines.clone());
+        if let Some(mistake) = mistake {
+            tracing::warn!("{HBOT_LOG}: {mistake}; warnings and errors are logged");
+        }
         Ok(Self { lines, written })
     }
 
@@ -123,6 +135,23 @@ impl Console {
         // Closed: written. Time is up: nobody reads.
         let _ = self.written.recv_timeout(until.saturating_duration_since(Instant::now()));
     }
+}
+
+/// What `HBOT_LOG` asks for: nothing where it is empty.
+fn filter(text: &OsStr) -> std::result::Result<Option<EnvFilter>, String> {
+    let Some(text) = text.to_str() else { return Err("it is not UTF-8".to_owned()) };
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    // A filter takes any other word for the name of a module, of which it then shows all, and of others nothing.
+    let word = |part: &&str| part.chars().all(|c| c.is_ascii_alphanumeric() || "_:-".contains(c));
+    let level = |part: &&str| part.is_empty() || part.parse::<LevelFilter>().is_ok();
+    if let Some(part) = text.split(',').map(str::trim).filter(word).find(|part| !level(part)) {
+        return Err(format!(
+            "{part:?} is no level (off, error, warn, info, debug, trace) and no MODULE=LEVEL"
+        ));
+    }
+    EnvFilter::builder().parse(text).map(Some).map_err(|error| format!("{text:?}: {error}"))
 }
 
 /// Has panics told the same way. A loop that panics must not wait for a terminal before it switches the motors off.
@@ -255,6 +284,30 @@ fn error_out(bytes: &[u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_filter_that_says_nothing_legal_is_a_mistake() {
+        let read = |text: &str| filter(OsStr::new(text)).map(|asked| asked.map(|asked| asked.to_string()));
+        assert_eq!(read(""), Ok(None));
+        assert_eq!(read("info"), Ok(Some("info".to_owned())));
+        assert_eq!(read("WARN").unwrap().unwrap(), "warn");
+        for legal in
+            ["hbot_server=debug", "warn,hbot_server::service=trace", "off", "info,", "[{request}]=info"]
+        {
+            assert!(read(legal).is_ok_and(|asked| asked.is_some()), "{legal}");
+        }
+        for (wrong, why) in [
+            ("garbage", "\"garbage\" is no level"),
+            ("inof", "\"inof\" is no level"),
+            ("hbot_server", "\"hbot_server\" is no level"),
+            ("warn,loud", "\"loud\" is no level"),
+            ("hbot_server=loud", "hbot_server=loud"),
+            ("a=b=c", "a=b=c"),
+        ] {
+            let mistake = read(wrong).unwrap_err();
+            assert!(mistake.contains(why), "{wrong}: {mistake}");
+        }
+    }
 
     #[test]
     fn a_flood_of_lines_is_left_out_beyond_its_rate() {

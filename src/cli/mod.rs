@@ -19,6 +19,8 @@ use clap::{Args, Parser, Subcommand};
 
 /// The server address that commands use where none is given.
 const SERVER: &str = "127.0.0.1:4268";
+/// The command with which this program starts itself as the helper that switches motors off (see `hbot_server::last_word`).
+const LAST_WORD: &str = "last-word";
 
 /// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
 ///
@@ -55,6 +57,9 @@ enum Command {
     Enable(ServerAddress),
     /// Leave a fault or an emergency stop, once its cause is gone
     Reset(ServerAddress),
+    /// Started by `hbot server` and `hbot rig`: switches motors off where they cannot
+    #[command(name = LAST_WORD, hide = true)]
+    LastWord,
 }
 
 /// Which server.
@@ -86,6 +91,11 @@ impl Cli {
             Command::Disable(address) => commands::run(&address, commands::Order::Disable),
             Command::Enable(address) => commands::run(&address, commands::Order::Enable),
             Command::Reset(address) => commands::run(&address, commands::Order::Reset),
+            Command::LastWord => {
+                // Nobody is left to read of an error.
+                let _ = hbot_server::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
+                Ok(ExitCode::SUCCESS)
+            }
         }
     }
 }

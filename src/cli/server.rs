@@ -1,15 +1,19 @@
 //! `hbot server`: run the loop and the TCP service until somebody stops them.
 
+use std::future::poll_fn;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::task::Poll;
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
-use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_config::{Override, RigConfig, SceneFile, read_text};
+use hbot_server::last_word::Program;
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::{Control, Status};
+use hbot_server::signals;
 use hbot_study::expectation::{self, Expectation};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
@@ -149,27 +153,34 @@ async fn serve(
     };
     let metrics_at = metrics.as_ref().map(tokio::net::TcpListener::local_addr).transpose()?;
     let metrics_token = metrics_at.filter(|at| !at.ip().is_loopback()).and_then(|_| token.clone());
-    let mut interrupt = signal(SignalKind::interrupt())?;
-    let mut terminate = signal(SignalKind::terminate())?;
-    let mut hangup = signal(SignalKind::hangup())?;
+    let mut stopping = Vec::new();
+    for number in signals::STOPPING {
+        stopping.push(signal(SignalKind::from_raw(number))?);
+    }
     let mut user = signal(SignalKind::user_defined1())?;
 
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
     let banner = banner(&rig, scene.name(), address, time, expected);
+    let flight_dir = flight_dir();
+    let nowhere = flight_dir.is_none();
     let server = Server::start(Options {
         rig,
         scene,
         time,
         duration: args.duration.map(Duration::from_secs_f64),
         token,
-        flight_dir: flight_dir(),
+        last_word: Some(Program::this(super::LAST_WORD)),
+        flight_dir,
         recorder: None,
     })?;
     if let Some(at) = metrics_at {
         console.say(format!("metrics http://{at}/metrics"));
     }
     console.say(banner);
-    for notice in server.notices() {
+    let nowhere = nowhere.then(|| {
+        "no flight logs are written: neither XDG_STATE_HOME nor HOME is an absolute path".to_owned()
+    });
+    for notice in server.notices().iter().chain(&nowhere) {
         console.say(format!("  {}note{}     {notice}", style::WARN, style::OFF));
     }
 
@@ -185,14 +196,13 @@ async fn serve(
         }
     });
     console.status(Some(status));
-    let shutdown = async move {
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-            // The terminal or the connection that it was started from is gone.
-            _ = hangup.recv() => {}
+    let shutdown = poll_fn(move |context| {
+        if stopping.iter_mut().any(|signal| signal.poll_recv(context).is_ready()) {
+            Poll::Ready(())
+        } else {
+            Poll::Pending
         }
-    };
+    });
     let finished = server.serve(listener, control, status_in, shutdown).await?;
     console.status(None);
     console.say(status::summary(&finished));
@@ -279,7 +289,7 @@ fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
         }
         return Ok(None);
     };
-    let text = std::fs::read_to_string(file).with_context(|| format!("token file {}", file.display()))?;
+    let text = read_text(file).with_context(|| format!("token file {}", file.display()))?;
     let token = text.trim();
     if token.len() < 16 {
         bail!(

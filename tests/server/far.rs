@@ -69,8 +69,9 @@ impl Far {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
-    /// Ends in zero torque and motors off, said three times: all that has been heard, once nothing more comes, is held to it.
-    pub(crate) fn ends_still(mut self) {
+    /// Ends in zero torque and motors off, said three times: all that has been heard, once nothing more comes, is held to it. Returns the
+    /// last command.
+    pub(crate) fn ends_still(mut self) -> Command {
         let mut before = 0;
         while self.count() > before {
             before = self.count();
@@ -81,6 +82,17 @@ impl Far {
         let heard = self.heard.lock().expect("no panic");
         let last = &heard[heard.len() - 3..];
         assert!(last.iter().all(|command| !command.enable && still(command)), "{last:?}");
+        last[2].clone()
+    }
+}
+
+impl Drop for Far {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // One that has panicked has said so.
+            let _ = thread.join();
+        }
     }
 }
 

@@ -46,6 +46,25 @@ fn a_log_that_nobody_reads_holds_nobody_up() {
 }
 
 #[test]
+fn a_wish_that_is_not_understood_is_told_and_the_log_is_as_without_it() {
+    for wish in ["garbage", "warn,hbot_server=loud"] {
+        let state = tempfile::tempdir().expect("a folder");
+        let log = state.path().join("log");
+        let server = Mute::start(state.path(), |command| {
+            let log = std::fs::File::create(&log).expect("a file");
+            command.env("HBOT_LOG", wish).stdout(closed()).stderr(log);
+        });
+        goes_on(server);
+        let text = std::fs::read_to_string(&log).expect("a log");
+        assert!(
+            text.lines().next().is_some_and(|line| line.contains("HBOT_LOG") && line.contains(wish)),
+            "{text}"
+        );
+        assert!(text.contains("estop"), "warnings are logged: {text}");
+    }
+}
+
+#[test]
 fn a_log_whose_reader_is_gone_ends_nothing() {
     let state = tempfile::tempdir().expect("a folder");
     goes_on(start(state.path(), || closed().into()));

@@ -42,6 +42,38 @@ fn a_processor_that_is_not_there() {
         .stderr(contains("--cpu: loop.cpu: 1024 is out of range; legal: 0 to 1023"));
 }
 
+/// A FIFO that nobody writes to, a device without an end, a folder.
+#[test]
+fn what_is_no_regular_file_is_not_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let fifo = folder.path().join("fifo");
+    let mode = rustix::fs::Mode::from_raw_mode(0o600);
+    rustix::fs::mknodat(rustix::fs::CWD, &fifo, rustix::fs::FileType::Fifo, mode, 0).expect("a FIFO");
+    for special in [fifo.to_str().expect("UTF-8"), "/dev/zero", "/dev/full", "/"] {
+        let server =
+            |option| ["server", "--listen", "127.0.0.1:0", option, special].map(str::to_owned).to_vec();
+        let check = |what: &str| [what, "check", special].map(str::to_owned).to_vec();
+        for command in
+            [check("rig"), check("scene"), server("--rig"), server("--scene"), server("--token-file")]
+        {
+            let command: Vec<&str> = command.iter().map(String::as_str).collect();
+            run(&command).failure().stderr(contains(special).and(contains("it is no regular file")));
+        }
+    }
+    let long = folder.path().join("long.toml");
+    std::fs::write(&long, "# ".repeat(1 << 20)).expect("written");
+    run(&["rig", "check", long.to_str().expect("UTF-8")]).failure().stderr(contains("more than 1 MiB"));
+}
+
+#[test]
+fn a_rig_that_comes_by_standard_input_is_read() {
+    assert_cmd::Command::from_std(hbot())
+        .args(["rig", "check", "/dev/stdin"])
+        .write_stdin(include_str!("../../rigs/prototype.toml"))
+        .assert()
+        .success();
+}
+
 #[test]
 fn an_address_in_use() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");

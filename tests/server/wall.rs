@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 
 use crate::far::Far;
-use crate::process::{Lines, PATIENCE, Process, has_pty, norm, patient_rig, vector};
+use crate::process::{Lines, PATIENCE, Process, STOPPING, has_pty, norm, patient_rig, vector};
 
 /// A server in wall-clock time, patient with its line.
 fn server(args: &[&str], state: &std::path::Path) -> Process {
@@ -150,7 +150,7 @@ fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
 #[test]
 fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
     let rig = hbot_config::RigConfig::prototype();
-    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+    for signal in STOPPING {
         let state = tempfile::tempdir().expect("a folder");
         let Some(far) = Far::start(&rig) else { return };
         let server = server(&["--port", &far.path], state.path());

@@ -29,8 +29,10 @@ mod legal;
 pub mod rig;
 pub mod scene;
 mod schema;
+mod text;
 mod validate;
 
 pub use diagnostic::{Diagnostic, Diagnostics, LoadError};
 pub use rig::{Override, RigConfig};
 pub use scene::{RunningScene, SceneFile};
+pub use text::{MAX_TEXT, read_text};

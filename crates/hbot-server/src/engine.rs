@@ -264,6 +264,7 @@ impl<W: Wire> Engine<W> {
             }
             self.send(tick.wrapping_add(k), &Drive { enable: false, torque: [0.0; MAX_JOINTS] });
         }
+        self.ports.iter_mut().for_each(|port| port.wire.all_said());
     }
 
     /// Reads and decodes what has arrived on all lines; of each the newest feedback counts.

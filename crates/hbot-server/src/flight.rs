@@ -4,12 +4,18 @@
 //! as a [`Flight`], which a blocking thread writes; whoever records never touches the disk. What comes within the 100 ms after a
 //! first trigger goes into the same log, which then goes on until 100 ms after the last of it.
 
+mod names;
+
 use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use rustix::fs::{Access, access};
+
+use self::names::Name;
+pub use self::names::{MAX_FILES, prune};
 use crate::sample::Sample;
 use crate::service::convert;
 
@@ -17,12 +23,6 @@ use crate::service::convert;
 const BEFORE: Duration = Duration::from_secs(1);
 /// How much of the time after it.
 const AFTER: Duration = Duration::from_millis(100);
-/// The most files kept in the folder; the oldest go.
-pub const MAX_FILES: usize = 20;
-
-const PREFIX: &str = "flight-";
-const SUFFIX: &str = ".csv";
-
 /// Keeps the last second.
 pub struct FlightRecorder {
     dir: PathBuf,
@@ -87,10 +87,9 @@ impl FlightRecorder {
             Some(begun) if tick <= begun.tick + self.after_ticks => begun.until = until,
             _ => {
                 self.begun += 1;
-                // Another server may have its logs in the same folder, and its faults in the same millisecond.
-                let (now, process) = (utc(SystemTime::now()), std::process::id());
-                let name = format!("{PREFIX}{now}-{process}-{:03}-{what}{SUFFIX}", self.begun % 1000);
-                self.triggers.push_back(Trigger { tick, until, path: self.dir.join(name) });
+                let now = utc(SystemTime::now());
+                let name = Name::new(&now, std::process::id(), self.begun, what);
+                self.triggers.push_back(Trigger { tick, until, path: self.dir.join(name.to_string()) });
             }
         }
         self.triggers.back().map_or(&self.dir, |trigger| &trigger.path)
@@ -106,6 +105,37 @@ impl FlightRecorder {
     }
 }
 
+/// Makes the folder of the logs, and looks whether they can be written to it.
+///
+/// # Errors
+/// What the system says.
+pub fn prepare(dir: &Path) -> io::Result<()> {
+    fs::create_dir_all(dir)?;
+    Ok(access(dir, Access::WRITE_OK | Access::EXEC_OK)?)
+}
+
+/// How often failures to write a log are told.
+const TELL_EVERY: Duration = Duration::from_secs(60);
+
+/// Failures to write a log, told at most once a minute.
+#[derive(Debug, Default)]
+pub(crate) struct Failures {
+    told: Option<Instant>,
+    untold: u64,
+}
+
+impl Failures {
+    /// Takes one more failure. Returns how many there have been since they were told last, where it is time to tell them.
+    pub(crate) fn failed(&mut self, now: Instant) -> Option<u64> {
+        self.untold += 1;
+        if self.told.is_some_and(|told| now.duration_since(told) < TELL_EVERY) {
+            return None;
+        }
+        self.told = Some(now);
+        Some(std::mem::take(&mut self.untold))
+    }
+}
+
 /// A log that has not been written yet.
 pub struct Flight {
     /// Where it belongs.
@@ -115,7 +145,7 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Writes the file, whole or not at all, and removes the oldest beyond [`MAX_FILES`]. Blocks.
+    /// Writes the file, whole or not at all, and removes others beyond [`MAX_FILES`] as [`prune`] does. Blocks.
     ///
     /// # Errors
     /// What the system says.
@@ -201,28 +231,6 @@ fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
     );
 }
 
-/// Removes the oldest logs beyond [`MAX_FILES`], and what was left of those that a server had begun to write when it was killed;
-/// their names sort by time. The one at `newest` stays, whatever a clock that was set says of it.
-fn prune(newest: &Path) -> io::Result<()> {
-    let dir = newest.parent().unwrap_or(Path::new("."));
-    let is_log = |path: &Path| {
-        path.file_name().and_then(|name| name.to_str()).is_some_and(|name| {
-            name.starts_with(PREFIX) && (name.ends_with(SUFFIX) || name.ends_with(".part"))
-        })
-    };
-    let mut logs: Vec<PathBuf> = fs::read_dir(dir)?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| is_log(path) && path != newest)
-        .collect();
-    logs.sort();
-    let surplus = (logs.len() + 1).saturating_sub(MAX_FILES);
-    logs[..surplus].iter().try_for_each(|log| match fs::remove_file(log) {
-        // Another server has had the same thought.
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        result => result,
-    })
-}
-
 /// A moment as `20260131T235959.123Z`.
 fn utc(time: SystemTime) -> String {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -289,29 +297,11 @@ mod tests {
     }
 
     #[test]
-    fn two_servers_with_faults_in_one_millisecond_and_what_a_killed_one_left_behind() {
-        let dir = tempfile::tempdir().unwrap();
-        let at = |name: &str| dir.path().join(name);
-        // This process is told apart from others by its number.
-        let mut recorder = FlightRecorder::new(dir.path().to_owned(), 1_000_000);
-        recorder.push(&Sample::still(5));
-        let name = recorder.trigger(5, "estop").to_str().unwrap().to_owned();
-        assert!(name.contains(&format!("-{}-001-estop.csv", std::process::id())), "{name}");
-        for i in 0..30 {
-            std::fs::write(at(&format!("flight-20000101T0000{i:02}.000Z-1-001-estop.part")), "cut").unwrap();
-        }
-        // The clock was wrong then, or is now: by their names these are of the future.
-        for i in 0..MAX_FILES {
-            std::fs::write(at(&format!("flight-99990101T0000{i:02}.000Z-1-001-estop.csv")), "").unwrap();
-        }
-        let flight = recorder.finish().unwrap();
-        flight.write().unwrap();
-        let left = std::fs::read_dir(dir.path()).unwrap().count();
-        assert!(flight.path.exists() && left == MAX_FILES, "{left} files");
-        assert!(!at("flight-20000101T000029.000Z-1-001-estop.part").exists(), "half a log is none");
-        // The same file is never written by two.
-        std::fs::write(flight.path.with_extension("part"), "another's").unwrap();
-        assert!(flight.write().is_err());
+    fn failures_are_told_once_a_minute_with_their_number() {
+        let (start, mut failures) = (Instant::now(), Failures::default());
+        let at = |s| start + Duration::from_secs(s);
+        let told: Vec<_> = [0, 1, 59, 60, 61, 500].map(|s| failures.failed(at(s))).into();
+        assert_eq!(told, [Some(1), None, None, Some(3), None, Some(2)]);
     }
 
     #[test]

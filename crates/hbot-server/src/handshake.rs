@@ -97,6 +97,20 @@ impl Expected {
         self.joints.len()
     }
 
+    /// The command that switches the motors of the line off.
+    fn off(&self) -> ToController {
+        let mut off = Command { watchdog_ms: 1, ..Command::default() };
+        // At most as many as a line may have.
+        let _ = off.torque.resize(self.joints(), 0.0);
+        ToController::Command(off)
+    }
+
+    /// The bytes that switch the motors of the line off, whatever was written to it before.
+    #[must_use]
+    pub fn off_frame(&self) -> Vec<u8> {
+        framed(&self.off())
+    }
+
     /// In what controllers that describe themselves differ from those of the rig, if in anything. Does not allocate.
     pub(crate) fn difference(&self, there: &Description) -> Option<Difference> {
         if there.protocol != PROTOCOL_VERSION {
@@ -145,13 +159,18 @@ pub fn handshake(wire: &mut dyn Wire, expected: &Expected) -> Result<Description
 /// # Errors
 /// They do not answer.
 pub fn switch_off(wire: &mut dyn Wire, expected: &Expected) -> Result<bool, HandshakeError> {
-    let mut off = Command { watchdog_ms: 1, ..Command::default() };
-    // At most as many as a line may have.
-    let _ = off.torque.resize(expected.joints(), 0.0);
-    ask(wire, &expected.port, &ToController::Command(off), |message| match message {
+    ask(wire, &expected.port, &expected.off(), |message| match message {
         FromController::Feedback(feedback) => Some(feedback.flags.contains(ControllerFlags::UNDESCRIBED)),
         FromController::Description(_) => None,
     })
+}
+
+/// The frame of `message` after a zero byte, which ends a half frame that may be on the line.
+fn framed(message: &ToController) -> Vec<u8> {
+    let mut frame = vec![0; 1 + MAX_COMMAND_FRAME];
+    let n = encode(message, &mut frame[1..]).unwrap_or(0);
+    frame.truncate(1 + n);
+    frame
 }
 
 /// Says `message` until the answer comes.
@@ -164,11 +183,9 @@ fn ask<T>(
     let failed = |error| HandshakeError::Line { port: port.to_owned(), error };
     let mut decoder = Decoder::<FromController>::new();
     let mut buffer = [0; 512];
-    // A zero first ends whatever was on the line before.
-    let mut frame = [0; 1 + MAX_COMMAND_FRAME];
-    let n = 1 + encode(message, &mut frame[1..]).unwrap_or(0);
+    let frame = framed(message);
     for _ in 0..TRIES {
-        wire.write(&frame[..n]).map_err(failed)?;
+        wire.write(&frame).map_err(failed)?;
         for _ in 0..WAIT.as_millis() {
             let mut found = None;
             let got = wire.read(&mut buffer).map_err(failed)?;

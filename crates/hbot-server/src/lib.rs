@@ -5,11 +5,11 @@
 //!
 //! 1. [`wire`]: bytes in, bytes out, never waiting: a [`serial`] port, or the simulated rig in memory.
 //! 2. [`handshake`]: who the controllers are; `port`: the frames of one line; [`engine`]: one tick, frames in,
-//!    `Controller::tick`, frames out, sample.
+//!    `Controller::tick`, frames out, sample. [`last_word`]: a process that switches the motors off where this one cannot any more.
 //! 3. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], `early`, [`realtime`], [`clock`]) or in virtual time.
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
-//! 6. [`bringup`]: one joint at a time, and calibration; [`doctor`]: whether a machine can keep the loop's time.
+//! 6. [`bringup`]: one joint at a time, and calibration; [`signals`] that end it; [`doctor`]: whether a machine can keep the loop's time.
 //! 7. [`server`]: all of it put together, started and stopped; [`phenomena`]: what a scene wants of the simulated rig;
 //!    [`stiffness`]: what a rig can be expected to render.
 
@@ -23,6 +23,7 @@ pub mod engine;
 mod engine_tests;
 pub mod flight;
 pub mod handshake;
+pub mod last_word;
 #[cfg(test)]
 mod line_tests;
 pub mod metrics;
@@ -38,6 +39,7 @@ pub mod server;
 #[cfg(test)]
 mod server_tests;
 pub mod service;
+pub mod signals;
 pub mod stiffness;
 pub mod tls;
 pub mod wire;

@@ -22,6 +22,11 @@ impl StopFlag {
         self.0.store(true, Ordering::Relaxed);
     }
 
+    /// The flag itself, for who can do nothing but set it.
+    pub(crate) fn shared(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.0)
+    }
+
     /// Whether somebody has asked.
     #[must_use]
     pub fn is_set(&self) -> bool {

@@ -1,9 +1,11 @@
 //! A whole server: the line, the loop's thread and the service, put together and taken apart again.
 
+mod ports;
+
 use std::fmt;
 use std::future::{Future, poll_fn};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::pin::pin;
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -26,12 +28,14 @@ use tokio::sync::{mpsc as async_mpsc, watch};
 use crate::bridge::{ServiceEnd, bridge};
 use crate::clock::now_ns;
 use crate::engine::{Engine, Line, Recorder};
+use crate::flight;
 use crate::handshake::{Expected, HandshakeError, handshake};
+use crate::last_word::Program;
 use crate::phenomena::phenomena;
 use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{SIMULATOR_PRIORITY, WakeLatency, lock_memory, real_time};
 use crate::run_loop::{Ended, StopFlag, lockstep, wall};
-use crate::serial::{LatencyTimer, OpenError, Serial};
+use crate::serial::{OpenError, Serial};
 use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 use crate::wire::{Memory, SimulatorCall};
@@ -48,6 +52,9 @@ pub struct Options {
     pub duration: Option<Duration>,
     /// What clients must know.
     pub token: Option<String>,
+    /// How this program is started as the helper that switches motors off if the server dies; on real serial ports, and with `None`
+    /// on none.
+    pub last_word: Option<Program>,
     /// Where flight logs go; none are written without it.
     pub flight_dir: Option<PathBuf>,
     /// Sees what goes into and comes out of every tick, in the loop's thread. For tests and replay.
@@ -161,7 +168,7 @@ impl Server {
     /// # Errors
     /// The port, the controllers, or the system; nothing is left running.
     pub fn start(options: Options) -> Result<Self, StartError> {
-        let Options { rig, scene, time, duration, token, flight_dir, recorder } = options;
+        let Options { rig, scene, time, duration, token, last_word, flight_dir, recorder } = options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
         let processor = rig.cpu.map(Processor::new).transpose()?;
         let mut running = RunningScene::new();
@@ -184,6 +191,11 @@ impl Server {
                      set wheel.steer.zero and zero_offset as it says"
                 ));
             }
+        }
+        if let Some(dir) = &flight_dir
+            && let Err(error) = flight::prepare(dir)
+        {
+            notices.push(format!("no flight logs can be written to {}: {error}", dir.display()));
         }
         let line = Line::of(&rig);
 
@@ -225,7 +237,9 @@ impl Server {
                         handshake(&mut wire, &Expected::new("sim", &rig.rig, &line, 0))?;
                         (vec![wire], Some(pty))
                     }
-                    Port::Devices(devices) => (ports(devices, &rig, &line, &mut notices)?, None),
+                    Port::Devices(devices) => {
+                        (ports::open(devices, &rig, &line, last_word.as_ref(), &mut notices)?, None)
+                    }
                 };
                 let set = pty.clone().map(|pty| {
                     let call = move |call: SimulatorCall| {
@@ -312,30 +326,6 @@ impl Server {
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
         Ok(Finished { summary, failed, speed })
     }
-}
-
-/// Opens the rig's serial ports, meets the controllers on them, and has them kept open.
-fn ports(
-    devices: &[String],
-    rig: &RigConfig,
-    line: &Line,
-    notices: &mut Vec<String>,
-) -> Result<Vec<Serial>, StartError> {
-    let open = |(port, device): (usize, &String)| {
-        let mut wire = Serial::open(device, rig.link.baud)?;
-        let expected = Expected::new(device, &rig.rig, line, port);
-        handshake(&mut wire, &expected)?;
-        wire.keep_open(device, rig.link.baud, expected)?;
-        if let Some(timer) = LatencyTimer::of(Path::new(device)).filter(|timer| timer.ms > 1) {
-            notices.push(format!(
-                "{device} holds readings back for {} ms: write 1 to {} (contrib/ has a udev rule)",
-                timer.ms,
-                timer.path.display()
-            ));
-        }
-        Ok(wire)
-    };
-    devices.iter().enumerate().map(open).collect()
 }
 
 fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinHandle<Ended>> {

@@ -51,6 +51,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
                 time: Time::Wall,
                 duration: None,
                 token: None,
+                last_word: None,
                 flight_dir: None,
                 recorder,
             };

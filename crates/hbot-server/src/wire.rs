@@ -26,6 +26,9 @@ pub trait Wire: Send {
     fn renewed(&mut self) -> Option<Renewed> {
         None
     }
+
+    /// Tells the line that its motors are off and that nothing more is written. May wait.
+    fn all_said(&mut self) {}
 }
 
 impl Wire for Box<dyn Wire> {
@@ -43,6 +46,10 @@ impl Wire for Box<dyn Wire> {
 
     fn renewed(&mut self) -> Option<Renewed> {
         self.as_mut().renewed()
+    }
+
+    fn all_said(&mut self) {
+        self.as_mut().all_said();
     }
 }
 

@@ -1,10 +1,12 @@
 //! What `hbot rig calibrate` says of rigs with something wrong.
 
+use hbot_server::run_loop::StopFlag;
+
 use super::*;
 
 /// The counts of the simulated prototype while a hand turns it.
 fn watched() -> Vec<Counts> {
-    let mut bench = open(&RigConfig::prototype(), true).unwrap();
+    let mut bench = open(&RigConfig::prototype(), true, StopFlag::default(), &Program::this("none")).unwrap();
     watch(&mut bench, 20).unwrap()
 }
 

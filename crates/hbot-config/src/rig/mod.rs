@@ -18,6 +18,7 @@ use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::Document;
 use crate::schema;
+use crate::text::read_text;
 use crate::validate::validate;
 
 /// The rig file that is built in.
@@ -179,8 +180,7 @@ impl RigConfig {
         let Some(path) = path else {
             return Ok(Self::from_toml_with(PROTOTYPE, "rigs/prototype.toml", overrides)?);
         };
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
         let mut config = Self::from_toml_with(&text, &path.display().to_string(), overrides)?;
         let Some(folder) = path.parent() else { return Ok(config) };
         if let Some(token) = &mut config.api.token_file

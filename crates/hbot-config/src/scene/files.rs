@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::kinds::MAX_POINTS;
 use crate::document::{Document, join};
+use crate::text::read_text;
 
 /// Puts the points of every `file` of a track in its place, as `points`. Files are relative to `folder`. What cannot be read is
 /// entered in the report.
@@ -35,11 +36,9 @@ pub(super) fn read_points(document: &mut Document, folder: &Path) {
 
 /// The rows of a CSV file.
 fn points(path: &Path) -> Result<Value, String> {
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_path(path)
-        .map_err(|error| error.to_string())?;
+    let text = read_text(path).map_err(|error| error.to_string())?;
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let header = reader.headers().map_err(|error| error.to_string())?;
     if header != vec!["t", "w", "x", "y", "z"] {
         return Err(format!("the first line is {:?}", header.iter().collect::<Vec<_>>().join(",")));

@@ -23,6 +23,7 @@ pub use self::simulate::{
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::{Document, Report, join};
+use crate::text::read_text;
 use crate::validate::validate;
 
 /// The scene that is built in.
@@ -162,8 +163,7 @@ impl SceneFile {
     /// # Errors
     /// The file cannot be read, or everything that is wrong with it.
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
         let mut document = Document::from_toml(&text, &path.display().to_string())?;
         files::read_points(&mut document, path.parent().unwrap_or(Path::new("")));
         Ok(Self::from_document(document)?)

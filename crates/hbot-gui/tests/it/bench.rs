@@ -119,6 +119,7 @@ impl Bench {
                     time: Time::Virtual,
                     duration: None,
                     token,
+                    last_word: None,
                     flight_dir: None,
                     recorder: paced.then_some(Box::new(move |_, _, _| {
                         ticks += 1;

@@ -6,7 +6,7 @@ use std::fmt;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointFeedback};
 
-use super::{Bench, Silent};
+use super::{Bench, Interrupted};
 use crate::wire::Wire;
 
 /// How long the torque rises, s.
@@ -116,14 +116,24 @@ impl fmt::Display for Verdict {
 /// passed, or it is faster than `speed` (rad/s). Motors are off at the end, whatever happens.
 ///
 /// # Errors
-/// The controllers fall silent.
-pub fn test<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Silent> {
+/// The controllers fall silent, or somebody wants it to end.
+pub fn test<W: Wire>(
+    bench: &mut Bench<W>,
+    joint: usize,
+    torque: f64,
+    speed: f64,
+) -> Result<Outcome, Interrupted> {
     let result = push(bench, joint, torque, speed);
-    let off = (0..3).try_for_each(|_| bench.exchange(None).map(drop));
+    let off = bench.switch_off();
     result.and_then(|outcome| off.map(|()| outcome))
 }
 
-fn push<W: Wire>(bench: &mut Bench<W>, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Silent> {
+fn push<W: Wire>(
+    bench: &mut Bench<W>,
+    joint: usize,
+    torque: f64,
+    speed: f64,
+) -> Result<Outcome, Interrupted> {
     let period = bench.period_s();
     let before = bench.exchange(None)?;
     let joints = bench.rig().device.joints();

@@ -21,9 +21,11 @@ use thiserror::Error;
 
 use crate::engine::Line;
 use crate::handshake::{Expected, handshake};
+use crate::last_word::{Program, without_core_file};
 use crate::port::{NO_READINGS, Port};
+use crate::run_loop::StopFlag;
 use crate::sample::Counters;
-use crate::serial::Serial;
+use crate::serial::{Serial, unguarded};
 use crate::server::StartError;
 use crate::wire::{Memory, Wire};
 
@@ -32,13 +34,24 @@ const WATCHDOG_MS: u16 = 20;
 /// Readings that may be missing in a row.
 const PATIENCE: u32 = 50;
 
-/// The line says nothing any more.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("the motor controllers have stopped answering: motors are off by their own watchdog")]
-pub struct Silent;
+/// Motors off.
+const OFF: Drive = Drive { enable: false, torque: [0.0; MAX_JOINTS] };
+/// How many times motors are switched off at the end, in case a frame is lost.
+const STOPS: u32 = 3;
 
-/// The rig's lines without a loop: one command, one reading.
-pub struct Bench<W> {
+/// Why there is no reading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Interrupted {
+    /// The line says nothing any more.
+    #[error("the motor controllers have stopped answering: motors are off by their own watchdog")]
+    Silent,
+    /// Somebody wants it to end.
+    #[error("stopped by a signal: motors are off")]
+    Stopped,
+}
+
+/// The rig's lines without a loop: one command, one reading. Motors are switched off when it is dropped.
+pub struct Bench<W: Wire> {
     ports: Vec<Port<W>>,
     rig: Rig,
     readings: JointFeedback,
@@ -48,34 +61,50 @@ pub struct Bench<W> {
     period: Duration,
     /// The lines are simulated: their time is told, and does not pass.
     simulated: bool,
+    /// Looked at before each command with torque.
+    stop: StopFlag,
+    notices: Vec<String>,
 }
 
 /// Opens the lines of `rig` and has the controllers on them say who they are. The simulated rig is held by a hand that turns it
-/// about widely where `turned` says so, and stands free otherwise.
+/// about widely where `turned` says so, and stands free otherwise. Once `stop` is set no further torque is written. `helper` switches
+/// the motors off if this process dies.
 ///
 /// # Errors
 /// A port does not open, or its controllers are not those of the rig.
-pub fn open(rig: &RigConfig, turned: bool) -> Result<Bench<Box<dyn Wire>>, StartError> {
+pub fn open(
+    rig: &RigConfig,
+    turned: bool,
+    stop: StopFlag,
+    helper: &Program,
+) -> Result<Bench<Box<dyn Wire>>, StartError> {
     let line = Line::of(rig);
-    let meet = |mut wire: Box<dyn Wire>, name: &str, port: usize| {
-        handshake(&mut wire, &Expected::new(name, &rig.rig, &line, port))?;
-        Ok::<_, StartError>(wire)
-    };
+    let mut notices = Vec::new();
     let (wires, simulated) = match &rig.link.port {
         config::Port::Sim => {
             let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig))?;
             simulated.set_hand(turned.then(|| Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
-            let wire = Memory::new(simulated, mpsc::channel().1);
-            (vec![meet(Box::new(wire), "sim", 0)?], true)
+            let mut wire = Memory::new(simulated, mpsc::channel().1);
+            handshake(&mut wire, &Expected::new("sim", &rig.rig, &line, 0))?;
+            (vec![Box::new(wire) as Box<dyn Wire>], true)
         }
         config::Port::Devices(devices) => {
+            without_core_file();
             let open = |(port, device): (usize, &String)| {
-                meet(Box::new(Serial::open(device, rig.link.baud)?), device, port)
+                let mut wire = Serial::open(device, rig.link.baud)?;
+                let expected = Expected::new(device, &rig.rig, &line, port);
+                handshake(&mut wire, &expected)?;
+                if let Err(error) = wire.guard(helper, &expected) {
+                    notices.push(unguarded(device, &error));
+                }
+                Ok::<Box<dyn Wire>, StartError>(Box::new(wire))
             };
             (devices.iter().enumerate().map(open).collect::<Result<_, _>>()?, false)
         }
     };
-    Ok(Bench::new(&rig.rig, wires, &line, simulated))
+    let mut bench = Bench::new(&rig.rig, wires, &line, simulated);
+    (bench.stop, bench.notices) = (stop, notices);
+    Ok(bench)
 }
 
 impl<W: Wire> Bench<W> {
@@ -92,7 +121,15 @@ impl<W: Wire> Bench<W> {
             tick: 0,
             period: Duration::from_nanos(rig.timing.period_ns),
             simulated,
+            stop: StopFlag::default(),
+            notices: Vec::new(),
         }
+    }
+
+    /// What a user should know about how it runs.
+    #[must_use]
+    pub fn notices(&self) -> &[String] {
+        &self.notices
     }
 
     /// The rig as its file has it.
@@ -110,14 +147,31 @@ impl<W: Wire> Bench<W> {
     /// One command, with torques in the controllers' own sense or motors off, and the reading that comes back. Waits a period.
     ///
     /// # Errors
-    /// Nothing has come for many periods.
-    pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointFeedback, Silent> {
+    /// Nothing has come for many periods, or somebody wants it to end: then this command has not been written.
+    pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointFeedback, Interrupted> {
         let drive = Drive { enable: torque.is_some(), torque: torque.copied().unwrap_or([0.0; MAX_JOINTS]) };
+        let stop = self.stop.clone();
+        self.converse(&drive, || stop.is_set())
+    }
+
+    /// Switches the motors off: three commands that have been answered.
+    ///
+    /// # Errors
+    /// Nothing has come for many periods.
+    pub fn switch_off(&mut self) -> Result<(), Interrupted> {
+        (0..STOPS).try_for_each(|_| self.converse(&OFF, || false).map(drop))
+    }
+
+    /// Writes the same command until each line has answered it, unless it is to `stop`.
+    fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointFeedback, Interrupted> {
         for _ in 0..PATIENCE {
+            if stop() {
+                return Err(Interrupted::Stopped);
+            }
             let mut heard = 0;
             for port in &mut self.ports {
                 port.wire.set_time(u64::from(self.tick) * self.rig.timing.period_ns);
-                let command = port.command(self.tick, WATCHDOG_MS, &drive);
+                let command = port.command(self.tick, WATCHDOG_MS, drive);
                 // A frame that is not taken is missed by the reading that does not come.
                 let _ = port.write(&ToController::Command(command));
             }
@@ -139,7 +193,7 @@ impl<W: Wire> Bench<W> {
                 return Ok(self.readings);
             }
         }
-        Err(Silent)
+        Err(Interrupted::Silent)
     }
 
     /// The turn of a joint in its controller's sense for so many counts, rad.
@@ -147,5 +201,22 @@ impl<W: Wire> Bench<W> {
     pub fn turned(&self, joint: usize, counts: i32) -> f64 {
         let joint = &self.rig.joints[joint];
         f64::from(counts) * std::f64::consts::TAU / (f64::from(joint.counts_per_turn) * joint.gear)
+    }
+}
+
+/// Whatever ends it, an error, a signal or a panic: motors are off. Commands are written that many times whether they are answered or not.
+impl<W: Wire> Drop for Bench<W> {
+    fn drop(&mut self) {
+        for k in 0..STOPS {
+            if k > 0 && !self.simulated {
+                std::thread::sleep(self.period);
+            }
+            for port in &mut self.ports {
+                let command = port.command(self.tick.wrapping_add(k), WATCHDOG_MS, &OFF);
+                // The helper and the watchdog are left where a line does not take it.
+                let _ = port.write(&ToController::Command(command));
+            }
+        }
+        self.ports.iter_mut().for_each(|port| port.wire.all_said());
     }
 }

@@ -1,5 +1,6 @@
 //! Simulated rigs with something wrong, which must be caught and named.
 
+mod stop;
 mod wiring;
 
 use hbot_sim::controller::Fault;
@@ -133,7 +134,7 @@ fn a_line_that_falls_silent_is_told() {
     let mut bench = Bench::new(&rig, vec![wire], &line, true);
     assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
     calls.send(Box::new(|rig| rig.inject(Fault::Deaf(true)))).unwrap();
-    assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Silent));
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Interrupted::Silent));
 }
 
 #[test]

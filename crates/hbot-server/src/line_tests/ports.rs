@@ -41,7 +41,7 @@ fn plugged_in(rig: RigConfig, link: &Path) -> (Bench<Serial>, PtyRig) {
     let mut wire = Serial::open(port, rig.link.baud).expect("it opens");
     let expected = Expected::new(port, &rig.rig, &line, 0);
     handshake(&mut wire, &expected).expect("it answers");
-    wire.keep_open(port, rig.link.baud, expected).expect("a thread");
+    wire.keep_open(port, rig.link.baud, expected, None).expect("a thread");
     let mut bench = Bench::new(&rig, vec![wire], &line);
     until(&mut bench, "idle", |sample| sample.state.mode == Mode::Idle);
     bench.order(Order::Enable);

@@ -1,6 +1,7 @@
 //! What a sample sets off: states to subscribers, answers, fault events, the flight log.
 
 use std::io;
+use std::time::Instant;
 
 use hbot_api::{Event, FaultEvent, StateEvent};
 use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
@@ -193,8 +194,8 @@ impl Hub {
     /// Has a flight log written on another thread.
     fn write(&mut self, flight: Flight) {
         if self.writing.len() >= MAX_WRITING {
-            self.stats.events.flight_logs_failed += 1;
-            tracing::warn!(path = %flight.path.display(), "no flight log: {MAX_WRITING} are still being written");
+            let error = io::Error::other(format!("{MAX_WRITING} are still being written"));
+            self.stats.written(Ok((flight, Err(error))));
             return;
         }
         self.writing.spawn_blocking(move || {
@@ -230,7 +231,9 @@ impl Stats {
             }
             Ok((flight, Err(error))) => {
                 self.events.flight_logs_failed += 1;
-                tracing::warn!(path = %flight.path.display(), %error, "the flight log could not be written");
+                if let Some(count) = self.flight_failures.failed(Instant::now()) {
+                    tracing::warn!(path = %flight.path.display(), %error, count, "flight logs could not be written");
+                }
             }
             Err(error) => {
                 self.events.flight_logs_failed += 1;

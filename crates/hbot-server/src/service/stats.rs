@@ -6,6 +6,7 @@ use hdrhistogram::Histogram;
 use serde_json::{Map, Value, json};
 
 use super::convert;
+use crate::flight::Failures;
 use crate::sample::{Counters, Sample};
 
 /// The longest time that a histogram tells from longer ones, ns.
@@ -23,6 +24,7 @@ pub(super) struct Stats {
     ticks: u64,
     counters: Counters,
     pub(super) events: Events,
+    pub(super) flight_failures: Failures,
 }
 
 /// What the service itself counts.
@@ -130,6 +132,7 @@ impl Stats {
             ticks: 0,
             counters: Counters::default(),
             events: Events::default(),
+            flight_failures: Failures::default(),
         }
     }
 

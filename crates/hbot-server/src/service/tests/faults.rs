@@ -77,7 +77,7 @@ fn a_folder_that_cannot_be_written_is_counted() {
 fn old_logs_go() {
     let dir = tempfile::tempdir().unwrap();
     for i in 0..40 {
-        std::fs::write(dir.path().join(format!("flight-20000101T0000{i:02}.000Z-001-estop.csv")), "")
+        std::fs::write(dir.path().join(format!("flight-20000101T0000{i:02}.000Z-1-001-estop.csv")), "")
             .unwrap();
     }
     std::fs::write(dir.path().join("notes.csv"), "").unwrap();

@@ -1,0 +1,71 @@
+//! Text from a file that somebody has named: whatever it is, it is read within bounds and without waiting for ever.
+
+use std::fs::{self, File};
+use std::io::{self, Read as _};
+use std::path::Path;
+
+/// The most bytes that a rig, scene or recorded path may have.
+pub const MAX_TEXT: u64 = 1 << 20;
+
+/// The text of a file of at most [`MAX_TEXT`] bytes. What is open already, such as `/dev/stdin` or `/dev/fd/63`, is read whatever it
+/// is; anything else has to be a regular file.
+///
+/// # Errors
+/// What the system says; it is a folder, a device, a FIFO or a socket; it is too long; it is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what);
+    // Nobody may ever open the other end of a FIFO; a device may have no end.
+    if !is_open_already(path) && !fs::metadata(path)?.is_file() {
+        return Err(wrong("it is no regular file"));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(MAX_TEXT + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_TEXT {
+        return Err(wrong("it has more than 1 MiB"));
+    }
+    String::from_utf8(bytes).map_err(|_| wrong("it is not text (UTF-8)"))
+}
+
+/// Whether the path names a descriptor of this process.
+fn is_open_already(path: &Path) -> bool {
+    path == Path::new("/dev/stdin") || path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(path: &Path) -> String {
+        read_text(path).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn only_a_regular_file_of_moderate_length_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for special in ["/dev/zero", "/dev/full", "/dev/null", "/"] {
+            assert_eq!(refused(Path::new(special)), "it is no regular file", "{special}");
+        }
+        let file = File::create(at("long")).unwrap();
+        file.set_len(MAX_TEXT + 1).unwrap();
+        assert_eq!(refused(&at("long")), "it has more than 1 MiB");
+        file.set_len(MAX_TEXT).unwrap();
+        assert_eq!(read_text(&at("long")).unwrap().len() as u64, MAX_TEXT);
+        fs::write(at("binary"), [0x7f, 0xff]).unwrap();
+        assert_eq!(refused(&at("binary")), "it is not text (UTF-8)");
+        fs::write(at("text"), "name = \"R²\"\n").unwrap();
+        assert_eq!(read_text(&at("text")).unwrap(), "name = \"R²\"\n");
+        assert!(refused(&at("nothing")).contains("No such file"));
+    }
+
+    #[test]
+    fn what_is_open_already_is_read_by_its_descriptor() {
+        use std::io::Write as _;
+        use std::os::fd::AsRawFd as _;
+        let (reader, mut writer) = io::pipe().unwrap();
+        writer.write_all(b"gear = 1").unwrap();
+        drop(writer);
+        let path = format!("/dev/fd/{}", reader.as_raw_fd());
+        assert_eq!(read_text(Path::new(&path)).unwrap(), "gear = 1");
+    }
+}

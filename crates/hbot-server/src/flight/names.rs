@@ -1,0 +1,221 @@
+//! The names of flight logs, and which logs go when there are too many.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use hbot_core::mode::Cause;
+
+use crate::service::convert;
+
+/// The most logs kept in the folder.
+pub const MAX_FILES: usize = 20;
+
+/// What the log of an emergency stop is called.
+const ESTOP: &str = "estop";
+/// The form of the time in a name; a 0 stands for a digit.
+const TIME: &str = "00000000T000000.000Z";
+
+/// The name of a log: `flight-20260131T235959.123Z-4711-001-thermal.csv`, or `.part` while it is being written.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Name {
+    /// In UTC; such times sort as text.
+    time: String,
+    /// Another server may have its logs in the same folder, and its faults in the same millisecond.
+    process: u32,
+    /// Which log of its process, from 1; three digits.
+    number: u16,
+    /// Name of the fault, or `estop`.
+    what: String,
+    part: bool,
+}
+
+impl Name {
+    pub(super) fn new(time: &str, process: u32, number: u64, what: &str) -> Self {
+        let number = (number % 1000) as u16;
+        Self { time: time.to_owned(), process, number, what: what.to_owned(), part: false }
+    }
+
+    /// Reads a name; `None` of any that this program does not write.
+    pub(super) fn parse(name: &str) -> Option<Self> {
+        let (rest, extension) = name.strip_prefix("flight-")?.rsplit_once('.')?;
+        let mut fields = rest.split('-');
+        let (time, process) = (fields.next()?, fields.next()?.parse().ok()?);
+        let (number, what) = (fields.next()?.parse().ok()?, fields.next()?);
+        let part = extension == "part";
+        let read = Self { time: time.to_owned(), process, number, what: what.to_owned(), part };
+        let like = |(a, b): (u8, u8)| if b == b'0' { a.is_ascii_digit() } else { a == b };
+        let is_time = time.len() == TIME.len() && time.bytes().zip(TIME.bytes()).all(like);
+        let known = what == ESTOP || Cause::ALL.iter().any(|cause| convert::fault(*cause).as_str() == what);
+        // Leading zeros, signs, and fields too many show in how it is written again.
+        (is_time && known && read.to_string() == name).then_some(read)
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { time, process, number, what, part } = self;
+        write!(f, "flight-{time}-{process}-{number:03}-{what}.{}", if *part { "part" } else { "csv" })
+    }
+}
+
+/// Removes logs beyond [`MAX_FILES`] from the folder of the one at `newest`, which stays whatever a clock that was set says of it. First
+/// go halves of logs whose process has died; then logs of emergency stops; then those of faults that were not the first of their run;
+/// then those that were; of each kind the oldest first. Files of any other name than [`Name`]'s stay and do not count.
+///
+/// # Errors
+/// What the system says.
+pub fn prune(newest: &Path) -> io::Result<()> {
+    let dir = newest.parent().unwrap_or(Path::new("."));
+    let entries = fs::read_dir(dir)?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let names = entries.filter_map(|name| Name::parse(&name)).collect();
+    let paths = in_order_of_removal(names).into_iter().map(|name| dir.join(name.to_string()));
+    let others: Vec<PathBuf> = paths.filter(|path| path != newest).collect();
+    let surplus = (others.len() + 1).saturating_sub(MAX_FILES);
+    others[..surplus].iter().try_for_each(|log| match fs::remove_file(log) {
+        // Another server has had the same thought.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        result => result,
+    })
+}
+
+/// The logs that may go, those first that go first.
+fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
+    // A half that its process is still writing is none of ours.
+    names.retain(|name| !(name.part && Path::new("/proc").join(name.process.to_string()).exists()));
+    names.sort();
+    // The last number of each process, and whether its run has had a fault. A number that is not higher begins a run: processes of
+    // different boots have the same number.
+    let mut runs: HashMap<u32, (u16, bool)> = HashMap::new();
+    let mut ranked: Vec<(u8, Name)> = names
+        .into_iter()
+        .map(|name| {
+            if name.part {
+                return (0, name);
+            }
+            let (last, faulted) = runs.get(&name.process).copied().unwrap_or_default();
+            let faulted = faulted && name.number > last;
+            let fault = name.what != ESTOP;
+            runs.insert(name.process, (name.number, faulted || fault));
+            (1 + u8::from(fault) + u8::from(fault && !faulted), name)
+        })
+        .collect();
+    // Stable: the oldest stays first.
+    ranked.sort_by_key(|(rank, _)| *rank);
+    ranked.into_iter().map(|(_, name)| name).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::FlightRecorder;
+    use crate::sample::Sample;
+
+    #[test]
+    fn only_names_that_this_program_writes_are_read() {
+        for name in [
+            "flight-20260131T235959.123Z-4711-001-thermal.csv",
+            "flight-20260131T235959.123Z-1-999-estop.csv",
+            "flight-20260131T235959.123Z-1-000-link_lost.part",
+        ] {
+            assert_eq!(Name::parse(name).map(|name| name.to_string()).as_deref(), Some(name));
+        }
+        for name in [
+            "flight-plan.csv",
+            "flight-2026.csv",
+            "flight-20260131T235959.123Z-4711-001-thermal.csv.bak",
+            "flight-20260131T235959.123Z-4711-001-thermal.txt",
+            "flight-20260131T235959.123Z-4711-001-thermal-2.csv",
+            "flight-20260131T235959.123Z-4711-001-holiday.csv",
+            "flight-20260131T235959.123Z-4711-1-thermal.csv",
+            "flight-20260131T235959.123Z-+4711-001-thermal.csv",
+            "flight-20260131T235959.123Z-001-thermal.csv",
+            "flight-20260131T235959.1234-4711-001-thermal.csv",
+            "my-flight-20260131T235959.123Z-4711-001-thermal.csv",
+        ] {
+            assert_eq!(Name::parse(name), None, "{name}");
+        }
+    }
+
+    /// Logs in `order`, as (second, process, number, what).
+    fn logs(order: &[(u32, u32, u64, &str)]) -> Vec<Name> {
+        let name = |(s, process, number, what): &(u32, u32, u64, &str)| {
+            Name::new(&format!("20260131T2359{s:02}.000Z"), *process, *number, what)
+        };
+        order.iter().map(name).collect()
+    }
+
+    #[test]
+    fn stops_go_before_faults_and_the_first_fault_of_a_run_goes_last() {
+        let expected = logs(&[
+            (0, 7, 1, "estop"),
+            (4, 7, 5, "estop"),
+            (2, 7, 3, "link_lost"),
+            (3, 7, 4, "link_lost"),
+            (6, 7, 2, "overspeed"),
+            (1, 7, 2, "thermal"),
+            // The same process number after a boot.
+            (5, 7, 1, "deadline"),
+            (7, 8, 1, "slip"),
+        ]);
+        let mut shuffled = expected.clone();
+        shuffled.reverse();
+        assert_eq!(in_order_of_removal(shuffled), expected);
+    }
+
+    #[test]
+    fn two_servers_with_faults_in_one_millisecond_and_what_a_killed_one_left_behind() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        // This process is told apart from others by its number.
+        let mut recorder = FlightRecorder::new(dir.path().to_owned(), 1_000_000);
+        recorder.push(&Sample::still(5));
+        let name = recorder.trigger(5, "estop").to_str().unwrap().to_owned();
+        assert!(name.contains(&format!("-{}-001-estop.csv", std::process::id())), "{name}");
+        // A number that no process has.
+        let gone = 4_194_304 + 1;
+        for i in 0..30 {
+            let name = format!("flight-20000101T0000{i:02}.000Z-{gone}-001-estop.part");
+            std::fs::write(at(&name), "cut").unwrap();
+        }
+        // The clock was wrong then, or is now: by their names these are of the future.
+        for i in 0..MAX_FILES {
+            std::fs::write(at(&format!("flight-99990101T0000{i:02}.000Z-1-001-estop.csv")), "").unwrap();
+        }
+        let flight = recorder.finish().unwrap();
+        flight.write().unwrap();
+        let left = std::fs::read_dir(dir.path()).unwrap().count();
+        assert!(flight.path.exists() && left == MAX_FILES, "{left} files");
+        let part = format!("flight-20000101T000029.000Z-{gone}-001-estop.part");
+        assert!(!at(&part).exists(), "half a log is none");
+        // The same file is never written by two.
+        std::fs::write(flight.path.with_extension("part"), "another's").unwrap();
+        assert!(flight.write().is_err());
+    }
+
+    #[test]
+    fn what_others_keep_in_the_folder_stays_and_so_does_the_first_fault_of_a_run() {
+        let dir = tempfile::tempdir().unwrap();
+        let keep = ["flight-plan.csv", "flight-2026-notes.csv", "flight-x.part", "old-flight.csv"];
+        for name in keep {
+            fs::write(dir.path().join(name), "mine").unwrap();
+        }
+        let write = |s: u32, what: &str| {
+            let name = Name::new(&format!("20260131T2359{s:02}.000Z"), 9, u64::from(s) + 1, what);
+            let path = dir.path().join(name.to_string());
+            fs::write(&path, "").unwrap();
+            prune(&path).unwrap();
+            path
+        };
+        let first = write(0, "thermal");
+        // A person who stops the rig again and again pushes no log of a fault out.
+        let second = write(1, "slip");
+        (2..40).for_each(|s| _ = write(s, "estop"));
+        assert!(first.exists() && second.exists());
+        (40..60).for_each(|s| _ = write(s, "link_lost"));
+        assert!(first.exists() && !second.exists(), "what has begun it all");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), MAX_FILES + keep.len());
+    }
+}

@@ -1,0 +1,77 @@
+//! What a helper says and when, and helpers that are none.
+
+use super::*;
+
+/// A program that is ready at once, and then does what `script` says.
+fn helper(script: &str) -> Program {
+    Program::shell(&format!("printf '\\002' >&2; {script}"))
+}
+
+fn start(program: &Program) -> io::Result<(LastWord, io::PipeReader)> {
+    let (far, line) = io::pipe()?;
+    Ok((LastWord::start(program, &line, &[0, 7, 7, 0])?, far))
+}
+
+/// What a helper writes to the line that hears `bytes` from its server, and how it ends.
+fn said(bytes: &[u8]) -> (Vec<u8>, bool) {
+    let (mut far, line) = io::pipe().unwrap();
+    let mut answer = Vec::new();
+    let done = serve(bytes, &line, &mut answer);
+    drop(line);
+    let mut heard = Vec::new();
+    far.read_to_end(&mut heard).unwrap();
+    (heard, done.is_ok() && answer == [READY])
+}
+
+#[test]
+fn a_frame_is_said_three_times_where_the_server_ends_without_a_word_and_not_otherwise() {
+    let frame = [3, 0, 5, 0];
+    assert_eq!(said(&frame), (frame[1..].repeat(3), true));
+    assert_eq!(said(&[3, 0, 5, 0, ALL_SAID]), (Vec::new(), true));
+    // Half a frame would be no command.
+    assert_eq!(said(&frame[..3]), (Vec::new(), false));
+    assert_eq!(said(&[]), (Vec::new(), false));
+}
+
+#[test]
+fn a_line_that_takes_no_bytes_holds_the_helper_up_for_a_while_only() {
+    let (_far, line) = io::pipe().unwrap();
+    let flags = rustix::fs::fcntl_getfl(&line).unwrap();
+    rustix::fs::fcntl_setfl(&line, flags | rustix::fs::OFlags::NONBLOCK).unwrap();
+    while rustix::io::write(&line, &[0; 4096]).is_ok() {}
+    say(&line, &[0; 8]).unwrap();
+}
+
+#[test]
+fn a_program_that_is_no_helper_is_refused() {
+    for script in ["exit 0", "echo hello >&2"] {
+        assert!(start(&Program::shell(script)).is_err(), "{script}");
+    }
+    let missing = Program { path: "/no/such/program".into(), arguments: Vec::new() };
+    assert!(start(&missing).is_err());
+}
+
+#[test]
+fn one_that_is_told_to_end_is_waited_for_and_one_that_ends_by_itself_is_noticed() {
+    let (mut told, _far) = start(&helper("cat >/dev/null")).unwrap();
+    let watched = told.watched();
+    assert!(!watched.is_lost());
+    told.all_said();
+    assert!(matches!(held(&told.helper).child.try_wait(), Ok(Some(_))), "it is still there");
+    assert!(!watched.is_lost(), "it was told to end");
+
+    let (lost, _far) = start(&helper("exit 0")).unwrap();
+    let watched = lost.watched();
+    let begun = Instant::now();
+    while !watched.is_lost() {
+        assert!(begun.elapsed() < Duration::from_secs(30));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn one_that_does_not_end_is_killed() {
+    let (mut stubborn, _far) = start(&helper("exec sleep 1000")).unwrap();
+    stubborn.all_said();
+    assert!(matches!(held(&stubborn.helper).child.try_wait(), Ok(Some(_))));
+}

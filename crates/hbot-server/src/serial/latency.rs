@@ -1,0 +1,61 @@
+//! The timer by which a USB serial chip holds bytes back.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The time that an FTDI chip is asked to wait for more bytes, ms. Its own default of 16 is 16 ticks.
+const LATENCY_MS: u32 = 1;
+
+/// How long a USB serial chip waits for more bytes before it hands on what it has; FTDI's have such a timer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LatencyTimer {
+    /// The file that sets it.
+    pub path: PathBuf,
+    /// What it says, ms.
+    pub ms: u32,
+}
+
+impl LatencyTimer {
+    /// The timer of the device behind `port`; `None` where its driver has none.
+    #[must_use]
+    pub fn of(port: &Path) -> Option<Self> {
+        Self::listed(Path::new("/sys/class/tty"), port)
+    }
+
+    fn listed(devices: &Path, port: &Path) -> Option<Self> {
+        let device = fs::canonicalize(port).ok()?;
+        let path = devices.join(device.file_name()?).join("device/latency_timer");
+        let ms = fs::read_to_string(&path).ok()?.trim().parse().ok()?;
+        Some(Self { path, ms })
+    }
+
+    /// Sets it to the least. Where it may not be written it stays as it is, and `hbot doctor` says so.
+    pub(super) fn shorten(&self) {
+        if self.ms > LATENCY_MS {
+            let _ = fs::write(&self.path, LATENCY_MS.to_string());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chip_that_holds_readings_back_is_asked_not_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let (devices, port) = (folder.path().join("tty"), folder.path().join("ttyUSB7"));
+        fs::create_dir_all(devices.join("ttyUSB7/device")).unwrap();
+        fs::write(&port, "").unwrap();
+        // By the name of the device, whatever link leads to it.
+        let link = folder.path().join("hbot");
+        std::os::unix::fs::symlink(&port, &link).unwrap();
+        assert_eq!(LatencyTimer::listed(&devices, &link), None, "a driver that has none");
+        let file = devices.join("ttyUSB7/device/latency_timer");
+        for (was, is) in [("16\n", "1"), ("1\n", "1\n"), ("0\n", "0\n")] {
+            fs::write(&file, was).unwrap();
+            LatencyTimer::listed(&devices, &link).unwrap().shorten();
+            assert_eq!(fs::read_to_string(&file).unwrap(), is, "from {was:?}");
+        }
+    }
+}

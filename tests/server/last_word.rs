@@ -1,0 +1,150 @@
+//! A server that is killed or aborts while motors push: a helper process switches them off in its place.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use hbot_config::RigConfig;
+use hbot_sim::pty::{PtyOptions, spawn_pty};
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use rustix::process::{Pid, Signal, getpgid, kill_process};
+
+use crate::far::Far;
+use crate::process::{Lines, PATIENCE, Process, STOPPING, has_pty, patient_rig};
+
+/// The watchdog time in the helper's frames, ms; the server's own have that of the patient rig.
+const HELPERS: u16 = 1;
+const SERVERS: u16 = 1000;
+
+fn waits_until(what: &str, mut so: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !so() {
+        assert!(begun.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// A scene that pushes always, and a rig file: their paths.
+fn files(folder: &Path) -> (String, String) {
+    let scene = folder.join("push.toml");
+    let text = "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
+    std::fs::write(&scene, text).expect("written");
+    (patient_rig(folder), scene.to_str().expect("UTF-8").to_owned())
+}
+
+/// Has the server push.
+fn push(server: &Process, far: &Far) {
+    let mut client = Lines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "acquire"}"#);
+    waits_until("torque", || {
+        // A machine that stood still for 20 ms has made a deadline fault.
+        client.ask(r#"{"id": 2, "op": "reset"}"#);
+        client.ask(r#"{"id": 3, "op": "enable"}"#);
+        far.pushed()
+    });
+}
+
+/// A server that pushes, with its controllers.
+fn pushing(folder: &Path) -> Option<(Process, Far)> {
+    let (rig, scene) = files(folder);
+    let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"))?;
+    let server = Process::start(&["--rig", &rig, "--port", &far.path, "--scene", &scene], folder);
+    push(&server, &far);
+    Some((server, far))
+}
+
+/// The processes that `server` has started.
+fn helpers(server: &Process) -> Vec<Pid> {
+    let parent = server.pid().to_string();
+    let processes = std::fs::read_dir("/proc").expect("a list").flatten();
+    let of_server = processes.filter_map(|entry| {
+        let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
+        // After the name in parentheses: the state, then the parent.
+        let its_parent = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?;
+        Pid::from_raw(entry.file_name().to_str()?.parse().ok()?).filter(|_| its_parent == parent)
+    });
+    of_server.collect()
+}
+
+fn is_there(process: Pid) -> bool {
+    Path::new("/proc").join(process.as_raw_nonzero().to_string()).exists()
+}
+
+/// Whether it has not ended. One whose parent is gone stays a zombie where process 1 reaps none, as in some containers.
+fn runs(process: Pid) -> bool {
+    let stat = format!("/proc/{}/stat", process.as_raw_nonzero());
+    std::fs::read_to_string(stat).is_ok_and(|stat| !stat.contains(") Z "))
+}
+
+#[test]
+fn a_server_that_is_killed_or_aborts_leaves_zero_torque_on_the_line() {
+    for signal in [Signal::KILL, Signal::ABORT] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let Some((server, far)) = pushing(folder.path()) else { return };
+        let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
+        server.signal(signal);
+        let (_, status) = server.end();
+        assert_eq!(std::os::unix::process::ExitStatusExt::signal(&status), Some(signal.as_raw()));
+        assert_eq!(far.ends_still().watchdog_ms, HELPERS, "{signal:?}");
+        waits_until("the helper ends", || !runs(helper));
+    }
+}
+
+#[test]
+fn a_server_that_ends_as_asked_says_the_last_word_itself_and_leaves_no_helper() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let Some((server, far)) = pushing(folder.path()) else { return };
+    let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
+    server.signal(Signal::TERM);
+    assert_eq!(server.end().1.code(), Some(0));
+    assert!(!is_there(helper), "it is waited for");
+    assert!(!far.any_after(0, |command| command.watchdog_ms == HELPERS), "the helper has said something");
+    assert_eq!(far.ends_still().watchdog_ms, SERVERS);
+}
+
+#[test]
+fn signals_of_a_terminal_or_a_service_manager_do_not_reach_the_helper() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let Some((server, far)) = pushing(folder.path()) else { return };
+    let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
+    assert_eq!(getpgid(Some(helper)).expect("it is there"), helper, "a process group of its own");
+    for signal in STOPPING {
+        kill_process(helper, signal).expect("it is there");
+    }
+    server.signal(Signal::KILL);
+    server.end();
+    assert_eq!(far.ends_still().watchdog_ms, HELPERS);
+}
+
+#[test]
+fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (rig, scene) = files(folder.path());
+    // Controllers that have lost power still know where they are.
+    let text = std::fs::read_to_string(&rig).expect("readable");
+    std::fs::write(&rig, text.replace("zero = \"assume\"", "zero = \"absolute\"")).expect("written");
+    let config = RigConfig::from_path(Path::new(&rig)).expect("a rig");
+    if !has_pty() {
+        return;
+    }
+    // Not a `Far`, whose near end the server would inherit and so keep open.
+    let simulated = SimulatedRig::new(&SimulatedConfig::new(&config.rig)).expect("it can be simulated");
+    let pty = spawn_pty(simulated, PtyOptions::default()).expect("a pseudo-terminal");
+    let link = folder.path().join("hbot");
+    std::os::unix::fs::symlink(pty.path(), &link).expect("a link");
+    let port = link.to_str().expect("UTF-8");
+    let server = Process::start(&["--rig", &rig, "--port", port, "--scene", &scene], folder.path());
+    let [first] = helpers(&server)[..] else { panic!("one helper a line") };
+
+    let Some(other) = Far::start(&config) else { return };
+    std::fs::remove_file(&link).expect("it was there");
+    std::os::unix::fs::symlink(&other.path, &link).expect("a link");
+    drop(pty);
+    waits_until("the line is back", || other.count() > 50);
+    waits_until("the first helper is gone, not even a zombie", || !is_there(first));
+    push(&server, &other);
+    let [second] = helpers(&server)[..] else { panic!("one helper a line") };
+    server.signal(Signal::KILL);
+    server.end();
+    assert_eq!(other.ends_still().watchdog_ms, HELPERS);
+    waits_until("the second helper ends", || !runs(second));
+}

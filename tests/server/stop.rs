@@ -1,0 +1,100 @@
+//! `hbot rig test` and `hbot rig calibrate` that are stopped while motors push: the last that the controllers hear is zero torque.
+
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::{Child, Stdio};
+use std::time::Instant;
+
+use hbot_config::RigConfig;
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::far::Far;
+use crate::process::{PATIENCE, STOPPING, hbot};
+
+/// Attempts to stop a push, which a machine that is busy for longer than the controllers' watchdog time ends before.
+const ATTEMPTS: u32 = 50;
+
+fn start(far: &Far, args: &[&str]) -> Child {
+    hbot()
+        .args(["rig"])
+        .args(args)
+        .args(["--port", &far.path])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary runs")
+}
+
+fn push(far: &Far) -> Child {
+    // So little that the joint does not turn as far as would end the test.
+    let child = start(far, &["test", "--joint", "1", "--torque", "0.00002"]);
+    let begun = Instant::now();
+    while !far.pushed() {
+        assert!(begun.elapsed() < PATIENCE, "no torque came about");
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    child
+}
+
+/// Sends `signal` in the midst of a push: what ended the program, and what it said.
+fn stopped_by(signal: Signal) -> Option<(Option<i32>, String)> {
+    for _ in 0..ATTEMPTS {
+        let far = Far::start(&RigConfig::prototype())?;
+        let child = push(&far);
+        // It may have ended meanwhile.
+        let _ = kill_process(Pid::from_child(&child), signal);
+        let output = child.wait_with_output().expect("it ends");
+        far.ends_still();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.signal().is_some() {
+            return Some((output.status.signal(), said));
+        }
+    }
+    panic!("{signal:?} has not ended it in {ATTEMPTS} attempts");
+}
+
+#[test]
+fn a_rig_test_that_is_stopped_leaves_zero_torque_on_the_line() {
+    for signal in STOPPING {
+        let Some((ended, said)) = stopped_by(signal) else { return };
+        // By which a shell ends the loop that tests one joint after the other.
+        assert_eq!(ended, Some(Signal::INT.as_raw()), "{signal:?}: {said}");
+        assert!(said.contains("stopped by a signal: motors are off"), "{said}");
+    }
+}
+
+#[test]
+fn a_rig_test_that_is_killed_leaves_zero_torque_on_the_line() {
+    for signal in [Signal::KILL, Signal::ABORT] {
+        let Some((ended, _)) = stopped_by(signal) else { return };
+        assert_eq!(ended, Some(signal.as_raw()));
+    }
+}
+
+#[test]
+fn a_rig_test_whose_reader_is_gone_leaves_zero_torque_on_the_line() {
+    let Some(far) = Far::start(&RigConfig::prototype()) else { return };
+    let mut child = push(&far);
+    (child.stdout, child.stderr) = (None, None);
+    let _ = kill_process(Pid::from_child(&child), Signal::PIPE);
+    child.wait().expect("it ends");
+    far.ends_still();
+}
+
+#[test]
+fn a_calibration_that_is_stopped_ends_with_motors_off() {
+    for signal in STOPPING {
+        let Some(far) = Far::start(&RigConfig::prototype()) else { return };
+        let child = start(&far, &["calibrate", "--seconds", "600"]);
+        let begun = Instant::now();
+        while far.count() < 10 {
+            assert!(begun.elapsed() < PATIENCE, "it does not begin");
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        kill_process(Pid::from_child(&child), signal).expect("it is there");
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!(output.status.signal(), Some(Signal::INT.as_raw()), "{signal:?}");
+        assert!(!far.any_after(0, |command| command.enable));
+        far.ends_still();
+    }
+}
