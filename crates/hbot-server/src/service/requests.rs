@@ -1,8 +1,9 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Mode, ModeOk, Op,
+    Align, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
     PROTOCOL_VERSION, PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
+    may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
@@ -12,19 +13,45 @@ use subtle::ConstantTimeEq as _;
 use tokio::time::Instant;
 
 use super::convert;
-use super::desk::Gone;
+use super::desk::{First, Gone};
 use super::hub::Hub;
 use super::orders::OrderKind;
 
 impl Hub {
     /// Takes the first message of a connection: how it goes on, if it does.
-    pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
-        let encoding = self.greet(session, message);
-        if encoding.is_none() {
-            // The connection ends once the answer has left.
-            self.peers.remove(&session);
+    pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> First {
+        self.stats.events.requests += 1;
+        #[cfg(test)]
+        if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
+            assert_ne!(hello.name, super::tests::PANICS, "as a test asks");
         }
-        encoding
+        let refusal = match message {
+            Ok(Request { id, op: Op::Hello(hello) }) => match self.authorize(&hello) {
+                Ok(()) => return self.greet(session, id, hello),
+                Err(error) => {
+                    let refusal = Refusal { id, op: Some("hello"), error };
+                    if hello.token.is_some() {
+                        self.wrong_tokens.add(self.peers.get(&session).and_then(|peer| peer.address));
+                        return First::WrongToken(refusal);
+                    }
+                    refusal
+                }
+            },
+            Ok(Request { id, op }) => {
+                let message = format!("op {} before hello; legal: hello first", op.name());
+                Refusal { id, op: None, error: ErrorBody::new(ErrorCode::BadRequest, message) }
+            }
+            Err(refusal) => refusal,
+        };
+        self.refuse_first(session, refusal);
+        First::Refused
+    }
+
+    /// Refuses the first message of a connection, which ends once the answer has left.
+    pub(super) fn refuse_first(&mut self, session: u64, Refusal { id, error, .. }: Refusal) {
+        tracing::info!(session, code = %error.code, "no hello");
+        self.respond(session, &Response::error(id, error));
+        self.peers.remove(&session);
     }
 
     /// Takes a later message; false where the client is none any more.
@@ -63,28 +90,7 @@ impl Hub {
         self.gone(session);
     }
 
-    fn greet(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
-        self.stats.events.requests += 1;
-        #[cfg(test)]
-        if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
-            assert_ne!(hello.name, super::tests::PANICS, "as a test asks");
-        }
-        let (id, result) = match message {
-            Ok(Request { id, op: Op::Hello(hello) }) => (id, self.authorize(&hello).map(|()| hello)),
-            Ok(Request { id, op }) => {
-                let message = format!("op {} before hello; legal: hello first", op.name());
-                (id, Err(ErrorBody::new(ErrorCode::BadRequest, message)))
-            }
-            Err(refusal) => (refusal.id, Err(refusal.error)),
-        };
-        let hello = match result {
-            Ok(hello) => hello,
-            Err(error) => {
-                tracing::info!(session, code = %error.code, "no hello");
-                self.respond(session, &Response::error(id, error));
-                return None;
-            }
-        };
+    fn greet(&mut self, session: u64, id: Option<Id>, hello: Hello) -> First {
         let answer = HelloOk {
             server: concat!("hbot ", env!("CARGO_PKG_VERSION")).to_owned(),
             version: PROTOCOL_VERSION,
@@ -93,12 +99,33 @@ impl Hub {
             session,
         };
         self.answer_with(session, id, answer);
-        let peer = self.peers.get_mut(&session)?;
+        let Some(peer) = self.peers.get_mut(&session) else { return First::Refused };
         peer.encoding = hello.encoding;
         tracing::info!(session, name = hello.name, encoding = %hello.encoding, "hello");
         peer.name = Some(hello.name);
         self.tell_status();
-        Some(hello.encoding)
+        First::Greeted(hello.encoding)
+    }
+
+    /// Whether a message longer than ordinary ones may be read. It is looked at and not parsed.
+    ///
+    /// # Errors
+    /// Its client does not hold the lease, or it is none that may be long.
+    pub(super) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
+        if !may_be_long(message) {
+            let message = format!(
+                "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of load_scene and set",
+                message.len()
+            );
+            return Err(ErrorBody::new(ErrorCode::TooLarge, message));
+        }
+        self.holding(session, "load_scene or set of this length")
+    }
+
+    /// Notes who stops the rig, for what is told of it.
+    pub(super) fn stopped_by(&mut self, session: u64) {
+        let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
+        self.stopper = name.map(|name| format!("client {name:?} (session {session})"));
     }
 
     fn authorize(&self, hello: &Hello) -> Result<(), ErrorBody> {
@@ -121,14 +148,19 @@ impl Hub {
             Who::First => {
                 Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first"))
             }
-            Who::Holder if self.holder == Some(session) => Ok(()),
-            Who::Holder => {
-                let holder = self.holder_name();
-                let held = holder.as_ref().map(|name| format!(", which {name:?} holds")).unwrap_or_default();
-                let message = format!("op {} needs the lease{held}: acquire first", op.name());
-                Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
-            }
+            Who::Holder => self.holding(session, op.name()),
         }
+    }
+
+    /// Whether a client holds the lease, as `op` asks.
+    fn holding(&self, session: u64, op: &str) -> Result<(), ErrorBody> {
+        if self.holder == Some(session) {
+            return Ok(());
+        }
+        let holder = self.holder_name();
+        let held = holder.as_ref().map(|name| format!(", which {name:?} holds")).unwrap_or_default();
+        let message = format!("op {op} needs the lease{held}: acquire first");
+        Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
     }
 
     /// Does what is asked and answers, or has it answered later. What takes much room on the stack is apart from it: it would be touched
@@ -201,7 +233,9 @@ impl Hub {
 
     #[inline(never)]
     fn estop(&mut self, session: u64, id: Option<Id>) {
-        tracing::warn!(session, "estop");
+        let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
+        tracing::warn!(session, name, "estop");
+        self.stopped_by(session);
         if self.order(session, id.clone(), "estop", OrderKind::Stop, Command::Estop).is_err() {
             // There is no place for it among those that are answered, but the loop does it in its next tick.
             self.answer_with(session, id, ModeOk { mode: Mode::Estop });
