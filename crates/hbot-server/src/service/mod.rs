@@ -23,6 +23,7 @@ mod connection;
 pub(crate) mod convert;
 mod cost;
 mod desk;
+mod greeting;
 mod hub;
 mod info;
 mod orders;

@@ -1,59 +1,21 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
-    PROTOCOL_VERSION, PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
-    may_be_long,
+    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, PingOk,
+    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde::Serialize;
 use serde_json::json;
-use subtle::ConstantTimeEq as _;
 use tokio::time::Instant;
 
 use super::convert;
-use super::desk::{First, Gone};
+use super::desk::Gone;
 use super::hub::Hub;
 use super::orders::OrderKind;
 
 impl Hub {
-    /// Takes the first message of a connection: how it goes on, if it does.
-    pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> First {
-        self.stats.events.requests += 1;
-        #[cfg(test)]
-        if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
-            assert_ne!(hello.name, super::tests::PANICS, "as a test asks");
-        }
-        let refusal = match message {
-            Ok(Request { id, op: Op::Hello(hello) }) => match self.authorize(&hello) {
-                Ok(()) => return self.greet(session, id, hello),
-                Err(error) => {
-                    let refusal = Refusal { id, op: Some("hello"), error };
-                    if hello.token.is_some() {
-                        self.wrong_tokens.add(self.peers.get(&session).and_then(|peer| peer.address));
-                        return First::WrongToken(refusal);
-                    }
-                    refusal
-                }
-            },
-            Ok(Request { id, op }) => {
-                let message = format!("op {} before hello; legal: hello first", op.name());
-                Refusal { id, op: None, error: ErrorBody::new(ErrorCode::BadRequest, message) }
-            }
-            Err(refusal) => refusal,
-        };
-        self.refuse_first(session, refusal);
-        First::Refused
-    }
-
-    /// Refuses the first message of a connection, which ends once the answer has left.
-    pub(super) fn refuse_first(&mut self, session: u64, Refusal { id, error, .. }: Refusal) {
-        tracing::info!(session, code = %error.code, "no hello");
-        self.respond(session, &Response::error(id, error));
-        self.peers.remove(&session);
-    }
-
     /// Takes a later message; false where the client is none any more.
     pub(super) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
         if !self.peers.contains_key(&session) {
@@ -90,23 +52,6 @@ impl Hub {
         self.gone(session);
     }
 
-    fn greet(&mut self, session: u64, id: Option<Id>, hello: Hello) -> First {
-        let answer = HelloOk {
-            server: concat!("hbot ", env!("CARGO_PKG_VERSION")).to_owned(),
-            version: PROTOCOL_VERSION,
-            rig: self.setup.rig.name.clone(),
-            rate_hz: f64::from(self.setup.rig.rate_hz),
-            session,
-        };
-        self.answer_with(session, id, answer);
-        let Some(peer) = self.peers.get_mut(&session) else { return First::Refused };
-        peer.encoding = hello.encoding;
-        tracing::info!(session, name = hello.name, encoding = %hello.encoding, "hello");
-        peer.name = Some(hello.name);
-        self.tell_status();
-        First::Greeted(hello.encoding)
-    }
-
     /// Whether a message longer than ordinary ones may be read. It is looked at and not parsed.
     ///
     /// # Errors
@@ -126,20 +71,6 @@ impl Hub {
     pub(super) fn stopped_by(&mut self, session: u64) {
         let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
         self.stopper = name.map(|name| format!("client {name:?} (session {session})"));
-    }
-
-    fn authorize(&self, hello: &Hello) -> Result<(), ErrorBody> {
-        let Some(secret) = &self.setup.token else { return Ok(()) };
-        let shown = hello.token.as_ref().map_or("", |token| token.reveal());
-        // How long it takes tells the token's length at most.
-        if bool::from(secret.as_bytes().ct_eq(shown.as_bytes())) {
-            return Ok(());
-        }
-        let what = if hello.token.is_some() { "is wrong" } else { "is missing" };
-        Err(ErrorBody::new(
-            ErrorCode::Unauthorized,
-            format!("field \"token\" {what}; see the server's token file"),
-        ))
     }
 
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {

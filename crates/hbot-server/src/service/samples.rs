@@ -120,6 +120,8 @@ impl Hub {
             (mode, _) if matches!(before, Some(Mode::Fault | Mode::Estop)) => {
                 let mode = convert::mode(mode);
                 tracing::info!(tick, %mode, "reset");
+                // One that found the rig stopped already is not told of.
+                let _ = self.end.take_signalled();
                 self.broadcast_fault(sample, "reset".to_owned());
                 return;
             }
