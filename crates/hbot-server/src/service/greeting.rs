@@ -20,7 +20,12 @@ impl Hub {
                 Err(error) => {
                     let refusal = Refusal { id, op: Some("hello"), error };
                     if hello.token.is_some() {
-                        self.wrong_tokens.add(self.peers.get(&session).and_then(|peer| peer.address));
+                        let peer = self.peers.get_mut(&session);
+                        let address = peer.and_then(|peer| {
+                            peer.guessed = true;
+                            peer.address
+                        });
+                        self.wrong_tokens.add(address);
                         return First::WrongToken(refusal);
                     }
                     refusal
@@ -72,5 +77,18 @@ impl Hub {
             ErrorCode::Unauthorized,
             format!("field \"token\" {what}; see the server's token file"),
         ))
+    }
+
+    /// Lets go of the connection that has waited longest to be told of its wrong token, so that its place is another's. False if
+    /// there is none.
+    pub(super) fn drop_a_guess(&mut self) -> bool {
+        let Some(session) = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session)
+        else {
+            return false;
+        };
+        if let Some(peer) = self.peers.remove(&session) {
+            peer.task.abort();
+        }
+        true
     }
 }

@@ -19,6 +19,8 @@ pub(super) struct Peer {
     pub(super) name: Option<String>,
     /// Where it connects from; `None` in tests without sockets.
     pub(super) address: Option<IpAddr>,
+    /// It has shown a wrong token and waits to be told.
+    pub(super) guessed: bool,
     pub(super) encoding: Encoding,
     pub(super) outbox: Outbox,
     pub(super) task: AbortHandle,
@@ -59,6 +61,7 @@ impl Peer {
         Self {
             name: None,
             address: None,
+            guessed: false,
             encoding: Encoding::Json,
             outbox,
             task,

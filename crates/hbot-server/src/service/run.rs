@@ -198,13 +198,11 @@ impl Connections {
     fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
         let mut hub = self.desk.hub();
         let local = address.ip().to_canonical().is_loopback();
-        // Tasks rather than clients: one that has been refused may still be on its way out.
-        let there = Taken {
-            all: self.serving.len(),
-            remote: self.sessions.values().filter(|session| !session.local).count(),
-            strangers: hub.peers.values().filter(|peer| peer.name.is_none()).count(),
-        };
-        if let Err(full) = there.place(&hub.bounds, local) {
+        let mut placed = self.taken(&hub).place(&hub.bounds, local);
+        if placed.is_err() && hub.drop_a_guess() {
+            placed = self.taken(&hub).place(&hub.bounds, local);
+        }
+        if let Err(full) = placed {
             hub.stats.events.turned_away += 1;
             tracing::warn!(%address, "turned away: {full}");
             // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
@@ -235,6 +233,16 @@ impl Connections {
         let mut peer = Peer::new(outbox, task);
         peer.address = Some(address.ip());
         hub.peers.insert(session, peer);
+    }
+
+    /// The places that are taken.
+    fn taken(&self, hub: &Hub) -> Taken {
+        Taken {
+            // Tasks rather than clients: one that has been refused may still be on its way out.
+            all: self.serving.len(),
+            remote: self.sessions.values().filter(|session| !session.local).count(),
+            strangers: hub.peers.values().filter(|peer| peer.name.is_none()).count(),
+        }
     }
 
     /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.

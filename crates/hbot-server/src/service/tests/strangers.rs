@@ -73,3 +73,23 @@ fn who_shows_a_wrong_token_waits_for_the_answer_and_nobody_else_does() {
         assert_eq!(raw.rest(), "");
     }
 }
+
+#[test]
+fn those_who_guess_tokens_take_no_place_from_those_who_know_one() {
+    let bounds = Bounds { strangers: 3, ..Options::default().bounds };
+    let token = Some("open sesame".to_owned());
+    let bench = Bench::start(Options { bounds, token: token.clone(), ..Options::default() });
+    let guess = r#"{"op": "hello", "version": 1, "name": "guess", "token": "open says me"}"#;
+    let options = ConnectOptions { token: token.map(Into::into), ..ConnectOptions::new("right") };
+    let mut guesses = Vec::new();
+    for _ in 0..5 {
+        for _ in 0..3 {
+            let mut raw = bench.raw();
+            raw.send(guess);
+            guesses.push(raw);
+        }
+        // So that all have been read: where one still was, its place would be its own.
+        eventually("the right one", || Client::connect_with(&bench.address.to_string(), &options).is_ok());
+    }
+    drop(guesses);
+}
