@@ -70,8 +70,9 @@ fn swelling() -> Vec<u8> {
     frame
 }
 
+/// And of most clients not even parsed.
 #[test]
-fn requests_that_swell_are_refused_unparsed() {
+fn requests_that_swell_are_read_one_after_the_other() {
     const CLIENTS: usize = 24;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let swollen = allocation_counter::measure(|| {
