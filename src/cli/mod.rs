@@ -7,6 +7,7 @@ mod doctor;
 pub(crate) mod out;
 mod rig;
 mod scene;
+mod secrets;
 mod server;
 mod status;
 mod study;

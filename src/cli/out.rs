@@ -13,6 +13,7 @@ use std::io::{ErrorKind, Result, Write as _};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use hbot_api::Plain;
 
 use super::style;
 
@@ -56,9 +57,20 @@ pub(crate) fn aside(text: Arguments<'_>) {
     let _ = writeln!(anstream::stderr(), "{text}");
 }
 
-/// Says why a command failed.
+/// Says why a command failed. Part of it may be a server's words.
 pub(crate) fn error(error: &impl Display) {
-    note!("{}error:{} {error:#}", style::BAD, style::OFF);
+    note!("{}error:{} {}", style::BAD, style::OFF, foreign_lines(&format!("{error:#}")));
+}
+
+/// Text of a server, which may be anybody's, for a line of a terminal: nothing in it moves the cursor, ends the line, turns its
+/// direction or hides.
+pub(crate) fn foreign(text: &str) -> Plain<'_> {
+    Plain(text)
+}
+
+/// The same of several lines. All but the first are set in, so that none passes for a line of the program's own.
+fn foreign_lines(text: &str) -> String {
+    text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
 }
 
 /// Says what the command line itself has to say: what was wrong with it, the help or the version that was asked for.
@@ -69,4 +81,17 @@ pub(crate) fn answer(answer: &clap::Error) -> anyhow::Result<ExitCode> {
     }
     // 2 for a wrong command line, as clap has it.
     Ok(u8::try_from(answer.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_s_words_stay_on_their_line_and_do_nothing_to_the_terminal() {
+        let evil = "x\u{1b}[2J\u{1b}]0;PWN\u{7}\r\u{202e}y\u{9b}";
+        let shown = foreign(evil).to_string();
+        assert_eq!(shown, "x\\u{1b}[2J\\u{1b}]0;PWN\\u{7}\\r\\u{202e}y\\u{9b}");
+        assert_eq!(foreign_lines("a\nerror: \u{1b}[2J"), "a\n  error: \\u{1b}[2J");
+    }
 }

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::Subcommand;
 use hbot_config::SceneFile;
 
-use super::out::say;
+use super::out::{foreign, say};
 use super::{ServerAddress, commands, style};
 
 /// What to do with a scene.
@@ -61,10 +61,12 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
             let loaded = commands::holding(&mut client, |client| client.load_scene(scene.to_json()))?;
             say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
             for effect in &loaded.effects {
-                say!("  {:12} {:12} {:>5} ns a tick", effect.id, effect.kind, effect.cost_ns)?;
+                let [id, kind] = [&effect.id, &effect.kind].map(|text| foreign(text).to_string());
+                say!("  {id:12} {kind:12} {:>5} ns a tick", effect.cost_ns)?;
             }
             if !loaded.ignored.is_empty() {
-                say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, loaded.ignored.join(", "))?;
+                let ignored = loaded.ignored.join(", ");
+                say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
             }
         }
         SceneCommand::Plot(args) => plot::run(&args)?,

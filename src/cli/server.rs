@@ -1,25 +1,28 @@
 //! `hbot server`: run the loop and the TCP service until somebody stops them.
 
 use std::future::poll_fn;
+use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::task::Poll;
 use std::time::Duration;
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use clap::{Args, ValueEnum};
-use hbot_config::{Override, RigConfig, SceneFile, read_text};
+use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_server::last_word::Program;
 use hbot_server::server::{Options, Server, Time};
-use hbot_server::service::{Control, Status};
+use hbot_server::service::Status;
 use hbot_server::signals;
+use hbot_server::stop_signal::StopSignal;
 use hbot_study::expectation::{self, Expectation};
 use serde_json::json;
+use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
-use super::{status, style};
+use super::{secrets, status, style};
 
 /// Options of `hbot server`. What is not given comes from the rig file.
 #[derive(Debug, Args)]
@@ -57,9 +60,12 @@ pub(crate) struct ServerArgs {
     /// File with the token that clients must know
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; another address than loopback needs a token
+    /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; another address than loopback needs a token for the page
     #[arg(long, value_name = "ADDR:PORT")]
     metrics: Option<SocketAddr>,
+    /// File with the token that scrapes of the metrics must show; not that of clients
+    #[arg(long, value_name = "FILE", requires = "metrics")]
+    metrics_token_file: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -125,41 +131,39 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
         Some(path) => SceneFile::from_path(path)?,
         None => SceneFile::default_scene(),
     };
-    let token = token(&rig)?;
+    let token = secrets::token(&rig)?;
+    let metrics_token = match args.metrics {
+        None => None,
+        Some(at) => secrets::metrics_token(at, args.metrics_token_file.as_deref(), token.as_deref())?,
+    };
     let expected = expected(&mut rig, args.accuracy_target)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(serve(args, rig, scene, token, &expected, console))
+    runtime.block_on(serve(args, rig, scene, [token, metrics_token], &expected, console))
 }
 
 async fn serve(
     args: ServerArgs,
     rig: RigConfig,
     scene: SceneFile,
-    token: Option<String>,
+    [token, metrics_token]: [Option<String>; 2],
     expected: &Expectation,
     console: &Console,
 ) -> anyhow::Result<ExitCode> {
-    let listen = rig.api.listen;
-    let listener = tokio::net::TcpListener::bind(listen).await.with_context(|| in_use(listen))?;
+    let stop_signal = StopSignal::listen()?;
+    let listener = bind(rig.api.listen, "--listen").await?;
     let address = listener.local_addr()?;
     let metrics = match args.metrics {
         None => None,
-        Some(at) if !at.ip().is_loopback() && token.is_none() => {
-            bail!("--metrics {at} lets other machines in: name a file with a token by --token-file")
-        }
-        Some(at) => {
-            Some(tokio::net::TcpListener::bind(at).await.with_context(|| format!("cannot listen on {at}"))?)
-        }
+        Some(at) => Some((bind(at, "--metrics").await?, metrics_token)),
     };
-    let metrics_at = metrics.as_ref().map(tokio::net::TcpListener::local_addr).transpose()?;
-    let metrics_token = metrics_at.filter(|at| !at.ip().is_loopback()).and_then(|_| token.clone());
+    let metrics_at = metrics.as_ref().map(|(listener, _)| listener.local_addr()).transpose()?;
     let mut stopping = Vec::new();
     for number in signals::STOPPING {
         stopping.push(signal(SignalKind::from_raw(number))?);
     }
-    let mut user = signal(SignalKind::user_defined1())?;
 
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
+    let secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
     let banner = banner(&rig, scene.name(), address, time, expected);
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
@@ -173,6 +177,7 @@ async fn serve(
         flight_dir,
         recorder: None,
     })?;
+    stop_signal.obey(server.emergency_stop())?;
     if let Some(at) = metrics_at {
         console.say(format!("metrics http://{at}/metrics"));
     }
@@ -180,21 +185,15 @@ async fn serve(
     let nowhere = nowhere.then(|| {
         "no flight logs are written: neither XDG_STATE_HOME nor HOME is an absolute path".to_owned()
     });
-    for notice in server.notices().iter().chain(&nowhere) {
+    for notice in server.notices().iter().chain(&nowhere).chain(&secrets) {
         console.say(format!("  {}note{}     {notice}", style::WARN, style::OFF));
     }
 
     let (control_in, control) = tokio::sync::mpsc::channel(8);
-    if let Some(metrics) = metrics {
-        tokio::spawn(hbot_server::metrics::serve(metrics, control_in.clone(), metrics_token));
+    if let Some((listener, token)) = metrics {
+        tokio::spawn(hbot_server::metrics::serve(listener, control_in, token));
     }
     let (status_in, status) = tokio::sync::watch::channel(Status::default());
-    tokio::spawn(async move {
-        while user.recv().await.is_some() {
-            // A full queue holds an emergency stop already.
-            let _ = control_in.try_send(Control::Estop);
-        }
-    });
     console.status(Some(status));
     let shutdown = poll_fn(move |context| {
         if stopping.iter_mut().any(|signal| signal.poll_recv(context).is_ready()) {
@@ -271,34 +270,25 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
     )
 }
 
-fn in_use(listen: SocketAddr) -> String {
-    format!(
-        "cannot listen on {listen}: is another hbot server running there? `--listen {}:0` takes a free port",
-        listen.ip()
-    )
+/// A socket that listens on `at`; an error says what hinders and how to mend it.
+async fn bind(at: SocketAddr, option: &str) -> anyhow::Result<TcpListener> {
+    TcpListener::bind(at).await.map_err(|error| {
+        let what = cannot_listen(at, option, error.kind());
+        anyhow::Error::from(error).context(what)
+    })
 }
 
-/// The token from its file. Without one only this machine is let in.
-fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
-    let Some(file) = &rig.api.token_file else {
-        if rig.api.needs_token() {
-            bail!(
-                "listening on {} lets other machines in: name a file with a token by --token-file (or api.token_file)",
-                rig.api.listen
-            );
+fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind) -> String {
+    let free = format!("`{option} {}:0` takes a free port", at.ip());
+    let what = match kind {
+        ErrorKind::AddrInUse => format!("is another hbot server running there? {free}"),
+        ErrorKind::PermissionDenied => {
+            format!("the system does not let this user have the port; those below 1024 need a right. {free}")
         }
-        return Ok(None);
+        ErrorKind::AddrNotAvailable => "this machine does not have the address".to_owned(),
+        _ => free,
     };
-    let text = read_text(file).with_context(|| format!("token file {}", file.display()))?;
-    let token = text.trim();
-    if token.len() < 16 {
-        bail!(
-            "token file {}: a token has at least 16 characters; this one has {}",
-            file.display(),
-            token.len()
-        );
-    }
-    Ok(Some(token.to_owned()))
+    format!("cannot listen on {at}: {what}")
 }
 
 /// Where flight logs go: the user's state folder (XDG base directories).
@@ -306,4 +296,18 @@ pub(crate) fn flight_dir() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
     state.map(|dir| dir.join("hbot/flight"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_hinders_a_socket_is_named() {
+        let said = |kind| cannot_listen(SocketAddr::from(([127, 0, 0, 1], 80)), "--listen", kind);
+        assert!(said(ErrorKind::AddrInUse).contains("another hbot server"));
+        let denied = said(ErrorKind::PermissionDenied);
+        assert!(denied.contains("below 1024 need a right") && !denied.contains("another"), "{denied}");
+        assert!(said(ErrorKind::AddrNotAvailable).contains("does not have the address"));
+    }
 }

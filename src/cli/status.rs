@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use hbot_server::server::Finished;
 use hbot_server::service::{Distribution, Status};
 
+use super::out::foreign;
 use super::style;
 
 /// One line: time, mode, orientation, torque, how punctual, who is there.
@@ -29,7 +30,7 @@ pub(crate) fn line(status: &Status) -> String {
         if status.clients == 1 { "" } else { "s" },
     );
     if let Some(holder) = &status.holder {
-        let _ = write!(line, ", held by {holder}");
+        let _ = write!(line, ", held by {}", foreign(holder));
     }
     line
 }

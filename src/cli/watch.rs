@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use hbot_api::{Event, StateEvent};
 
-use super::out::{Reader, note, say, written};
+use super::out::{Reader, foreign, note, say, written};
 use super::{ServerAddress, commands, style};
 
 /// Options of `hbot watch`.
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
         say!(
             "{}{}{} on {} at {} Hz; Ctrl-C ends",
             style::NAME,
-            hello.rig,
+            foreign(&hello.rig),
             style::OFF,
             args.address.server,
             hello.rate_hz
@@ -58,9 +58,14 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             }
             Event::Fault(fault) if !args.json => {
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |cause| cause.to_string());
-                format!("{}{name}{}: {}", style::of_mode(fault.mode.as_str()), style::OFF, fault.message)
+                format!(
+                    "{}{name}{}: {}",
+                    style::of_mode(fault.mode.as_str()),
+                    style::OFF,
+                    foreign(&fault.message)
+                )
             }
-            Event::Scene(scene) if !args.json => format!("scene: {}", scene.name),
+            Event::Scene(scene) if !args.json => format!("scene: {}", foreign(&scene.name)),
             Event::Dropped(dropped) if !args.json => {
                 format!("{} samples lost: reading too slowly", dropped.count)
             }

@@ -107,5 +107,5 @@ fn metrics_are_read_over_http_and_only_from_this_machine_without_a_token() {
     assert!(get("/").starts_with("HTTP/1.1 404"));
     run(&["server", "--listen", "127.0.0.1:0", "--metrics", "0.0.0.0:0"])
         .failure()
-        .stderr(contains("--token-file"));
+        .stderr(contains("--metrics-token-file"));
 }

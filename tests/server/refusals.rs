@@ -90,7 +90,7 @@ fn another_machine_needs_a_token() {
         run(&["server", "--listen", other]).failure().stderr(contains("--token-file"));
         run(&["server", "--listen", "127.0.0.1:0", "--metrics", other])
             .failure()
-            .stderr(contains("--token-file").and(contains("--metrics")));
+            .stderr(contains("--metrics-token-file").and(contains("--metrics ")));
     }
     let short = file("secret");
     run(&["server", "--listen", "0.0.0.0:0", "--token-file", path(&short)])

@@ -1,13 +1,13 @@
 //! From the bytes on a connection to messages, in whatever pieces the bytes arrive.
 
 use crate::encoding::LENGTH_BYTES;
-use crate::{Encoding, MAX_REQUEST_BYTES};
+use crate::{Encoding, MAX_REQUEST_BYTES, asks_estop};
 
 /// Finds where messages begin and end.
 ///
 /// A message is taken whole or refused whole; one that is refused takes none of the next with it. Lines may end with
-/// `\r\n`; lines of nothing but blanks and frames of length zero are passed over. Memory is bounded by the limit and
-/// the largest piece pushed: an over-long message is refused as soon as that is known, before room is made for it.
+/// `\r\n`; lines of nothing but blanks and frames of length zero are passed over. Memory is bounded by twice what is pushed
+/// before it is taken out: an over-long message is refused as soon as that is known, before room is made for it.
 #[derive(Clone, Debug)]
 pub struct Splitter {
     encoding: Encoding,
@@ -53,6 +53,17 @@ impl Splitter {
         self.searched = 0;
     }
 
+    /// Goes over to another limit, in bytes of a line with its newline, or of a map without its length.
+    pub const fn set_limit(&mut self, limit: usize) {
+        self.limit = limit;
+    }
+
+    /// The bytes that [`pending`](Self::pending) counts.
+    #[must_use]
+    pub fn waiting(&self) -> &[u8] {
+        &self.bytes[self.start..]
+    }
+
     /// Bytes that have come and are not yet part of a message taken. At the end of a connection: what was cut off.
     #[must_use]
     pub const fn pending(&self) -> usize {
@@ -67,8 +78,11 @@ impl Splitter {
     /// Where bytes that come are to be appended, with room for so many: what [`push`](Self::push) does, in place. What stands there is
     /// not to be touched.
     pub fn space(&mut self, bytes: usize) -> &mut Vec<u8> {
-        self.bytes.drain(..self.start);
-        self.start = 0;
+        // Not for a few bytes each time, or many that wait would be moved for every message taken.
+        if self.start >= self.pending() {
+            self.bytes.drain(..self.start);
+            self.start = 0;
+        }
         self.bytes.reserve(bytes);
         &mut self.bytes
     }
@@ -81,7 +95,10 @@ impl Splitter {
                 return None;
             }
             let found = match self.encoding {
-                Encoding::Json => self.next_line()?,
+                Encoding::Json => {
+                    self.pass_blank_lines();
+                    self.next_line()?
+                }
                 Encoding::Msgpack => self.next_map()?,
             };
             match found {
@@ -89,6 +106,16 @@ impl Splitter {
                 Ok((from, to)) => return Some(Ok(&self.bytes[from..to])),
                 Err(error) => return Some(Err(error)),
             }
+        }
+    }
+
+    /// Passes over lines of nothing but blanks, however many, in one go.
+    fn pass_blank_lines(&mut self) {
+        if self.searched == 0 {
+            let waiting = &self.bytes[self.start..];
+            let blanks = &waiting[..waiting.len() - waiting.trim_ascii_start().len()];
+            // The blanks before a line belong to it.
+            self.start += memchr::memrchr(b'\n', blanks).map_or(0, |last| last + 1);
         }
     }
 
@@ -113,6 +140,8 @@ impl Splitter {
         // Nearly every line is ASCII, which is seen at once.
         if !line.is_ascii()
             && let Err(error) = std::str::from_utf8(line)
+            // A stop is one in whatever company.
+            && !asks_estop(line)
         {
             return Some(Err(FrameError::NotUtf8 { at: error.valid_up_to() }));
         }

@@ -9,6 +9,7 @@
 //! | messages | [`Request`], [`Response`], [`Event`] | what is said, typed; a request that exists is a legal one |
 //! | encoding | [`Encoding`] | a message to bytes and back: a line of JSON, or a MessagePack map |
 //! | frames | [`Splitter`] | finds where messages begin and end, in whatever pieces the bytes arrive |
+//! | stops | [`StopFinder`] | finds `estop` and `disable` in the bytes before they are split |
 //!
 //! Neither the messages nor the frames know of sockets, so an asynchronous server uses them as the client does.
 //!
@@ -50,9 +51,11 @@ mod frame;
 mod id;
 mod request;
 mod state;
+mod stop;
 mod stream;
 #[cfg(test)]
 mod tests;
+mod text;
 mod untyped;
 
 pub use answer::{
@@ -68,10 +71,12 @@ pub use frame::{FrameError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use request::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, Request, Token, Who};
 pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
 pub use stream::{
     Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand,
     TorqueCommand,
 };
+pub use text::{Plain, is_plain};
 
 /// The version of the messages. A hello names the one that the client speaks; it goes up with every change that a
 /// client written for the one before would not survive.
@@ -80,8 +85,12 @@ pub const PROTOCOL_VERSION: u64 = 1;
 /// The TCP port of a server that is not told another: HBOT on the keys of a telephone.
 pub const DEFAULT_PORT: u16 = 4268;
 
-/// The most bytes of a request: of a line with its newline, or of a MessagePack map without its length.
+/// The most bytes of a request: of a line with its newline, or of a MessagePack map without its length. Only `load_scene` and
+/// `set` of the lease's holder may be so long.
 pub const MAX_REQUEST_BYTES: usize = 65_536;
+
+/// The most bytes of every other request, counted likewise. A longer one is refused before it is parsed.
+pub const MAX_SHORT_REQUEST_BYTES: usize = 2048;
 
 /// The most bytes of a message of the server's, which a client must be ready to take. Only the answer to `info` comes
 /// near: it carries the schema of every effect.

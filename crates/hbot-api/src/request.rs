@@ -105,7 +105,7 @@ pub enum Who {
 pub struct Hello {
     /// The version of the messages: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
     pub version: u64,
-    /// Who it is, for people: 1 to [`MAX_NAME_BYTES`] bytes without control characters.
+    /// Who it is, for people: 1 to [`MAX_NAME_BYTES`] bytes without control or invisible characters ([`is_plain`](crate::is_plain)).
     pub name: String,
     /// The secret that a server asks for which can be reached from other machines.
     #[serde(skip_serializing_if = "Option::is_none")]

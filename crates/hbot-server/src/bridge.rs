@@ -73,6 +73,11 @@ pub(crate) struct Bell {
     event: Arc<AsyncFd<OwnedFd>>,
 }
 
+/// Stops the loop at its next tick, from any thread, by stores into memory: it shares no channel and no lock with anything, so
+/// nothing that the service does can delay it.
+#[derive(Clone)]
+pub struct EmergencyStop(Arc<Waker>);
+
 /// Wakes the service only where it sleeps, so that a busy one costs the loop no system call.
 struct Waker {
     /// What wakes it: one of the constants below.
@@ -81,6 +86,8 @@ struct Waker {
     tick: AtomicU64,
     /// An emergency stop stands before everything that waits in the ring.
     estop: AtomicBool,
+    /// It came by a signal, of which the service has not heard yet.
+    signalled: AtomicBool,
     /// The loop is over: no sample will come.
     ended: AtomicBool,
     event: OwnedFd,
@@ -103,6 +110,7 @@ pub(crate) fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
         ear: AtomicU8::new(AWAKE),
         tick: AtomicU64::new(0),
         estop: AtomicBool::new(false),
+        signalled: AtomicBool::new(false),
         ended: AtomicBool::new(false),
         event: event.try_clone()?,
     });
@@ -185,12 +193,23 @@ impl ServiceEnd {
     pub fn order(&mut self, command: Command) -> Result<u64, Busy> {
         if command == Command::Estop {
             // At once, whatever waits in the ring, and even where the order itself finds no place in it.
-            self.waker.estop.store(true, Ordering::Release);
+            self.emergency_stop().stop();
         }
         let ticket = self.next_ticket;
         self.orders.push(Order { ticket, command }).map_err(|_| Busy)?;
         self.next_ticket += 1;
         Ok(ticket)
+    }
+
+    /// What stops the loop without an order.
+    #[must_use]
+    pub fn emergency_stop(&self) -> EmergencyStop {
+        EmergencyStop(Arc::clone(&self.waker))
+    }
+
+    /// Whether a signal has stopped the loop since this was asked last.
+    pub(crate) fn take_signalled(&self) -> bool {
+        self.waker.signalled.swap(false, Ordering::AcqRel)
     }
 
     /// Whether a scene can be installed now. Frees the scenes that the loop has given back.
@@ -234,6 +253,19 @@ impl ServiceEnd {
     /// What rings when there are more.
     pub(crate) fn bell(&self) -> Bell {
         Bell { waker: Arc::clone(&self.waker), event: Arc::clone(&self.event) }
+    }
+}
+
+impl EmergencyStop {
+    /// Stops the loop.
+    pub fn stop(&self) {
+        self.0.estop.store(true, Ordering::Release);
+    }
+
+    /// Stops the loop, and notes for the log that a signal did.
+    pub fn stop_by_signal(&self) {
+        self.0.signalled.store(true, Ordering::Release);
+        self.stop();
     }
 }
 

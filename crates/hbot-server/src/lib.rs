@@ -10,7 +10,7 @@
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
 //! 6. [`bringup`]: one joint at a time, and calibration; [`signals`] that end it; [`doctor`]: whether a machine can keep the loop's time.
-//! 7. [`server`]: all of it put together, started and stopped; [`phenomena`]: what a scene wants of the simulated rig;
+//! 7. [`server`]: all of it put together, started and stopped; [`stop_signal`]: an emergency stop past the service; [`phenomena`]: what a scene wants of the simulated rig;
 //!    [`stiffness`]: what a rig can be expected to render.
 
 pub mod bridge;
@@ -41,5 +41,6 @@ mod server_tests;
 pub mod service;
 pub mod signals;
 pub mod stiffness;
+pub mod stop_signal;
 pub mod tls;
 pub mod wire;

@@ -1,8 +1,8 @@
 //! What a server counts and measures, for Prometheus: `GET /metrics` over HTTP, read only.
 //!
 //! A task of the service's runtime asks the hub as any client's `stats` does, so a scrape costs the loop nothing. At most a few
-//! connections at a time, each short and bounded. On an address that other machines reach it wants the API's token as
-//! `Authorization: Bearer TOKEN`.
+//! connections at a time, each short and bounded. On an address that other machines reach it wants a token as
+//! `Authorization: Bearer TOKEN`: one for this page alone, since it goes over the network unencrypted.
 
 use std::fmt::Write as _;
 use std::sync::Arc;

@@ -25,7 +25,7 @@ use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
 
-use crate::bridge::{ServiceEnd, bridge};
+use crate::bridge::{EmergencyStop, ServiceEnd, bridge};
 use crate::clock::now_ns;
 use crate::engine::{Engine, Line, Recorder};
 use crate::flight;
@@ -182,7 +182,7 @@ impl Server {
         let stop = StopFlag::default();
         let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
         let (period_ns, early_ns) = (rig.rig.timing.period_ns, rig.early_ns);
-        let mut notices = Vec::new();
+        let mut notices = Vec::from_iter(service::too_few_descriptors());
         let simulated = rig.link.port == Port::Sim;
         for (wheel, name) in rig.wheels.iter().enumerate() {
             if rig.rig.joints[2 * wheel].zero == Zero::Calibrate {
@@ -282,6 +282,12 @@ impl Server {
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
+    }
+
+    /// What stops the loop from any thread, past the service.
+    #[must_use]
+    pub fn emergency_stop(&self) -> EmergencyStop {
+        self.end.emergency_stop()
     }
 
     /// Serves clients on `listener` until `shutdown`, until the loop ends, or until either fails. Zero torque is on the line

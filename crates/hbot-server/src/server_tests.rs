@@ -14,6 +14,7 @@ use hbot_config::{RigConfig, SceneFile};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
+use crate::bridge::EmergencyStop;
 use crate::engine::Recorder;
 use crate::server::{Finished, Options, Part, Server, Time};
 use crate::service::{Control, Status};
@@ -27,6 +28,7 @@ struct Ends {
     shutdown: Option<oneshot::Sender<()>>,
     abandon: Option<oneshot::Sender<()>>,
     control: async_mpsc::Sender<Control>,
+    stop: EmergencyStop,
 }
 
 /// Lets a client push by a server, ends it by `end` while it does, and holds the last commands to be zero: how it ended, where
@@ -57,7 +59,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
             };
             let server = Server::start(options).unwrap();
             let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
-            ready.send(listener.local_addr().unwrap()).unwrap();
+            ready.send((listener.local_addr().unwrap(), server.emergency_stop())).unwrap();
             let (status, _status) = watch::channel(Status::default());
             tokio::select! {
                 finished = server.serve(listener, controlled, status, async { _ = stopped.await }) => Some(finished.unwrap()),
@@ -65,7 +67,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
             }
         })
     });
-    let address = started.recv_timeout(PATIENCE).unwrap();
+    let (address, stop) = started.recv_timeout(PATIENCE).unwrap();
     let mut client = Client::connect(&address.to_string(), "pusher").unwrap();
     client.acquire(false).unwrap();
     let start = Instant::now();
@@ -78,7 +80,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
         let _ = client.torque(torque);
         std::thread::sleep(Duration::from_millis(20));
     }
-    let mut ends = Ends { address, shutdown: Some(shutdown), abandon: Some(abandon), control };
+    let mut ends = Ends { address, shutdown: Some(shutdown), abandon: Some(abandon), control, stop };
     end(&mut ends);
     let finished = server.join().unwrap();
     far.ends_still();
@@ -118,7 +120,7 @@ fn the_loop_says_nothing_whatever_happens() {
     // Of all threads of all tests of this process.
     tracing::subscriber::set_global_default(Witness(Arc::clone(&said))).unwrap();
     let stop = |ends: &mut Ends| {
-        ends.control.blocking_send(Control::Estop).unwrap();
+        ends.stop.stop_by_signal();
         let start = Instant::now();
         while !said.lock().unwrap().iter().any(|line| line.contains("estop")) {
             assert!(start.elapsed() < PATIENCE, "the service has not told of the stop");

@@ -1,21 +1,28 @@
 //! Encryption of the service (TLS 1.3), where the rig file asks for it.
 
+use std::future::Future;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use hbot_config::rig::TlsFiles;
+use rustix::process::setpriority_process;
+use rustix::thread::gettid;
 use thiserror::Error;
 use tokio::net::TcpStream;
+use tokio::runtime::Runtime;
+use tokio::task::JoinSet;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::crypto::ring;
 use tokio_rustls::rustls::pki_types::pem::{Error as PemError, PemObject};
 use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
-use tokio_rustls::rustls::{Error as TlsError, ServerConfig, version};
+use tokio_rustls::rustls::{Error as TlsError, ServerConfig, ServerConnection, version};
 use tokio_rustls::server::TlsStream;
 
 /// Bytes that may wait in a connection to be sent: one record, so that a client that reads on, however slowly, is not
 /// taken for one that does not.
 const RECORD: usize = 16 * 1024;
+/// How far the thread that shakes hands gives way to others (the system's niceness).
+const NICENESS: i32 = 10;
 
 /// Why the files of the rig's `[api] tls` cannot be used.
 #[derive(Debug, Error)]
@@ -36,6 +43,9 @@ pub enum CertificateError {
         /// What is wrong with it.
         what: String,
     },
+    /// The thread that shakes hands.
+    #[error("api.tls: the system gives no thread: {0}")]
+    Thread(std::io::Error),
     /// Both together.
     #[error(
         "api.tls: {} and {} do not go together: {what}; legal: the key that the file's first certificate was made for",
@@ -50,9 +60,55 @@ pub enum CertificateError {
     },
 }
 
-/// Encrypts connections.
+/// Encrypts connections. Handshakes are made on a thread of their own, so that the work of the private key, which a stranger can
+/// ask for, takes no time of the thread that serves clients.
 #[derive(Clone)]
-pub struct Encryption(TlsAcceptor);
+pub struct Encryption {
+    acceptor: TlsAcceptor,
+    shaker: Arc<Shaker>,
+}
+
+/// The thread that shakes hands. How many do so at a time is bounded by the places for connections without a hello.
+struct Shaker(Option<Runtime>);
+
+impl Shaker {
+    fn start() -> std::io::Result<Self> {
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name("hbot-tls")
+            .on_thread_start(|| {
+                // It gives way to the service. Nothing is lost where the system refuses.
+                let _ = setpriority_process(Some(gettid()), NICENESS);
+            })
+            .enable_io()
+            .build()?;
+        Ok(Self(Some(runtime)))
+    }
+
+    /// Has the thread do something. Dropping the future ends it.
+    async fn work<T: Send + 'static>(
+        &self,
+        work: impl Future<Output = std::io::Result<T>> + Send + 'static,
+    ) -> std::io::Result<T> {
+        let Some(runtime) = &self.0 else { return Err(std::io::ErrorKind::NotConnected.into()) };
+        let mut task = JoinSet::new();
+        task.spawn_on(work, runtime.handle());
+        match task.join_next().await {
+            Some(Ok(done)) => done,
+            Some(Err(error)) => Err(error.into()),
+            None => Err(std::io::ErrorKind::NotConnected.into()),
+        }
+    }
+}
+
+impl Drop for Shaker {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.0.take() {
+            // The last owner may be a task, which must not wait for threads.
+            runtime.shutdown_background();
+        }
+    }
+}
 
 impl Encryption {
     /// With the certificate and key of these files.
@@ -92,20 +148,42 @@ impl Encryption {
             .with_no_client_auth()
             .with_single_cert(chain, private)
             .map_err(pair)?;
-        Ok(Self(TlsAcceptor::from(Arc::new(config))))
+        let shaker = Arc::new(Shaker::start().map_err(CertificateError::Thread)?);
+        Ok(Self { acceptor: TlsAcceptor::from(Arc::new(config)), shaker })
     }
 
-    /// Shakes hands; the connection is let go where the client does not.
+    /// Shakes hands on the other thread; the connection is let go where the client does not. Dropping the future ends it.
     pub(crate) async fn shake_hands(&self, stream: TcpStream) -> std::io::Result<TlsStream<TcpStream>> {
-        let bounded =
-            |session: &mut tokio_rustls::rustls::ServerConnection| session.set_buffer_limit(Some(RECORD));
-        self.0.accept_with(stream, bounded).await
+        let (stream, acceptor) = (stream.into_std()?, self.acceptor.clone());
+        let shaken = self.shaker.work(async move {
+            let bounded = |session: &mut ServerConnection| session.set_buffer_limit(Some(RECORD));
+            // A stream belongs to the runtime that it was made on.
+            let (stream, session) =
+                acceptor.accept_with(TcpStream::from_std(stream)?, bounded).await?.into_inner();
+            Ok((stream.into_std()?, session))
+        });
+        let (stream, session) = shaken.await?;
+        let stream = TcpStream::from_std(stream)?;
+        // The session goes on here in place of a new one; it has nothing left to shake.
+        self.acceptor.accept_with(stream, |new| *new = session).await
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test]
+    async fn hands_are_shaken_on_a_thread_that_gives_way() {
+        let shaker = Shaker::start().unwrap();
+        let work = shaker.work(async {
+            let niceness = rustix::process::getpriority_process(Some(gettid()))?;
+            Ok((std::thread::current().name().map(str::to_owned), niceness))
+        });
+        let (name, niceness) = work.await.unwrap();
+        assert_eq!(name.as_deref(), Some("hbot-tls"));
+        assert!(niceness >= NICENESS, "{niceness}");
+    }
 
     #[test]
     fn each_file_that_is_no_good_is_named_with_what_would_be() {

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// How to connect.
 #[derive(Clone, Debug)]
 pub struct ConnectOptions {
-    /// Who connects, for people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes without control characters.
+    /// Who connects, for people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes without control or invisible characters ([`is_plain`](crate::is_plain)).
     pub name: String,
     /// The server's token, where it asks for one.
     pub token: Option<Token>,

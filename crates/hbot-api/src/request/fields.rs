@@ -1,7 +1,7 @@
 //! Reading one field of a request after another, with errors that name it.
 
 use crate::untyped::Named;
-use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM};
+use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM, is_plain};
 use serde_json::Value;
 use std::fmt;
 
@@ -90,9 +90,9 @@ impl Fields<'_> {
         }
     }
 
-    /// Text of 1 to `most` bytes without control characters.
+    /// Text of 1 to `most` bytes that shows as it is.
     pub(crate) fn text(&mut self, name: &str, most: usize) -> Result<String, ErrorBody> {
-        let legal = format_args!("text of 1 to {most} bytes without control characters");
+        let legal = format_args!("text of 1 to {most} bytes without control or invisible characters");
         match self.required(name, legal)? {
             Value::String(text) if is_name(&text, most) => Ok(text),
             other => Err(illegal(name, &other, legal)),
@@ -101,7 +101,7 @@ impl Fields<'_> {
 }
 
 fn is_name(text: &str, most: usize) -> bool {
-    !text.is_empty() && text.len() <= most && !text.contains(char::is_control)
+    !text.is_empty() && text.len() <= most && text.chars().all(is_plain)
 }
 
 fn integer(name: &str, value: &Value, from: u64, to: u64) -> Result<u64, ErrorBody> {

@@ -3,8 +3,8 @@
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, ROWS, Request, Row};
 use crate::{
-    Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_VALID_MS, PROTOCOL_VERSION,
-    ReferenceCommand, Refusal, TorqueCommand, untyped,
+    Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
+    MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand, Refusal, TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;
@@ -21,12 +21,30 @@ impl Request {
     /// A [`Refusal`] where it is no legal request. It carries the id wherever that could be read, so the client learns
     /// which of its requests is meant.
     pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, Refusal> {
-        if let Some((few, problem)) = untyped::read_few(encoding, bytes, MAX_DEPTH) {
+        Self::read_within(encoding, bytes, MAX_DEPTH)
+    }
+
+    /// Reads the first message of a connection, a line of JSON without its newline. A hello holds no list and no map, so a message
+    /// with one is refused where the first begins: a stranger costs little.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_first(line: &[u8]) -> Result<Self, Refusal> {
+        Self::read_within(Encoding::Json, line, 1)
+    }
+
+    fn read_within(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Self, Refusal> {
+        // Before anything is parsed: a message that cannot be is obeyed as well.
+        if asks_estop(bytes) {
+            return Ok(Self { id: id_of(encoding, bytes), op: Op::Estop });
+        }
+        if let Some((few, problem)) = untyped::read_few(encoding, bytes, depth) {
             let problem = problem.map(|problem| problem.to_string());
             return parse(few.op.map(Ok), Fields(few.others), problem);
         }
         // What is wrong with it, if it does not merely have many fields.
-        let untyped = untyped::read(encoding, bytes, MAX_DEPTH).map_err(|message| Refusal {
+        let untyped = untyped::read(encoding, bytes, depth).map_err(|message| Refusal {
             id: None,
             op: None,
             error: bad(message),
@@ -47,6 +65,16 @@ impl Request {
     }
 }
 
+/// The id of a message that is obeyed whatever it holds: `None` where it cannot be read, or where the message is so long that
+/// reading it would take others' time.
+fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
+    if bytes.len() > MAX_SHORT_REQUEST_BYTES {
+        return None;
+    }
+    let (few, _) = untyped::read_few(encoding, bytes, MAX_DEPTH)?;
+    Fields(few.others).take("id").and_then(|id| Id::from_value(id).ok())
+}
+
 /// What a message has for `op`: a value where that is no text.
 type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
 
@@ -65,11 +93,12 @@ fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), Refusal> {
 }
 
 fn parse(found: Found<'_>, mut fields: Fields<'_>, problem: Option<String>) -> Result<Request, Refusal> {
-    let id = fields.take("id").map(Id::from_value).transpose().map_err(|id| Refusal {
-        id: None,
-        op: None,
-        error: illegal("id", &id, Id::LEGAL),
-    })?;
+    let id = fields.take("id").map(Id::from_value).transpose();
+    // Written with escapes, so that it was not found in the bytes.
+    if matches!(&found, Some(Ok(op)) if op == "estop") {
+        return Ok(Request { id: id.unwrap_or_default(), op: Op::Estop });
+    }
+    let id = id.map_err(|id| Refusal { id: None, op: None, error: illegal("id", &id, Id::LEGAL) })?;
     let mut known = None;
     match op(found, &mut fields, problem, &mut known) {
         Ok(op) => Ok(Request { id, op }),
@@ -98,10 +127,6 @@ fn op(
         return Err(bad(format!("unknown op {:?}; legal: {}", Excerpt(&name), legal())));
     };
     *known = Some(name);
-    // Whoever wants the rig to stop gets it stopped, whatever else the message holds.
-    if *name == "estop" {
-        return Ok(Op::Estop);
-    }
     if let Some(problem) = problem {
         return Err(bad(problem));
     }

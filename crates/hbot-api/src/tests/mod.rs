@@ -8,6 +8,8 @@ mod round_trip;
 mod samples;
 mod speed;
 mod splitter;
+mod stop;
+mod text;
 
 use crate::{Encoding, Splitter};
 

@@ -184,8 +184,8 @@ impl SceneFile {
         }
         check_figures(&effects, "effect", &mut report);
         // It is shown in other people's terminals.
-        if tree["name"].as_str().is_some_and(|name| name.contains(char::is_control)) {
-            report.push("name", "it has control characters", "text of one line".to_owned());
+        if tree["name"].as_str().is_some_and(|name| !name.chars().all(is_visible)) {
+            report.push("name", "it has control or invisible characters", "text of one line".to_owned());
         }
         let top = if report.clean_under("") { decode::<Top>(&tree, "", &mut report) } else { None };
         report.finish(top.map(|top| Self { name: top.name, effects, simulate: top.simulate }))
@@ -221,6 +221,14 @@ impl SceneFile {
     pub fn simulate(&self) -> Option<&Simulate> {
         self.simulate.as_ref()
     }
+}
+
+/// Whether a character shows as what it is, as the standard library's `{:?}` decides: none that controls a terminal, ends a line,
+/// turns the direction of text or is invisible.
+fn is_visible(c: char) -> bool {
+    // Behind a letter, so that a mark which combines with one is not taken for one that stands alone.
+    matches!(c, '"' | '\'' | '\\' | '\u{a0}' | '\u{3000}')
+        || ['a', c].iter().collect::<String>().escape_debug().nth(1) == Some(c)
 }
 
 /// Holds the figures of all effects against the room that the core has for them.

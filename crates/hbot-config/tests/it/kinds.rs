@@ -147,6 +147,19 @@ fn a_scene_file_may_name_a_recorded_file_and_nobody_else() {
     );
 }
 
+#[test]
+fn a_client_names_no_file_whatever_the_path_and_neither_by_set() {
+    for path in ["sine", "chirp", "record", "waypoints"] {
+        let track = json!({"id": "t", "kind": "track", "path": path, "file": "/etc/passwd"});
+        let said = SceneFile::from_json(json!({"effect": [track]})).unwrap_err().to_string();
+        assert!(said.contains("effect[0].file: a file is read with a scene file alone"), "{path}: {said}");
+    }
+    let mut running = RunningScene::new();
+    let _ = running.load(SceneFile::from_json(json!({"effect": [{"id": "t", "kind": "track"}]})).unwrap());
+    let said = running.set("t", &map(json!({"file": "/etc/passwd"}))).unwrap_err().to_string();
+    assert!(said.contains("a file is read with a scene file alone"), "{said}");
+}
+
 fn points(count: usize) -> Value {
     (0..count).map(|k| json!([k, 1, 0, 0, 0])).collect()
 }

@@ -252,9 +252,12 @@ fn a_list_of_nothing_but_mistakes_is_told_to_its_hundredth_and_looked_at_no_furt
 
 #[test]
 fn a_name_is_one_line_of_text() {
-    for name in ["\u{1b}[2J", "a\nb", "\u{9b}31m"] {
+    for name in ["\u{1b}[2J", "a\nb", "\u{9b}31m", "\u{202e}abc", "a\u{2028}b", "a\u{200b}b"] {
         let mistakes = SceneFile::from_json(json!({"name": name})).unwrap_err();
-        assert_eq!(mistakes.to_string(), "name: it has control characters; legal: text of one line");
+        assert_eq!(
+            mistakes.to_string(),
+            "name: it has control or invisible characters; legal: text of one line"
+        );
     }
     assert_eq!(SceneFile::from_json(json!({"name": "Zähne, 3×3"})).unwrap().name(), "Zähne, 3×3");
 }

@@ -23,6 +23,17 @@ pub(super) enum Gone {
     NoHandshake,
 }
 
+/// What became of the first message of a connection.
+#[derive(Debug, PartialEq)]
+pub(super) enum First {
+    /// It goes on, in this encoding.
+    Greeted(Encoding),
+    /// It has been answered, and nothing more will be.
+    Refused,
+    /// It is to be answered so, but not at once: who guesses a token shall wait.
+    WrongToken(Refusal),
+}
+
 impl Desk {
     pub(super) fn new(hub: Hub) -> Self {
         Self(Arc::new(Mutex::new(hub)))
@@ -50,9 +61,14 @@ impl Desk {
         result
     }
 
-    /// The first message of a connection, hello or not: in which encoding it goes on, if it does.
-    pub(super) fn first(&self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
+    /// The first message of a connection, hello or not.
+    pub(super) fn first(&self, session: u64, message: Result<Request, Refusal>) -> First {
         self.turn(|hub| hub.first(session, message))
+    }
+
+    /// The first message of a connection is refused at last.
+    pub(super) fn refuse_first(&self, session: u64, refusal: Refusal) {
+        self.turn(|hub| hub.refuse_first(session, refusal));
     }
 
     /// A later message: whether the hub takes others of this connection.

@@ -10,12 +10,14 @@ use tokio::sync::{Notify, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
+use super::bucket::LongMessages;
 use super::info::Info;
 use super::orders::{Asker, Orders};
 use super::peer::{Frames, Peer};
 use super::samples::{Publisher, Watch};
 use super::scenes::{Loading, Measured};
 use super::stats::{Stats, Summary};
+use super::strangers::WrongTokens;
 use super::{Bounds, Setup, Status};
 use crate::bridge::ServiceEnd;
 use crate::flight::{Flight, FlightRecorder};
@@ -47,6 +49,11 @@ pub(super) struct Hub {
     pub(super) frames: Frames,
     /// Clients to be cut at the end of the turn.
     pub(super) doomed: Vec<u64>,
+    /// When the next message that takes long may be read.
+    pub(super) long_messages: LongMessages,
+    /// Who has stopped the rig last.
+    pub(super) stopper: Option<String>,
+    pub(super) wrong_tokens: WrongTokens,
     sessions: u64,
     status: watch::Sender<Status>,
 }
@@ -73,6 +80,9 @@ impl Hub {
             latest: None,
             frames: Frames::default(),
             doomed: Vec::new(),
+            long_messages: LongMessages::default(),
+            stopper: None,
+            wrong_tokens: WrongTokens::default(),
             sessions: 0,
             status,
             setup,
@@ -121,6 +131,7 @@ impl Hub {
         for (session, event) in events {
             self.tell(session, &event);
         }
+        self.wrong_tokens.tell(now);
         self.status.send_modify(|status| status.sample = self.latest);
     }
 

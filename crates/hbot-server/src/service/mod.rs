@@ -11,17 +11,19 @@
 //! ```
 //!
 //! A request is done as soon as it is read, and its answer is on the socket before anything else is looked at. Where a client asks
-//! faster than it may, its connection reads no further. Where it reads slower than the hub writes, it loses states first
+//! faster than it may, its requests wait; its connection reads on for a while, so that a stop behind them is found. Where it reads slower than the hub writes, it loses states first
 //! (`outbox`), which a `dropped` event counts; when an answer finds no place either, or nothing has moved for seconds, it loses
 //! its connection. Blocking work (measuring what effects cost, writing flight logs) is done on other threads.
 //!
 //! Where somebody watches, the loop wakes the service at every sample. Where nobody does, at what is notable: another mode, cause
 //! or scene, an answer, or many samples (`bridge`).
 
+mod bucket;
 mod connection;
 pub(crate) mod convert;
 mod cost;
 mod desk;
+mod greeting;
 mod hub;
 mod info;
 mod orders;
@@ -34,6 +36,7 @@ mod run;
 mod samples;
 mod scenes;
 mod stats;
+mod strangers;
 mod writer;
 
 #[cfg(test)]
@@ -50,6 +53,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use self::stats::{Distribution, Events, Summary};
+pub(crate) use self::strangers::too_few_descriptors;
 use crate::bridge::ServiceEnd;
 use crate::sample::Sample;
 use crate::tls::Encryption;
@@ -78,8 +82,6 @@ pub struct Setup {
 /// What others than clients ask of the service.
 #[derive(Debug)]
 pub enum Control {
-    /// Stop the rig, as SIGUSR1 asks.
-    Estop,
     /// Tell how the run goes.
     Summarize(oneshot::Sender<Box<Summary>>),
     /// Count a refusal of somebody's who is no client of the API.
@@ -119,6 +121,10 @@ impl Status {
 pub(crate) struct Bounds {
     /// Connections at a time.
     pub(crate) connections: usize,
+    /// Of these, places that only programs on this machine may take.
+    pub(crate) local: usize,
+    /// Connections at a time that have not said hello. Of these, too, `local` are for programs on this machine.
+    pub(crate) strangers: usize,
     /// How long a client may take to say hello.
     pub(crate) hello: Duration,
     /// How long a client may take no byte before it counts as gone.
@@ -133,6 +139,8 @@ impl Default for Bounds {
     fn default() -> Self {
         Self {
             connections: 64,
+            local: 8,
+            strangers: 32,
             hello: Duration::from_secs(2),
             stuck: Duration::from_secs(5),
             outgoing: 256,

@@ -1,5 +1,6 @@
 //! One client as the hub knows it.
 
+use std::net::IpAddr;
 use std::time::Duration;
 
 use hbot_api::{DroppedEvent, EncodeError, Encoding, ErrorBody, Event, RefusedEvent};
@@ -16,6 +17,10 @@ const REFUSED_EVERY: Duration = Duration::from_secs(1);
 pub(super) struct Peer {
     /// What it calls itself; `None` until it has said hello.
     pub(super) name: Option<String>,
+    /// Where it connects from; `None` in tests without sockets.
+    pub(super) address: Option<IpAddr>,
+    /// It has shown a wrong token and waits to be told.
+    pub(super) guessed: bool,
     pub(super) encoding: Encoding,
     pub(super) outbox: Outbox,
     pub(super) task: AbortHandle,
@@ -55,6 +60,8 @@ impl Peer {
     pub(super) fn new(outbox: Outbox, task: AbortHandle) -> Self {
         Self {
             name: None,
+            address: None,
+            guessed: false,
             encoding: Encoding::Json,
             outbox,
             task,

@@ -43,9 +43,16 @@ impl Hub {
 
     /// Gives the lease to a session, or to nobody, and tells all.
     pub(super) fn lease(&mut self, holder: Option<u64>, cause: LeaseCause) {
-        if cause == LeaseCause::Stolen {
-            // The loser's stream must not go on beneath the new holder's.
-            self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
+        // The stream of who loses the lease must not go on under the next holder, or under nobody.
+        match cause {
+            LeaseCause::Stolen => {
+                self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
+            }
+            LeaseCause::Released => {
+                self.order_internally("lease released", Command::ClientLost(OnClientLost::Ramp));
+            }
+            // What the rig file says has been ordered already.
+            LeaseCause::Acquired | LeaseCause::Disconnected => {}
         }
         self.holder = holder;
         let name = self.holder_name();

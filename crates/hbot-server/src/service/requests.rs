@@ -1,14 +1,13 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, Encoding, ErrorBody, ErrorCode, Hello, HelloOk, Id, LeaseCause, Mode, ModeOk, Op,
-    PROTOCOL_VERSION, PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
+    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, PingOk,
+    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde::Serialize;
 use serde_json::json;
-use subtle::ConstantTimeEq as _;
 use tokio::time::Instant;
 
 use super::convert;
@@ -17,16 +16,6 @@ use super::hub::Hub;
 use super::orders::OrderKind;
 
 impl Hub {
-    /// Takes the first message of a connection: how it goes on, if it does.
-    pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
-        let encoding = self.greet(session, message);
-        if encoding.is_none() {
-            // The connection ends once the answer has left.
-            self.peers.remove(&session);
-        }
-        encoding
-    }
-
     /// Takes a later message; false where the client is none any more.
     pub(super) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
         if !self.peers.contains_key(&session) {
@@ -63,56 +52,25 @@ impl Hub {
         self.gone(session);
     }
 
-    fn greet(&mut self, session: u64, message: Result<Request, Refusal>) -> Option<Encoding> {
-        self.stats.events.requests += 1;
-        #[cfg(test)]
-        if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
-            assert_ne!(hello.name, super::tests::PANICS, "as a test asks");
+    /// Whether a message longer than ordinary ones may be read. It is looked at and not parsed.
+    ///
+    /// # Errors
+    /// Its client does not hold the lease, or it is none that may be long.
+    pub(super) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
+        if !may_be_long(message) {
+            let message = format!(
+                "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of load_scene and set",
+                message.len()
+            );
+            return Err(ErrorBody::new(ErrorCode::TooLarge, message));
         }
-        let (id, result) = match message {
-            Ok(Request { id, op: Op::Hello(hello) }) => (id, self.authorize(&hello).map(|()| hello)),
-            Ok(Request { id, op }) => {
-                let message = format!("op {} before hello; legal: hello first", op.name());
-                (id, Err(ErrorBody::new(ErrorCode::BadRequest, message)))
-            }
-            Err(refusal) => (refusal.id, Err(refusal.error)),
-        };
-        let hello = match result {
-            Ok(hello) => hello,
-            Err(error) => {
-                tracing::info!(session, code = %error.code, "no hello");
-                self.respond(session, &Response::error(id, error));
-                return None;
-            }
-        };
-        let answer = HelloOk {
-            server: concat!("hbot ", env!("CARGO_PKG_VERSION")).to_owned(),
-            version: PROTOCOL_VERSION,
-            rig: self.setup.rig.name.clone(),
-            rate_hz: f64::from(self.setup.rig.rate_hz),
-            session,
-        };
-        self.answer_with(session, id, answer);
-        let peer = self.peers.get_mut(&session)?;
-        peer.encoding = hello.encoding;
-        tracing::info!(session, name = hello.name, encoding = %hello.encoding, "hello");
-        peer.name = Some(hello.name);
-        self.tell_status();
-        Some(hello.encoding)
+        self.holding(session, "load_scene or set of this length")
     }
 
-    fn authorize(&self, hello: &Hello) -> Result<(), ErrorBody> {
-        let Some(secret) = &self.setup.token else { return Ok(()) };
-        let shown = hello.token.as_ref().map_or("", |token| token.reveal());
-        // How long it takes tells the token's length at most.
-        if bool::from(secret.as_bytes().ct_eq(shown.as_bytes())) {
-            return Ok(());
-        }
-        let what = if hello.token.is_some() { "is wrong" } else { "is missing" };
-        Err(ErrorBody::new(
-            ErrorCode::Unauthorized,
-            format!("field \"token\" {what}; see the server's token file"),
-        ))
+    /// Notes who stops the rig, for what is told of it.
+    pub(super) fn stopped_by(&mut self, session: u64) {
+        let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
+        self.stopper = name.map(|name| format!("client {name:?} (session {session})"));
     }
 
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
@@ -121,14 +79,19 @@ impl Hub {
             Who::First => {
                 Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first"))
             }
-            Who::Holder if self.holder == Some(session) => Ok(()),
-            Who::Holder => {
-                let holder = self.holder_name();
-                let held = holder.as_ref().map(|name| format!(", which {name:?} holds")).unwrap_or_default();
-                let message = format!("op {} needs the lease{held}: acquire first", op.name());
-                Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
-            }
+            Who::Holder => self.holding(session, op.name()),
         }
+    }
+
+    /// Whether a client holds the lease, as `op` asks.
+    fn holding(&self, session: u64, op: &str) -> Result<(), ErrorBody> {
+        if self.holder == Some(session) {
+            return Ok(());
+        }
+        let holder = self.holder_name();
+        let held = holder.as_ref().map(|name| format!(", which {name:?} holds")).unwrap_or_default();
+        let message = format!("op {op} needs the lease{held}: acquire first");
+        Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
     }
 
     /// Does what is asked and answers, or has it answered later. What takes much room on the stack is apart from it: it would be touched
@@ -201,7 +164,9 @@ impl Hub {
 
     #[inline(never)]
     fn estop(&mut self, session: u64, id: Option<Id>) {
-        tracing::warn!(session, "estop");
+        let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
+        tracing::warn!(session, name, "estop");
+        self.stopped_by(session);
         if self.order(session, id.clone(), "estop", OrderKind::Stop, Command::Estop).is_err() {
             // There is no place for it among those that are answered, but the loop does it in its next tick.
             self.answer_with(session, id, ModeOk { mode: Mode::Estop });

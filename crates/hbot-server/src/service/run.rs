@@ -10,7 +10,6 @@ use std::task::Poll;
 use std::time::Duration;
 
 use hbot_api::{ErrorBody, ErrorCode};
-use hbot_core::inputs::Command;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::task::{Id, JoinError, JoinSet, yield_now};
@@ -22,6 +21,7 @@ use super::outbox::outbox;
 use super::peer::Peer;
 use super::scenes::Measured;
 use super::stats::Summary;
+use super::strangers::Taken;
 use super::{Control, connection};
 use crate::bridge::Bell;
 use crate::flight::{Flight, FlightRecorder};
@@ -38,8 +38,15 @@ struct Connections {
     desk: Desk,
     serving: JoinSet<()>,
     /// Which client a task belongs to.
-    sessions: HashMap<Id, u64>,
+    sessions: HashMap<Id, Session>,
     turned_away: JoinSet<()>,
+}
+
+/// Whom a task serves.
+struct Session {
+    number: u64,
+    /// A program on this machine.
+    local: bool,
 }
 
 /// What woke the service's task.
@@ -100,9 +107,6 @@ pub(super) async fn run(
         match wake {
             Wake::Shutdown => break "the server stops",
             Wake::Rung(Err(_)) => break "the loop is not heard",
-            Wake::Control(Some(Control::Estop)) => {
-                desk.turn(|hub| hub.order_internally("estop by signal", Command::Estop));
-            }
             Wake::Control(Some(Control::Summarize(wanted))) => {
                 // Who no longer waits for it needs none.
                 let _ = wanted.send(Box::new(desk.turn(Hub::summary)));
@@ -192,16 +196,18 @@ impl Connections {
 
     /// Takes a connection in, or turns it away.
     fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
-        // Tasks rather than clients: one that has been refused may still be on its way out.
-        let there = self.serving.len();
         let mut hub = self.desk.hub();
-        if there >= hub.bounds.connections {
+        let local = address.ip().to_canonical().is_loopback();
+        let mut placed = self.taken(&hub).place(&hub.bounds, local);
+        if placed.is_err() && hub.drop_a_guess() {
+            placed = self.taken(&hub).place(&hub.bounds, local);
+        }
+        if let Err(full) = placed {
             hub.stats.events.turned_away += 1;
-            tracing::warn!(%address, "turned away: {there} connections already");
+            tracing::warn!(%address, "turned away: {full}");
             // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
             if hub.setup.encryption.is_none() && self.turned_away.len() < hub.bounds.connections {
-                let message = format!("{there} connections already; try again later");
-                let error = ErrorBody::new(ErrorCode::Busy, message);
+                let error = ErrorBody::new(ErrorCode::Busy, format!("{full}; try again later"));
                 self.turned_away.spawn(connection::turn_away(stream, error));
             }
             return;
@@ -223,8 +229,20 @@ impl Connections {
             inbox,
             hub.bounds,
         ));
-        self.sessions.insert(task.id(), session);
-        hub.peers.insert(session, Peer::new(outbox, task));
+        self.sessions.insert(task.id(), Session { number: session, local });
+        let mut peer = Peer::new(outbox, task);
+        peer.address = Some(address.ip());
+        hub.peers.insert(session, peer);
+    }
+
+    /// The places that are taken.
+    fn taken(&self, hub: &Hub) -> Taken {
+        Taken {
+            // Tasks rather than clients: one that has been refused may still be on its way out.
+            all: self.serving.len(),
+            remote: self.sessions.values().filter(|session| !session.local).count(),
+            strangers: hub.peers.values().filter(|peer| peer.name.is_none()).count(),
+        }
     }
 
     /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.
@@ -234,7 +252,7 @@ impl Connections {
             Some(Err(error)) => error.id(),
             None => return,
         };
-        let Some(session) = self.sessions.remove(&id) else { return };
+        let Some(Session { number: session, .. }) = self.sessions.remove(&id) else { return };
         if let Some(Err(error)) = ended
             && error.is_panic()
         {

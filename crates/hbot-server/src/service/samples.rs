@@ -113,11 +113,16 @@ impl Hub {
             (Mode::Fault, None) => "a fault of unknown cause".to_owned(),
             (Mode::Estop, _) => {
                 self.stats.events.estops += 1;
-                "stopped; reset to go on".to_owned()
+                let by_signal = self.end.take_signalled().then(|| "SIGUSR1".to_owned());
+                let by = self.stopper.take().filter(|_| by_signal.is_none()).or(by_signal);
+                let by = by.map(|by| format!(" by {by}")).unwrap_or_default();
+                format!("stopped{by}; reset to go on")
             }
             (mode, _) if matches!(before, Some(Mode::Fault | Mode::Estop)) => {
                 let mode = convert::mode(mode);
                 tracing::info!(tick, %mode, "reset");
+                // One that found the rig stopped already is not told of.
+                let _ = self.end.take_signalled();
                 self.broadcast_fault(sample, "reset".to_owned());
                 return;
             }

@@ -100,11 +100,6 @@ impl Track {
     /// Checks the points of a path that has some.
     fn check_points(&self, path: &str, report: &mut Report) -> Option<()> {
         let at = join(path, "points");
-        if !self.file.is_empty() {
-            let legal = "points here, or a scene file that names the file".to_owned();
-            report.push(&join(path, "file"), "a file is read with a scene file alone", legal);
-            return None;
-        }
         if self.points.len() < 2 {
             let legal = format!("2 to {MAX_POINTS} points [t, w, x, y, z]");
             report.push(&at, format!("{} points make no path", self.points.len()), legal);
@@ -145,6 +140,12 @@ impl EffectKind for Track {
     const NAME: &'static str = "track";
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
+        // Whatever the path: one that is not used yet may be by a later `set`.
+        if !self.file.is_empty() {
+            let legal = "points here, or a scene file that names the file".to_owned();
+            report.push(&join(path, "file"), "a file is read with a scene file alone", legal);
+            return None;
+        }
         let axis = unit_vector(self.axis, &join(path, "axis"), report);
         let target = target(self.reference, self.anchor, path, report);
         let swing = |to: f64, sweep: f64| {

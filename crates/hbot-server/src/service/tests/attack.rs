@@ -2,6 +2,7 @@
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
+use super::super::reader::READ_AHEAD;
 use super::*;
 
 /// A watcher's round trips while others do their worst: the hub serves it all the same.
@@ -161,15 +162,25 @@ fn the_system_looks_whether_clients_are_still_there() {
 #[test]
 fn the_page_has_the_bounds() {
     let page = include_str!("../../../../../docs/api.md");
-    let Bounds { connections, hello, stuck, outgoing, requests_per_s } = Bounds::default();
+    let Bounds { connections, local, strangers, hello, stuck, outgoing, requests_per_s } = Bounds::default();
     for row in [
-        format!("| connections at a time | {connections} |"),
+        format!(
+            "| connections at a time | {connections}, of them {} from other machines |",
+            connections - local
+        ),
+        format!(
+            "without a hello at a time | {strangers}, of them {} from other machines |",
+            strangers - local
+        ),
         format!("handshake where the port is encrypted | {} s,", hello.as_secs()),
         format!("| messages on their way to a client | {outgoing}, 1 MiB |"),
         format!("| requests a second of one client | {},000; ", requests_per_s / 1000),
         format!("of one record) | {} s |", stuck.as_secs()),
+        format!("{} KiB of what has come", READ_AHEAD / 1024),
+        "2,048 bytes".to_owned(),
     ] {
         assert!(page.contains(&row), "{row}");
     }
     assert_eq!((hello, connections), (Duration::from_secs(2), 64));
+    assert_eq!(hbot_api::MAX_SHORT_REQUEST_BYTES, 2048);
 }

@@ -98,8 +98,11 @@ fn a_rig_that_is_to_be_enabled_at_the_start_is() {
 fn a_signal_stops_the_rig() {
     let bench = bench();
     let mut client = bench.client("watcher");
-    bench.control.blocking_send(Control::Estop).unwrap();
-    assert_eq!(fault_event(&mut client).mode, Mode::Estop);
+    bench.emergency.stop_by_signal();
+    let told = fault_event(&mut client);
+    assert_eq!((told.mode, told.fault), (Mode::Estop, None));
+    assert!(told.message.starts_with("stopped by SIGUSR1; reset"), "{told:?}");
+    assert_eq!(bench.finish().events.estops, 1);
 }
 
 #[test]

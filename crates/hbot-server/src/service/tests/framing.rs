@@ -51,8 +51,30 @@ fn a_line_too_long_is_refused_and_skipped() {
     assert_eq!((&answer["id"], &answer["error"]["code"]), (&Value::Null, &json!("too_large")));
     assert_eq!(raw.answer()["id"], 2, "what follows its newline is read");
     // The longest that is not too long.
-    let data = "x".repeat(hbot_api::MAX_REQUEST_BYTES - r#"{"id":3,"op":"ping","data":""}"#.len() - 1);
+    let data = "x".repeat(hbot_api::MAX_SHORT_REQUEST_BYTES - r#"{"id":3,"op":"ping","data":""}"#.len() - 1);
     assert_eq!(raw.ask(&format!(r#"{{"id":3,"op":"ping","data":"{data}"}}"#))["ok"]["data"], data);
+    let answer = raw.ask(&format!(r#"{{"id":4,"op":"ping","data":"{data}x"}}"#));
+    assert_eq!((&answer["id"], &answer["error"]["code"]), (&Value::Null, &json!("too_large")));
+}
+
+#[test]
+fn scenes_and_parameters_of_the_holder_may_be_long() {
+    let bench = bench();
+    let mut raw = Raw::greeted(&bench);
+    let effects: Vec<Value> = (0..32).map(|k| spring(&format!("a-rather-long-name-of-spring-{k}"))).collect();
+    let load = json!({"id": 1, "op": "load_scene", "scene": {"effect": effects}}).to_string();
+    assert!(load.len() > hbot_api::MAX_SHORT_REQUEST_BYTES);
+    assert_eq!(raw.ask(&load)["error"]["code"], "not_holder");
+    raw.ask(r#"{"id": 2, "op": "acquire"}"#);
+    for _ in 0..3 {
+        let answer = raw.ask(&load);
+        assert_eq!(answer["ok"]["effects"].as_array().map(Vec::len), Some(32), "{answer}");
+    }
+    // What follows a long one is done after it.
+    raw.send(&load);
+    raw.send(r#"{"id": 3, "op": "ping"}"#);
+    let ids = [raw.answer()["id"].clone(), raw.answer()["id"].clone()];
+    assert!(ids.contains(&json!(1)) && ids.contains(&json!(3)), "{ids:?}");
 }
 
 #[test]

@@ -11,6 +11,8 @@ mod lease;
 mod metrics;
 mod overload;
 mod scenes;
+mod stops;
+mod strangers;
 mod tls;
 
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
@@ -28,7 +30,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{Bounds, Control, SetPhenomena, Setup, Status, Summary, serve_within};
-use crate::bridge::bridge;
+use crate::bridge::{EmergencyStop, bridge};
 use crate::engine::{Engine, Line};
 use crate::run_loop::{StopFlag, lockstep};
 use crate::wire::{Memory, SimulatorCall, Wire};
@@ -78,6 +80,7 @@ struct Bench {
     address: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,
     control: mpsc::Sender<Control>,
+    emergency: EmergencyStop,
     status: watch::Receiver<Status>,
     shutdown: Option<oneshot::Sender<()>>,
     stop: StopFlag,
@@ -150,7 +153,7 @@ impl Bench {
                     lockstep(engine, period_ns, ticks, &stop_loop);
                 });
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
-                ready.send((listener.local_addr().unwrap(), ticking)).unwrap();
+                ready.send((listener.local_addr().unwrap(), end.emergency_stop(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
                 let setup = Setup { accuracy, rig, scene: running, phenomena, token, encryption, flight_dir };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
@@ -159,9 +162,9 @@ impl Bench {
                 .await
             })
         });
-        let (address, ticking) = started.recv().unwrap();
+        let (address, emergency, ticking) = started.recv().unwrap();
         let threads = Some((service, ticking));
-        Self { address, rig, control, status: watched, shutdown: Some(shutdown), stop, threads }
+        Self { address, rig, control, emergency, status: watched, shutdown: Some(shutdown), stop, threads }
     }
 
     fn client(&self, name: &str) -> Client {

@@ -86,13 +86,17 @@ fn who_trusts_the_authority_or_the_certificate_itself_is_served_in_both_encoding
             for _ in 0..50 {
                 event(&mut client, "state", |event| matches!(event, Event::State(_)).then_some(()));
             }
-            // Longer than a record either way.
-            let data = json!("x".repeat(60_000));
+            let data = json!("x".repeat(2000));
             assert_eq!(client.ping(data.clone()).unwrap().data, data);
+            // Longer than a record.
+            assert!(client.info().unwrap().to_string().len() > 16 * 1024);
             client.unsubscribe().unwrap();
             while client.next_event(Duration::ZERO).unwrap().is_some() {}
             assert_eq!(client.next_event(Duration::from_millis(1)).unwrap(), None, "a wait that ends");
             client.acquire(false).unwrap();
+            // And the other way.
+            let scene = json!({"name": "x", "y": "x".repeat(60_000)});
+            assert!(client.load_scene(scene).unwrap_err().to_string().contains("y"));
             assert_eq!(client.estop().unwrap(), Mode::Estop);
             assert!(client.reset().is_ok());
         }

@@ -1,0 +1,127 @@
+//! Connections that have not said hello: how many there may be, and what is told of those that guess tokens.
+
+use std::net::IpAddr;
+use std::time::Duration;
+
+use rustix::process::{Resource, getrlimit};
+use tokio::time::Instant;
+
+use super::Bounds;
+
+/// Wrong tokens are told at most this often.
+const TOLD_EVERY: Duration = Duration::from_secs(60);
+
+/// Descriptors that the process may need beyond those of its connections: ports, logs, files, those who are turned away.
+const OTHER_DESCRIPTORS: u64 = 128;
+
+/// What to tell a user whose system lets the process have too few descriptors for all places.
+pub(crate) fn too_few_descriptors() -> Option<String> {
+    few_descriptors(getrlimit(Resource::Nofile).current)
+}
+
+fn few_descriptors(limit: Option<u64>) -> Option<String> {
+    let needed = Bounds::default().connections as u64 + OTHER_DESCRIPTORS;
+    let limit = limit.filter(|limit| *limit < needed)?;
+    Some(format!(
+        "the system lets this process open {limit} files: too few for {} connections, so that one may be refused that would stop the \
+         rig; ulimit -n {needed} or more",
+        Bounds::default().connections
+    ))
+}
+
+/// Places that are taken when a connection comes.
+pub(super) struct Taken {
+    pub(super) all: usize,
+    /// By other machines.
+    pub(super) remote: usize,
+    /// Without a hello so far.
+    pub(super) strangers: usize,
+}
+
+impl Taken {
+    /// Whether there is a place for one more connection, from this machine (`local`) or another. However many other machines take,
+    /// some places are left for a program on this one, to stop the rig.
+    ///
+    /// # Errors
+    /// Why not, in words.
+    pub(super) fn place(&self, bounds: &Bounds, local: bool) -> Result<(), String> {
+        let kept = if local { 0 } else { bounds.local };
+        if self.all >= bounds.connections {
+            return Err(format!("{} connections already", self.all));
+        }
+        if !local && self.remote + kept >= bounds.connections {
+            return Err(format!("{} connections from other machines already", self.remote));
+        }
+        if self.strangers + kept >= bounds.strangers {
+            return Err(format!("{} connections without a hello already", self.strangers));
+        }
+        Ok(())
+    }
+}
+
+/// Wrong tokens since they were last told of.
+#[derive(Default)]
+pub(super) struct WrongTokens {
+    count: u64,
+    last: Option<IpAddr>,
+    told: Option<Instant>,
+}
+
+impl WrongTokens {
+    /// Counts one more.
+    pub(super) fn add(&mut self, address: Option<IpAddr>) {
+        self.count += 1;
+        self.last = address;
+        self.tell(Instant::now());
+    }
+
+    /// Warns of those that have come, at most once a minute. Returns how many it told of.
+    pub(super) fn tell(&mut self, now: Instant) -> Option<u64> {
+        if self.count == 0 || self.told.is_some_and(|told| now < told + TOLD_EVERY) {
+            return None;
+        }
+        self.told = Some(now);
+        let count = std::mem::take(&mut self.count);
+        let address =
+            self.last.map_or_else(|| "an unknown address".to_owned(), |address| address.to_string());
+        tracing::warn!(count, "wrong tokens were shown, the last from {address}");
+        Some(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_kept_for_this_machine() {
+        let bounds = Bounds { connections: 10, local: 2, strangers: 5, ..Bounds::default() };
+        let place = |all, remote, strangers, local| Taken { all, remote, strangers }.place(&bounds, local);
+        assert_eq!(place(9, 7, 2, false), Ok(()));
+        assert!(place(9, 8, 2, false).unwrap_err().contains("8 connections from other machines"));
+        assert_eq!(place(9, 8, 2, true), Ok(()));
+        assert!(place(9, 1, 3, false).unwrap_err().contains("3 connections without a hello"));
+        assert_eq!(place(9, 1, 4, true), Ok(()));
+        assert!(place(9, 1, 5, true).is_err());
+        assert!(place(10, 1, 0, true).unwrap_err().contains("10 connections"));
+    }
+
+    #[test]
+    fn too_few_descriptors_are_told() {
+        assert_eq!((few_descriptors(None), few_descriptors(Some(1024))), (None, None));
+        assert!(few_descriptors(Some(64)).unwrap().contains("open 64 files"));
+    }
+
+    #[test]
+    fn wrong_tokens_are_told_at_most_once_a_minute() {
+        let mut wrong = WrongTokens::default();
+        wrong.add("192.0.2.1".parse().ok());
+        let told = wrong.told.expect("the first at once");
+        for _ in 0..1000 {
+            wrong.add(None);
+        }
+        assert_eq!(wrong.tell(told + TOLD_EVERY / 2), None);
+        assert_eq!(wrong.tell(told + TOLD_EVERY), Some(1000));
+        assert_eq!(wrong.tell(told + 3 * TOLD_EVERY), None, "nothing new");
+    }
+}

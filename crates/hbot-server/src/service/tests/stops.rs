@@ -1,0 +1,252 @@
+//! A stop waits for nothing: not for other clients, not for its own client's requests, not for a message that can be read.
+
+use hbot_api::{Event, TorqueCommand};
+use hbot_core::inputs::Command;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
+use tokio::task::yield_now;
+
+use super::super::desk::Desk;
+use super::connection::{greeted_in_json, still};
+use super::*;
+use crate::bridge::LoopEnd;
+
+const SET: &str = "{\"op\":\"set\",\"effect\":\"spring\",\"stiffness\":1}\n";
+const ESTOP: &[u8] = b"{\"id\":\"stop\",\"op\":\"estop\"}\n";
+
+/// A request of 64 KiB that took milliseconds to parse.
+fn long_ping() -> Vec<u8> {
+    format!("{{\"op\":\"ping\",\"data\":[{}]}}\n", vec!["{\"a\":0}"; 8000].join(",")).into_bytes()
+}
+
+/// Reads all that comes and lets it go.
+fn swallow(mut from: tokio::io::ReadHalf<DuplexStream>) {
+    tokio::spawn(async move {
+        let mut piece = vec![0; 64 * 1024];
+        while from.read(&mut piece).await.is_ok_and(|n| n > 0) {}
+    });
+}
+
+fn requests(desk: &Desk) -> u64 {
+    desk.hub().stats.events.requests
+}
+
+/// Times that other tasks run until the loop is told to stop.
+async fn turns_to_a_stop(loop_end: &LoopEnd) -> u32 {
+    for turn in 0..100_000 {
+        if loop_end.take_estop() {
+            return turn;
+        }
+        yield_now().await;
+    }
+    panic!("nothing stops the loop");
+}
+
+#[tokio::test]
+async fn clients_that_flood_keep_no_stop_from_the_loop() {
+    const FLOODS: u64 = 58;
+    let (loop_end, desk) = still();
+    for _ in 0..FLOODS {
+        let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+        swallow(from);
+        tokio::spawn(async move {
+            let flood = long_ping().repeat(16);
+            while to.write_all(&flood).await.is_ok() {}
+        });
+    }
+    let mut stopper = greeted_in_json(&desk, 1 << 20).await;
+    for _ in 0..5 {
+        yield_now().await;
+        let before = requests(&desk);
+        stopper.write_all(ESTOP).await.unwrap();
+        let turns = turns_to_a_stop(&loop_end).await;
+        let others = requests(&desk) - before;
+        // Three tasks a client, of which the scheduler runs 61 between two looks of this test.
+        assert!(turns <= 6, "{turns} times 61 tasks");
+        // A piece of 16 KiB ends a turn, so there are fewer than one of these requests a client.
+        assert!(others <= FLOODS, "{others} requests of others");
+    }
+}
+
+#[tokio::test]
+async fn what_is_read_in_one_turn_is_bounded_whatever_the_pieces() {
+    let (_loop_end, desk) = still();
+    let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+    swallow(from);
+    // Short enough to be parsed, and more of them than a turn may have in what the pipe holds.
+    let ping = format!("{{\"op\":\"ping\",\"data\":\"{}\"}}\n", "x".repeat(2000));
+    to.write_all(ping.repeat(500).as_bytes()).await.unwrap();
+    let (mut most, mut before) = (0, requests(&desk));
+    for _ in 0..60 {
+        yield_now().await;
+        let now = requests(&desk);
+        most = most.max(now - before);
+        before = now;
+    }
+    assert!((1..=2).contains(&most), "{most} requests in a turn");
+}
+
+#[tokio::test]
+async fn a_stop_behind_requests_that_wait_is_found_at_once() {
+    for (requests_before, op) in [(400, "{\"op\":\"info\"}\n"), (3000, SET)] {
+        let (loop_end, desk) = still();
+        let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+        swallow(from);
+        to.write_all(op.repeat(requests_before).as_bytes()).await.unwrap();
+        to.write_all(ESTOP).await.unwrap();
+        let before = requests(&desk);
+        let _ = turns_to_a_stop(&loop_end).await;
+        let done = requests(&desk) - before;
+        assert!(done <= 25, "{done} of {requests_before} x {op} came first");
+    }
+}
+
+#[tokio::test]
+async fn what_comes_before_a_stop_in_the_queue_gives_no_torque_after_it() {
+    let (loop_end, desk) = still();
+    let mut client = greeted_in_json(&desk, 1 << 20).await;
+    client.write_all(b"{\"op\":\"acquire\"}\n").await.unwrap();
+    // More than come at once, so that `enable` waits.
+    let text = format!("{}{{\"id\":1,\"op\":\"enable\"}}\n{}", SET.repeat(150), SET.repeat(400));
+    client.write_all(text.as_bytes()).await.unwrap();
+    client.write_all(ESTOP).await.unwrap();
+    let _ = turns_to_a_stop(&loop_end).await;
+    let mut lines = tokio::io::BufReader::new(client);
+    let enable = loop {
+        let mut line = String::new();
+        tokio::io::AsyncBufReadExt::read_line(&mut lines, &mut line).await.unwrap();
+        let answer: Value = serde_json::from_str(&line).unwrap();
+        if answer["id"] == 1 {
+            break answer;
+        }
+    };
+    assert_eq!(enable["error"]["code"], "faulted", "{enable}");
+}
+
+#[tokio::test]
+async fn a_disable_behind_requests_that_wait_is_done_before_them() {
+    let (mut loop_end, desk) = still();
+    let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+    swallow(from);
+    to.write_all(SET.repeat(3000).as_bytes()).await.unwrap();
+    to.write_all(b"{\"op\":\"disable\"}\n").await.unwrap();
+    let before = requests(&desk);
+    let order = loop {
+        if let Ok(order) = loop_end.orders.pop() {
+            break order;
+        }
+        yield_now().await;
+    };
+    assert_eq!(order.command, Command::Disable);
+    assert!(requests(&desk) - before <= 25);
+}
+
+#[tokio::test]
+async fn a_signal_needs_nothing_of_the_service() {
+    let (loop_end, desk) = still();
+    let stop = desk.hub().end.emergency_stop();
+    // As in the midst of a turn that never ends.
+    let busy = desk.hub();
+    std::thread::spawn(move || stop.stop_by_signal()).join().unwrap();
+    assert!(loop_end.take_estop() && !loop_end.take_estop());
+    drop(busy);
+}
+
+#[test]
+fn an_estop_in_any_shape_stops_the_rig() {
+    let bench = bench();
+    let mut holder = bench.holder();
+    let mut raw = Raw::greeted(&bench);
+    let long = format!(r#"{{"op":"estop","x":"{}"}}"#, "x".repeat(10_000));
+    let longest = format!(r#"{{"x":"{}","op":"estop"}}"#, "x".repeat(70_000));
+    let deep = format!(r#"{{"op":"estop","x":{}{}}}"#, "[".repeat(65), "]".repeat(65));
+    let id = format!(r#"{{"id":"{}","op":"estop"}}"#, "x".repeat(129));
+    let shapes: [&[u8]; 16] = [
+        br#"{"op":"estop"}"#,
+        br#"{"id":1.0,"op":"estop"}"#,
+        br#"{"id":true,"op":"estop"}"#,
+        br#"{"id":[1],"op":"estop"}"#,
+        br#"{"id":9223372036854775808,"op":"estop"}"#,
+        id.as_bytes(),
+        br#"{"op":"estop","op":"ping"}"#,
+        br#"{"op":"estop","x":NaN}"#,
+        br#"{"op":"estop","x":1e999}"#,
+        br#"{"op":"estop",}"#,
+        deep.as_bytes(),
+        b"{\"op\":\"estop\",\"x\":\"\xff\"}",
+        br#"{"op":"ESTOP"}"#,
+        b"\xef\xbb\xbf[{\"op\":\"estop\"}]",
+        long.as_bytes(),
+        longest.as_bytes(),
+    ];
+    for shape in shapes {
+        holder.call(Op::Reset).unwrap();
+        raw.bytes(shape);
+        raw.bytes(b"\n");
+        bench.wait_for(Mode::Estop);
+        let answer = raw.answer();
+        assert_eq!(answer["id"], Value::Null, "{answer}");
+        if shape.len() < 65_536 {
+            assert_eq!(answer["ok"]["mode"], "estop", "{answer}");
+        }
+    }
+    // With an id that can be read, it is repeated.
+    holder.call(Op::Reset).unwrap();
+    assert_eq!(raw.ask(r#"{"op":"estop","why":[1],"id":7}"#)["id"], 7);
+}
+
+#[test]
+fn an_estop_in_any_shape_of_messagepack_stops_the_rig() {
+    let bench = bench();
+    let mut holder = bench.holder();
+    let mut raw = bench.raw();
+    raw.send(r#"{"op": "hello", "version": 1, "name": "m", "encoding": "msgpack"}"#);
+    raw.line();
+    for map in [
+        &b"\x82\xa2op\xa5estop\xa2id\xcb\x3f\xf0\0\0\0\0\0\0"[..],
+        b"\x82\xa2op\xa5estop\xa1x\xd4\x01a",
+        b"\x82\xa2op\xa5estop\xa1x\xc4\x01a",
+        b"\x82\xa2op\xa5estop\x01\x02",
+        b"\x81\xa2op\xc4\x05estop",
+        b"\x81\xa2op\xa5estop\xc0",
+        b"\x82\xa2op\xa5estop\xa1x",
+    ] {
+        holder.call(Op::Reset).unwrap();
+        raw.bytes(&u32::try_from(map.len()).unwrap().to_be_bytes());
+        raw.bytes(map);
+        bench.wait_for(Mode::Estop);
+    }
+}
+
+#[test]
+fn who_has_stopped_the_rig_is_told() {
+    let bench = bench();
+    let mut watcher = bench.client("watcher");
+    let mut stopper = bench.client("a \"careful\" one");
+    stopper.call(Op::Estop).unwrap();
+    let told = fault_event(&mut watcher).message;
+    assert!(told.starts_with(r#"stopped by client "a \"careful\" one" (session 2); reset"#), "{told}");
+}
+
+#[test]
+fn a_release_ends_the_stream() {
+    let bench = bench();
+    let mut holder = bench.active();
+    holder.call(scene(json!({"effect": []}))).unwrap();
+    holder.subscribe(1).unwrap();
+    let torque = TorqueCommand { torque: [0.0, 0.05, 0.0], valid_ms: 1000, tick: None, seq: None };
+    let pushes = |state: &hbot_api::StateEvent| state.torque[1] > 0.02;
+    let mut next = |what: &str, found: &dyn Fn(&hbot_api::StateEvent) -> bool| {
+        event(&mut holder, what, |event| match event {
+            Event::State(state) if found(state) => Some(state.tick),
+            _ => None,
+        })
+    };
+    let mut other = bench.client("other");
+    other.call(Op::Acquire { steal: true }).unwrap();
+    other.call(Op::Torque(torque)).unwrap();
+    let begun = next("torque", &pushes);
+    other.call(Op::Release).unwrap();
+    let ended = next("end of the torque", &|state| state.tick > begun && !pushes(state));
+    // It would have held for 1000 ticks; it ramps out in 20, from wherever the release finds it.
+    assert!(ended < begun + 900, "{} ticks", ended - begun);
+}

@@ -1,0 +1,95 @@
+//! Those who have not said hello take little.
+
+use super::*;
+
+fn with_token() -> Bench {
+    Bench::start(Options { token: Some("open sesame".to_owned()), ..Options::default() })
+}
+
+#[test]
+fn a_first_message_is_short_and_flat() {
+    let bench = bench();
+    let hello = |more: &str| format!(r#"{{"id": 1, "op": "hello", "version": 1, "name": "a"{more}}}"#);
+    let long = hello(&format!(r#", "x": "{}""#, "x".repeat(2048)));
+    let deep = hello(r#", "x": [1]"#);
+    for (line, code, words) in [(long, "too_large", "2048"), (deep, "bad_request", "nested too deep")] {
+        let mut raw = bench.raw();
+        raw.send(&line);
+        let answer = raw.line();
+        assert_eq!(answer["error"]["code"], code, "{answer}");
+        assert!(answer["error"]["message"].as_str().unwrap().contains(words), "{answer}");
+        assert_eq!(raw.rest(), "");
+    }
+}
+
+#[test]
+fn a_stranger_stops_nothing_however_the_bytes_come() {
+    let bench = with_token();
+    let mut raw = bench.raw();
+    raw.bytes(b"{\"op\":\"hello\",\"version\":1,\"name\":\"a\",\"token\":\"guess\"}\n{\"op\":\"estop\"}\n");
+    assert_eq!(raw.line()["error"]["code"], "unauthorized");
+    let mut raw = bench.raw();
+    raw.bytes(b"\x81\xa2op\xa5estop\n{\"op\":\"estop\"}\n");
+    assert_eq!(raw.line()["error"]["code"], "bad_request");
+    bench.wait_ticks(50);
+    assert_eq!(bench.finish().events.estops, 0);
+}
+
+#[test]
+fn those_who_say_no_hello_leave_places_to_those_who_do() {
+    let bounds = Bounds { strangers: 3, ..Options::default().bounds };
+    let bench = Bench::start(Options { bounds, ..Options::default() });
+    let clients: Vec<_> = (0..5).map(|k| bench.client(&format!("c{k}"))).collect();
+    let silent: Vec<_> = (0..3).map(|_| bench.raw()).collect();
+    eventually("one too many", || {
+        let mut one_more = bench.raw();
+        one_more.send(r#"{"op": "hello", "version": 1, "name": "late"}"#);
+        one_more.line()["error"]["code"] == "busy"
+    });
+    drop(silent);
+    eventually("a place", || Client::connect(&bench.address.to_string(), "later").is_ok());
+    drop(clients);
+}
+
+#[test]
+fn who_shows_a_wrong_token_waits_for_the_answer_and_nobody_else_does() {
+    let bench = with_token();
+    let start = Instant::now();
+    let guess = r#"{"id": 1, "op": "hello", "version": 1, "name": "guess", "token": "open says me"}"#;
+    let mut guesses: Vec<_> = (0..5)
+        .map(|_| {
+            let mut raw = bench.raw();
+            raw.send(guess);
+            raw
+        })
+        .collect();
+    let options =
+        ConnectOptions { token: Some("open sesame".to_owned().into()), ..ConnectOptions::new("right") };
+    Client::connect_with(&bench.address.to_string(), &options).unwrap();
+    for raw in &mut guesses {
+        let answer = raw.line();
+        assert_eq!((&answer["id"], &answer["error"]["code"]), (&json!(1), &json!("unauthorized")));
+        assert!(start.elapsed() >= Duration::from_millis(500), "{:?}", start.elapsed());
+        assert_eq!(raw.rest(), "");
+    }
+}
+
+#[test]
+fn those_who_guess_tokens_take_no_place_from_those_who_know_one() {
+    let bounds = Bounds { strangers: 3, ..Options::default().bounds };
+    let token = Some("open sesame".to_owned());
+    let bench = Bench::start(Options { bounds, token: token.clone(), ..Options::default() });
+    let guess = r#"{"op": "hello", "version": 1, "name": "guess", "token": "open says me"}"#;
+    let options = ConnectOptions { token: token.map(Into::into), ..ConnectOptions::new("right") };
+    let mut guesses = Vec::new();
+    for _ in 0..5 {
+        for _ in 0..3 {
+            let mut raw = bench.raw();
+            raw.send(guess);
+            guesses.push(raw);
+        }
+        // So that all have been read: where one still was, its place would be its own.
+        eventually("the right one", || Client::connect_with(&bench.address.to_string(), &options).is_ok());
+    }
+    drop(guesses);
+}
