@@ -9,7 +9,6 @@ mod rig;
 mod scene;
 mod server;
 mod status;
-mod study;
 mod style;
 mod watch;
 
@@ -42,9 +41,6 @@ enum Command {
     /// Check rig files
     #[command(subcommand)]
     Rig(rig::RigCommand),
-    /// Measure on this machine what accuracy and effects cost and where stability ends, rerun the paper, look for better designs
-    #[command(subcommand)]
-    Study(study::StudyCommand),
     /// Check this machine for real-time use and serial access, measure, and say how to mend what is wanting
     Doctor(doctor::DoctorArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
@@ -55,6 +51,13 @@ enum Command {
     Enable(ServerAddress),
     /// Leave a fault or an emergency stop, once its cause is gone
     Reset(ServerAddress),
+    /// Says which program runs the studies
+    #[command(hide = true, disable_help_flag = true, disable_version_flag = true)]
+    Study {
+        /// What the study was asked for.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        words: Vec<String>,
+    },
 }
 
 /// Which server.
@@ -80,12 +83,21 @@ impl Cli {
             Command::Watch(args) => watch::run(&args),
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
-            Command::Study(command) => study::run(command),
             Command::Doctor(args) => doctor::run(args),
             Command::Estop(address) => commands::run(&address, commands::Order::Estop),
             Command::Disable(address) => commands::run(&address, commands::Order::Disable),
             Command::Enable(address) => commands::run(&address, commands::Order::Enable),
             Command::Reset(address) => commands::run(&address, commands::Order::Reset),
+            Command::Study { words } => Ok(studies_are_elsewhere(&words)),
         }
     }
+}
+
+/// Says with which command the study runs that `words` ask for. The exit code is that of a wrong command line.
+fn studies_are_elsewhere(words: &[String]) -> ExitCode {
+    let words = if words.is_empty() { "--help".to_owned() } else { words.join(" ") };
+    out::error(&format!(
+        "studies are a program by themselves; run `cargo run --release -p hbot-study -- {words}`"
+    ));
+    ExitCode::from(2)
 }

@@ -8,9 +8,9 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_server::expectation::{self, Expectation};
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::{Control, Status};
-use hbot_study::expectation::{self, Expectation};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 

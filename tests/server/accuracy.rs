@@ -1,5 +1,9 @@
 //! What the server says of its methods at start, and methods by the error that they may make.
 
+use hbot_config::RigConfig;
+use hbot_server::expectation;
+use hbot_study::{Interrupt, Options, Study};
+
 use crate::process::Process;
 
 /// The line of the methods.
@@ -29,4 +33,18 @@ fn a_target_picks_methods_that_are_as_cheap_as_it_allows() {
     // The counts' own error is 1e-4 rad: no better method is called for.
     let line = methods(&["--accuracy-target", "3e-4"]);
     assert!(line.contains("midpoint"), "{line}");
+}
+
+/// What the server says at start is the whole tick's error of the accuracy study, by another way: the scene's torque moves
+/// nothing here. Both are the largest over 10 s, of counts that are off differently by where the motion begins: within a
+/// factor of 2.
+#[test]
+fn what_it_says_is_what_the_study_finds() {
+    let options = Options { out: None, quick: true, counter: None };
+    let report =
+        hbot_study::measure(Study::Accuracy, &options, &Interrupt::default()).expect("nobody stops it");
+    let figure = report.figures().iter().find(|figure| figure.id == "tick_balanced_error_rad");
+    let whole = figure.expect("a figure that was promised").value;
+    let expected = expectation::of(&RigConfig::prototype().rig).error;
+    assert!(expected < 2.0 * whole && whole < 2.0 * expected, "{expected:e} against {whole:e}");
 }

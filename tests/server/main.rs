@@ -14,6 +14,5 @@ mod replay;
 mod safety;
 mod scenes;
 mod start;
-mod study;
 mod tls;
 mod wall;
