@@ -7,6 +7,7 @@ mod files;
 mod paper;
 mod paper_rig;
 mod program;
+mod quoted;
 mod stability;
 
 use std::collections::HashSet;
