@@ -136,8 +136,11 @@ mod tests {
         }
         assert!(svg.starts_with(r#"<svg width="840" height="540""#), "{}", &svg[..60]);
         // Without a name there is no legend, and its room is the plane's.
-        assert!(sheet("A scene", &[alone.clone()], None).contains("angle"));
+        assert!(sheet("A scene", std::slice::from_ref(&alone), None).contains("angle"));
         let discs = Hemispheres::new("energy", |direction| direction.z);
-        assert!(sheet("A scene", &[alone], Some(&discs)).starts_with(r#"<svg width="840" height="730""#));
+        assert!(
+            sheet("A scene", std::slice::from_ref(&alone), Some(&discs))
+                .starts_with(r#"<svg width="840" height="730""#)
+        );
     }
 }

@@ -132,17 +132,21 @@ fn still(probe: &Probe, time: f64, every: u64) -> Panel {
     let curves = probe.still(time, every);
     let most = span(curves.iter().flatten());
     let names = ["about x", "about y", "about z"];
-    let curve = |(i, (points, name)): (usize, (Vec<(f64, f64)>, &str))| Curve {
-        name: Some(name.to_owned()),
-        points,
-        colour: Some(i),
-        dashed: false,
-    };
     Panel {
         x: "time, s, held still".to_owned(),
         y: "torque, N m".to_owned(),
         x_range: (0.0..time, 11),
         y_range: -most..most,
-        curves: curves.into_iter().zip(names).enumerate().map(curve).collect(),
+        curves: curves
+            .into_iter()
+            .zip(names)
+            .enumerate()
+            .map(|(i, (points, name))| Curve {
+                name: Some(name.to_owned()),
+                points,
+                colour: Some(i),
+                dashed: false,
+            })
+            .collect(),
     }
 }
