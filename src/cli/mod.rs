@@ -10,7 +10,6 @@ mod scene;
 mod secrets;
 mod server;
 mod status;
-mod study;
 mod style;
 mod watch;
 
@@ -45,9 +44,6 @@ enum Command {
     /// Check rig files
     #[command(subcommand)]
     Rig(rig::RigCommand),
-    /// Measure on this machine what accuracy and effects cost and where stability ends, rerun the paper, look for better designs
-    #[command(subcommand)]
-    Study(study::StudyCommand),
     /// Check this machine for real-time use and serial access, measure, and say how to mend what is wanting
     Doctor(doctor::DoctorArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
@@ -61,6 +57,13 @@ enum Command {
     /// Started by `hbot server` and `hbot rig`: switches motors off where they cannot
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
+    /// Says which program runs the studies
+    #[command(hide = true, disable_help_flag = true, disable_version_flag = true)]
+    Study {
+        /// What the study was asked for.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        words: Vec<String>,
+    },
 }
 
 /// Which server.
@@ -86,7 +89,6 @@ impl Cli {
             Command::Watch(args) => watch::run(&args),
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
-            Command::Study(command) => study::run(command),
             Command::Doctor(args) => doctor::run(args),
             Command::Estop(address) => commands::run(&address, commands::Order::Estop),
             Command::Disable(address) => commands::run(&address, commands::Order::Disable),
@@ -97,6 +99,16 @@ impl Cli {
                 let _ = hbot_server::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
                 Ok(ExitCode::SUCCESS)
             }
+            Command::Study { words } => Ok(studies_are_elsewhere(&words)),
         }
     }
+}
+
+/// Says with which command the study runs that `words` ask for. The exit code is that of a wrong command line.
+fn studies_are_elsewhere(words: &[String]) -> ExitCode {
+    let words = if words.is_empty() { "--help".to_owned() } else { words.join(" ") };
+    out::error(&format!(
+        "studies are a program by themselves; run `cargo run --release -p hbot-study -- {words}`"
+    ));
+    ExitCode::from(2)
 }

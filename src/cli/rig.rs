@@ -160,7 +160,7 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )?;
     let stage = if config.rig.methods.passivity.is_some() { "on" } else { "off" };
     say!(
-        "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: hbot study stability"
+        "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: docs/stability.md"
     )
 }
 

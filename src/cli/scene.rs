@@ -1,7 +1,6 @@
 //! `hbot scene check`, `load`, `plot` and `list`.
 
 mod list;
-mod picture;
 mod plot;
 mod sweep;
 

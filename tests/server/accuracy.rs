@@ -1,5 +1,10 @@
 //! What the server says of its methods at start, and methods by the error that they may make.
 
+use hbot_config::RigConfig;
+use hbot_core::rig::OdometryMethod;
+use hbot_server::expectation;
+use hbot_study::{Interrupt, Options, Study};
+
 use crate::process::Process;
 
 /// The line of the methods.
@@ -29,4 +34,42 @@ fn a_target_picks_methods_that_are_as_cheap_as_it_allows() {
     // The counts' own error is 1e-4 rad: no better method is called for.
     let line = methods(&["--accuracy-target", "3e-4"]);
     assert!(line.contains("midpoint"), "{line}");
+}
+
+/// What the server says at start is the whole tick's error of the accuracy study, by another way: the scene's torque moves
+/// nothing here. Both are the largest over 10 s, of counts that are off differently by where the motion begins: within a
+/// factor of 2.
+#[test]
+fn what_it_says_is_what_the_study_finds() {
+    let options = Options { out: None, quick: true, counter: None };
+    let report =
+        hbot_study::measure(Study::Accuracy, &options, &Interrupt::default()).expect("nobody stops it");
+    let figure = report.figures().iter().find(|figure| figure.id == "tick_balanced_error_rad");
+    let whole = figure.expect("a figure that was promised").value;
+    let expected = expectation::of(&RigConfig::prototype().rig).error;
+    assert!(expected < 2.0 * whole && whole < 2.0 * expected, "{expected:e} against {whole:e}");
+}
+
+/// The figures of the prototype that docs/accuracy.md quotes. They are the same on every machine.
+#[test]
+fn the_page_quotes_what_it_says() {
+    let page = include_str!("../../docs/accuracy.md").split_whitespace().collect::<Vec<_>>().join(" ");
+    let rig = RigConfig::prototype().rig;
+    let own = expectation::of(&rig);
+    let all = expectation::of_all(&rig);
+    let of =
+        |method: OdometryMethod| all.iter().find(|choice| choice.odometry == method).expect("all methods");
+    let best = all.iter().map(|choice| choice.error).fold(f64::INFINITY, f64::min);
+    for said in [
+        format!("errs by {:.1e} rad in {}", own.error, own.motion()),
+        format!(
+            "Euler down to {:.0e} rad, midpoint down to {:.1e}, and nothing below",
+            of(OdometryMethod::Euler).error,
+            of(OdometryMethod::Midpoint).error
+        ),
+    ] {
+        assert!(page.contains(&said), "docs/accuracy.md should say:\n{said}");
+    }
+    // "Nothing below": to the digits that are said.
+    assert_eq!(format!("{best:.1e}"), format!("{:.1e}", of(OdometryMethod::Midpoint).error));
 }

@@ -1,8 +1,9 @@
-//! `hbot study design`: the rig files that it writes are rigs, for `hbot rig check` and for a server.
+//! The rig files that the design study writes are rigs, for `hbot rig check` and for a server.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use hbot_study::{Interrupt, Options, Study};
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 
@@ -39,13 +40,10 @@ fn assert_is_a_rig(rig: &Path, wheels: &str, state: &Path) {
 fn every_rig_file_of_the_design_study_is_checked_and_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    assert_cmd::Command::from_std(hbot())
-        .args(["study", "design", "--quick", "--out"])
-        .arg(&out)
-        .timeout(Duration::from_secs(600))
-        .assert()
-        .success()
-        .stdout(contains("report.html"));
+    let options = Options { out: Some(out.clone()), quick: true, counter: None };
+    let (report, _) =
+        hbot_study::run(Study::Design, &options, &Interrupt::default()).expect("nobody stops it");
+    assert!(report.holds());
     let rigs = rigs(&out);
     for wheels in ["2w", "3w", "4w"] {
         let name = format!("design_{wheels}_");

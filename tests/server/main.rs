@@ -16,6 +16,5 @@ mod safety;
 mod scenes;
 mod start;
 mod stop;
-mod study;
 mod tls;
 mod wall;

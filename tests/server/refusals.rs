@@ -166,3 +166,18 @@ fn what_is_legal_checks_out() {
         run(&["scene", "check", scene.to_str().expect("UTF-8")]).success();
     }
 }
+
+/// One line, which names the command to run instead.
+#[test]
+fn a_study_is_a_program_by_itself() {
+    for (args, words) in [
+        (&["study", "accuracy", "--quick", "--out", "/tmp/x"][..], "accuracy --quick --out /tmp/x"),
+        (&["study"], "--help"),
+        (&["study", "--help"], "--help"),
+    ] {
+        let command = format!("run `cargo run --release -p hbot-study -- {words}`\n");
+        let one_line = predicates::function::function(|text: &str| text.lines().count() == 1);
+        run(args).code(2).stderr(contains(command).and(one_line)).stdout("");
+    }
+    run(&["--help"]).success().stdout(contains("study").not());
+}

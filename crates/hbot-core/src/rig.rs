@@ -159,6 +159,21 @@ pub enum OdometryMethod {
     Magnus4,
 }
 
+impl OdometryMethod {
+    /// Every method, by rising order.
+    pub const ALL: [Self; 3] = [Self::Euler, Self::Midpoint, Self::Magnus4];
+
+    /// Its name in rig files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Euler => "euler",
+            Self::Midpoint => "midpoint",
+            Self::Magnus4 => "magnus4",
+        }
+    }
+}
+
 /// The way of the joints between two readings: a polynomial in time through the last ones (physics notes, section 4).
 ///
 /// It is evaluated over the last interval, which lies inside the readings that it goes through: nothing is
@@ -171,6 +186,21 @@ pub enum PathFit {
     Quadratic,
     /// Through the last four.
     Cubic,
+}
+
+impl PathFit {
+    /// Every fit, by rising order.
+    pub const ALL: [Self; 3] = [Self::Straight, Self::Quadratic, Self::Cubic];
+
+    /// Its name in rig files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Straight => "straight",
+            Self::Quadratic => "quadratic",
+            Self::Cubic => "cubic",
+        }
+    }
 }
 
 /// How a torque on the sphere becomes joint torques (physics notes, section 7).

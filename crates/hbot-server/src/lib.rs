@@ -10,8 +10,8 @@
 //! 4. [`bridge`]: wait-free rings between that thread and everything else; [`sample`]: what a tick publishes.
 //! 5. [`service`]: clients over TCP, the lease, scenes, statistics; [`flight`]: the log of what led to a fault.
 //! 6. [`bringup`]: one joint at a time, and calibration; [`signals`] that end it; [`doctor`]: whether a machine can keep the loop's time.
-//! 7. [`server`]: all of it put together, started and stopped; [`stop_signal`]: an emergency stop past the service; [`phenomena`]: what a scene wants of the simulated rig;
-//!    [`stiffness`]: what a rig can be expected to render.
+//! 7. [`server`]: all of it put together, started and stopped; [`stop_signal`]: an emergency stop past the service;
+//!    [`expectation`]: what a rig's methods cost on this machine and what they err; [`stiffness`]: what a rig can render.
 
 pub mod bridge;
 pub mod bringup;
@@ -21,6 +21,7 @@ mod early;
 pub mod engine;
 #[cfg(test)]
 mod engine_tests;
+pub mod expectation;
 pub mod flight;
 pub mod handshake;
 pub mod last_word;
@@ -28,7 +29,6 @@ pub mod last_word;
 mod line_tests;
 pub mod metrics;
 pub mod pace;
-pub mod phenomena;
 mod port;
 pub mod processor;
 pub mod realtime;

@@ -10,16 +10,22 @@
 //! | [`controller`] | the firmware at the far end of the line: counts, torques, watchdog, faults |
 //! | [`hand`] | a person's hand on the sphere |
 //! | [`phenomena`] | the figures of what a real rig shows besides |
+//! | [`scene`] | the phenomena that a scene file asks for |
 //! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
+//! | [`motion`] | true motions of a sphere that does not slip, for measuring methods of odometry |
+//! | [`extrapolation`] | the integrator to rounding that they are made by |
 //!
 //! Everything but [`pty`] is a pure function of what comes in: no clock, no thread, no allocation after the start, and
 //! the same bits on every machine. `docs/simulator.md` has the measurements.
 
 pub mod controller;
 pub mod exchange;
+pub mod extrapolation;
 pub mod hand;
 mod impairment;
+pub mod motion;
 pub mod phenomena;
 pub mod plant;
 pub mod pty;
 pub mod rig;
+pub mod scene;

@@ -8,66 +8,35 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | `accuracy` | error against time of every stage that has a choice |
-//! | `effects` | what each effect and phenomenon costs a tick, alone and in pairs |
-//! | `stability` | how stiff a wall may be, and what holds over a day |
-//! | `paper` | every analysis and experiment of the paper, beside what it reports |
-//! | `design` | which dimensions a better Hbot would have |
-//! | [`expectation`] | what a rig's methods cost here and what they err, in a fraction of a second |
-//! | `stages` | the stages under study, compiled once with each width of the core |
-//! | `motion` | true motions of the sphere, and what its encoders read of them |
-//! | `report`, `plot`, `machine` | what is written |
+//! | `verification` | of this program. `accuracy`: error against time of every stage that has a choice; `effects`: what each effect and phenomenon costs a tick; `stability`: how stiff a wall may be, and what holds over a day |
+//! | `research` | on the device. `paper`: every analysis and experiment of the paper; `design`: which dimensions a better Hbot would have |
+//! | `report`, `machine`, `names` | what is written |
 //! | `whole` | the whole loop, controller, line and simulated rig in lock-step |
-//! | `timing`, `context` | how it is timed, shown and stopped |
+//! | `timing`, `context`, `rng` | how it is timed, shown and stopped; numbers at random |
 //!
-//! Every study is deterministic but for its times.
+//! Verification and research know nothing of each other. Plots are drawn by `hbot-plot`; true motions come from
+//! `hbot_sim::motion`. Every study is deterministic but for its times.
 
-mod accuracy;
 mod context;
-mod design;
-mod effects;
-pub mod expectation;
-mod extrapolation;
 mod machine;
-mod motion;
 mod names;
-mod paper;
-mod plot;
 mod report;
+mod research;
 mod rng;
-mod stability;
 mod timing;
+mod verification;
 mod whole;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use context::Interrupt;
-pub use effects::{Counter, Show, count_worker};
 pub use report::{Check, Figure, Report};
+pub use verification::effects::{Counter, count_worker};
 
 use context::{Context, Interrupted};
-
-/// The stages with `Real = f64`.
-#[path = "."]
-mod double {
-    pub(crate) use hbot_core as core;
-
-    #[path = "stages/mod.rs"]
-    #[allow(clippy::duplicate_mod, reason = "the same stages in both widths")]
-    pub(crate) mod stages;
-}
-
-/// The stages with `Real = f32`.
-#[allow(dead_code, reason = "what both widths share, such as lists of names, is read from the other one")]
-#[path = "."]
-mod single {
-    pub(crate) use hbot_core_f32 as core;
-
-    #[path = "stages/mod.rs"]
-    #[allow(clippy::duplicate_mod, reason = "the same stages in both widths")]
-    pub(crate) mod stages;
-}
+use research::{design, paper};
+use verification::{accuracy, effects, stability};
 
 /// Which study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,14 +68,12 @@ impl Study {
 }
 
 /// How a study is run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Options {
     /// The folder that it writes to; made where it is not there. `None`: `target/study/NAME`.
     pub out: Option<PathBuf>,
     /// About 30 s (`paper` and `design`: up to a minute), with fewer samples, instead of up to 5 minutes.
     pub quick: bool,
-    /// How a scene's phenomena come upon the simulated rig.
-    pub show: Show,
     /// How this program counts its instructions, where it can.
     pub counter: Option<Counter>,
 }
@@ -155,7 +122,7 @@ pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result
     let context = Context::new(study.name(), options.quick, interrupt);
     let report = match study {
         Study::Accuracy => accuracy::study(&context),
-        Study::Effects => effects::study(&context, options.show, options.counter.as_ref()),
+        Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Stability => stability::study(&context),
         Study::Paper => paper::study(&context),
         Study::Design => design::study(&context),

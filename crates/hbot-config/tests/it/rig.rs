@@ -141,6 +141,17 @@ fn paths_and_allocations_are_understood() {
     }
 }
 
+/// The names that the server and the studies say are those that a rig file takes.
+#[test]
+fn methods_are_named_as_in_rig_files() {
+    for (odometry, path) in OdometryMethod::ALL.into_iter().zip(PathFit::ALL) {
+        let (method, fit) = (odometry.name(), path.name());
+        let methods =
+            with_loop(&format!("accuracy = {{ odometry = '{method}', path = '{fit}' }}")).rig.methods;
+        assert_eq!((methods.odometry, methods.path), (odometry, path));
+    }
+}
+
 #[test]
 fn every_rate_estimate_is_understood_with_its_parameters_and_no_other() {
     let window =

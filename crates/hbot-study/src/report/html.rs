@@ -39,7 +39,7 @@ impl Report {
         let study = self.study;
         format!(
             "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
-             <title>hbot study {study}</title>\n<style>\n{STYLE}</style>\n{body}</html>\n"
+             <title>hbot-study {study}</title>\n<style>\n{STYLE}</style>\n{body}</html>\n"
         )
     }
 

@@ -3,11 +3,11 @@
 mod html;
 mod write;
 
+use hbot_plot::short;
 use serde_json::{Map, Value};
 
 use crate::machine::Machine;
 use crate::names;
-use crate::plot::short;
 use crate::timing::Time;
 
 /// One figure of summary.json.

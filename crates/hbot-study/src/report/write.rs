@@ -10,7 +10,7 @@ impl Report {
     /// The text for people.
     #[must_use]
     pub fn markdown(&self) -> String {
-        let mut text = format!("# `hbot study {}`\n\n", self.study);
+        let mut text = format!("# `hbot-study {}`\n\n", self.study);
         if let Some(warning) = self.machine.warning() {
             text.push_str(&format!("{warning}\n\n"));
         }

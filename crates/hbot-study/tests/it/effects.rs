@@ -3,7 +3,7 @@
 use hbot_config::scene::{kinds, phenomena};
 use hbot_study::{Study, count_worker};
 
-use crate::{assert_documented, measure, show, value};
+use crate::{assert_documented, measure, value};
 
 #[test]
 fn every_kind_and_phenomenon_has_its_cost() {
@@ -21,8 +21,8 @@ fn every_kind_and_phenomenon_has_its_cost() {
 #[test]
 fn the_worker_takes_what_the_study_gives_it_and_nothing_else() {
     let setups = r#"[{"names": ["spring", "hand"], "gone": false}, {"names": ["damper"], "gone": true}]"#;
-    assert_eq!(count_worker(setups, show), Ok(()));
+    assert_eq!(count_worker(setups), Ok(()));
     for wrong in ["", "{}", "[{}]", r#"[{"names": [1], "gone": false}]"#, r#"[{"names": []}]"#] {
-        assert!(count_worker(wrong, show).is_err(), "{wrong}");
+        assert!(count_worker(wrong).is_err(), "{wrong}");
     }
 }

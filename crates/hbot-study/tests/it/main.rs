@@ -6,22 +6,17 @@ mod effects;
 mod files;
 mod paper;
 mod paper_rig;
+mod program;
+mod quoted;
 mod stability;
 
 use std::collections::HashSet;
 
-use hbot_config::scene::Simulate;
-use hbot_sim::hand::Hand;
-use hbot_sim::rig::SimulatedRig;
 use hbot_study::{Interrupt, Options, Report, Study};
 
 /// A quick run, without counting instructions.
 fn options() -> Options {
-    Options { out: None, quick: true, show, counter: None }
-}
-
-fn show(rig: &mut SimulatedRig, simulate: Option<&Simulate>) {
-    rig.set_hand(simulate.and_then(|simulate| simulate.hand).map(|_| Hand::default()));
+    Options { out: None, quick: true, counter: None }
 }
 
 fn measure(study: Study) -> Report {

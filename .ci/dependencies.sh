@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# The program of the rig PC links nothing that only the studies need.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+studies_only=(hbot-study hbot-core-f32 cdshealpix indicatif pulldown-cmark)
+
+# The crates that the program of a package links, one a line.
+linked() {
+    cargo tree --locked --package "$1" --edges normal --prefix none --format '{p}' | awk '{print $1}' | sort -u
+}
+
+# Prints those of the studies' crates that stand in a list.
+found() { grep -Fx "$(printf '%s\n' "${studies_only[@]}")" <<<"$1" || true; }
+
+hbot=$(linked hbot)
+grep -qFx hbot-server <<<"$hbot" || { echo "hbot does not link hbot-server: is this list its own?" >&2; exit 1; }
+wrong=$(found "$hbot")
+if [ -n "$wrong" ]; then
+    echo "hbot links what only the studies need:" >&2
+    echo "$wrong" >&2
+    exit 1
+fi
+echo "hbot links $(wc -l <<<"$hbot") crates, and none of: ${studies_only[*]}"
+
+# A name that is written otherwise would pass all of this.
+[ "$(found "$(linked hbot-study)" | wc -l)" -eq "${#studies_only[@]}" ] || {
+    echo "hbot-study does not link all of: ${studies_only[*]}; the check above looks for wrong names" >&2
+    exit 1
+}
+echo "hbot-study links them all"

@@ -1,0 +1,95 @@
+//! Plots as SVG text, for the studies and for `hbot scene plot`.
+//!
+//! | module | what it draws |
+//! |---|---|
+//! | `lines` | lines over a plane, with even or logarithmic axes: [`Lines`] |
+//! | `scatter` | groups of points, single ones marked by name: [`Scatter`] |
+//! | `bars` | bars one below the other: [`bars()`] |
+//! | `map` | a value over a square of angles, in colours: [`maps`] |
+//! | `sketch` | a sphere and what stands around it: [`Sketch`] |
+//! | `panels` | curves over even axes, one panel below the other: [`sheet`] |
+//! | `hemispheres` | a value over all directions, as two discs: [`Hemispheres`] |
+//! | `plane` | axes and legend that they share |
+//!
+//! The same input gives the same text on every machine.
+
+mod bars;
+mod hemispheres;
+mod lines;
+mod map;
+mod panels;
+mod plane;
+mod scatter;
+mod sketch;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+pub use bars::{Bar, bars};
+pub use hemispheres::Hemispheres;
+pub use lines::{Lines, Series};
+pub use map::{Map, maps};
+pub use panels::{Curve, Panel, sheet};
+pub use scatter::{Cloud, Scatter};
+pub use sketch::{Pen, Sketch};
+
+/// Colours that people of any colour vision tell apart (Okabe and Ito 2008).
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(90, 90, 90),
+    RGBColor(160, 110, 60),
+];
+
+/// Width and height of a plot, pixels.
+const SIZE: (u32, u32) = (960, 540);
+
+type Surface<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A number with few digits, as axes and tables have it.
+#[must_use]
+pub fn short(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        "0".to_owned()
+    } else if !(1.0e-3..1.0e5).contains(&size) {
+        let text = format!("{value:.1e}");
+        text.replace(".0e", "e")
+    } else {
+        let digits = (2 - size.log10().floor() as i32).clamp(0, 5) as usize;
+        let text = format!("{value:.digits$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    }
+}
+
+/// Drawing into a string fails only where plotters has a bug.
+#[derive(Debug)]
+struct Failed(String);
+
+fn failed(error: impl std::fmt::Display) -> Failed {
+    Failed(error.to_string())
+}
+
+fn drawn(out: &mut String, size: (u32, u32), draw: impl FnOnce(&Surface<'_>) -> Result<(), Failed>) {
+    let area = SVGBackend::with_string(out, size).into_drawing_area();
+    let result = area.fill(&WHITE).map_err(failed).and_then(|()| draw(&area));
+    let result = result.and_then(|()| area.present().map_err(failed));
+    if let Err(Failed(why)) = result {
+        unreachable!("drawing into a string: {why}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let all = [0.0, 1.0, 12.0, 0.25, 1234.0, 1.5e-7, 2e9, 99_999.0].map(short);
+        assert_eq!(all, ["0", "1", "12", "0.25", "1234", "1.5e-7", "2e9", "99999"]);
+    }
+}

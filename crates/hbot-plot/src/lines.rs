@@ -1,0 +1,182 @@
+//! Lines over a plane, with even or logarithmic axes.
+
+use std::ops::Range;
+
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::prelude::*;
+
+use crate::plane::{Axis, Legend, MARKS, PALE, TOP, Words, plane, rooms};
+use crate::{COLOURS, Failed, SIZE, Surface, drawn, failed};
+
+/// A line of more points than this is drawn without them: they would run together.
+const MARKED: usize = 120;
+
+/// One line of a plot.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// What it is called in the legend.
+    pub name: String,
+    /// Its points.
+    pub points: Vec<(f64, f64)>,
+    /// Which colour; lines that belong together share one.
+    pub colour: usize,
+    /// Open points and a thin line, instead of filled ones: a prediction, or the other width of numbers.
+    pub open: bool,
+}
+
+/// Lines over a plane.
+#[derive(Debug, Clone)]
+pub struct Lines {
+    /// The title.
+    pub title: String,
+    /// What stands at the lower axis.
+    pub x: String,
+    /// What stands at the left axis.
+    pub y: String,
+    /// Whether each axis is logarithmic; what is not positive is left out then.
+    pub log: [bool; 2],
+    /// The lines.
+    pub series: Vec<Series>,
+    /// Marks what no other point beats in both x and y.
+    pub front: bool,
+}
+
+impl Series {
+    fn is_marked(&self) -> bool {
+        self.points.len() <= MARKED
+    }
+}
+
+impl Lines {
+    /// The plot as SVG.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let mut out = String::new();
+        let [x, y] = [0, 1].map(|axis| self.range(axis));
+        let even = Axis::even;
+        let log = |range: Range<f64>| Axis { coordinate: range.log_scale(), rounding: 0.0 };
+        drawn(&mut out, SIZE, |area| match self.log {
+            [true, true] => self.draw(area, log(x), log(y)),
+            [true, false] => self.draw(area, log(x), even(y)),
+            [false, true] => self.draw(area, even(x), log(y)),
+            [false, false] => self.draw(area, even(x), even(y)),
+        });
+        out
+    }
+
+    fn visible(&self, &(x, y): &(f64, f64)) -> bool {
+        let shown = |value: f64, log: bool| value.is_finite() && (value > 0.0 || !log);
+        shown(x, self.log[0]) && shown(y, self.log[1])
+    }
+
+    fn range(&self, axis: usize) -> Range<f64> {
+        let points = self.series.iter().flat_map(|s| &s.points).filter(|p| self.visible(p));
+        let values = points.map(|p| if axis == 0 { p.0 } else { p.1 });
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        if !(low <= high) {
+            return if self.log[axis] { 0.1..1.0 } else { 0.0..1.0 };
+        }
+        if self.log[axis] {
+            low / 1.6..high * 1.6
+        } else {
+            let margin = if high > low { 0.05 * (high - low) } else { 1.0 };
+            // An axis that begins near zero begins at zero.
+            let bottom = if low >= 0.0 && low < 0.3 * high { 0.0 } else { low - margin };
+            bottom..high + margin
+        }
+    }
+
+    fn draw<X, Y>(&self, whole: &Surface<'_>, x: Axis<X>, y: Axis<Y>) -> Result<(), Failed>
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+        Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+    {
+        let (area, legend) = rooms(whole, self.series.iter().map(|series| series.name.as_str()));
+        self.legend(Legend::on(&legend, TOP))?;
+        let words = Words { title: &self.title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE };
+        let mut chart = plane(&area, &words, x, y)?;
+        for series in &self.series {
+            let colour = COLOURS[series.colour % COLOURS.len()];
+            let points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| self.visible(p)).collect();
+            let width = if series.open { 1 } else { 2 };
+            chart
+                .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(width)))
+                .map_err(failed)?;
+            if series.is_marked() {
+                chart
+                    .draw_series(points.iter().map(|p| {
+                        let style = if series.open { colour.stroke_width(1) } else { colour.filled() };
+                        Circle::new(*p, 4, style)
+                    }))
+                    .map_err(failed)?;
+            }
+        }
+        if self.front {
+            chart
+                .draw_series(self.best().into_iter().map(|p| Circle::new(p, 8, BLACK.stroke_width(2))))
+                .map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// What each line is, beside the plane.
+    fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
+        for series in &self.series {
+            let colour = COLOURS[series.colour % COLOURS.len()];
+            let (line, dot) = if series.open {
+                (colour.stroke_width(1), colour.stroke_width(1))
+            } else {
+                (colour.stroke_width(2), colour.filled())
+            };
+            legend.line(line)?;
+            if series.is_marked() {
+                legend.dot(4, dot)?;
+            }
+            legend.name(&series.name)?;
+        }
+        if self.front {
+            legend.skip(4);
+            legend.dot(8, BLACK.stroke_width(2))?;
+            legend.name("the front")?;
+        }
+        Ok(())
+    }
+
+    /// The points that no other beats: none that is cheaper is as good to 5 %.
+    fn best(&self) -> Vec<(f64, f64)> {
+        let all: Vec<(f64, f64)> =
+            self.series.iter().flat_map(|s| &s.points).copied().filter(|p| self.visible(p)).collect();
+        let beats =
+            |o: &(f64, f64), p: &(f64, f64)| (o.0 < p.0 && o.1 <= 1.05 * p.1) || (o.0 <= p.0 && o.1 < p.1);
+        let beaten = |p: &(f64, f64)| all.iter().any(|o| beats(o, p));
+        all.iter().copied().filter(|p| !beaten(p)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_is_what_nothing_beats() {
+        let series = Series {
+            name: String::new(),
+            points: vec![(1.0, 9.0), (2.0, 3.0), (3.0, 4.0), (4.0, 1.0), (5.0, 0.0)],
+            colour: 0,
+            open: false,
+        };
+        let lines = Lines {
+            title: String::new(),
+            x: String::new(),
+            y: String::new(),
+            log: [true; 2],
+            series: vec![series],
+            front: true,
+        };
+        // Zero has no place on a logarithmic axis.
+        assert_eq!(lines.best(), [(1.0, 9.0), (2.0, 3.0), (4.0, 1.0)]);
+        assert!(lines.svg().contains("<svg"));
+    }
+}

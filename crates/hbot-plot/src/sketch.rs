@@ -1,0 +1,223 @@
+//! Sketches of a sphere and what stands around it, seen from far away.
+
+use hbot_core::Vec3;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use crate::{COLOURS, Failed, Surface, drawn, failed};
+
+/// Points of the drawing in a pixel of the picture: plotters knows whole points alone, and a circle of whole pixels wobbles.
+const FINE: u32 = 16;
+/// Points of so many pixels.
+const fn pixels(count: u32) -> u32 {
+    FINE * count
+}
+
+/// Pixels of each panel.
+const SIZE: (u32, u32) = (500, 480);
+/// Pixels of a length of 1, the sphere's radius.
+const SCALE: u32 = 140;
+/// Where the centre stands in its panel, pixels.
+const CENTRE: (u32, u32) = (250, 240);
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy)]
+pub enum Pen {
+    /// A thin grey one.
+    Thin,
+    /// A strong one of a colour.
+    Strong(usize),
+}
+
+/// One panel: what is drawn in units of the sphere's radius, in N, around its centre.
+///
+/// What lies behind the sphere's middle plane is drawn paler.
+#[derive(Debug, Clone)]
+pub struct Sketch {
+    title: String,
+    /// Right, up, and towards the eye.
+    eye: [Vec3; 3],
+    lines: Vec<(Vec<Vec3>, Pen)>,
+    dots: Vec<(Vec3, usize)>,
+    labels: Vec<Label>,
+}
+
+/// A name beside a place.
+#[derive(Debug, Clone)]
+struct Label {
+    at: Vec3,
+    text: String,
+    /// Black without one.
+    colour: Option<usize>,
+    /// How far right and down of the place, points.
+    off: [i32; 2],
+}
+
+impl Sketch {
+    /// Nothing but the sphere's outline, seen from `azimuth` (about n3 from n1) and `elevation`, deg.
+    #[must_use]
+    pub fn new(title: impl Into<String>, azimuth: f64, elevation: f64) -> Self {
+        let (sa, ca) = libm::sincos(azimuth.to_radians());
+        let (se, ce) = libm::sincos(elevation.to_radians());
+        let towards = Vec3::new(ce * ca, ce * sa, se);
+        let right = Vec3::new(-sa, ca, 0.0);
+        let eye = [right, towards.cross(right), towards];
+        Self { title: title.into(), eye, lines: Vec::new(), dots: Vec::new(), labels: Vec::new() }
+    }
+
+    /// A line through `points`.
+    pub fn line(&mut self, points: Vec<Vec3>, pen: Pen) -> &mut Self {
+        self.lines.push((points, pen));
+        self
+    }
+
+    /// A line from `from` to `to` with a head.
+    fn arrow(&mut self, from: Vec3, to: Vec3, pen: Pen) -> &mut Self {
+        let along = to - from;
+        let side = along.cross(self.eye[2]);
+        let length = along.length();
+        let width = side.length().max(1.0e-9);
+        // A head of a fixed size, but never longer than half of the arrow.
+        let head = f64::min(0.07, 0.5 * length);
+        let (back, out) = (along * (head / length), side * (0.45 * head / width));
+        self.line(vec![from, to], pen);
+        self.line(vec![to - back + out, to, to - back - out], pen)
+    }
+
+    /// An arrow with a name beyond its head.
+    pub fn named(&mut self, from: Vec3, to: Vec3, name: &str, pen: Pen) -> &mut Self {
+        let colour = match pen {
+            Pen::Thin => None,
+            Pen::Strong(colour) => Some(colour),
+        };
+        let [a, b] = [from, to].map(|at| self.place(at));
+        let (x, y) = (f64::from(b.0 - a.0), f64::from(b.1 - a.1));
+        let length = libm::hypot(x, y);
+        // An arrow that points at the eye has its name above.
+        let (x, y) = if length > f64::from(pixels(6)) { (x / length, y / length) } else { (0.0, -1.0) };
+        let off = [(14, x), (13, y)].map(|(far, along)| (f64::from(pixels(far)) * along).round() as i32);
+        self.labels.push(Label { at: to, text: name.to_owned(), colour, off });
+        self.arrow(from, to, pen)
+    }
+
+    /// A point.
+    pub fn dot(&mut self, at: Vec3, colour: usize) -> &mut Self {
+        self.dots.push((at, colour));
+        self
+    }
+
+    /// The circle of the unit vectors at `angle` (rad) from `axis`.
+    pub fn circle(&mut self, axis: Vec3, angle: f64, pen: Pen) -> &mut Self {
+        let across = if axis.z.abs() < 0.9 { Vec3::Z } else { Vec3::X };
+        let u = axis.cross(across);
+        let u = u / u.length();
+        let v = axis.cross(u);
+        let (sin, cos) = libm::sincos(angle);
+        let at = |k: u32| {
+            let (s, c) = libm::sincos(f64::from(k) * core::f64::consts::TAU / 72.0);
+            axis * cos + (u * c + v * s) * sin
+        };
+        self.line((0..=72).map(at).collect(), pen)
+    }
+
+    /// Panels, two in a row.
+    #[must_use]
+    pub fn panels(all: &[Self]) -> String {
+        let columns = all.len().min(2);
+        let rows = all.len().div_ceil(columns.max(1));
+        let mut out = String::new();
+        let (width, height) = (SIZE.0 * columns as u32, SIZE.1 * rows as u32);
+        drawn(&mut out, (pixels(width), pixels(height)), |area| {
+            let parts = area.split_evenly((rows, columns));
+            all.iter().zip(&parts).try_for_each(|(sketch, part)| sketch.draw(part))
+        });
+        shrunk(&out, (width, height))
+    }
+
+    fn place(&self, at: Vec3) -> (i32, i32) {
+        let [x, y] = [self.eye[0], self.eye[1]].map(|axis| f64::from(SCALE) * axis.dot(at));
+        let point = |pixel: f64| (f64::from(FINE) * pixel).round() as i32;
+        (point(f64::from(CENTRE.0) + x), point(f64::from(CENTRE.1) - y))
+    }
+
+    fn draw(&self, area: &Surface<'_>) -> Result<(), Failed> {
+        let title =
+            ("sans-serif", pixels(16)).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Top));
+        let top = (pixels(SIZE.0 / 2) as i32, pixels(8) as i32);
+        area.draw(&Text::new(self.title.clone(), top, title)).map_err(failed)?;
+        let (centre, radius) = (self.place(Vec3::ZERO), pixels(SCALE));
+        area.draw(&Circle::new(centre, radius, RGBColor(246, 247, 250).filled())).map_err(failed)?;
+        area.draw(&Circle::new(centre, radius, RGBColor(150, 150, 150).stroke_width(pixels(1))))
+            .map_err(failed)?;
+        // Far ones first.
+        for front in [false, true] {
+            for (points, pen) in &self.lines {
+                let near = |p: &[Vec3]| self.eye[2].dot(p[0] + p[1]) > -1.0e-9;
+                let steps: Vec<&[Vec3]> = points.windows(2).collect();
+                for run in steps.chunk_by(|a, b| near(a) == near(b)).filter(|run| near(run[0]) == front) {
+                    let mut path = vec![self.place(run[0][0])];
+                    path.extend(run.iter().map(|step| self.place(step[1])));
+                    area.draw(&PathElement::new(path, style(*pen, front))).map_err(failed)?;
+                }
+            }
+        }
+        for (at, colour) in &self.dots {
+            let fill = shade(COLOURS[*colour % COLOURS.len()], self.eye[2].dot(*at) > -1.0e-9);
+            area.draw(&Circle::new(self.place(*at), pixels(4), fill.filled())).map_err(failed)?;
+        }
+        for Label { at, text, colour, off } in &self.labels {
+            let ink = colour.map_or(BLACK, |colour| COLOURS[colour % COLOURS.len()]);
+            let font =
+                ("sans-serif", pixels(14)).into_font().color(&ink).pos(Pos::new(HPos::Center, VPos::Center));
+            let (x, y) = self.place(*at);
+            area.draw(&Text::new(text.clone(), (x + off[0], y + off[1]), font)).map_err(failed)?;
+        }
+        Ok(())
+    }
+}
+
+fn style(pen: Pen, front: bool) -> ShapeStyle {
+    match pen {
+        Pen::Thin => shade(RGBColor(130, 130, 130), front).stroke_width(pixels(1)),
+        Pen::Strong(colour) => shade(COLOURS[colour % COLOURS.len()], front).stroke_width(pixels(2)),
+    }
+}
+
+/// The colour itself, or a paler one for what is behind.
+fn shade(colour: RGBColor, front: bool) -> RGBColor {
+    let pale = |c: u8| if front { c } else { ((u16::from(c) + 2 * 235) / 3) as u8 };
+    RGBColor(pale(colour.0), pale(colour.1), pale(colour.2))
+}
+
+/// The same drawing in a picture of so many pixels.
+fn shrunk(svg: &str, (width, height): (u32, u32)) -> String {
+    let of = |width: u32, height: u32| format!(r#"<svg width="{width}" height="{height}""#);
+    // The header says what the drawing measures; its viewBox does too, and stays.
+    svg.replacen(&of(pixels(width), pixels(height)), &of(width, height), 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The corners of a circle of the sphere are where they belong to a small part of a pixel.
+    #[test]
+    fn circles_do_not_wobble() {
+        let mut sketch = Sketch::new("A pole", 0.0, 90.0);
+        sketch.circle(Vec3::Z, core::f64::consts::FRAC_PI_6, Pen::Thin);
+        let svg = Sketch::panels(&[sketch]);
+        let head = r#"<svg width="500" height="480" viewBox="0 0 8000 7680""#;
+        assert!(svg.starts_with(head), "{}", &svg[..100]);
+        let points = svg.split("points=\"").nth(1).and_then(|rest| rest.split('"').next()).expect("a line");
+        let mut corners = 0;
+        for point in points.split_whitespace() {
+            let (x, y) = point.split_once(',').expect("x and y");
+            let pixel = |points: &str| points.parse::<f64>().expect("a number") / f64::from(FINE);
+            let far = libm::hypot(pixel(x) - f64::from(CENTRE.0), pixel(y) - f64::from(CENTRE.1));
+            // Half a point either way.
+            assert!((far - 0.5 * f64::from(SCALE)).abs() < 0.75 / f64::from(FINE), "{far}");
+            corners += 1;
+        }
+        assert!(corners > 60, "{corners}");
+    }
+}

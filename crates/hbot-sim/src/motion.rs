@@ -1,0 +1,201 @@
+//! True motions of a sphere that does not slip, and what encoders read of them: the truth that methods of odometry are
+//! measured by, at the server's start and in the accuracy study.
+
+use core::f64::consts::TAU;
+
+use hbot_core::kinematics::Posture;
+use hbot_core::path::Path;
+use hbot_core::{Device, MAX_WHEELS, Quat, Vec3, rotation};
+
+use crate::extrapolation;
+
+/// Wheels of the device that the motions are of.
+pub const WHEELS: usize = 2;
+/// Its joints.
+pub const JOINTS: usize = 2 * WHEELS;
+/// q as w, x, y, z, then the joints of that device.
+const SIZE: usize = 4 + JOINTS;
+
+/// How a sphere is turned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// As ids have it.
+    pub name: &'static str,
+    /// How fast it turns on average, rad/s.
+    pub speed: f64,
+    /// How often the turning changes, Hz.
+    pub hertz: f64,
+    /// It goes back and forth, so that the wheels are pushed backwards, instead of ever on.
+    pub reversing: bool,
+}
+
+/// Gentle, brisk and violent, each ever on and back and forth.
+pub const MOTIONS: [Motion; 6] = {
+    const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> Motion {
+        Motion { name, speed, hertz, reversing }
+    }
+    [
+        motion("gentle", 0.5, 0.5, false),
+        motion("brisk", 3.0, 2.0, false),
+        motion("violent", 15.0, 5.0, false),
+        motion("gentle_reversing", 0.5, 0.5, true),
+        motion("brisk_reversing", 3.0, 2.0, true),
+        motion("violent_reversing", 15.0, 5.0, true),
+    ]
+};
+
+/// The mean axis of a motion: along neither steering axis of the prototype.
+const AXIS: Vec3 = Vec3::new(0.5, 0.8, 0.331_662_479);
+/// Frequencies about the three axes relative to the motion's: no common period.
+const RATIOS: [f64; 3] = [1.0, core::f64::consts::SQRT_2, 1.618_033_988_749_895];
+
+impl Motion {
+    /// The angular velocity in N at the time `t` (s), rad/s.
+    #[must_use]
+    pub fn omega(&self, t: f64) -> Vec3 {
+        let wave = |k: usize, phase: f64| libm::sin(TAU * self.hertz * RATIOS[k] * t + phase);
+        let waves = Vec3::new(wave(0, 0.3), wave(1, 1.1), wave(2, 2.5));
+        if self.reversing {
+            (AXIS * (core::f64::consts::SQRT_2 * wave(0, 0.7)) + waves * 0.25) * self.speed
+        } else {
+            (AXIS + waves * 0.3) * self.speed
+        }
+    }
+}
+
+/// A moment of a true motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// Orientation as w, x, y, z.
+    pub q: [f64; 4],
+    /// Angles of the joints in the order steer, drive of each wheel, rad.
+    pub joints: [f64; JOINTS],
+}
+
+/// How long a motion is followed before the first moment asked for, s: wheels that roll on have then turned into line.
+const BEFORE: f64 = 1.0;
+
+/// Readings that the longest path goes through before the first interval that it is followed over.
+pub const LEAD: usize = 3;
+
+impl Motion {
+    /// `count` moments, `hz` a second; the `lead`th is at the time 0 and has the identity for its orientation. To rounding.
+    #[must_use]
+    pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<Moment> {
+        let h = 1.0 / f64::from(hz);
+        let states: Vec<[f64; SIZE]> = self.course(device, -(lead as f64) * h, h).take(count).collect();
+        let zero = orientation(&states[lead]).conjugate();
+        let moment = |y: &[f64; SIZE]| Moment {
+            q: rotation::to_wxyz(orientation(y) * zero),
+            joints: core::array::from_fn(|i| y[4 + i]),
+        };
+        states.iter().map(moment).collect()
+    }
+}
+
+impl Motion {
+    /// q (w, x, y, z) and the joints of `device`, N - 4 of them, from the time `start` on every `h` seconds, for ever. To rounding.
+    pub fn course<const N: usize>(
+        self,
+        device: &Device,
+        start: f64,
+        h: f64,
+    ) -> impl Iterator<Item = [f64; N]> {
+        let rates = move |t: f64, y: &[f64; N]| rates(device, self.omega(t), y);
+        let mut y = [0.0; N];
+        y[0] = 1.0;
+        let steps = 500;
+        for k in 0..steps {
+            let step = BEFORE / f64::from(steps);
+            y = extrapolation::advance(&rates, start - BEFORE + f64::from(k) * step, step, &y);
+        }
+        (0_u32..).map(move |k| {
+            if k > 0 {
+                y = extrapolation::advance(&rates, start + f64::from(k - 1) * h, h, &y);
+                normalise(&mut y);
+            }
+            y
+        })
+    }
+}
+
+/// Joints that turn at constant rates (rad/s) from the steering angles `th`, for `time` seconds: the orientation at the end,
+/// to rounding.
+#[must_use]
+pub fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], time: f64) -> [f64; 4] {
+    let turning = |t: f64, y: &[f64; 4]| {
+        let th: [f64; WHEELS] = core::array::from_fn(|i| th[i] + zd[2 * i] * t);
+        quaternion_rate(y, Posture::new(device, &th).forward(device, zd).omega)
+    };
+    let mut q = [1.0, 0.0, 0.0, 0.0];
+    let steps = 300;
+    let h = time / f64::from(steps);
+    for k in 0..steps {
+        q = extrapolation::advance(&turning, f64::from(k) * h, h, &q);
+        normalise(&mut q);
+    }
+    q
+}
+
+/// The orientation to rounding after joints have gone along `path` from the steering angles `th`, `q` before.
+#[must_use]
+pub fn along(device: &Device, th: [f64; WHEELS], path: &Path, q: [f64; 4]) -> [f64; 4] {
+    let turning = |s: f64, y: &[f64; 4]| {
+        let angles: [f64; WHEELS] = core::array::from_fn(|i| th[i] + path.turned(2 * i, s));
+        let rates: [f64; JOINTS] = core::array::from_fn(|j| path.rate(j, s));
+        quaternion_rate(y, Posture::new(device, &angles).forward(device, &rates).omega)
+    };
+    let mut q = extrapolation::advance(&turning, 0.0, 1.0, &q);
+    normalise(&mut q);
+    q
+}
+
+fn orientation(y: &[f64]) -> Quat {
+    Quat::from_xyzw(y[1], y[2], y[3], y[0])
+}
+
+fn rates<const N: usize>(device: &Device, omega: Vec3, y: &[f64; N]) -> [f64; N] {
+    let mut th = [0.0; MAX_WHEELS];
+    for (th, joints) in th.iter_mut().zip(y[4..].chunks(2)) {
+        *th = joints[0];
+    }
+    let joints = Posture::new(device, &th[..(N - 4) / 2]).inverse(omega);
+    let q = quaternion_rate(&[y[0], y[1], y[2], y[3]], omega);
+    core::array::from_fn(|i| if i < 4 { q[i] } else { joints[i - 4] })
+}
+
+/// dq/dt = 1/2 (0, w) q.
+fn quaternion_rate(q: &[f64; 4], w: Vec3) -> [f64; 4] {
+    let e = Vec3::new(q[1], q[2], q[3]);
+    let rate = (w * q[0] + w.cross(e)) * 0.5;
+    [-0.5 * w.dot(e), rate.x, rate.y, rate.z]
+}
+
+fn normalise(y: &mut [f64]) {
+    let norm = libm::sqrt(y[..4].iter().map(|x| x * x).sum());
+    y[..4].iter_mut().for_each(|x| *x /= norm);
+}
+
+/// The angle between two orientations given as w, x, y, z, rad.
+#[must_use]
+pub fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
+    rotation::angle_between(orientation(&a), orientation(&b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sampled twice as often, a motion reads the same: what the reference adds is rounding, also after reversals.
+    #[test]
+    fn a_motion_does_not_depend_on_how_often_it_is_read() {
+        let device = hbot_config::RigConfig::prototype().rig.device;
+        for motion in MOTIONS {
+            let coarse = motion.moments(&device, 1000, 201, 0);
+            let fine = motion.moments(&device, 2000, 401, 0);
+            let off = angle(coarse[200].q, fine[400].q);
+            // Four hundred steps, each of which rounds by 1e-16.
+            assert!(off < 4e-14, "{}: {off:e}", motion.name);
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! `hbot-study`: the studies as a program. Measures on this machine, and leaves a report, plots and figures in a folder.
+
+use std::io::{ErrorKind, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anstyle::{AnsiColor, Reset, Style};
+use anyhow::Context as _;
+use clap::{Args, Parser, Subcommand};
+use hbot_study::{Counter, Interrupt, Options, Report, Study, StudyError};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Measures on this machine what accuracy and effects cost and where stability ends, reruns the paper, looks for better designs.
+///
+/// Build it with `--release`, or its times count for nothing.
+#[derive(Debug, Parser)]
+#[command(name = "hbot-study", version, propagate_version = true, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Which study.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Error against time of every stage that has a choice, and of the whole tick
+    Accuracy(StudyArgs),
+    /// What each effect and each phenomenon of the simulated rig costs a tick, alone and in pairs
+    Effects(StudyArgs),
+    /// How stiff a virtual wall may be, beside theory, and what holds over a day of simulated time
+    Stability(StudyArgs),
+    /// Every analysis and experiment of the paper, beside what it reports
+    Paper(StudyArgs),
+    /// Which dimensions a better Hbot would have: a Pareto front, and rig files of the best
+    Design(StudyArgs),
+    /// Runs ticks whose instructions are counted; the study `effects` starts it under valgrind
+    #[command(hide = true)]
+    EffectsWorker {
+        /// The setups, as JSON
+        setups: String,
+    },
+}
+
+/// How to run a study.
+#[derive(Debug, Args)]
+struct StudyArgs {
+    /// Folder for report.md, report.html, summary.json and plots [default: target/study/NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Fewer samples: about 30 s (paper, design: a minute) instead of up to 5 minutes
+    #[arg(long)]
+    quick: bool,
+}
+
+/// The name of the hidden command that the study `effects` starts under valgrind.
+const WORKER: &str = "effects-worker";
+/// The exit code of a program that Ctrl-C ended, by the convention of shells.
+const INTERRUPTED: u8 = 130;
+
+const GOOD: Style = AnsiColor::Green.on_default().bold();
+const BAD: Style = AnsiColor::Red.on_default().bold();
+
+fn main() -> ExitCode {
+    run(Cli::parse().command).unwrap_or_else(|error| {
+        note(&format!("{BAD}error:{Reset} {error:#}"));
+        ExitCode::FAILURE
+    })
+}
+
+fn run(command: Command) -> anyhow::Result<ExitCode> {
+    let (study, args) = match command {
+        Command::Accuracy(args) => (Study::Accuracy, args),
+        Command::Effects(args) => (Study::Effects, args),
+        Command::Stability(args) => (Study::Stability, args),
+        Command::Paper(args) => (Study::Paper, args),
+        Command::Design(args) => (Study::Design, args),
+        Command::EffectsWorker { setups } => {
+            hbot_study::count_worker(&setups).map_err(anyhow::Error::msg)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
+    let interrupt = Interrupt::default();
+    raise_on_signal(&interrupt)?;
+    let counter = Counter { program: std::env::current_exe()?, arguments: vec![WORKER.to_owned()] };
+    let options = Options { out: args.out, quick: args.quick, counter: Some(counter) };
+    let (report, out) = match hbot_study::run(study, &options, &interrupt) {
+        Ok(done) => done,
+        Err(stopped @ StudyError::Interrupted) => {
+            note(&stopped.to_string());
+            return Ok(ExitCode::from(INTERRUPTED));
+        }
+        Err(error) => return Err(error.into()),
+    };
+    say(&format!(
+        "{}{} figures in {}\nread {}\n",
+        verdicts(&report),
+        report.figures().len(),
+        out.join("summary.json").display(),
+        out.join("report.html").display()
+    ))?;
+    Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// A line for each check of the report.
+fn verdicts(report: &Report) -> String {
+    let line = |check: &hbot_study::Check| {
+        let (colour, verdict) = if check.holds { (GOOD, "holds") } else { (BAD, "does not hold") };
+        format!("{colour}{verdict}{Reset}  {}: {}\n", check.what, check.found)
+    };
+    report.checks().iter().map(line).collect()
+}
+
+/// Writes to standard output. A reader who has gone away (`| head`) is no error.
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut out = anstream::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("standard output cannot be written")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a line to standard error. Nothing is left to complain to if that fails.
+fn note(line: &str) {
+    let _ = writeln!(anstream::stderr(), "{line}");
+}
+
+/// Lets SIGINT and SIGTERM stop the study between two steps, with nothing half written.
+fn raise_on_signal(interrupt: &Interrupt) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let (mut stop, mut end) = {
+        let _guard = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
+    };
+    let interrupt = interrupt.clone();
+    std::thread::Builder::new().name("hbot-signals".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            tokio::select! { _ = stop.recv() => {}, _ = end.recv() => {} }
+        });
+        interrupt.raise();
+    })?;
+    Ok(())
+}

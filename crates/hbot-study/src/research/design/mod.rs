@@ -1,0 +1,236 @@
+//! `hbot-study design`: which dimensions a better Hbot would have.
+//!
+//! `space` says what a design is, `local` and `torus` what it can do at one posture and at all, `margins` what it must keep, `search` and
+//! `front` find those that none beats; `shapes`, `results`, `wheels` and `conclusions` tell.
+
+mod conclusions;
+mod figures;
+mod front;
+mod fronts;
+mod local;
+mod margins;
+mod plots;
+mod results;
+mod rigfile;
+mod search;
+mod shapes;
+mod space;
+mod torus;
+mod wheels;
+
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+
+use front::{BOX, Found, better_by, front, volume};
+use fronts::Fronts;
+use hbot_plot::{Lines, Series, short};
+use margins::MARGINS;
+use search::{Search, climb, measure, measure_all, search};
+use space::{Design, MODULE_MASS, MODULE_ROOM, Parts, Point, WHEEL_DENSITY, WHEEL_WIDTH, WHEELS};
+use torus::{Measures, TOLD};
+
+/// Searches of each number of wheels, from different seeds.
+const SEEDS: [u64; 2] = [1, 2];
+/// Points at which volumes are counted that are told.
+const VOLUME_POINTS: usize = 32_768;
+/// How far the volumes of two seeds may be apart, of the larger: in full, and quick, where chance tells more.
+const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
+/// Designs measured from each seed for 2, 3 and 4 wheels: in full, and quick. Fewer wheels are quicker, and leave less room.
+const EVALUATIONS: [[usize; 3]; 2] = [[10240, 6144, 4096], [1536, 512, 384]];
+
+/// The study.
+pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+    let mut report = Report::new("design", context.quick);
+    let parts = Parts::prototype();
+    context.expect(4 + (SEEDS.len() + 1) * WHEELS.len());
+    introduce(&mut report, &parts);
+    let Some(prototype) = measure(&parts, &parts.prototype, TOLD) else {
+        unreachable!("the prototype is a legal design")
+    };
+    shapes::dimensions(context, &mut report, &parts)?;
+    shapes::convergence(context, &mut report, &parts)?;
+    let each = fronts(context, &mut report, &parts, &prototype)?;
+    let fronts = Fronts { each, prototype };
+    results::tell(&mut report, &parts, &fronts);
+    wheels::study(context, &mut report, &parts)?;
+    context.part("conclusions")?;
+    conclusions::tell(&mut report, &parts, &fronts);
+    Ok(report)
+}
+
+fn introduce(report: &mut Report, parts: &Parts) {
+    report.say(&format!(
+        "The paper names optimal dimensional synthesis as its next step. Here 2, 3 and 4 wheels, all alike and evenly about n3, are varied in cone angle (6 to 40 deg), toe angle (0 to 40 deg; the other sign is the mirror image), tilt of the \
+         steering axes from -n3 (15 to 80 deg) and wheel radius (8 to 30 mm), in steps of 0.1 deg and 0.1 mm. Sphere, motors, gears, encoders, friction and normal force stay the prototype's: {} N m peak at each steering joint, {} at each drive, mu N = {} N.",
+        parts.rig.joints[0].peak,
+        parts.rig.joints[1].peak,
+        margins::grip(parts)
+    ));
+    report.say(
+        "Four figures are weighed, all over the uniform torus of all steering angles: **conditioning**, the mean spectral index sigma_min/sigma_max of G (GCI, to be large); **peak torque**, what the motors make in the worst direction at the \
+         worst posture (to be large; the radius of the largest ball in the polytope of torques); **apparent inertia**, the largest eigenvalue of I_s I + Gᵀ J_q G at the worst posture (to be small); **steering speed**, 1/(sin a cos b), how fast a \
+         wheel is steered at most while the sphere turns at 1 rad/s (to be small). Contact forces are those of the controller's allocation, which loads the contacts least, while no motor is at its limit.",
+    );
+    report.say(&format!(
+        "Inertias follow the dimensions. Of a steering joint's {:.1e} kg m² the paper's prototype has {:.0} g at its wheel's centre (the module's mass that the simulated rig has too), on an arm of (R + r) sin a; what is left, {:.1e}, is taken as the rotor's and stays. Of a drive joint's {:.1e} the wheel's own part is that of a disc of {:.0} mm \
+         and {:.0} kg/m³, which grows with r⁴; the rest stays. So a wider cone lowers the leverage 1/sin a but lengthens the arm as much: beyond the rotor, inertia does not fall with the cone.",
+        parts.rig.device.wheels()[0].spec().steer_inertia,
+        1.0e3 * MODULE_MASS,
+        parts.steer_inertia(&Design { cone: 0.0, ..parts.prototype }),
+        parts.rig.device.wheels()[0].spec().drive_inertia,
+        1.0e3 * WHEEL_WIDTH,
+        WHEEL_DENSITY
+    ));
+    report.say(&format!(
+        "A module is taken to need {:.0} mm beyond the rim of its wheel and so to sweep, as it steers, a cone of half-angle a + asin((r + {:.0} mm)/(R + r)) about its axis; modules of neighbours must not touch, and all stay {:.0} deg below the equator, where the open half and the cage's ring are. What every design must keep, \
+         whatever its wheels steer to:",
+        1.0e3 * MODULE_ROOM,
+        1.0e3 * MODULE_ROOM,
+        space::BELOW_EQUATOR / space::DEGREE
+    ));
+    let mut table = vec![row(["margin", "at least", "what it is"])];
+    for margin in &MARGINS {
+        table.push(row([margin.name, &with_unit(margin.least, margin.unit), margin.meaning]));
+    }
+    report.table(&table);
+}
+
+/// The front of each number of wheels, from the designs that all seeds found, and how well it has converged.
+fn fronts(
+    context: &Context,
+    report: &mut Report,
+    parts: &Parts,
+    prototype: &Measures,
+) -> Result<Vec<Vec<Found>>, Interrupted> {
+    let budget = EVALUATIONS[usize::from(context.quick)];
+    report.heading("The search");
+    report.say(&format!(
+        "{}, {} and {} designs with two, three and four wheels are measured from each of {} seeds: the prototype's dimensions first, then a half spread evenly over all dimensions (a Kronecker sequence; what has no room or too fast joints is passed over unmeasured), a half by steps between designs \
+         that none has beaten so far (differences of two added to a third, or one dimension nudged). Every design that none beats is kept, however many: with four figures a population of fixed size, as in NSGA-II, would throw good ones away, and \
+         designs are cheap. Then the design that is better than the prototype in all four figures by the largest factor is climbed to from the prototype and from the best found, step by step on the grid. \
+         What all this found is measured again, more thoroughly, and held to its margins again. How far the fronts have converged is told by the share of a box that they beat: conditioning {} to {}, peak torque {} to {} N m, \
+         inertia {} to {} kg m², steering speed {} to {}.",
+        budget[0],
+        budget[1],
+        budget[2],
+        SEEDS.len(),
+        -BOX[0][0],
+        -BOX[0][1],
+        BOX[1][0],
+        -BOX[1][1],
+        short(BOX[2][0]),
+        short(BOX[2][1]),
+        BOX[3][0],
+        BOX[3][1],
+    ));
+    report.family("design_front_{wheels}w_volume", "1", "share of the box that the front beats");
+    report.family(
+        "design_front_{wheels}w_volume_seed{seed}",
+        "1",
+        "the same of what one seed found; `half`: with half the evaluations",
+    );
+    let (mut each, mut lines, mut apart) = (Vec::new(), Vec::new(), 0.0_f64);
+    let mut table = vec![row([
+        "wheels",
+        "designs on the front",
+        "share of the box",
+        "seed 1",
+        "seed 2",
+        "seed 1 with half as many",
+        "no room, of those spread evenly",
+        "margins broken, of those measured",
+    ])];
+    for (colour, (wheels, evaluations)) in WHEELS.into_iter().zip(budget).enumerate() {
+        let mut runs: Vec<Search> = Vec::new();
+        for seed in SEEDS {
+            context.part(&format!("{wheels} wheels, search {seed}"))?;
+            runs.push(search(context, parts, wheels, evaluations, seed)?);
+        }
+        context.part(&format!("{wheels} wheels, the front"))?;
+        let found = told(context, parts, wheels, &runs, prototype)?;
+        let shares: Vec<f64> = runs
+            .iter()
+            .map(|run| volume(run.archive.members.iter().map(|m| m.measures.costs()), VOLUME_POINTS))
+            .collect();
+        let share = volume(found.iter().map(|f| f.measures.costs()), VOLUME_POINTS);
+        report.figure(format!("design_front_{wheels}w_volume"), share);
+        let mut halves = Vec::new();
+        for ((seed, run), share) in SEEDS.iter().zip(&runs).zip(&shares) {
+            let half = run.history.iter().rfind(|(n, _)| 2 * n <= evaluations).map_or(0.0, |(_, v)| *v);
+            report.figure(format!("design_front_{wheels}w_volume_seed{seed}"), *share).note("half", half);
+            halves.push(half);
+            lines.push(Series {
+                name: format!("{wheels} wheels, seed {seed}"),
+                points: run.history.iter().map(|(n, v)| (*n as f64, *v)).collect(),
+                colour,
+                open: *seed != SEEDS[0],
+            });
+        }
+        let most = shares.iter().copied().fold(0.0, f64::max);
+        apart = apart.max(shares.iter().map(|share| (most - share) / most).fold(0.0, f64::max));
+        let [passed, tried] = runs[0].without_room;
+        table.push(row([
+            wheels.to_string(),
+            found.len().to_string(),
+            format!("{share:.4}"),
+            format!("{:.4}", shares[0]),
+            format!("{:.4}", shares[1]),
+            format!("{:.4}", halves[0]),
+            format!("{passed} of {tried}"),
+            format!("{} of {evaluations}", runs[0].failed),
+        ]));
+        each.push(found);
+    }
+    report.table(&table);
+    report.plot(
+        "search",
+        "Share of the box that is beaten over the designs measured, from two seeds",
+        Lines {
+            title: "How the fronts grow".to_owned(),
+            x: "designs measured".to_owned(),
+            y: "share of the box beaten".to_owned(),
+            log: [false; 2],
+            series: lines,
+            front: false,
+        }
+        .svg(),
+    );
+    report.say("A share of the front is less than that of its seeds only where the more thorough measurement found a design's worst posture to be worse.");
+    let bound = SEEDS_AGREE[usize::from(context.quick)];
+    report.check(
+        format!("what two seeds find beats the same share of the box within {bound}, relatively"),
+        format!("{apart:.3} apart at most"),
+        apart <= bound,
+    );
+    Ok(each)
+}
+
+/// The front of what all searches found and of what is nearest above the prototype, measured thoroughly.
+fn told(
+    context: &Context,
+    parts: &Parts,
+    wheels: usize,
+    runs: &[Search],
+    prototype: &Measures,
+) -> Result<Vec<Found>, Interrupted> {
+    let members = || runs.iter().flat_map(|run| &run.archive.members);
+    let costs: Vec<_> = members().map(|found| found.measures.costs()).collect();
+    let all: Vec<_> = members().map(|found| found.point).collect();
+    let mut points: Vec<_> = front(&costs).into_iter().map(|k| all[k]).collect();
+    let by = |found: &&Found| better_by(&found.measures, prototype);
+    let best = members().max_by(|a, b| by(a).total_cmp(&by(b))).map(|found| found.point);
+    let same = Point::of(&Design { wheels, ..parts.prototype });
+    for from in best.into_iter().chain([same]) {
+        points.push(climb(context, parts, from, prototype)?);
+    }
+    points.sort_unstable();
+    points.dedup();
+    let found: Vec<Found> = measure_all(context, parts, &points, TOLD)?.into_iter().flatten().collect();
+    let costs: Vec<_> = found.iter().map(|f| f.measures.costs()).collect();
+    Ok(front(&costs).into_iter().map(|k| found[k]).collect())
+}
+
+/// A number with its unit, which is 1 for a ratio.
+fn with_unit(value: f64, unit: &str) -> String {
+    if unit == "1" { short(value) } else { format!("{} {unit}", short(value)) }
+}

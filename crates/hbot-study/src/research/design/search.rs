@@ -1,0 +1,240 @@
+//! The search for designs that no other beats: even samples of all dimensions, then steps between those that are best so far.
+
+use std::collections::BTreeSet;
+
+use super::front::{Archive, Found, Volume, better_by};
+use super::local::Machine;
+use super::margins::{has_room, keeps};
+use super::space::{Design, Parts, Point};
+use super::torus::{Effort, Measures, SEARCH, kronecker};
+use crate::context::{Context, Interrupted};
+use crate::rng::Rng;
+
+/// Designs that are measured side by side.
+const BATCH: usize = 128;
+/// Points at which the volume beaten is counted while a search runs.
+const VOLUME_POINTS: usize = 8192;
+/// Part of the difference of two designs that a step takes, at most (differential evolution: Storn and Price 1997).
+const STRIDE: f64 = 0.8;
+/// Of the steps, those that move one dimension alone, by up to this part of its range.
+const NUDGES: (f64, f64) = (0.4, 0.05);
+/// Tries for a design that has room and is new, before the search takes what it has.
+const TRIES: usize = 100;
+
+/// A search among designs of one number of wheels.
+#[derive(Debug, Clone)]
+pub(super) struct Search {
+    pub(super) archive: Archive,
+    /// Designs measured so far and the share of the box that the best of them beat.
+    pub(super) history: Vec<(usize, f64)>,
+    /// Dimensions that left no room, among the even samples, and how many samples there were.
+    pub(super) without_room: [usize; 2],
+    /// Designs measured that did not keep their margins.
+    pub(super) failed: usize,
+}
+
+/// Measures `evaluations` designs of so many wheels: the prototype's dimensions first, then a half spread evenly, a half near the best.
+/// Another seed looks elsewhere.
+pub(super) fn search(
+    context: &Context,
+    parts: &Parts,
+    wheels: usize,
+    evaluations: usize,
+    seed: u64,
+) -> Result<Search, Interrupted> {
+    let mut rng = Rng(seed);
+    let mut run =
+        Search { archive: Archive::default(), history: Vec::new(), without_room: [0; 2], failed: 0 };
+    let mut volume = Volume::new(VOLUME_POINTS);
+    let mut seen = BTreeSet::new();
+    let mut even = kronecker(4, rng.unit());
+    let mut measured = 0;
+    while measured < evaluations {
+        let mut batch = Vec::new();
+        let first = Point::of(&Design { wheels, ..parts.prototype });
+        if seen.is_empty() && has_room(parts, &first.design()) {
+            seen.insert(first);
+            batch.push(first);
+        }
+        while batch.len() < BATCH.min(evaluations - measured) {
+            let point = if 2 * measured < evaluations || run.archive.members.len() < 4 {
+                let unit = even.next().unwrap_or_else(|| unreachable!("the sequence has no end"));
+                let point = Point::nearest(wheels, [unit[0], unit[1], unit[2], unit[3]]);
+                run.without_room[1] += 1;
+                if !has_room(parts, &point.design()) {
+                    run.without_room[0] += 1;
+                    continue;
+                }
+                point
+            } else {
+                (0..TRIES)
+                    .map(|_| step(&run.archive, wheels, &mut rng))
+                    .find(|point| !seen.contains(point) && has_room(parts, &point.design()))
+                    .unwrap_or_else(|| run.archive.members[0].point)
+            };
+            // Twice the same counts as measured, so that every search ends.
+            if seen.insert(point) {
+                batch.push(point);
+            } else {
+                measured += 1;
+                if measured >= evaluations {
+                    break;
+                }
+            }
+        }
+        measured += batch.len();
+        for found in measure_all(context, parts, &batch, SEARCH)? {
+            match found {
+                Some(found) => {
+                    volume.add(&found.measures.costs());
+                    run.archive.offer(found);
+                }
+                None => run.failed += 1,
+            }
+        }
+        run.history.push((measured, volume.share()));
+    }
+    Ok(run)
+}
+
+/// A place near the best so far: some of the way between two others from a third, or one dimension a little off.
+fn step(archive: &Archive, wheels: usize, rng: &mut Rng) -> Point {
+    let members = &archive.members;
+    let mut pick = || {
+        let k = (rng.unit() * members.len() as f64) as usize;
+        members[k.min(members.len() - 1)].point.unit()
+    };
+    let [from, a, b] = [pick(), pick(), pick()];
+    let mut unit = from;
+    if rng.unit() < NUDGES.0 {
+        let k = (rng.unit() * 4.0) as usize % 4;
+        unit[k] += NUDGES.1 * rng.between(-1.0, 1.0);
+    } else {
+        let part = rng.between(0.0, STRIDE);
+        unit = core::array::from_fn(|k| from[k] + part * (a[k] - b[k]));
+    }
+    Point::nearest(wheels, unit)
+}
+
+/// Steps of a climb, on the grid.
+const CLIMB: [i32; 4] = [12, 5, 2, 1];
+
+/// Climbs from `from` to where no neighbour is better in every figure than `than` by a larger factor (one dimension or two at
+/// once, in steps that shrink), margins kept.
+pub(super) fn climb(
+    context: &Context,
+    parts: &Parts,
+    from: Point,
+    than: &Measures,
+) -> Result<Point, Interrupted> {
+    let (mut here, mut by) = (from, 0.0);
+    for stride in CLIMB {
+        loop {
+            let near = neighbours(here, stride);
+            let near: Vec<Point> =
+                near.into_iter().filter(|point| has_room(parts, &point.design())).collect();
+            let all = measure_all(context, parts, &near, SEARCH)?;
+            let factor = |found: &Found| better_by(&found.measures, than);
+            let best = all.iter().flatten().max_by(|a, b| factor(a).total_cmp(&factor(b)));
+            match best {
+                Some(found) if factor(found) > by => (here, by) = (found.point, factor(found)),
+                _ => break,
+            }
+        }
+    }
+    Ok(here)
+}
+
+/// A point, and those with one dimension or two so many steps off.
+fn neighbours(point: Point, stride: i32) -> Vec<Point> {
+    let mut all = vec![point];
+    for i in 0..4 {
+        for j in 0..=i {
+            for (a, b) in [(stride, stride), (stride, -stride), (-stride, stride), (-stride, -stride)] {
+                let mut steps = [0; 4];
+                steps[j] = b;
+                steps[i] = a;
+                all.extend(point.moved(steps).filter(|_| i != j || b == stride));
+            }
+        }
+    }
+    all
+}
+
+/// Measures designs on all cores, in their order; `None` for those that do not keep their margins.
+pub(super) fn measure_all(
+    context: &Context,
+    parts: &Parts,
+    points: &[Point],
+    effort: Effort,
+) -> Result<Vec<Option<Found>>, Interrupted> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let chunk = points.len().div_ceil(threads).max(1);
+    let one = |point: &Point| -> Result<Option<Found>, Interrupted> {
+        context.go_on()?;
+        let design = point.design();
+        let measures = measure(parts, &design, effort);
+        let kept = measures.filter(|measures| keeps(parts, &design, measures));
+        Ok(kept.map(|measures| Found { point: *point, measures }))
+    };
+    std::thread::scope(|scope| {
+        let work: Vec<_> = points
+            .chunks(chunk)
+            .map(|points| scope.spawn(move || points.iter().map(one).collect::<Result<Vec<_>, _>>()))
+            .collect();
+        let mut all = Vec::with_capacity(points.len());
+        for thread in work {
+            all.extend(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?);
+        }
+        Ok(all)
+    })
+}
+
+/// The machine of a design, with the prototype's motors at their peaks; `None` where it can become singular.
+pub(super) fn machine(parts: &Parts, design: &Design) -> Option<Machine> {
+    let [steer, drive] = [parts.rig.joints[0].peak, parts.rig.joints[1].peak];
+    Some(Machine::new(parts.device(design)?, [steer, drive]))
+}
+
+/// A design's figures; `None` where it can become singular.
+pub(super) fn measure(parts: &Parts, design: &Design, effort: Effort) -> Option<Measures> {
+    Some(Measures::of(&machine(parts, design)?, design, effort))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::context::Interrupt;
+    use crate::research::design::front::dominates;
+    use crate::research::design::margins::{MARGINS, margins};
+
+    fn run(seed: u64) -> Search {
+        let context = Context::new("test", true, &Interrupt::default());
+        search(&context, &Parts::prototype(), 3, 256, seed).expect("nobody stops it")
+    }
+
+    #[test]
+    fn a_search_finds_designs_that_keep_their_margins_and_none_beats_another() {
+        let parts = Parts::prototype();
+        let found = run(1);
+        let members = &found.archive.members;
+        assert!(members.len() > 10 && found.failed > 0, "{} found, {} failed", members.len(), found.failed);
+        for member in members {
+            let design = member.point.design();
+            for (value, margin) in margins(&parts, &design, &member.measures).iter().zip(&MARGINS) {
+                assert!(*value >= margin.least, "{design:?}: {} {value}", margin.name);
+            }
+            assert!(!members.iter().any(|o| dominates(&o.measures.costs(), &member.measures.costs())));
+        }
+        assert!(found.history.windows(2).all(|pair| pair[0].1 <= pair[1].1), "{:?}", found.history);
+        assert_eq!(found.history.last().map(|(measured, _)| *measured), Some(256));
+    }
+
+    #[test]
+    fn a_seed_finds_the_same_again_and_another_seed_something_else() {
+        let [one, again, other] = [run(1), run(1), run(2)];
+        assert_eq!(one.archive.members, again.archive.members);
+        assert_eq!(one.history, again.history);
+        assert_ne!(one.archive.members, other.archive.members);
+    }
+}

@@ -1,0 +1,58 @@
+//! `hbot-study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
+//!
+//! First what is computed from the geometry, in the order of the paper: `frames` (section II), `singularity` with `nested` (III), `capability` (table
+//! II), `indices` with `grids`, `start_map` and `readings` (V). `literal` has the paper's equations by the letter; `torus`, `so3` and `turns`, the
+//! postures that are looked at. Then what takes a simulated rig: `backdrive` and `bandwidth` with `position`
+//! (table II), `inverse` (V.D), `tracking` (fig. 7), `stiffness` with `springs` (table III), with and without the `effects` of a real one. Every section adds to the table that the report begins with (`comparison`).
+
+mod backdrive;
+mod bandwidth;
+mod capability;
+mod comparison;
+mod effects;
+mod frames;
+mod grids;
+mod indices;
+mod inverse;
+mod literal;
+mod nested;
+mod position;
+mod readings;
+mod singularity;
+mod so3;
+mod springs;
+mod start_map;
+mod stiffness;
+mod torus;
+mod tracking;
+mod turns;
+
+use crate::context::{Context, Interrupted};
+use crate::report::Report;
+use comparison::Comparison;
+
+/// The study.
+pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+    let mut report = Report::new("paper", context.quick);
+    let mut comparison = Comparison::default();
+    context.expect(16);
+    report.say(
+        "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
+         project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
+         where nothing else is said. Equations, sections, figures and tables by number are the paper's; where it must not be followed to the letter, \
+         docs/physics.md, section 11, says why.",
+    );
+    report.heading("The paper's figures and ours");
+    let place = report.place();
+    frames::study(context, &mut report, &mut comparison)?;
+    singularity::study(context, &mut report, &mut comparison)?;
+    capability::study(context, &mut report, &mut comparison)?;
+    backdrive::study(context, &mut report, &mut comparison)?;
+    bandwidth::study(context, &mut report, &mut comparison)?;
+    indices::study(context, &mut report, &mut comparison)?;
+    inverse::study(context, &mut report, &mut comparison)?;
+    tracking::study(context, &mut report, &mut comparison)?;
+    stiffness::study(context, &mut report, &mut comparison)?;
+    comparison.put(&mut report, place);
+    Ok(report)
+}

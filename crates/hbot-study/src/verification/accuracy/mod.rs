@@ -1,0 +1,73 @@
+//! `hbot-study accuracy`: what accuracy costs, stage by stage, and the whole tick.
+
+mod allocation;
+mod caster;
+mod kinematics;
+mod motions;
+mod order;
+mod plant;
+mod segments;
+mod sliding;
+mod spring;
+mod tick;
+mod velocity;
+
+use hbot_config::RigConfig;
+
+use crate::context::{Context, Interrupted};
+use crate::report::Report;
+
+/// Readings a second that odometry is held at, Hz.
+const RATES: [u32; 5] = [500, 1000, 2000, 4000, 8000];
+/// How long it drifts, s.
+const DRIFT_S: f64 = 0.6;
+
+/// Runs a block once with the stages of each width under the name given.
+macro_rules! in_both_widths {
+    ($stages:ident => $body:block) => {{
+        {
+            use crate::verification::double::stages as $stages;
+            $body
+        }
+        {
+            use crate::verification::single::stages as $stages;
+            $body
+        }
+    }};
+}
+use in_both_widths;
+
+/// The study.
+pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+    let mut report = Report::new("accuracy", context.quick);
+    let rig = RigConfig::prototype().rig;
+    context.expect(14);
+    report.say(
+        "What each choice of method costs in time and brings in accuracy, on this machine. Where a plot has time and error on its \
+         axes, the front is marked: what is not on it is beaten, in both, by something that is. Errors are against adaptive \
+         references at 1e-12 or better; the device is the prototype (`rigs/prototype.toml`) where nothing else is said.",
+    );
+    let times = motions::times(context, &mut report, &rig.device)?;
+    segments::study(context, &mut report, &rig.device, &times)?;
+    motions::study(context, &mut report, &rig, &times)?;
+    caster::study(context, &mut report, &rig.device)?;
+    plant::study(context, &mut report, &rig.device)?;
+    sliding::study(context, &mut report, &rig.device)?;
+    spring::study(context, &mut report)?;
+    allocation::study(context, &mut report, &rig.device)?;
+    kinematics::study(context, &mut report)?;
+    velocity::study(context, &mut report, &rig)?;
+    tick::study(context, &mut report)?;
+    Ok(report)
+}
+
+/// The middle of some numbers.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// A number for a table.
+fn sci(value: f64) -> String {
+    format!("{value:.1e}")
+}

@@ -1,0 +1,153 @@
+//! Odometry on joints at constant rates: the method's own error.
+
+use hbot_core::kinematics::Posture;
+use hbot_core::rig::OdometryMethod;
+use hbot_core::{Device, Vec3};
+use hbot_plot::{Lines, Series};
+use hbot_sim::motion::{JOINTS, WHEELS, angle, segment};
+
+use super::motions::Times;
+use super::order::Errors;
+use super::{DRIFT_S, RATES, in_both_widths, median, sci};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+use crate::rng::Rng;
+use crate::verification::double::stages::odometry::{METHODS, ORDERS};
+
+/// A brisk turn as it begins: steering angles and joint rates, and where it ends.
+struct Segment {
+    th: [f64; WHEELS],
+    zd: [f64; JOINTS],
+    end: [f64; 4],
+}
+
+/// Angular speed of the sphere at the start, rad/s.
+const SPEED: f64 = 3.0;
+/// Rates that only tell the order: slower than any loop.
+const SLOW: [u32; 2] = [125, 250];
+/// What rounding of some ten thousand steps of 1e-16 leaves of a drift, rad: magnus4 at 16 kHz comes no nearer to the reference.
+const FLOOR: f64 = 3.0e-14;
+
+fn segments(device: &Device, count: usize) -> Vec<Segment> {
+    let mut rng = Rng(11);
+    (0..count)
+        .map(|_| {
+            let th = core::array::from_fn(|_| rng.between(-3.0, 3.0));
+            let omega = Vec3::from_array(rng.direction()) * SPEED;
+            let rates = Posture::new(device, &th).inverse(omega);
+            let zd = core::array::from_fn(|j| rates[j]);
+            Segment { th, zd, end: segment(device, th, &zd, DRIFT_S) }
+        })
+        .collect()
+}
+
+pub(super) fn study(
+    context: &Context,
+    report: &mut Report,
+    device: &Device,
+    times: &Times,
+) -> Result<(), Interrupted> {
+    context.part("odometry: the method's error")?;
+    report.heading("Odometry: the method's error");
+    report.say(&format!(
+        "Joints turn at constant rates for {DRIFT_S} s, as they do in the first moment of a sphere that turns with {SPEED} rad/s: so the \
+         path between two readings is known, and what is left is the method's error. Drift is the angle at the end; the median of turns \
+         that begin at any steering angles."
+    ));
+    report.family(
+        "odometry_segments_{method}_{width}_{rate}hz_drift_rad",
+        "rad",
+        "drift in 0.6 s of joints at constant rates, median of brisk turns",
+    );
+    let segments = segments(device, if context.quick { 15 } else { 45 });
+    let mut table = vec![row(["method", "width"])];
+    table[0].extend(RATES.map(|hz| format!("{hz} Hz")));
+    let mut lines = Vec::new();
+    let mut orders = Vec::new();
+    in_both_widths!(stages => {
+        let device = stages::device(device);
+        let drift = |method, hz: u32| {
+            let ticks = (DRIFT_S * f64::from(hz)).round() as u32;
+            let h = 1.0 / f64::from(hz);
+            median(segments.iter().map(|s| angle(stages::odometry::segment(&device, method, s.th, &s.zd, h, ticks), s.end)).collect())
+        };
+        for (method, (name, _)) in METHODS.iter().enumerate() {
+            context.go_on()?;
+            let drifts = RATES.map(|hz| drift(method, hz));
+            for (hz, drift) in RATES.iter().zip(drifts) {
+                report.figure(format!("odometry_segments_{name}_{}_{hz}hz_drift_rad", stages::WIDTH), drift);
+            }
+            table.push(row([*name, stages::WIDTH].into_iter().map(str::to_owned).chain(drifts.map(sci))));
+            lines.push(Series {
+                name: format!("{name}, {}", stages::WIDTH),
+                points: RATES.iter().zip(drifts).map(|(hz, drift)| (times.us_per_second(stages::WIDTH, method, 0, *hz), drift)).collect(),
+                colour: method,
+                open: stages::WIDTH == "f32",
+            });
+            if stages::WIDTH == "f64" {
+                let slow = SLOW.iter().map(|hz| (*hz, drift(method, *hz)));
+                let all = slow.chain(RATES.into_iter().zip(drifts));
+                orders.push((method, Errors(all.map(|(hz, drift)| (1.0 / f64::from(hz), drift)).collect())));
+            }
+        }
+    });
+    report.table(&table);
+    rounding(report, device, &segments);
+    for (method, errors) in orders {
+        let what = format!("odometry at constant rates, {}, f64", METHODS[method].0);
+        errors.check(report, &what, FLOOR, ORDERS[method]);
+    }
+    report.plot(
+        "odometry_segments",
+        "Odometry at constant joint rates: drift in 0.6 s against the time that it takes; each line from 500 Hz (left) to 8 kHz",
+        Lines {
+            title: "The method's error".to_owned(),
+            x: "microseconds of computing for a second of motion".to_owned(),
+            y: "drift in 0.6 s, rad".to_owned(),
+            log: [true; 2],
+            series: lines,
+            front: true,
+        }
+        .svg(),
+    );
+    Ok(())
+}
+
+/// Where f32 drifts: the same turns, made in f64 and rounded, put together in f32 in two ways.
+fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
+    report.family(
+        "odometry_rounding_{way}_{width}_{rate}hz_drift_rad",
+        "rad",
+        "drift in 0.6 s of f64's turns put together in either width: by the product of quaternions, or by adding what it changes",
+    );
+    report.say(
+        "What f32 errs is not in the turns but in how they are put together. Here they are magnus4's in f64, rounded to the width; the *product* is the core's, the \
+         *change* adds exp(turn) q - q, in which no number near 1 is multiplied:",
+    );
+    let mut table = vec![row(["put together by", "width"])];
+    table[0].extend(RATES.map(|hz| format!("{hz} Hz")));
+    let turned = RATES.map(|hz| segments.iter().map(|s| turns(device, s, hz)).collect::<Vec<_>>());
+    in_both_widths!(stages => {
+        for (way, added) in [("product", false), ("change", true)] {
+            let off = |(turns, s): (&Vec<[f64; 3]>, &Segment)| angle(stages::odometry::after(turns, added), s.end);
+            let drifts = turned.each_ref().map(|all| median(all.iter().zip(segments).map(off).collect()));
+            for (hz, drift) in RATES.iter().zip(drifts) {
+                report.figure(format!("odometry_rounding_{way}_{}_{hz}hz_drift_rad", stages::WIDTH), drift);
+            }
+            table.push(row([way, stages::WIDTH].into_iter().map(str::to_owned).chain(drifts.map(sci))));
+        }
+    });
+    report.table(&table);
+}
+
+/// The turns of a segment read so often, by magnus4 in f64, rad.
+fn turns(device: &Device, segment: &Segment, hz: u32) -> Vec<[f64; 3]> {
+    let h = 1.0 / f64::from(hz);
+    let delta = segment.zd.map(|rate| rate * h);
+    let turn = |k: u32| {
+        let t = f64::from(k) * h;
+        let th: [f64; WHEELS] = core::array::from_fn(|i| segment.th[i] + segment.zd[2 * i] * t);
+        hbot_core::odometry::turn(device, OdometryMethod::Magnus4, &th, &delta).to_array()
+    };
+    (0..(DRIFT_S * f64::from(hz)).round() as u32).map(turn).collect()
+}

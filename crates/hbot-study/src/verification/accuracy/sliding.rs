@@ -1,0 +1,134 @@
+//! The plant whose contacts slip: what its time stepping errs on a scene that slides, and what it takes.
+
+use core::f64::consts::PI;
+
+use hbot_core::{Device, Quat, rotation};
+use hbot_plot::{Lines, Series};
+use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::phenomena::{Phenomena, Slip};
+use hbot_sim::plant::{Dynamics, Method, State};
+
+use super::order::Errors;
+use super::sci;
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row, spread};
+use crate::timing::{Timed, sampled};
+
+/// Steps, microseconds. All divide the time between two looks.
+const STEPS_US: [u32; 7] = [1000, 500, 250, 125, 100, 50, 25];
+/// Steps of the reference in one of the finest.
+const FINER: u32 = 16;
+/// How long it lasts, s.
+const TASK_S: f64 = 0.12;
+/// Time between two looks at the error, us.
+const LOOK_US: u32 = 2000;
+/// The drive's torque at its height, N m: on a wheel of 15.5 mm 1.4 times what the contact holds.
+const DRIVE: f64 = 0.18;
+
+/// The scene: the prototype held by a hand, one drive pushed beyond its contact for 60 ms and then let go.
+struct Scene<'a> {
+    device: &'a Device,
+    phenomena: Phenomena,
+}
+
+impl Scene<'_> {
+    /// Where the sphere is at each look, and the largest slip seen (m/s), by steps of `step_us / parts`.
+    fn run(&self, step_us: u32, parts: u32) -> (Vec<Quat>, f64) {
+        let mut state = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
+        let dynamics = Dynamics::new(self.device, &self.phenomena, Method::Rk4, &state);
+        let mut dynamics = dynamics.unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
+        let hand = Hand { amplitude: 0.0, ..Hand::default() };
+        let grip = Grip::new(hand, 0.0, state.q);
+        dynamics.set_sphere_inertia(self.device.sphere_inertia() + hand.inertia);
+        let h = f64::from(step_us) * 1.0e-6 / f64::from(parts);
+        let steps = (TASK_S / h).round() as u32;
+        let (mut looks, mut slip) = (Vec::new(), 0.0_f64);
+        for k in 0..steps {
+            let t = f64::from(k) * h;
+            let mut tau = [0.0; 16];
+            // What is held over a step is what it is in its middle.
+            tau[1] = DRIVE * push(t + 0.5 * h);
+            dynamics.step(&mut state, t, h, &tau, hbot_core::Vec3::ZERO, Some(&grip));
+            if (u64::from(k + 1) * u64::from(step_us)).is_multiple_of(u64::from(LOOK_US * parts)) {
+                looks.push(state.q);
+                let [u, v] = dynamics.slip(&state)[0];
+                slip = slip.max(libm::hypot(u, v));
+            }
+        }
+        (looks, slip)
+    }
+}
+
+/// How far the drive is pushed at the time `t`, of the most.
+fn push(t: f64) -> f64 {
+    if t < 0.06 { libm::sin(PI * t / 0.06).powi(2) } else { 0.0 }
+}
+
+fn apart(a: &[Quat], b: &[Quat]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| rotation::angle_between(*a, *b)).fold(0.0, f64::max)
+}
+
+pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
+    context.part("the plant that slips")?;
+    report.heading("The plant that slips");
+    let scene =
+        Scene { device, phenomena: Phenomena { slip: Some(Slip::default()), ..Phenomena::default() } };
+    let finest = STEPS_US[STEPS_US.len() - 1];
+    let (exact, slip) = scene.run(finest, FINER);
+    let floor = apart(&exact, &scene.run(finest, FINER / 2).0);
+    report.say(&format!(
+        "Contacts that hold 8 N (the default of `slip`), on the prototype in a hand that holds still: one drive is pushed with up to {DRIVE} N m, \
+         slips at up to {slip:.1} m/s, and grips again, in {TASK_S} s. The time stepping for set-valued laws is of order 1 by nature. The error is the largest \
+         of the orientation, looked at every {} ms, against steps of {:.2} us (good to {floor:.0e}). A rig in virtual time takes steps of 250 us at most with these \
+         phenomena.",
+        LOOK_US / 1000,
+        f64::from(finest) / f64::from(FINER),
+    ));
+    report.family(
+        "plant_nonsmooth_{step_us}us_error_rad",
+        "rad",
+        "largest orientation error over the sliding scene, by time stepping",
+    );
+    report.family(
+        "plant_nonsmooth_{step_us}us_ms_per_s",
+        "ms/s",
+        "computing for a second of the sliding scene",
+    );
+    let mut timed: Vec<Timed<'_>> = STEPS_US
+        .iter()
+        .map(|step_us| {
+            let scene = &scene;
+            // ns of a call are ms a second when counted in units of 1e6 for each simulated second.
+            Timed::new(move || scene.run(*step_us, 1)).in_units_of(TASK_S * 1.0e6)
+        })
+        .collect();
+    let (least, rounds) = if context.quick { (100, 5) } else { (500, 21) };
+    let times = sampled(context, &mut timed, std::time::Duration::from_micros(least), rounds)?;
+    let mut table = vec![row(["step, us", "error, rad", "ms a simulated second (quartiles)"])];
+    let (mut points, mut errors) = (Vec::new(), Errors::default());
+    for (step_us, time) in STEPS_US.iter().zip(times) {
+        let error = apart(&scene.run(*step_us, 1).0, &exact);
+        report.figure(format!("plant_nonsmooth_{step_us}us_error_rad"), error);
+        report.time(format!("plant_nonsmooth_{step_us}us_ms_per_s"), time);
+        table.push(row([step_us.to_string(), sci(error), spread(time)]));
+        points.push((time.median, error));
+        errors.0.push((f64::from(*step_us), error));
+    }
+    report.table(&table);
+    report.check("the sliding scene slides, m/s", format!("{slip:.2}"), slip > 0.05);
+    errors.check(report, "plant that slips, time stepping", floor, 1);
+    report.plot(
+        "plant_nonsmooth",
+        "The plant that slips: largest orientation error over the scene against computing time; from 1 ms (left) to 25 us",
+        Lines {
+            title: "Time stepping on a sliding scene".to_owned(),
+            x: "ms of computing for a simulated second".to_owned(),
+            y: "largest orientation error, rad".to_owned(),
+            log: [true; 2],
+            series: vec![Series { name: "time stepping".to_owned(), points, colour: 0, open: false }],
+            front: false,
+        }
+        .svg(),
+    );
+    Ok(())
+}

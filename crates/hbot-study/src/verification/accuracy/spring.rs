@@ -1,0 +1,136 @@
+//! Spring laws against what they are to first order.
+
+use hbot_core::{Mat3, Vec3};
+use hbot_plot::{Lines, Series};
+
+use super::{in_both_widths, sci};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row, spread};
+use crate::timing::in_turn;
+use crate::verification::double::stages::spring::{LAWS, STIFFNESS};
+
+/// Angles, mrad.
+const ANGLES: [u32; 9] = [1, 3, 10, 30, 100, 300, 1000, 2000, 3000];
+/// The axes looked at, unit: the worst counts. None is a principal axis, where less is left out.
+const AXES: [Vec3; 3] = [Vec3::new(0.6, 0.48, 0.64), Vec3::new(-0.36, 0.48, 0.8), Vec3::new(0.8, -0.6, 0.0)];
+
+/// The torque of a law for the turn `p` (rotation vector, rad), N m, straight from its formula in the turn: no logarithm, no
+/// square root of a difference.
+fn truth(law: usize, p: Vec3) -> Vec3 {
+    let k = Mat3::from_diagonal(Vec3::from_array(STIFFNESS));
+    let t = p.length();
+    if law < 2 {
+        let kp = k * p;
+        let cross = p.cross(kp);
+        let half = 0.5 * t;
+        let c = if t < 0.1 {
+            let t2 = t * t;
+            1.0 / 12.0 + t2 * (1.0 / 720.0 + t2 * (1.0 / 30_240.0 + t2 * (1.0 / 1_209_600.0)))
+        } else {
+            (1.0 - half / libm::tan(half)) / (t * t)
+        };
+        -(kp + cross * 0.5 + p.cross(cross) * c)
+    } else {
+        let (s, eta) = libm::sincos(0.5 * t);
+        let e = p * (s / t);
+        let ke = k * e;
+        (ke * eta + e.cross(ke)) * -2.0
+    }
+}
+
+/// The largest error over the axes relative to the torque's size, in the width of `at`.
+fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f64 {
+    let off = |axis: Vec3| {
+        let (s, c) = libm::sincos(0.5 * angle);
+        let torque = at(law, [c, axis.x * s, axis.y * s, axis.z * s]);
+        let truth = truth(law, axis * angle);
+        (Vec3::from_array(torque) - truth).length() / truth.length()
+    };
+    AXES.into_iter().map(off).fold(0.0, f64::max)
+}
+
+pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+    context.part("spring laws")?;
+    report.heading("Spring laws");
+    report.say(
+        "Torque of an uneven spring (4, 2, 1 N m/rad) turned by an angle about skew axes, against the law's own formula in the turn. The \
+         first-order forms leave out what is of the next order in the angle: -K log q and -2 K e. They are no gradients: round a closed path \
+         they give out energy.",
+    );
+    report.family(
+        "spring_{law}_{width}_{angle}mrad_error",
+        "1",
+        "error of the torque relative to its size at that angle, largest over some axes",
+    );
+    report.family("spring_{law}_{width}_ns", "ns", "one torque");
+    let (mut names, mut timed) = (Vec::new(), Vec::new());
+    in_both_widths!(stages => {
+        for law in 0..LAWS.len() {
+            names.push((law, stages::WIDTH));
+            timed.push(stages::spring::timed(law));
+        }
+    });
+    let times = in_turn(context, &mut timed)?;
+    let mut table = vec![row(["law", "width", "ns (quartiles)"])];
+    table[0].extend([10, 100, 1000, 3000].map(|angle| format!("error at {} rad", f64::from(angle) / 1000.0)));
+    let mut lines = Vec::new();
+    for ((law, width), time) in names.into_iter().zip(times) {
+        let name = LAWS[law];
+        let errors = ANGLES.map(|angle| {
+            let angle = f64::from(angle) / 1000.0;
+            if width == "f64" {
+                error(law, angle, crate::verification::double::stages::spring::at)
+            } else {
+                error(law, angle, crate::verification::single::stages::spring::at)
+            }
+        });
+        report.time(format!("spring_{name}_{width}_ns"), time);
+        for (angle, error) in ANGLES.iter().zip(errors) {
+            report.figure(format!("spring_{name}_{width}_{angle}mrad_error"), error);
+        }
+        let shown = [2, 4, 6, 8].map(|k| sci(errors[k]));
+        table.push(row([name, width, &spread(time)].map(str::to_owned).into_iter().chain(shown)));
+        if name.ends_with("exact") {
+            let worst = errors.into_iter().fold(0.0, f64::max);
+            // Some tens of roundings; nearer to a half turn the logarithm's Jacobian grows, and they with it.
+            let bound = if width == "f64" { 64.0 * f64::EPSILON } else { 64.0 * f64::from(f32::EPSILON) };
+            report.check(
+                format!("spring law {name}, {width}: within 64 roundings of its formula"),
+                sci(worst),
+                worst < bound,
+            );
+        } else if width == "f64" {
+            let order = (errors[3] / errors[2]).ln() / 3.0_f64.ln();
+            report.check(
+                format!("spring law {name}, {width}: its relative error is of the order 1 in the angle, within 0.1"),
+                format!("{order:.3}"),
+                (order - 1.0).abs() < 0.1,
+            );
+        }
+        lines.push(Series {
+            name: format!("{name}, {width}: {:.0} ns", time.median),
+            points: ANGLES
+                .iter()
+                .zip(errors)
+                .map(|(angle, error)| (f64::from(*angle) / 1000.0, error))
+                .collect(),
+            colour: law,
+            open: width == "f32",
+        });
+    }
+    report.table(&table);
+    report.plot(
+        "spring",
+        "Error of a spring's torque over the angle, with what one torque takes",
+        Lines {
+            title: "Spring laws".to_owned(),
+            x: "angle, rad".to_owned(),
+            y: "error relative to the torque".to_owned(),
+            log: [true; 2],
+            series: lines,
+            front: false,
+        }
+        .svg(),
+    );
+    Ok(())
+}

@@ -1,0 +1,221 @@
+//! A controller and a simulated rig side by side, each fed with what was recorded: so that a tick costs what it costs whatever
+//! the other does, and the same in every run.
+
+use std::rc::Rc;
+
+use hbot_config::scene::{self, kinds};
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::kinematics::Posture;
+use hbot_core::mode::Mode;
+use hbot_core::outputs::Drive;
+use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
+use hbot_sim::exchange::Exchange;
+use hbot_sim::motion::MOTIONS;
+use hbot_sim::plant::State;
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::scene::phenomena;
+use serde_json::{Map, Value, json};
+
+/// Ticks until the soft start is over.
+const STARTED: usize = 600;
+/// Ticks in which a change of scene blends.
+const BLEND: usize = 60;
+/// Readings that were recorded: a turn that begins anew after them.
+const RECORDED: usize = STARTED + 2 * BLEND + 1500;
+/// The number of the first command: as many bytes on the line as any that follows.
+const FIRST: u32 = 1 << 20;
+
+/// Every kind of effect, then every phenomenon.
+pub(super) fn names() -> Vec<String> {
+    let all: Vec<String> =
+        kinds().iter().chain(&scene::phenomena()).map(|listed| listed.name.to_owned()).collect();
+    debug_assert!(all.iter().all(|name| super::is_name(name)), "{all:?}");
+    all
+}
+
+/// Whether `name` is a kind of effect.
+pub(super) fn is_kind(name: &str) -> bool {
+    kinds().iter().any(|listed| listed.name == name)
+}
+
+/// What a scene names.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Setup {
+    /// Kinds and phenomena.
+    pub(super) names: Vec<String>,
+    /// The scene has had them and has dropped them again.
+    pub(super) gone: bool,
+}
+
+impl Setup {
+    pub(super) fn of(names: &[&String]) -> Self {
+        Self { names: names.iter().map(|name| (*name).clone()).collect(), gone: false }
+    }
+
+    /// The same, dropped.
+    pub(super) fn gone(&self) -> Self {
+        Self { gone: true, ..self.clone() }
+    }
+
+    /// The names in one.
+    pub(super) fn name(&self) -> String {
+        self.names.join("_with_")
+    }
+
+    /// As an argument of the worker.
+    pub(super) fn to_json(&self) -> Value {
+        json!({"names": self.names, "gone": self.gone})
+    }
+
+    /// From an argument of the worker.
+    pub(super) fn from_json(value: &Value) -> Option<Self> {
+        let names = value["names"].as_array()?.iter();
+        let names: Option<Vec<String>> = names.map(|name| name.as_str().map(str::to_owned)).collect();
+        Some(Self { names: names?, gone: value["gone"].as_bool()? })
+    }
+
+    fn scene(&self) -> SceneFile {
+        let mut effects = Vec::new();
+        let mut simulate = Map::new();
+        for name in &self.names {
+            if is_kind(name) {
+                effects.push(json!({"id": name, "kind": name}));
+            } else {
+                simulate.insert(name.clone(), json!({}));
+            }
+        }
+        let scene = SceneFile::from_json(json!({"name": "study", "effect": effects, "simulate": simulate}));
+        scene.unwrap_or_else(|error| unreachable!("every kind and phenomenon has defaults: {error}"))
+    }
+}
+
+/// A controller and a simulated rig, active, in the middle of a motion.
+#[derive(Clone)]
+pub(super) struct Desk {
+    controller: Controller,
+    running: RunningScene,
+    scene: Rc<CompiledScene>,
+    readings: Rc<Vec<JointFeedback>>,
+    exchange: Exchange,
+    /// The next tick.
+    tick: usize,
+}
+
+impl Desk {
+    /// A desk that is active, without any effect or phenomenon.
+    pub(super) fn active() -> Self {
+        let config = RigConfig::prototype();
+        let mut rig = config.rig;
+        // What the figures of an effect ask for is not what the study is about.
+        rig.limits.enable_max_angle = core::f64::consts::PI;
+        let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig));
+        let simulated =
+            simulated.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
+        let mut running = RunningScene::new();
+        let mut desk = Self {
+            controller: Controller::new(rig),
+            scene: Rc::new(running.load(Setup::default().scene())),
+            running,
+            readings: Rc::new(readings(&config)),
+            exchange: Exchange::new(simulated, rig.device.joints()),
+            tick: 0,
+        };
+        desk.run(STARTED);
+        desk
+    }
+
+    /// This desk once it has run `setup` until nothing blends any more.
+    pub(super) fn with(&self, setup: &Setup) -> Self {
+        let empty = Setup::default();
+        let mut desk = self.clone();
+        desk.change(setup);
+        // Scenes without a word of it go the same way, so that all stand at the same tick afterwards.
+        desk.change(if setup.gone { &empty } else { setup });
+        desk
+    }
+
+    /// Takes over the scene of `setup`, and blends it in. The rig begins anew.
+    fn change(&mut self, setup: &Setup) {
+        let file = setup.scene();
+        let shown = file.simulate().filter(|_| !setup.names.is_empty()).map(phenomena);
+        self.exchange.rig_mut().set_phenomena(shown.unwrap_or_default());
+        self.scene = Rc::new(self.running.load(file));
+        self.run(BLEND);
+        self.exchange.rig_mut().set_state(State::default());
+    }
+
+    /// So many ticks; the sum of what came out of them, to be kept alive.
+    pub(super) fn run(&mut self, ticks: usize) -> f64 {
+        (0..ticks).map(|_| self.step()).sum()
+    }
+
+    /// One tick of the controller, and one of the rig.
+    fn step(&mut self) -> f64 {
+        let k = self.tick;
+        self.tick += 1;
+        let mut inputs = Inputs::quiet(k as u64);
+        inputs.feedback = self.readings.get(k).copied();
+        if k == 1 {
+            // A tick without any other command has room.
+            let _ = inputs.commands.push(Command::Enable);
+        }
+        let state = self.controller.tick(&self.scene, &inputs).state;
+        debug_assert!(k < STARTED || state.mode == Mode::Active, "{:?} {:?}", state.mode, state.cause);
+        let reading = self.exchange.tick(k as u64 * 1_000_000, FIRST + k as u32, &drive(k));
+        state.torque.x + reading.map_or(0.0, |reading| reading.rates[0])
+    }
+}
+
+/// What the simulated rig is told in the `k`th tick: torques that swing.
+fn drive(k: usize) -> Drive {
+    let mut drive = Drive { enable: true, torque: [0.0; MAX_JOINTS] };
+    for (j, torque) in drive.torque[..4].iter_mut().enumerate() {
+        // A triangle between -8 and 8 mN m, one period in 128 ticks, each joint a quarter later.
+        let phase = (k + 32 * j) % 128;
+        *torque = 5.0e-4 * (phase.abs_diff(64) as f64 - 32.0) * 0.5;
+    }
+    drive
+}
+
+/// What encoders read of a brisk motion back and forth.
+fn readings(config: &RigConfig) -> Vec<JointFeedback> {
+    let (motion, device) = (&MOTIONS[4], &config.rig.device);
+    let moments = motion.moments(device, 1000, RECORDED, 0);
+    let each = |(k, moment): (usize, &hbot_sim::motion::Moment)| {
+        let omega = motion.omega(k as f64 * 1.0e-3);
+        let rates = Posture::new(device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
+        let mut counts = [0; MAX_JOINTS];
+        for (j, angle) in moment.joints.iter().enumerate() {
+            let joint = &config.rig.joints[j];
+            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
+            counts[j] = (angle * unit).round() as i64 as i32;
+        }
+        JointFeedback { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
+    };
+    moments.iter().enumerate().map(each).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_sim::phenomena::Phenomena;
+
+    use super::*;
+
+    /// What a study is to measure is there while a scene names it, and gone with the next that does not.
+    #[test]
+    fn every_phenomenon_of_a_scene_is_shown_and_taken_away() {
+        let active = Desk::active();
+        let mut seen = Vec::new();
+        for listed in scene::phenomena() {
+            let setup = Setup::of(&[&listed.name.to_owned()]);
+            let shown = *active.with(&setup).exchange.rig().phenomena();
+            assert_ne!(shown, Phenomena::default(), "{}", listed.name);
+            assert!(!seen.contains(&shown), "{}", listed.name);
+            seen.push(shown);
+            let gone = active.with(&setup.gone());
+            assert_eq!(*gone.exchange.rig().phenomena(), Phenomena::default(), "{}", listed.name);
+        }
+        assert_eq!(seen.len(), 11);
+    }
+}

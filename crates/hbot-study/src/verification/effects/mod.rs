@@ -1,0 +1,272 @@
+//! `hbot-study effects`: what each kind of effect and each phenomenon of the simulated rig costs a tick, alone and in pairs, and
+//! that what a scene does not name costs nothing.
+
+mod callgrind;
+mod desk;
+
+use std::fmt::Write as _;
+
+use crate::context::{Context, Interrupted};
+use crate::names;
+use crate::report::{Report, row, spread};
+use crate::timing::{Time, Timed, in_turn};
+
+pub use callgrind::{Counter, count_worker};
+use desk::{Desk, Setup};
+use hbot_plot::{Bar, bars, short};
+
+/// How many instructions a scene may cost more for what it no longer names, relative to the tick: the frames on the line differ
+/// in their numbers, and a zero byte more in one costs an instruction or two.
+const NOTHING: f64 = 1.0e-3;
+/// The same for times, which noise moves.
+const NOTHING_NS: f64 = 0.25;
+/// Ticks of one timed run: those whose instructions are counted, or a solver that takes more steps where things stick or slide would
+/// have two prices.
+const TICKS: usize = callgrind::MANY;
+
+/// A setup's costs, a tick.
+struct Cost {
+    setup: Setup,
+    time: Option<Time>,
+    instructions: Option<f64>,
+}
+
+/// The study. `counter` counts instructions, where there is a way to.
+pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
+    let mut report = Report::new("effects", context.quick);
+    introduce(&mut report);
+    let names: Vec<String> = desk::names();
+    let none = Setup::default();
+    let singles: Vec<Setup> = names.iter().map(|name| Setup::of(&[name])).collect();
+    let gone: Vec<Setup> = singles.iter().map(Setup::gone).collect();
+    let mut pairs = Vec::new();
+    for (k, a) in names.iter().enumerate().filter(|_| !context.quick) {
+        pairs.extend(names[k + 1..].iter().map(|b| Setup::of(&[a, b])));
+    }
+    let all: Vec<Setup> = [none].into_iter().chain(singles).chain(gone).chain(pairs).collect();
+    context.expect(3);
+
+    context.part("instructions")?;
+    let counted = match counter {
+        Some(counter) => counter.count(context, &all)?,
+        None => Err("this program cannot run itself under valgrind".to_owned()),
+    };
+    context.part("times")?;
+    let active = Desk::active();
+    let mut runs: Vec<Timed<'_>> = all
+        .iter()
+        .map(|setup| {
+            let desk = active.with(setup);
+            Timed::new(move || desk.clone().run(TICKS)).in_units_of(TICKS as f64)
+        })
+        .collect();
+    let times = in_turn(context, &mut runs)?;
+    drop(runs);
+
+    context.part("tables")?;
+    let costs: Vec<Cost> = all
+        .into_iter()
+        .enumerate()
+        .map(|(k, setup)| Cost {
+            setup,
+            time: times.get(k).copied(),
+            instructions: counted.as_ref().ok().map(|all| all[k]),
+        })
+        .collect();
+    if let Err(why) = &counted {
+        report.say(&format!("**Instructions were not counted: {why}.** What follows rests on times alone."));
+    }
+    tell(&mut report, &costs, names.len());
+    Ok(report)
+}
+
+fn introduce(report: &mut Report) {
+    report.say(
+        "What each kind of effect and each phenomenon of the simulated rig costs a tick, with the parameters that it has where a scene names \
+         nothing but it: `{}`. One tick is `Controller::tick` of the prototype, active, on recorded readings of a brisk motion, and one exchange with the \
+         simulated rig over its line in memory: command frame, a step of the plant, feedback frame. Costs are those beyond the same tick without any of \
+         them. Instructions are callgrind's, of two runs of different length, subtracted, so that the start of the program is not in them; they are the same in every \
+         run. Times vary with the machine; they are of the same ticks, from the rig's rest on. Where something sticks, slides or has play (joint and cage friction, slip, pivoting, gear) the rig solves for it in steps \
+         of 250 microseconds, four a tick. Most of a tick without any of them is the line's: two frames written, checked and read byte by byte.",
+    );
+    report.say(
+        "*Afterwards* is the same tick without the thing, in a program in which a scene has had it and dropped it: it must cost what a tick costs in which it \
+         never was.",
+    );
+    report.family(
+        "effects_none_instructions",
+        "1",
+        "instructions of a tick without any effect or phenomenon",
+    );
+    report.family("effects_none_ns", "ns", "time of such a tick");
+    report.family("effects_{name}_instructions", "1", "instructions a tick that a kind or phenomenon adds");
+    report.family("effects_{name}_added_ns", "ns", "time a tick that it adds");
+    report.family(
+        "effects_{name}_afterwards_instructions",
+        "1",
+        "instructions a tick that are left of it once a scene has dropped it",
+    );
+    report.family(
+        "effects_{a}_with_{b}_instructions",
+        "1",
+        "instructions a tick that two of them add together; `more_than_sum`: beyond what each adds alone",
+    );
+    report.family("effects_{a}_with_{b}_added_ns", "ns", "time a tick that two of them add together");
+}
+
+/// The figures, tables, plots and checks. `costs` begins with none, each alone, and each afterwards; then pairs.
+fn tell(report: &mut Report, costs: &[Cost], count: usize) {
+    let none = &costs[0];
+    let base = none.instructions;
+    if let Some(base) = base {
+        report.figure("effects_none_instructions".to_owned(), base);
+    }
+    if let Some(time) = none.time {
+        report.time("effects_none_ns".to_owned(), time);
+    }
+    let (alone, rest) = costs[1..].split_at(count);
+    let (afterwards, pairs) = rest.split_at(count);
+    let added = |cost: &Cost| Some(cost.instructions? - base?);
+    let added_ns = |cost: &Cost| Some(cost.time?.median - none.time?.median);
+    let or_dash = |x: Option<f64>| x.map_or("-".to_owned(), short);
+
+    report.heading("Each alone");
+    let mut table =
+        vec![row(["", "what it is", "instructions a tick", "ns a tick", "afterwards, instructions"])];
+    let (mut instructions, mut times) = (Vec::new(), Vec::new());
+    let (mut left, mut left_ns) = (0.0_f64, 0.0_f64);
+    for (cost, after) in alone.iter().zip(afterwards) {
+        let name = cost.setup.name();
+        let kind = if desk::is_kind(&name) { "effect" } else { "phenomenon" };
+        if let (Some(more), Some(after), Some(base)) = (added(cost), added(after), base) {
+            report.figure(format!("effects_{name}_instructions"), more);
+            report.figure(format!("effects_{name}_afterwards_instructions"), after);
+            left = left.max((after / base).abs());
+            instructions.push((name.clone(), more));
+        }
+        if let (Some(more), Some(time), Some(of)) = (added_ns(cost), cost.time, none.time) {
+            report.figure(format!("effects_{name}_added_ns"), more).note("tick", time.median);
+            times.push(Bar {
+                name: name.clone(),
+                value: more,
+                spread: Some([time.q1 - of.median, time.q3 - of.median]),
+                colour: usize::from(kind == "phenomenon"),
+            });
+        }
+        if let (Some(time), Some(of)) = (after.time, none.time) {
+            // The least: noise adds, it takes nothing away.
+            let more = time.least - of.least;
+            left_ns = left_ns.max(more / of.least);
+        }
+        table.push(row([
+            &name,
+            kind,
+            &or_dash(added(cost)),
+            &or_dash(added_ns(cost)),
+            &or_dash(added(after)),
+        ]));
+    }
+    report.table(&table);
+    if let Some(time) = none.time {
+        let counted = base.map_or(String::new(), |base| format!("{base:.0} instructions, "));
+        report.say(&format!("A tick without any of them: {counted}{} ns.", spread(time)));
+    }
+    plots(report, "ns", "Time", &times);
+    if base.is_some() {
+        let bar = |(name, value): (String, f64)| {
+            let colour = usize::from(!desk::is_kind(&name));
+            Bar { name, value, spread: None, colour }
+        };
+        let all: Vec<Bar> = instructions.into_iter().map(bar).collect();
+        plots(report, "instructions", "Instructions", &all);
+        report.check(
+            format!("what a scene no longer names costs nothing: at most {NOTHING} of a tick's instructions"),
+            format!("{left:.1e}"),
+            left <= NOTHING,
+        );
+    }
+    // Counts say it exactly; where there are none, times have to.
+    if base.is_none() {
+        report.check(
+            format!("what a scene no longer names costs nothing: at most {NOTHING_NS} of a tick's least time, for noise"),
+            format!("{left_ns:.2}"),
+            left_ns <= NOTHING_NS,
+        );
+    }
+    report.say(&format!(
+        "By the least times, at most {left_ns:.2} of a tick is left of anything that a scene has dropped."
+    ));
+    if pairs.is_empty() {
+        report.say("Pairs are measured without `--quick`.");
+        return;
+    }
+    in_pairs(report, pairs, alone, &added, &added_ns);
+}
+
+/// What each adds, in `unit`: effects and phenomena apart, because a solver for friction costs a hundred times an effect.
+fn plots(report: &mut Report, unit: &str, what: &str, all: &[Bar]) {
+    let (phenomena, effects): (Vec<Bar>, Vec<Bar>) = all.iter().cloned().partition(|bar| bar.colour == 1);
+    for (group, name, members) in
+        [("effects", "effect", effects), ("phenomena", "phenomenon of the simulated rig", phenomena)]
+    {
+        report.plot(
+            &format!("{group}_{unit}"),
+            &format!("{what} a tick that each {name} adds, alone"),
+            bars(&format!("What each {name} adds to a tick"), unit, &members),
+        );
+    }
+}
+
+fn in_pairs(
+    report: &mut Report,
+    pairs: &[Cost],
+    alone: &[Cost],
+    added: &dyn Fn(&Cost) -> Option<f64>,
+    added_ns: &dyn Fn(&Cost) -> Option<f64>,
+) {
+    report.heading("In pairs");
+    report.say(
+        "What two add together, in instructions a tick (in ns where they were not counted), and in brackets how much that is beyond what each adds alone: \
+         where it is not small, the two meet in one computation, such as a solver that either needs (less than the sum), or one makes the other's harder, as what pushes on a sphere that sticks (more). The first effect of a scene also pays for the allocation of a torque that \
+         is no longer zero, some thousand instructions; the second does not again.",
+    );
+    let single = |name: &str| alone.iter().find(|cost| cost.setup.name() == name);
+    let mut table = vec![row([""])];
+    table[0].extend(alone.iter().map(|cost| cost.setup.name()));
+    let mut rows: Vec<Vec<String>> = alone
+        .iter()
+        .map(|cost| {
+            let mut row = vec![String::new(); alone.len() + 1];
+            row[0] = cost.setup.name();
+            row
+        })
+        .collect();
+    for pair in pairs {
+        let [a, b] = [0, 1].map(|k| pair.setup.names[k].clone());
+        let places = [&a, &b].map(|name| alone.iter().position(|cost| cost.setup.name() == *name));
+        let [Some(i), Some(j)] = places else { continue };
+        let mut cell = String::new();
+        if let Some(together) = added(pair) {
+            let sum = [&a, &b].iter().filter_map(|name| added(single(name)?)).sum::<f64>();
+            let beyond = together - sum;
+            report
+                .figure(format!("effects_{a}_with_{b}_instructions"), together)
+                .note("more_than_sum", beyond);
+            let _ = write!(cell, "{together:.0} ({beyond:+.0})");
+        }
+        if let Some(together) = added_ns(pair) {
+            report.figure(format!("effects_{a}_with_{b}_added_ns"), together);
+            if cell.is_empty() {
+                cell = short(together);
+            }
+        }
+        rows[i][j + 1] = cell;
+    }
+    table.extend(rows);
+    report.table(&table);
+}
+
+/// Whether `name` may be a part of an id.
+fn is_name(name: &str) -> bool {
+    names::is_id(name)
+}

@@ -1,0 +1,125 @@
+//! Friction and the encoder's step: where a wall begins to buzz, beside what is passive.
+
+use hbot_plot::{Lines, Series, short};
+
+use super::wall::Wall;
+use super::{border, micro};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+
+/// Coulomb friction, N m: none, the ball bearings of a good cage, the prototype's cage, a stiff one.
+const COULOMB: [f64; 4] = [0.0, 0.5e-3, 2.0e-3, 8.0e-3];
+/// Steps of the sphere's angle, rad: encoders of 16384, 2048 and 256 counts a turn of the steering, seen through 5.7.
+const STEPS: [f64; 3] = [6.7e-5, 5.4e-4, 4.3e-3];
+/// Own damping, N m s/rad.
+const OWN: [f64; 2] = [0.001, 0.003];
+/// Period of the loop, s.
+const PERIOD: f64 = 1.0e-3;
+/// Where the axis is let go, rad.
+const RELEASED: f64 = 0.05;
+/// How long it has to come to rest, s.
+const TIME: f64 = 40.0;
+/// Stiffnesses are tried at this ratio.
+const RATIO: f64 = 1.05;
+
+/// Whether the axis goes on moving about: after a while by more than a step either way, which a reading at the edge of one may make,
+/// and no less than before. What friction or damping still slows down has only not come to rest yet.
+fn buzzes(wall: &Wall) -> bool {
+    let ticks = (TIME / wall.period) as usize;
+    let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 10];
+    let mut k = 0;
+    wall.released(RELEASED, ticks, |x| {
+        let (least, most) = &mut reach[10 * k / ticks];
+        (*least, *most) = (least.min(x), most.max(x));
+        k += 1;
+    });
+    let [.., before, last] = reach.map(|(least, most)| most - least);
+    !(last <= 2.0 * wall.step || last < 0.99 * before)
+}
+
+/// The least stiffness of a geometric series from `from` on at which the wall buzzes.
+fn first_buzz(wall: &Wall, from: f64) -> f64 {
+    let mut stiffness = from;
+    while stiffness < 1.0e4 && !buzzes(&Wall { stiffness, ..*wall }) {
+        stiffness *= RATIO;
+    }
+    stiffness
+}
+
+pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Result<(), Interrupted> {
+    context.part("friction and the encoder's step")?;
+    report.heading("Friction and the encoder's step");
+    report.say(&format!(
+        "A spring lets an axis go at {RELEASED} rad, at 1 kHz, without delay or damping of its own; friction truly sticks. Which stiffness first leaves it buzzing by more than \
+         two steps of the encoder for ever (after {TIME} s, and no less than before)? Beside it Abbott and Okamura's K <= min(2 b/h, 2 c/d), below which the wall is passive whatever the hand does. A wall that is not \
+         passive may be quiet all the same, as long as nobody feeds it (Diolaiti et al.): friction stops it. A wall that is passive must be quiet."
+    ));
+    report.family(
+        "border_friction_own{b}_coulomb{c}_step{d}",
+        "N m/rad",
+        "stiffness that first buzzes at 1 kHz; b, c, d in 1e-6 of their SI units; `measured`, and in `predicted` the passive bound of Abbott and Okamura",
+    );
+    let mut table =
+        vec![row(["b", "c, N m", "d, rad", "first buzz, N m/rad", "passive to", "2 b/h", "2 c/d"])];
+    let mut all_quiet = true;
+    let mut series = Vec::new();
+    for own in OWN {
+        for (colour, step) in STEPS.into_iter().enumerate() {
+            let (mut points, mut bounds) = (Vec::new(), Vec::new());
+            for coulomb in COULOMB {
+                context.go_on()?;
+                let wall = Wall {
+                    inertia,
+                    own,
+                    coulomb,
+                    step,
+                    period: PERIOD,
+                    delay: 0,
+                    stiffness: 0.0,
+                    damping: 0.0,
+                };
+                let (viscous, dry) = (2.0 * own / PERIOD, 2.0 * coulomb / step);
+                let passive = viscous.min(dry);
+                let measured = first_buzz(&wall, 0.2);
+                // What stands between two tries.
+                all_quiet &= measured * RATIO >= passive;
+                let id = format!(
+                    "border_friction_own{}_coulomb{}_step{}",
+                    micro(own),
+                    micro(coulomb),
+                    micro(step)
+                );
+                border(report, id, measured, passive);
+                let numbers = [own, coulomb, step, measured, passive, viscous, dry];
+                table.push(row(numbers.map(short)));
+                points.push((1.0e3 * coulomb, measured));
+                bounds.push((1.0e3 * coulomb, passive));
+            }
+            if own == OWN[0] {
+                let name = |what| format!("d = {}: {what}", short(step));
+                series.push(Series { name: name("buzzes"), points, colour, open: false });
+                series.push(Series { name: name("passive"), points: bounds, colour, open: true });
+            }
+        }
+    }
+    report.table(&table);
+    report.plot(
+        "border_friction",
+        "Stiffness that first buzzes, and passive bound, over Coulomb friction; b = 0.001 N m s/rad, 1 kHz",
+        Lines {
+            title: "Friction and the encoder's step".to_owned(),
+            x: "Coulomb friction, mN m".to_owned(),
+            y: "stiffness, N m/rad".to_owned(),
+            log: [false, true],
+            series,
+            front: false,
+        }
+        .svg(),
+    );
+    report.check(
+        "no wall buzzes that Abbott and Okamura call passive",
+        if all_quiet { "none does" } else { "one does" },
+        all_quiet,
+    );
+    Ok(())
+}

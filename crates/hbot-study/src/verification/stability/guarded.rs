@@ -1,0 +1,377 @@
+//! The whole loop with and without the passivity stage: the stiffest spring that still comes to rest, and the energy that it gives out.
+
+use core::f64::consts::TAU;
+
+use hbot_config::RigConfig;
+use hbot_core::kinematics::Posture;
+use hbot_core::rig::PassivityLimit;
+use hbot_core::{Device, MAX_JOINTS, Vec3, rotation};
+use hbot_plot::{Lines, Series, short};
+use hbot_sim::phenomena::{CageFriction, Encoder, Hand, Link, Phenomena};
+
+use super::micro;
+use super::whole::{Loop, Wanted};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+
+/// A tap on the sphere, rad/s: 1 rad/s about no axis in particular.
+const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
+/// How long the sphere is watched after it, s, and the stretches in which its swing is looked at.
+const WATCH_S: f64 = 4.0;
+const STRETCHES: u32 = 8;
+/// What part of its energy a swing must lose from one stretch to the next to be on its way to rest.
+const LOSES: f64 = 1.0e-3;
+/// Stiffnesses are tried from this part of the linear border up to this many times it.
+const FROM: f64 = 0.25;
+const UP_TO: f64 = 32.0;
+/// From one stiffness to the next; then bisected, to 1 %.
+const RATIO: f64 = core::f64::consts::SQRT_2;
+const HALVINGS: u32 = 5;
+/// With the stage every spring comes to rest up to so many times the linear border, where friction and counts are small.
+const GUARDED: f64 = 10.0;
+
+/// A rig and its loop, without a spring.
+#[derive(Debug, Clone, Copy)]
+struct Setting {
+    /// Loop rate, Hz.
+    rate: u32,
+    /// Ticks from a reading to its torque.
+    delay: u32,
+    /// Own damping, N m s/rad.
+    own: f64,
+    /// Step of the encoders, in counts of the prototype's.
+    step: u32,
+    /// Coulomb friction of the cage, N m.
+    coulomb: f64,
+}
+
+/// What the others differ from in one thing.
+const BASE: Setting = Setting { rate: 1000, delay: 1, own: 0.005, step: 1, coulomb: 0.0 };
+
+impl Setting {
+    fn period(&self) -> f64 {
+        1.0 / f64::from(self.rate)
+    }
+
+    /// The linear border, b / (h (1/2 + D)).
+    fn border(&self) -> f64 {
+        self.own / (self.period() * (0.5 + f64::from(self.delay)))
+    }
+
+    fn wanted(&self, stiffness: f64, guard: bool) -> Wanted {
+        let still = Hand { stiffness: 0.0, damping: self.own, inertia: 0.0, amplitude: 0.0, rate: 0.25 };
+        // Answers that come a little before the tick is over are read at its end.
+        let late = Link {
+            latency_s: f64::from(self.delay - 1) * self.period() * (1.0 - 1.0e-3),
+            command_latency_s: 0.0,
+            jitter_s: 0.0,
+            loss: 0.0,
+            corrupt: 0.0,
+            seed: 1,
+        };
+        let coarse = Encoder { step: self.step, turn_error: 0.0, index_error: 0.0, seed: 1 };
+        let phenomena = Phenomena {
+            cage_friction: (self.coulomb > 0.0).then_some(CageFriction { torque: self.coulomb }),
+            encoder: (self.step > 1).then_some(coarse),
+            link: (self.delay > 1).then_some(late),
+            hand: Some(still),
+            ..Phenomena::default()
+        };
+        Wanted { rate: self.rate, stiffness, damping: 0.0, phenomena, guard }
+    }
+
+    fn id(&self, guard: bool) -> String {
+        let Self { rate, delay, own, step, coulomb } = self;
+        let guard = if guard { "on" } else { "off" };
+        format!(
+            "border_guard_{rate}hz_delay{delay}_own{}_step{step}_coulomb{}_{guard}",
+            micro(*own),
+            micro(*coulomb)
+        )
+    }
+}
+
+/// What became of a tap.
+struct Tapped {
+    /// The sphere is at rest, or on its way there.
+    settles: bool,
+    /// The most energy that the motors had given out at a time, J.
+    most: f64,
+}
+
+/// Taps the sphere. `floor` is the angle (rad) within which it counts as at rest.
+fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
+    let mut run = Loop::new(&setting.wanted(stiffness, guard));
+    run.tap(TAP);
+    let put_in = run.energy(stiffness);
+    let each = run.ticks(WATCH_S) / STRETCHES;
+    let (mut most, mut active) = (0.0_f64, true);
+    let mut reach = 0.0;
+    // The mean over a stretch: a swing about three axes passes its energy from one to another, but does not lose it by that.
+    let mut held = [0.0_f64; STRETCHES as usize];
+    for held in &mut held {
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for _ in 0..each {
+            active &= Loop::is_active(&run.step());
+            let at = rotation::log(run.state().q);
+            (low, high) = (low.min(at), high.max(at));
+            *held += run.energy(stiffness) / f64::from(each);
+            most = most.max(run.given());
+        }
+        reach = (high - low).length();
+    }
+    let [.., first, second, third] = held;
+    let dies = |before: f64, after: f64| after < (1.0 - LOSES) * before;
+    // Far past the border it storms about at the torque's limit, now more, now less. A loop that ended in a fault did not bring it to
+    // rest either.
+    let calms = third <= put_in && dies(first, second) && dies(second, third);
+    Tapped { settles: active && (reach <= floor || calms), most }
+}
+
+/// The stiffness from which a tap no longer comes to rest, N m/rad; none up to [`UP_TO`] times the border.
+fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Result<Option<f64>, Interrupted> {
+    let mut high = FROM * setting.border();
+    while tapped(setting, high, guard, floor).settles {
+        context.go_on()?;
+        if high >= UP_TO * setting.border() {
+            return Ok(None);
+        }
+        high *= RATIO;
+    }
+    let mut low = high / RATIO;
+    for _ in 0..HALVINGS {
+        let middle = (low * high).sqrt();
+        if tapped(setting, middle, guard, floor).settles { low = middle } else { high = middle }
+    }
+    Ok(Some((low * high).sqrt()))
+}
+
+/// The largest turn of the sphere that one count of a joint is taken for, rad.
+fn turn_of_a_count(device: &Device, counts: impl Fn(usize) -> f64) -> f64 {
+    let posture = Posture::new(device, &vec![0.0; device.wheels().len()]);
+    let turn = |j: usize| {
+        let mut rates = [0.0; MAX_JOINTS];
+        rates[j] = TAU / counts(j);
+        posture.forward(device, &rates).omega.length()
+    };
+    (0..device.joints()).map(turn).fold(0.0, f64::max)
+}
+
+/// One line of settings over one of their figures.
+struct Sweep {
+    name: &'static str,
+    x: &'static str,
+    log: bool,
+    settings: Vec<(f64, Setting)>,
+}
+
+fn sweeps(quick: bool) -> Vec<Sweep> {
+    let rates = [500, 1000, 2000, 4000].map(|rate| (f64::from(rate), Setting { rate, ..BASE }));
+    let own = [0.002, 0.005, 0.01, 0.02, 0.05].map(|own| (1.0e3 * own, Setting { own, ..BASE }));
+    let delays = [1, 2, 3].map(|delay| (f64::from(delay), Setting { delay, ..BASE }));
+    let steps = [1, 8, 64].map(|step| (f64::from(step), Setting { step, ..BASE }));
+    let coulomb = [0.0, 0.5e-3, 2.0e-3, 8.0e-3].map(|coulomb| (1.0e3 * coulomb, Setting { coulomb, ..BASE }));
+    let sweep = |name, x, log, settings: &[(f64, Setting)]| {
+        let settings = if quick { settings[..2].to_vec() } else { settings.to_vec() };
+        Sweep { name, x, log, settings }
+    };
+    let mut all = vec![
+        sweep("own damping", "own damping, mN m s/rad", true, &own),
+        sweep("loop rate", "loop rate, Hz", true, &rates),
+        sweep("delay", "ticks from a reading to its torque", false, &delays),
+    ];
+    if !quick {
+        all.push(sweep("encoder step", "counts of 16384 a turn in one step", true, &steps));
+        all.push(sweep("friction", "Coulomb friction of the cage, mN m", false, &coulomb));
+    }
+    all
+}
+
+pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+    context.part("the passivity stage")?;
+    report.heading("With and without the passivity stage");
+    let config = RigConfig::prototype();
+    let device = &config.rig.device;
+    let joints = &config.rig.joints;
+    let count = turn_of_a_count(device, |j| f64::from(joints[j].counts_per_turn) * joints[j].gear);
+    report.say(&format!(
+        "The same whole loop, its rig now with a little damping of its own, b, as of bearings and a light hand, and a spring without any. The sphere is tapped to 1 rad/s, 1.7 mJ of motion: up to which stiffness \
+         does it come to rest, without and with `passivity = true` in the rig file? It counts as coming to rest where, {WATCH_S} s later, its swing has less energy than the tap gave it and still loses {LOSES} of that or more every {:.1} s, \
+         or is less than three steps of the encoder, and no fault has ended it. Beside it the linear border b/(h (1/2 + D)), and where there is friction Abbott and Okamura's 2 c/d. All is as in \
+         the first line of a table ({} Hz, D = {}, b = {} N m s/rad, counts as fine as the prototype's, no friction) but for what it varies. One count of the joint that moves the sphere most turns it by d = {count:.1e} rad. \
+         The search ends at {UP_TO} times the border, where the stage has most often not failed yet; with much damping it fails before, at a swing that lasts some twenty ticks, \
+         because the damping that it may add is bounded.",
+        WATCH_S / f64::from(STRETCHES), BASE.rate, BASE.delay, BASE.own
+    ));
+    report.family(
+        "border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard}",
+        "N m/rad",
+        "stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there",
+    );
+    let mut worst_off = 0.0_f64;
+    let mut least_on = f64::INFINITY;
+    for sweep in sweeps(context.quick) {
+        let mut table = vec![row([
+            sweep.x,
+            "off, N m/rad",
+            "on, N m/rad",
+            "linear border",
+            "2 c/d",
+            "off/border",
+            "on/border",
+        ])];
+        let mut series = [Vec::new(), Vec::new(), Vec::new()];
+        for (x, setting) in sweep.settings {
+            context.go_on()?;
+            let predicted = setting.border();
+            let d = f64::from(setting.step) * count;
+            let plain = setting.step == 1 && setting.coulomb == 0.0;
+            let mut cells = vec![short(x)];
+            let mut ratios = Vec::new();
+            for (k, guard) in [false, true].into_iter().enumerate() {
+                let found = border(context, &setting, guard, 3.0 * d)?;
+                let measured = found.unwrap_or(UP_TO * predicted);
+                let ratio = measured / predicted;
+                if plain && guard {
+                    least_on = least_on.min(ratio);
+                } else if plain {
+                    worst_off = worst_off.max((ratio - 1.0).abs());
+                }
+                let id = setting.id(guard);
+                // The base is in every sweep, and has one figure.
+                if !report.figures().iter().any(|figure| figure.id == id) {
+                    let figure = report.figure(id, measured);
+                    figure.note("measured", measured).note("predicted", predicted);
+                    figure.note("or_more", if found.is_none() { 1.0 } else { 0.0 });
+                }
+                let more = if found.is_none() { "more than " } else { "" };
+                cells.push(format!("{more}{}", short(measured)));
+                ratios.push(format!("{more}{}", short(ratio)));
+                series[k].push((x, measured));
+            }
+            series[2].push((x, predicted));
+            let dry = 2.0 * setting.coulomb / d;
+            cells.extend([short(predicted), if dry > 0.0 { short(dry) } else { "-".to_owned() }]);
+            cells.extend(ratios);
+            table.push(cells);
+        }
+        report.table(&table);
+        let [off, on, predicted] = series;
+        let line = |name: &str, points, colour, open| Series { name: name.to_owned(), points, colour, open };
+        report.plot(
+            &format!("border_guard_{}", sweep.name.replace(' ', "_")),
+            &format!("Stiffness from which a tap does not come to rest, over {}", sweep.name),
+            Lines {
+                title: format!("With and without the passivity stage: {}", sweep.name),
+                x: sweep.x.to_owned(),
+                y: "stiffness, N m/rad".to_owned(),
+                log: [sweep.log, true],
+                series: vec![
+                    line(&format!("with (sought to {UP_TO} times)"), on, 1, false),
+                    line("without", off, 0, false),
+                    line("b/(h (1/2 + D))", predicted, 6, true),
+                ],
+                front: false,
+            }
+            .svg(),
+        );
+    }
+    report.check(
+        format!("without the stage a tap comes to rest up to the linear border within {WITHIN}"),
+        format!("{worst_off:.3} at worst"),
+        worst_off <= WITHIN,
+    );
+    report.check(
+        format!("with the stage it does so up to {GUARDED} times the border, without friction and at the prototype's counts"),
+        format!("{least_on:.1} times at least"),
+        least_on >= GUARDED,
+    );
+    energy(context, report, device, 3.0 * count)
+}
+
+/// How near the border without the stage must be.
+const WITHIN: f64 = 0.05;
+/// Stiffnesses at which energy is told, over the border.
+const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
+
+fn energy(context: &Context, report: &mut Report, device: &Device, floor: f64) -> Result<(), Interrupted> {
+    report.heading("Energy given out");
+    let limit = PassivityLimit::of(device, BASE.period());
+    report.say(&format!(
+        "The most that the motors have given out at a time after the same tap, torque held times turn made, at the base of the tables above. The stage allows {} J; what a spring holds late leaks \
+         in the cycle before it acts comes on top: 2 pi w h (1/2 + D) of what the tap put in, w = sqrt(K/J).",
+        short(limit.allowance)
+    ));
+    report.family(
+        "energy_given_{tenths}_tenths_{guard}",
+        "J",
+        "the most energy that the motors gave out after a tap, at so many tenths of the linear border, passivity stage on or off; `bound`: that with the stage",
+    );
+    let mut table = vec![row([
+        "K over border",
+        "K, N m/rad",
+        "off, J",
+        "on, J",
+        "bound with the stage, J",
+        "at rest off",
+        "on",
+    ])];
+    let mut series = [Vec::new(), Vec::new(), Vec::new()];
+    let mut worst = 0.0_f64;
+    for times in TIMES {
+        context.go_on()?;
+        let stiffness = times * BASE.border();
+        let run = Loop::new(&BASE.wanted(stiffness, false));
+        let inertia = run.inertia();
+        let put_in = 0.5 * inertia * TAP.length_squared();
+        let leak = TAU * (stiffness / inertia).sqrt() * BASE.period() * (0.5 + f64::from(BASE.delay));
+        let bound = limit.allowance + leak * put_in;
+        let mut cells = vec![short(times), short(stiffness)];
+        let mut rests = Vec::new();
+        for (k, guard) in [false, true].into_iter().enumerate() {
+            let Tapped { settles, most } = tapped(&BASE, stiffness, guard, floor);
+            let id = format!(
+                "energy_given_{}_tenths_{}",
+                (10.0 * times).round() as u32,
+                if guard { "on" } else { "off" }
+            );
+            report.figure(id, most).note("bound", bound);
+            cells.push(short(most));
+            rests.push(if settles { "yes" } else { "no" }.to_owned());
+            series[k].push((times, most));
+            if guard {
+                worst = worst.max(most / bound);
+            }
+        }
+        series[2].push((times, bound));
+        cells.push(short(bound));
+        cells.extend(rests);
+        table.push(cells);
+    }
+    report.table(&table);
+    let [off, on, bounds] = series;
+    let line = |name: &str, points, colour, open| Series { name: name.to_owned(), points, colour, open };
+    report.plot(
+        "energy_given",
+        "The most energy that the motors gave out after a tap, over the stiffness",
+        Lines {
+            title: "Energy given out after a tap".to_owned(),
+            x: "stiffness over b/(h (1/2 + D))".to_owned(),
+            y: "energy, J".to_owned(),
+            log: [true; 2],
+            series: vec![
+                line("without the stage", off, 0, false),
+                line("with the stage", on, 1, false),
+                line("bound with the stage", bounds, 6, true),
+            ],
+            front: false,
+        }
+        .svg(),
+    );
+    report.check(
+        "with the stage no more energy is given out than its allowance and a cycle's leak",
+        format!("{worst:.2} of it at worst"),
+        worst <= 1.0,
+    );
+    Ok(())
+}

@@ -1,0 +1,138 @@
+//! Long runs: what is conserved stays.
+
+use std::time::Instant;
+
+use hbot_core::{Device, Quat, Vec3, rotation};
+use hbot_plot::short;
+use hbot_sim::plant::{Method, Plant, SpringDamper, State};
+
+use super::Context;
+use crate::context::Interrupted;
+use crate::report::Report;
+use crate::verification::double::stages::odometry::METHODS;
+
+/// Ticks of a day at 1 kHz, and of ten minutes for `--quick`.
+const DAY: u64 = 86_400_000;
+const TEN_MINUTES: u64 = 600_000;
+/// How far |q| may be from 1.
+const UNIT: f64 = 1.0e-12;
+/// How much energy the swing may gain, relative to what it began with: some times what rk4 errs by within a swing, 2e-8, which
+/// does not add up. Rounding of 1e8 steps that all erred the same way would gain as much.
+const GAIN: f64 = 1.0e-7;
+
+/// What a day of the ideal plant was.
+pub(super) struct Day {
+    ticks: u64,
+    seconds: f64,
+    /// Largest ||q| - 1|.
+    unit: f64,
+    /// Largest and least energy over that at the start.
+    most: f64,
+    least: f64,
+}
+
+/// The ideal plant on an undamped spring, 1 ms at a time.
+pub(super) fn day(context: &Context, plant: &Plant) -> Result<Day, Interrupted> {
+    let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };
+    let energy = |s: &State| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
+    let mut state = State { q: rotation::exp(Vec3::new(0.6, -0.4, 0.3)), ..State::default() };
+    let start = energy(&state);
+    let ticks = if context.quick { TEN_MINUTES } else { DAY };
+    let started = Instant::now();
+    let (mut unit, mut most, mut least) = (0.0_f64, 1.0_f64, 1.0_f64);
+    for k in 0..ticks {
+        plant.step(Method::Rk4, &mut state, k as f64 * 1.0e-3, 1.0e-3, &[0.0; 16], &spring);
+        if k % 64 == 63 {
+            unit = unit.max((state.q.length() - 1.0).abs());
+            let now = energy(&state) / start;
+            (most, least) = (most.max(now), least.min(now));
+        }
+        if k % (1 << 20) == 0 {
+            context.go_on()?;
+        }
+    }
+    Ok(Day { ticks, seconds: started.elapsed().as_secs_f64(), unit, most, least })
+}
+
+pub(super) fn study(
+    context: &Context,
+    report: &mut Report,
+    device: &Device,
+    day: &Day,
+) -> Result<(), Interrupted> {
+    context.part("many ticks of odometry")?;
+    report.heading("A day, and a hundred million ticks");
+    let hours = day.ticks as f64 / 3.6e6;
+    report.say(&format!(
+        "The ideal plant swings on a spring without damping for {} h of simulated time, {} ticks of 1 ms by rk4, in {:.1} s beside the rest of this study. Where it is after so long \
+         nobody can say (the caster's sensitivity, `hbot-study accuracy`); what it conserves can be told: |q| stays 1 to {:.1e}, and the energy, looked at every 64 ticks, stays between {:.9} and {:.9} of what it \
+         began with: rk4 errs to either side within a swing, and slowly takes energy out of it.",
+        short(hours), day.ticks, day.seconds, day.unit, day.least, day.most
+    ));
+    report.family("long_day_ticks", "1", "ticks of 1 ms of the ideal plant");
+    report.family("long_day_seconds", "s", "computing for them");
+    report.family("long_day_unit_norm", "1", "largest ||q| - 1| on the way");
+    report.family(
+        "long_day_energy_{which}",
+        "1",
+        "largest (most) and least energy on the way, over that at the start",
+    );
+    report.family(
+        "long_odometry_{method}_{width}_unit_norm",
+        "1",
+        "largest ||q| - 1| of so many ticks of odometry",
+    );
+    report.figure("long_day_ticks".to_owned(), day.ticks as f64);
+    report.figure("long_day_seconds".to_owned(), day.seconds);
+    report.figure("long_day_unit_norm".to_owned(), day.unit);
+    report.figure("long_day_energy_most".to_owned(), day.most);
+    report.figure("long_day_energy_least".to_owned(), day.least);
+    report.check(
+        format!("a day: the quaternion is unit to {UNIT:e}"),
+        format!("{:.1e}", day.unit),
+        day.unit <= UNIT,
+    );
+    report.check(
+        format!("a day: the energy never grows by more than {GAIN:e}"),
+        format!("{:+.1e}", day.most - 1.0),
+        day.most - 1.0 <= GAIN,
+    );
+    if !context.quick && !cfg!(debug_assertions) {
+        report.check("a day takes less than 180 s", format!("{:.0} s", day.seconds), day.seconds < 180.0);
+    }
+    odometry(context, report, device)
+}
+
+fn odometry(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
+    let ticks = if context.quick { 2_000_000 } else { 100_000_000 };
+    for (method, (name, _)) in METHODS.iter().enumerate() {
+        let narrow = crate::verification::single::stages::device(device);
+        // The middle method for all ticks, the others for a part of them: what keeps q unit is the same.
+        let ticks = if *name == "midpoint" { ticks } else { ticks / 10 };
+        let go_on = || context.go_on().is_ok();
+        let wide =
+            crate::verification::double::stages::odometry::unit_norm_after(device, method, ticks, go_on)
+                .ok_or(Interrupted)?;
+        let single = crate::verification::single::stages::odometry::unit_norm_after(
+            &narrow,
+            method,
+            ticks / 10,
+            go_on,
+        )
+        .ok_or(Interrupted)?;
+        report.figure(format!("long_odometry_{name}_f64_unit_norm"), wide).note("ticks", ticks);
+        report.figure(format!("long_odometry_{name}_f32_unit_norm"), single).note("ticks", ticks / 10);
+        report.check(
+            format!("{ticks} ticks of odometry, {name}, f64: unit to {UNIT:e}"),
+            format!("{wide:.1e}"),
+            wide <= UNIT,
+        );
+        // Some roundings of 1.2e-7.
+        report.check(
+            format!("{} ticks of odometry, {name}, f32: unit to 1e-6", ticks / 10),
+            format!("{single:.1e}"),
+            single <= 1.0e-6,
+        );
+    }
+    Ok(())
+}

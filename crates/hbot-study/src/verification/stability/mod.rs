@@ -1,0 +1,57 @@
+//! `hbot-study stability`: how stiff a wall may be, beside what theory says, and what holds over a day.
+
+mod friction;
+mod guarded;
+mod linear;
+mod long;
+mod passive;
+mod rig;
+mod wall;
+mod whole;
+
+use hbot_config::RigConfig;
+use hbot_core::Vec3;
+use hbot_sim::plant::{Plant, State};
+
+use crate::context::{Context, Interrupted};
+use crate::report::Report;
+
+/// The study.
+pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+    let mut report = Report::new("stability", context.quick);
+    let device = RigConfig::prototype().rig.device;
+    let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
+    let inertia = Vec3::X.dot(plant.apparent_inertia(&State::default()) * Vec3::X);
+    context.expect(7);
+    report.say(&format!(
+        "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \
+         period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
+         about n1, {inertia:.2e} kg m², where nothing else is said; and the whole loop, controller, line and simulated rig, once."
+    ));
+    // The day takes as long as all else, so the two go side by side.
+    let (day, rest) = std::thread::scope(|scope| {
+        let day = scope.spawn(|| long::day(context, &plant));
+        let rest = (|| {
+            linear::study(context, &mut report, inertia)?;
+            passive::study(context, &mut report)?;
+            friction::study(context, &mut report, inertia)?;
+            rig::study(context, &mut report)?;
+            guarded::study(context, &mut report)
+        })();
+        let day = day.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (day, rest)
+    });
+    rest?;
+    long::study(context, &mut report, &device, &day?)?;
+    Ok(report)
+}
+
+/// A measured border beside what was predicted.
+fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
+    report.figure(id, measured).note("measured", measured).note("predicted", predicted);
+}
+
+/// An amount in millionths, for an id.
+fn micro(x: f64) -> u32 {
+    (x * 1.0e6).round() as u32
+}

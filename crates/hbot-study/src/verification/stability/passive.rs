@@ -1,0 +1,155 @@
+//! The passive border: whether any imposed sine can draw energy from a sampled wall.
+
+use core::f64::consts::PI;
+
+use hbot_plot::{Lines, Series, short};
+
+use super::{border, micro};
+use crate::context::{Context, Interrupted};
+use crate::report::{Report, row};
+
+/// Loop rates, Hz.
+const RATES: [u32; 3] = [500, 1000, 4000];
+/// The device's own damping, N m s/rad.
+const OWN: [f64; 2] = [0.01, 0.03];
+/// The wall's damping with its sign, N m s/rad.
+const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
+/// How near the measured border must be.
+const WITHIN: f64 = 0.1;
+/// Parts of the Nyquist frequency at which the wall is moved; none is a simple fraction, which would be read at the same few
+/// phases for ever.
+const SINES: usize = 160;
+/// Ticks of each.
+const TICKS: usize = 40_000;
+
+/// The own damping that a sine of the phase `phi` a tick asks of the device to take up what a wall gives out: N m s/rad for
+/// each N m/rad of stiffness and each N m s/rad of damping, at a period of 1 s.
+fn asked(phi: f64, delay: usize) -> [f64; 2] {
+    let first = delay + 1;
+    // From one passage through zero to another, so that the spring holds nothing at either end.
+    let last = first + ((TICKS as f64 * phi / PI).floor() * PI / phi).round() as usize;
+    let at = |k: usize| libm::sin(phi * (k as f64 - first as f64));
+    let (mut work, mut lost) = ([0.0; 2], 0.0);
+    for k in first..last {
+        let moved = at(k + 1) - at(k);
+        let read = at(k - delay);
+        // Torque on the sphere times its turn: what the wall gives out.
+        work[0] += -read * moved;
+        work[1] += -(read - at(k - delay - 1)) * moved;
+        // At an even pace through the tick.
+        lost += moved * moved;
+    }
+    work.map(|work| work / lost)
+}
+
+pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+    context.part("the passive border")?;
+    report.heading("The passive border");
+    report.say(
+        "A wall is moved by sines of every frequency up to Nyquist's; over a long time it must not give out more than the device's own damping takes up. Between two readings \
+         the hand goes at an even pace: of all ways from one to the next that is the one which the damping takes least from, so it is the hardest. The \
+         stiffness at which the first sine draws energy is found by simulation, beside Colgate and Schenkel: K = 2 (b - |B|)/h without delay, and with delay and B = 0 \
+         K = b/(h (1/2 + D)). A wall's damping costs passivity near Nyquist's frequency, where its difference of readings comes half a turn late; a negative one \
+         costs it at low ones.",
+    );
+    report.family(
+        "border_passive_{rate}hz_delay{d}_own{b}_wall{B}",
+        "N m/rad",
+        "stiffness from which an imposed sine draws energy; own and wall damping in 1e-6 N m s/rad, minus where negative; `measured` and `predicted` in the row",
+    );
+    let phis: Vec<f64> = (0..SINES)
+        // Dense near both ends, where the worst ones are.
+        .map(|k| PI * 0.5 * (1.0 - libm::cos(PI * (k as f64 + 0.618) / (SINES as f64 + 0.2))))
+        .filter(|phi| *phi > 0.02)
+        .collect();
+    let mut table = vec![row(["Hz", "D", "b", "B", "measured, N m/rad", "predicted", "ratio"])];
+    let mut worst = 0.0_f64;
+    let mut series = Vec::new();
+    for delay in 0..=2 {
+        let mut need = Vec::new();
+        for phi in &phis {
+            context.go_on()?;
+            need.push(asked(*phi, delay));
+        }
+        series.push(Series {
+            name: format!("stiffness, D = {delay}, over K h"),
+            points: phis.iter().zip(&need).map(|(phi, need)| (phi / PI, need[0])).collect(),
+            colour: delay,
+            open: false,
+        });
+        if delay == 0 {
+            series.push(Series {
+                name: "damping, D = 0, over B".to_owned(),
+                points: phis.iter().zip(&need).map(|(phi, need)| (phi / PI, need[1])).collect(),
+                colour: 3,
+                open: true,
+            });
+        }
+        for rate in RATES {
+            let period = 1.0 / f64::from(rate);
+            for own in OWN {
+                for damping in DAMPING {
+                    if delay > 0 && damping != 0.0 {
+                        continue;
+                    }
+                    // b >= K h s + B d for every sine.
+                    let most =
+                        need.iter().filter(|n| n[0] > 0.0).map(|n| (own - damping * n[1]) / (period * n[0]));
+                    let measured = most.fold(f64::INFINITY, f64::min);
+                    let predicted = (own - damping.abs()) / (period * (0.5 + delay as f64));
+                    let sign = if damping < 0.0 { "minus" } else { "" };
+                    let id = format!(
+                        "border_passive_{rate}hz_delay{delay}_own{}_wall{sign}{}",
+                        micro(own),
+                        micro(damping.abs())
+                    );
+                    border(report, id, measured, predicted);
+                    worst = worst.max((measured / predicted - 1.0).abs());
+                    if rate == 1000 {
+                        let numbers = [own, damping, measured, predicted, measured / predicted].map(short);
+                        table.push(row([rate.to_string(), delay.to_string()].into_iter().chain(numbers)));
+                    }
+                }
+            }
+        }
+    }
+    report.table(&table);
+    report.plot(
+        "border_passive",
+        "Own damping that a device needs to take up what an imposed sine draws from a wall",
+        Lines {
+            title: "What imposed sines draw".to_owned(),
+            x: "frequency over Nyquist's".to_owned(),
+            y: "own damping asked for".to_owned(),
+            log: [false; 2],
+            series,
+            front: false,
+        }
+        .svg(),
+    );
+    report.check(
+        format!("the passive border is that of Colgate and Schenkel within {WITHIN}"),
+        format!("{worst:.3} at worst"),
+        worst <= WITHIN,
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Colgate and Schenkel's formula at one frequency: h/2 for the stiffness whatever the sine, -cos for the damping.
+    #[test]
+    fn a_sine_draws_what_the_formula_says() {
+        for phi in [0.1, 1.0, 2.3, 3.0] {
+            let [stiffness, damping] = asked(phi, 0);
+            // What the spring holds at the end, half a tick off zero at most, and the phases of 40,000 ticks that are not quite even.
+            assert!((stiffness - 0.5).abs() < 1e-3, "{phi}: {stiffness}");
+            assert!((damping + libm::cos(phi)).abs() < 1e-3, "{phi}: {damping}");
+            // And with a tick of delay, sin(3/2 phi) / (2 sin(phi/2)).
+            let late = asked(phi, 1)[0];
+            assert!((late - 0.5 * libm::sin(1.5 * phi) / libm::sin(0.5 * phi)).abs() < 1e-3, "{phi}: {late}");
+        }
+    }
+}

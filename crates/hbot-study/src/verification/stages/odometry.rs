@@ -1,0 +1,171 @@
+//! Orientation from readings of the joints.
+
+use std::hint::black_box;
+
+use hbot_sim::motion::{JOINTS, LEAD, WHEELS};
+
+use super::hbot::kinematics::{Posture, forward};
+use super::hbot::odometry::{advance, turn, turn_along};
+use super::hbot::path::Trail;
+use super::hbot::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
+use super::hbot::rig::PathFit::{self, Cubic, Quadratic, Straight};
+use super::hbot::{Device, MAX_JOINTS, Quat, Real, Vec3, rotation};
+use super::{real, vector, wide4};
+use crate::timing::Timed;
+
+/// The methods, as ids and rig files have them, by rising order.
+pub(crate) const METHODS: [(&str, OdometryMethod); 3] =
+    [(Euler.name(), Euler), (Midpoint.name(), Midpoint), (Magnus4.name(), Magnus4)];
+/// Their orders on a path that is known.
+pub(crate) const ORDERS: [u32; 3] = [1, 2, 4];
+
+/// The ways that the joints may be taken to have gone between two readings, as ids and rig files have them.
+pub(crate) const PATHS: [(&str, PathFit); 3] =
+    [(Straight.name(), Straight), (Quadratic.name(), Quadratic), (Cubic.name(), Cubic)];
+/// The orders of what they miss.
+pub(crate) const PATH_ORDERS: [u32; 3] = [2, 3, 4];
+
+/// Which method on which path, by their places in [`METHODS`] and [`PATHS`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Choice {
+    pub(crate) method: usize,
+    pub(crate) path: usize,
+}
+
+/// The turn of one step, by what the controller calls for this choice.
+#[inline]
+fn step_turn(
+    device: &Device,
+    choice: Choice,
+    trail: &mut Trail,
+    th: &[Real],
+    delta: &[Real; MAX_JOINTS],
+) -> Vec3 {
+    match (METHODS[choice.method].1, PATHS[choice.path].1) {
+        // On which a path changes nothing.
+        (Euler, _) => turn(device, Euler, th, delta),
+        (method, Straight) => turn(device, method, th, delta),
+        (method, fit) => turn_along(device, method, th, &trail.step(fit, delta, 1.0)),
+    }
+}
+
+/// The orientation at each of `readings` (angles of the joints, rad) from the [`LEAD`]th on, where it is the identity.
+pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
+    let mut q = Quat::IDENTITY;
+    let mut all = vec![wide4(q)];
+    let mut trail = Trail::START;
+    for (k, pair) in readings.windows(2).enumerate() {
+        let (th, delta) = step(&pair[0], &pair[1]);
+        let turn = step_turn(device, choice, &mut trail, &th, &delta);
+        if k >= LEAD {
+            q = advance(q, turn);
+            all.push(wide4(q));
+        }
+    }
+    all
+}
+
+/// Steering angles at a reading and the joints' turns to the next, as a controller has them: angles within a turn from integer
+/// counts, so that they round like numbers of their own size.
+fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX_JOINTS]) {
+    let th = core::array::from_fn(|i| real(hbot_core::rotation::wrap_angle(from[2 * i])));
+    let mut delta = [0.0; MAX_JOINTS];
+    for j in 0..JOINTS {
+        delta[j] = real(to[j] - from[j]);
+    }
+    (th, delta)
+}
+
+/// The orientation after joints have turned at the constant rates `zd` (rad/s) from the steering angles `th` for `ticks` ticks
+/// of `h` seconds.
+pub(crate) fn segment(
+    device: &Device,
+    method: usize,
+    th: [f64; WHEELS],
+    zd: &[f64; JOINTS],
+    h: f64,
+    ticks: u32,
+) -> [f64; 4] {
+    let mut q = Quat::IDENTITY;
+    let delta: [Real; JOINTS] = zd.map(|rate| real(rate * h));
+    for k in 0..ticks {
+        let t = f64::from(k) * h;
+        let th: [Real; WHEELS] =
+            core::array::from_fn(|i| real(hbot_core::rotation::wrap_angle(th[i] + zd[2 * i] * t)));
+        q = advance(q, turn(device, METHODS[method].1, &th, &delta));
+    }
+    wide4(q)
+}
+
+/// The orientation after `turns` (rotation vectors in N, rad), one after the other, held in this width: by the core's product,
+/// or where `added` by adding what each product changes.
+pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
+    let mut q = Quat::IDENTITY;
+    for turn in turns {
+        let turn = vector(*turn);
+        q = if added { q + change(q, turn) } else { advance(q, turn) };
+    }
+    wide4(q)
+}
+
+/// exp(turn) q - q, without a number near 1.
+fn change(q: Quat, turn: Vec3) -> Quat {
+    let quarter = real(libm::sin(0.25 * super::wide(turn.length())));
+    let (less, s) = (real(-2.0) * quarter * quarter, rotation::vector_part(rotation::exp(turn)));
+    let e = rotation::vector_part(q);
+    let v = e * less + s * q.w + s.cross(e);
+    Quat::from_xyzw(v.x, v.y, v.z, less * q.w - s.dot(e))
+}
+
+/// The deviation of |q| from 1 that `ticks` ticks of brisk turning back and forth leave at most.
+pub(crate) fn unit_norm_after(
+    device: &Device,
+    method: usize,
+    ticks: u64,
+    go_on: impl Fn() -> bool,
+) -> Option<f64> {
+    // A table of turns, so that what is run is the odometry alone.
+    let table: Vec<([Real; WHEELS], [Real; JOINTS])> = (0..1024)
+        .map(|k| {
+            let phase = f64::from(k) * core::f64::consts::TAU / 1024.0;
+            let th = core::array::from_fn(|i| real(3.0 * libm::sin(phase + i as f64)));
+            let delta = core::array::from_fn(|j| real(0.02 * libm::cos(3.0 * phase + j as f64)));
+            (th, delta)
+        })
+        .collect();
+    let (mut q, mut worst): (Quat, Real) = (Quat::IDENTITY, 0.0);
+    let mut tick = 0;
+    while tick < ticks {
+        for (th, delta) in &table {
+            q = advance(q, turn(device, METHODS[method].1, th, delta));
+        }
+        worst = worst.max((rotation::to_wxyz(q).iter().map(|x| x * x).sum::<Real>() - 1.0).abs());
+        tick += table.len() as u64;
+        if tick.is_multiple_of(1 << 20) && !go_on() {
+            return None;
+        }
+    }
+    // |q| = 1 + d has |q|² = 1 + 2 d.
+    Some(0.5 * super::wide(worst))
+}
+
+/// One step of odometry, timed. Euler's contact frames are those that the controller has already, from the posture of the
+/// last reading.
+pub(crate) fn timed(device: Device, choice: Choice) -> Timed<'static> {
+    let th: [Real; WHEELS] = [0.3, -0.5];
+    let mut delta = [0.0; MAX_JOINTS];
+    delta[..JOINTS].copy_from_slice(&[0.01, 0.02, -0.01, 0.015]);
+    let posture = Posture::new(&device, &th);
+    let mut trail = Trail::START;
+    let mut q = Quat::IDENTITY;
+    if METHODS[choice.method].1 == Euler {
+        return Timed::new(move || {
+            q = advance(q, forward(&device, black_box(posture.frames()), black_box(&delta)));
+            q
+        });
+    }
+    Timed::new(move || {
+        q = advance(q, step_turn(&device, choice, &mut trail, black_box(&th), black_box(&delta)));
+        q
+    })
+}

@@ -1,0 +1,62 @@
+//! The program `hbot-study`: exit codes, and what Ctrl-C leaves.
+
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use predicates::str::contains;
+use rustix::process::{Pid, Signal, kill_process};
+
+/// The program under test.
+fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hbot-study"))
+}
+
+#[test]
+fn a_study_ends_well_and_says_where_its_report_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_cmd::Command::from_std(program())
+        .args(["accuracy", "--quick", "--out"])
+        .arg(folder.path())
+        .timeout(Duration::from_secs(120))
+        .assert()
+        .success()
+        .stdout(contains("report.html"));
+    let summary = std::fs::read_to_string(folder.path().join("summary.json")).expect("a summary");
+    let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+    assert_eq!(summary["study"], "accuracy");
+}
+
+#[test]
+fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let mut child = program()
+        .args(["stability", "--out"])
+        .arg(&out)
+        .stdout(Stdio::null())
+        // Nobody reads how far it is, which hinders it in nothing.
+        .stderr(std::io::pipe().expect("a pipe").1)
+        .spawn()
+        .expect("it starts");
+    let pid = Pid::from_child(&child);
+    // It hears the signal from here on; then long enough for it to be at work: the whole takes more than ten times as long.
+    while !catches_interrupt(child.id()) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_secs(1));
+    kill_process(pid, Signal::INT).expect("a signal");
+    let asked = Instant::now();
+    let status = child.wait().expect("it ends");
+    assert_eq!(status.code(), Some(130));
+    // It looks between two steps of a second at most, on a busy machine.
+    assert!(asked.elapsed() < Duration::from_secs(20));
+    assert!(!out.exists());
+}
+
+/// Whether a process has a handler for SIGINT, by the bits of its status in /proc.
+fn catches_interrupt(process: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).expect("it runs");
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("a mask of signals");
+    let mask = u64::from_str_radix(caught.trim(), 16).expect("hexadecimal");
+    mask & (1 << (Signal::INT.as_raw() - 1)) != 0
+}

@@ -1,0 +1,184 @@
+//! The figures that docs/accuracy.md quotes are those of the report beside it, docs/accuracy/report.md.
+
+const PAGE: &str = include_str!("../../../../docs/accuracy.md");
+/// What a run of `hbot-study accuracy` without `--quick` has written.
+pub(crate) const REPORT: &str = include_str!("../../../../docs/accuracy/report.md");
+
+/// The cell of the report's section `section` in the row that begins with `row` and the column `column`, as it stands there
+/// but for quartiles.
+fn cell(section: &str, row: &[&str], column: &str) -> String {
+    let body = REPORT.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
+    let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
+    let mut head: Vec<&str> = Vec::new();
+    let mut found = Vec::new();
+    for line in body.lines() {
+        let Some(cells) = line.strip_prefix("| ").and_then(|line| line.strip_suffix(" |")) else {
+            if !line.starts_with("|---") {
+                head.clear();
+            }
+            continue;
+        };
+        let cells: Vec<&str> = cells.split(" | ").collect();
+        if head.is_empty() {
+            head = cells;
+        } else if cells.starts_with(row) {
+            found.extend(head.iter().position(|name| *name == column).map(|at| cells[at]));
+        }
+    }
+    assert_eq!(found.len(), 1, "{section}, {row:?}, {column}: {found:?}");
+    found[0].split(' ').next().unwrap_or_default().to_owned()
+}
+
+/// A number of the report as a part of a hundred.
+fn percent(share: &str) -> String {
+    format!("{:.0}", 100.0 * share.parse::<f64>().expect("a number"))
+}
+
+/// `text` with each `{}` in its turn replaced by a figure.
+fn filled(text: &str, figures: &[String]) -> String {
+    assert_eq!(text.matches("{}").count(), figures.len(), "{text}");
+    figures.iter().fold(text.to_owned(), |text, figure| text.replacen("{}", figure, 1))
+}
+
+/// What the page says of orientation, with the report's figures.
+fn orientation() -> Vec<String> {
+    let method = |row: &[&str], rate: &str| cell("Odometry: the method's error", row, rate);
+    let motion = |motion: &str, method: &str, path: &str, column: &str| {
+        cell("Odometry: smooth motions", &[motion, method, path], column)
+    };
+    let (both, all) = ("method and path", "all three");
+    let mut said = vec![
+        filled(
+            "{} rad in 0.6 s for Euler at 1 kHz, {} for midpoint, {} for magnus4",
+            &["euler", "midpoint", "magnus4"].map(|name| method(&[name, "f64"], "1000 Hz")),
+        ),
+        filled(
+            "a faster loop makes it worse: {} rad at 500 Hz, {} at 4 kHz and {} at 8 kHz",
+            &["500 Hz", "4000 Hz", "8000 Hz"].map(|rate| method(&["product", "f32"], rate)),
+        ),
+        filled(
+            "leaves {} rad at 500 Hz and {} at 8 kHz",
+            &["500 Hz", "8000 Hz"].map(|rate| method(&["change", "f32"], rate)),
+        ),
+        filled(
+            "magnus4 gains nothing: {} rad against {} for brisk motion at 1 kHz",
+            &["magnus4", "midpoint"].map(|method| motion("brisk", method, "straight", both)),
+        ),
+        filled(
+            "On a quadratic one magnus4 errs by {} (order 3), on a cubic one by {} (order 4)",
+            &["quadratic", "cubic"].map(|path| motion("brisk", "magnus4", path, both)),
+        ),
+        filled("keeps its own error, {}", &[motion("brisk", "midpoint", "cubic", "method's")]),
+        filled(
+            "where it takes the error from {} to {} rad, and from {} to {} where that reverses",
+            &[
+                motion("violent", "midpoint", "straight", all),
+                motion("violent", "magnus4", "cubic", all),
+                motion("violent_reversing", "midpoint", "straight", all),
+                motion("violent_reversing", "magnus4", "cubic", all),
+            ],
+        ),
+    ];
+    for name in
+        ["gentle", "brisk", "violent"].iter().flat_map(|n| [(*n).to_owned(), format!("{n}_reversing")])
+    {
+        let of = |method: &str, path: &str, column: &str| motion(&name, method, path, column);
+        let row = [
+            of("euler", "straight", "method's"),
+            of("midpoint", "straight", "method's"),
+            of("magnus4", "straight", "method's"),
+            of("midpoint", "straight", "path's"),
+            of("midpoint", "quadratic", "path's"),
+            of("midpoint", "cubic", "path's"),
+            of("midpoint", "straight", "counts'"),
+            of("midpoint", "straight", all),
+            of("magnus4", "cubic", all),
+        ];
+        said.push(format!("| {} | {} |", name.replace('_', ", "), row.join(" | ")));
+    }
+    said
+}
+
+/// What the page says of everything else, with the report's figures.
+fn the_rest() -> Vec<String> {
+    let plant = |step: &str| cell("The plant", &["rk4", step], "error, rad");
+    let slips = |step: &str| cell("The plant that slips", &[step], "error, rad");
+    let allocation = |row: &[&str; 4], column: &str| cell("Allocation", row, column);
+    let near = |width: &str| cell("Kinematics near singular designs", &["gap_10mdeg", width], "error");
+    let tick = |preset: &str, column: &str| cell("The whole tick", &[preset], column);
+    let growth = cell("Checks", &["a heading error grows by exp(cot a) a radian, to 0.1 %"], "found");
+    let clipped =
+        ["2", "4"].map(|wheels| percent(&allocation(&["clipped", "f64", wheels, "150"], "shortfall")));
+    let turned = allocation(&["cut", "f64", "2", "150"], "direction, rad");
+    vec![
+        filled("measured as {} after one radian", &[growth]),
+        filled(
+            "from {} rad (a step of 10 ms) down to {} (50 microseconds), with {} rad at the 1 ms of virtual time",
+            &["10000", "50", "1000"].map(plant),
+        ),
+        filled(
+            "{} rad at the 250 microseconds that the simulated rig takes then, {} at 25",
+            &["250", "25"].map(slips),
+        ),
+        filled(
+            "loses, at the median, {} % of what two wheels could make and {} % of what four could",
+            &clipped,
+        ),
+        filled(
+            "but turned by {} rad and more",
+            &[format!("{:.1}", turned.parse::<f64>().expect("a number"))],
+        ),
+        filled("f64 errs by {} of the sphere's rate and f32 by {}", &["f64", "f32"].map(near)),
+        filled(
+            "`fast` errs by {} rad, `balanced` by {} and `exact` by {}",
+            &["fast", "balanced", "exact"].map(|preset| tick(preset, "error, rad in 10 s")),
+        ),
+        filled("The counts err by {} in all three", &[tick("balanced", "of the counts")]),
+        filled(
+            "the path has {} of it in `balanced` and {} in `exact`",
+            &["balanced", "exact"].map(|preset| tick(preset, "of the path")),
+        ),
+    ]
+}
+
+/// Numbers with an exponent on the page that are round ones by choice, and no figures of the report.
+const ROUND: [&str; 4] = [
+    "nothing gets much better than 1e-6",
+    "errors of 1e-3 rad will do",
+    "an error of 1e-6 rad would take",
+    "1e-4 rad at 4 N m/rad is 0.4 mN m",
+];
+
+/// What the server says at its start, which tests/server/accuracy.rs looks up.
+const OF_THE_SERVER: [&str; 3] = [
+    "errs by 7.4e-5 rad in 10 s of brisk motion",
+    "`hbot server --accuracy-target 1e-3`",
+    "Euler down to 7e-3 rad, midpoint down to 7.4e-5, and nothing below",
+];
+
+/// Numbers with an exponent, such as 2.0e-6.
+fn numbers(text: &str) -> Vec<&str> {
+    text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '.' || c == '-'))
+        .filter(|word| word.contains("e-") && word.trim_end_matches('.').parse::<f64>().is_ok())
+        .collect()
+}
+
+#[test]
+fn every_figure_of_the_page_is_the_reports() {
+    let mut page = PAGE.split_whitespace().collect::<Vec<_>>().join(" ");
+    let others = ROUND.into_iter().chain(OF_THE_SERVER).map(str::to_owned);
+    for said in orientation().into_iter().chain(the_rest()).chain(others) {
+        assert!(page.contains(&said), "docs/accuracy.md should say, with the figures of its report:\n{said}");
+        page = page.replacen(&said, "", 1);
+    }
+    let left = numbers(&page);
+    assert!(left.is_empty(), "docs/accuracy.md quotes what this test does not look up: {left:?}");
+}
+
+#[test]
+fn numbers_with_an_exponent_are_seen() {
+    assert_eq!(
+        numbers("2.0e-6, (7e-7), `1e-3` and 5.5e-5. Not e-mail, x 10 or -e-"),
+        ["2.0e-6", "7e-7", "1e-3", "5.5e-5."]
+    );
+}
