@@ -5,7 +5,7 @@ use std::process::Stdio;
 use std::time::Instant;
 
 use crate::output::{closed, stuck};
-use crate::process::{Lines, Mute, PATIENCE};
+use crate::process::{Lines, Mute, PATIENCE, Process};
 
 /// A server that tells everything to `log`.
 fn start(state: &std::path::Path, log: impl Fn() -> Stdio) -> Mute {
@@ -62,6 +62,16 @@ fn a_wish_that_is_not_understood_is_told_and_the_log_is_as_without_it() {
         );
         assert!(text.contains("estop"), "warnings are logged: {text}");
     }
+}
+
+#[test]
+fn a_folder_of_flight_logs_that_cannot_be_made_is_told_at_start() {
+    let state = tempfile::tempdir().expect("a folder");
+    std::fs::write(state.path().join("hbot"), "in the way").expect("written");
+    let server = Process::start(&["--time", "virtual", "--duration", "1"], state.path());
+    let (said, status) = server.end();
+    assert_eq!(status.code(), Some(0));
+    assert!(said.contains("no flight logs can be written to") && said.contains("hbot/flight"), "{said}");
 }
 
 #[test]
