@@ -127,6 +127,8 @@ pub(crate) struct Bounds {
     pub(crate) strangers: usize,
     /// How long a client may take to say hello.
     pub(crate) hello: Duration,
+    /// How long the answer to a wrong token takes.
+    pub(crate) wrong_token: Duration,
     /// How long a client may take no byte before it counts as gone.
     pub(crate) stuck: Duration,
     /// Messages on their way to one client.
@@ -142,6 +144,7 @@ impl Default for Bounds {
             local: 8,
             strangers: 32,
             hello: Duration::from_secs(2),
+            wrong_token: Duration::from_millis(500),
             stuck: Duration::from_secs(5),
             outgoing: 256,
             requests_per_s: 100_000,

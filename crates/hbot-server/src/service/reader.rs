@@ -29,8 +29,6 @@ const REQUESTS_A_TURN: u32 = 16;
 const BYTES_A_REQUEST: usize = PIECE_BYTES / REQUESTS_A_TURN as usize;
 /// Bytes that are read while requests before them wait for their time.
 pub(super) const READ_AHEAD: usize = 256 * 1024;
-/// How long the answer to a wrong token takes.
-const WRONG_TOKEN_PAUSE: Duration = Duration::from_millis(500);
 
 /// Takes in what a client says.
 pub(super) struct Reader<S> {
@@ -40,6 +38,7 @@ pub(super) struct Reader<S> {
     desk: Desk,
     /// Until when it must have said hello; `None` once it has.
     hello: Option<(Instant, Duration)>,
+    wrong_token: Duration,
     bucket: Bucket,
     /// What it has taken of the hub's time since the bucket was last charged.
     taken: u32,
@@ -84,6 +83,7 @@ impl<S: AsyncRead> Reader<S> {
             session,
             desk,
             hello: Some((deadline, bounds.hello)),
+            wrong_token: bounds.wrong_token,
             bucket: Bucket::new(bounds.requests_per_s, Instant::now()),
             taken: 0,
             turn: 0,
@@ -216,7 +216,7 @@ impl<S: AsyncRead> Reader<S> {
             }
             Pause::Until(at) => self.read_until(at).await,
             Pause::Refuse(refusal) => {
-                sleep_until(Instant::now() + WRONG_TOKEN_PAUSE).await;
+                sleep_until(Instant::now() + self.wrong_token).await;
                 self.desk.refuse_first(self.session, refusal);
                 Err(Ended::ByServer)
             }

@@ -162,7 +162,8 @@ fn the_system_looks_whether_clients_are_still_there() {
 #[test]
 fn the_page_has_the_bounds() {
     let page = include_str!("../../../../../docs/api.md");
-    let Bounds { connections, local, strangers, hello, stuck, outgoing, requests_per_s } = Bounds::default();
+    let Bounds { connections, local, strangers, hello, wrong_token, stuck, outgoing, requests_per_s } =
+        Bounds::default();
     for row in [
         format!(
             "| connections at a time | {connections}, of them {} from other machines |",
@@ -177,6 +178,7 @@ fn the_page_has_the_bounds() {
         format!("| requests a second of one client | {},000; ", requests_per_s / 1000),
         format!("of one record) | {} s |", stuck.as_secs()),
         format!("{} KiB of what has come", READ_AHEAD / 1024),
+        format!("| time until the answer to a wrong token | {} ms |", wrong_token.as_millis()),
         "2,048 bytes".to_owned(),
     ] {
         assert!(page.contains(&row), "{row}");

@@ -54,8 +54,10 @@ async fn clients_that_flood_keep_no_stop_from_the_loop() {
         });
     }
     let mut stopper = greeted_in_json(&desk, 1 << 20).await;
-    for _ in 0..5 {
-        yield_now().await;
+    for _ in 0..20 {
+        for _ in 0..4 {
+            yield_now().await;
+        }
         let before = requests(&desk);
         stopper.write_all(ESTOP).await.unwrap();
         let turns = turns_to_a_stop(&loop_end).await;
@@ -180,6 +182,7 @@ fn an_estop_in_any_shape_stops_the_rig() {
     ];
     for shape in shapes {
         holder.call(Op::Reset).unwrap();
+        bench.wait_for(Mode::Idle);
         raw.bytes(shape);
         raw.bytes(b"\n");
         bench.wait_for(Mode::Estop);
@@ -211,6 +214,7 @@ fn an_estop_in_any_shape_of_messagepack_stops_the_rig() {
         b"\x82\xa2op\xa5estop\xa1x",
     ] {
         holder.call(Op::Reset).unwrap();
+        bench.wait_for(Mode::Idle);
         raw.bytes(&u32::try_from(map.len()).unwrap().to_be_bytes());
         raw.bytes(map);
         bench.wait_for(Mode::Estop);
