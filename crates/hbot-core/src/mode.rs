@@ -27,11 +27,12 @@ pub enum Mode {
 /// Why the rig went to [`Mode::Fault`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// No feedback for `timeout_ticks`, or a controller ran out of its watchdog time.
+    /// No feedback for `timeout_ticks`, feedback that is older or mostly missing, or a controller ran out
+    /// of its watchdog time.
     LinkLost,
     /// Too many frames damaged.
     LinkCorrupt,
-    /// A controller says so, or it has rebooted.
+    /// A controller says so, it has rebooted, or its motors are on or off against the command.
     ControllerFault,
     /// The powered sphere turns faster than the rig's limit.
     Overspeed,
@@ -41,7 +42,7 @@ pub enum Cause {
     Slip,
     /// A number that is not finite, in feedback or in a torque.
     NonFinite,
-    /// A joint moved more than half a turn between two readings.
+    /// A joint moved further between two readings than it can, or its counts and rates disagreed for 50 ms.
     ImplausibleFeedback,
     /// A tick came more than 20 ms late, or 10 in a row were skipped.
     Deadline,

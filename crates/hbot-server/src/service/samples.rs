@@ -154,8 +154,8 @@ impl Hub {
         let (state, rig) = (&sample.state, &self.setup.rig.rig);
         match cause {
             Cause::LinkLost => format!(
-                "the motor controllers have not answered for {} ticks (link.timeout_ticks), or ran out of their watchdog \
-                 time: check power and cable",
+                "the motor controllers have not answered for {} ticks (link.timeout_ticks), their answers come later than that \
+                 or are mostly missing, or they ran out of their watchdog time: check power and cable",
                 rig.timing.timeout_ticks
             ),
             Cause::LinkCorrupt => format!(
@@ -163,14 +163,22 @@ impl Hub {
                 sample.counters.corrupt_frames
             ),
             Cause::ControllerFault => {
-                "a motor controller reports a fault, has rebooted, or is another than the rig file's: see its own display"
+                "a motor controller reports a fault, has rebooted, is another than the rig file's, or says for 20 ms that its motors \
+                 are off although they are switched on, or on although they are off: see its own display, and the motors' supply"
                     .to_owned()
             }
-            Cause::Overspeed => format!(
-                "the sphere turned at {:.3} rad/s; the limit is {} (limits.speed)",
-                state.omega.length(),
-                rig.limits.speed
-            ),
+            Cause::Overspeed => {
+                let limit = rig.limits.speed;
+                match state.omega.length() {
+                    speed if speed > limit => {
+                        format!("the sphere turned at {speed:.3} rad/s; the limit is {limit} (limits.speed)")
+                    }
+                    _ => format!(
+                        "by its encoders' counts the sphere turned faster than {limit} rad/s (limits.speed) over 25 ms; the rates that \
+                         the controllers report do not show it: check how they are measured"
+                    ),
+                }
+            }
             Cause::Overtorque => match rig.limits.energy {
                 None => "a motor controller reports more current than its motor may have".to_owned(),
                 Some(limit) => format!(
@@ -179,14 +187,22 @@ impl Hub {
                     limit.burst, limit.power
                 ),
             },
-            Cause::Slip => format!(
-                "a wheel slipped at {:.3} m/s; the limit is {} (limits.slip): less torque, or more normal force. A gear that crosses \
-                 its play looks the same",
-                state.slip, rig.limits.slip
-            ),
-            Cause::NonFinite => "a number is not finite, in what the encoders say or in a torque".to_owned(),
+            Cause::Slip => {
+                let limit = rig.limits.slip;
+                let what = match state.slip {
+                    slip if slip > limit => format!("a wheel slipped at {slip:.3} m/s"),
+                    _ => "by its encoder's counts a wheel slipped faster than that over 25 ms".to_owned(),
+                };
+                format!(
+                    "{what}; the limit is {limit} (limits.slip): less torque, or more normal force. A gear that crosses its play looks \
+                     the same"
+                )
+            }
+            Cause::NonFinite => "a number is not finite, in what the controllers report or in a torque".to_owned(),
             Cause::ImplausibleFeedback => {
-                "a joint moved more than half a turn between two readings: check its encoder".to_owned()
+                "a joint moved further between two readings than it can, or its counts and the rate that its controller reports \
+                 disagreed for 50 ms: check its encoder"
+                    .to_owned()
             }
             Cause::Deadline => deadline(sample.timing.lateness_ns, self.watch.skipped),
             Cause::ClientLost => {
