@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering, fence};
 
 use hbot_core::CompiledScene;
-use hbot_core::inputs::Command;
+use hbot_core::inputs::{Command, OnClientLost};
 use hbot_core::mode::{Cause, Mode};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, eventfd};
@@ -24,6 +24,10 @@ const SAMPLES: usize = 4096;
 const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
+
+/// Follows an emergency stop through the ring and is answered in its tick or after it. It does nothing:
+/// a second stop some ticks after the first would undo a reset that somebody has asked for meanwhile.
+pub(crate) const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 
 /// A command on its way to the loop, with the number under which it is answered.
 #[derive(Debug, Clone, Copy)]
@@ -189,11 +193,12 @@ impl ServiceEnd {
     /// Sends a command to the loop; its answer comes with a sample under the ticket.
     ///
     /// # Errors
-    /// The loop takes 8 commands a tick, and 256 wait already.
+    /// The loop takes 7 commands a tick, and 256 wait already.
     pub fn order(&mut self, command: Command) -> Result<u64, Busy> {
         if command == Command::Estop {
-            // At once, whatever waits in the ring, and even where the order itself finds no place in it.
+            // At once, whatever waits in the ring, and even if the order itself finds no place in it.
             self.emergency_stop().stop();
+            return self.order(CONFIRMED);
         }
         let ticket = self.next_ticket;
         self.orders.push(Order { ticket, command }).map_err(|_| Busy)?;

@@ -303,17 +303,19 @@ impl<W: Wire> Engine<W> {
         if self.idle && std::mem::take(&mut self.enable_when_idle) {
             let _ = commands.push(Enable);
         }
-        if self.bridge.take_estop() {
-            let _ = commands.push(Estop);
-        }
+        // One place is left for an emergency stop, whose flag is looked at last: whoever has found its
+        // confirmation in the ring finds the flag set.
         let own = commands.len();
-        for ticket in &mut tickets[own..] {
+        for ticket in &mut tickets[own..MAX_COMMANDS - 1] {
             let Ok(order) = self.bridge.orders.pop() else { break };
             *ticket = order.ticket;
             // A rig that somebody wants off does not come on by itself.
             self.enable_when_idle &= order.command != Disable;
             // There are as many places as tickets.
             let _ = commands.push(order.command);
+        }
+        if self.bridge.take_estop() {
+            let _ = commands.push(Estop);
         }
         (commands, tickets)
     }

@@ -3,6 +3,7 @@
 use hbot_core::rig::Zero;
 
 use super::*;
+use crate::bridge::CONFIRMED;
 
 const MODES: [Mode; 6] =
     [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
@@ -108,4 +109,28 @@ fn a_tick_left_out_or_late_is_a_fault_from_every_mode() {
             assert!(off(&fake), "from {from:?}");
         }
     }
+}
+
+#[test]
+fn a_stop_that_is_confirmed_later_does_not_undo_a_reset() {
+    let (mut bench, fake) = bench_in(Mode::Active);
+    // The bytes of an `estop` set the flag; its answer comes through the ring, some ticks later.
+    bench.end.emergency_stop().stop();
+    assert_eq!(bench.tick().state.mode, Mode::Estop);
+    assert!(off(&fake));
+    let confirmed = bench.end.order(CONFIRMED).expect("a place");
+    let sample = bench.order(Order::Reset);
+    assert_eq!(sample.state.mode, Mode::Idle, "one estop stops once");
+    assert_eq!(sample.answers[0].map(|answer| answer.ticket), Some(confirmed), "and is answered");
+}
+
+#[test]
+fn an_order_that_is_an_emergency_stop_is_answered_in_the_tick_that_stops_or_after_it() {
+    let (mut bench, _) = bench_in(Mode::Active);
+    let ticket = bench.end.order(Order::Estop).expect("a place");
+    let sample = bench.tick();
+    assert_eq!(
+        (sample.state.mode, sample.answers[0].map(|answer| answer.ticket)),
+        (Mode::Estop, Some(ticket))
+    );
 }

@@ -3,7 +3,7 @@
 use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use hbot_api::{Encoding, Refusal, Request};
+use hbot_api::{Encoding, Id, Refusal, Request};
 
 use super::hub::Hub;
 
@@ -74,6 +74,11 @@ impl Desk {
     /// A later message: whether the hub takes others of this connection.
     pub(super) fn message(&self, session: u64, message: Result<Request, Refusal>) -> bool {
         self.turn(|hub| hub.message(session, message))
+    }
+
+    /// An `estop` whose bytes have stopped the loop already: whether the hub takes others of this connection.
+    pub(super) fn stopped(&self, session: u64, id: Option<Id>) -> bool {
+        self.turn(|hub| hub.stopped(session, id))
     }
 
     /// The connection has ended, or the client will say no more.

@@ -12,7 +12,7 @@ use super::hub::Hub;
 use crate::bridge::{Busy, ServiceEnd};
 use crate::sample::Sample;
 
-/// The loop takes 8 orders a tick, in their order. So many may be on their way before a further one is refused, so that there is
+/// The loop takes 7 orders a tick, in their order. So many may be on their way before a further one is refused, so that there is
 /// always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
 const MAX_STREAMS: usize = 32;
 const MAX_ORDERS: usize = 64;

@@ -104,6 +104,8 @@ impl<S: AsyncRead> Reader<S> {
         while self.turn < REQUESTS_A_TURN {
             let before = self.splitter.pending();
             let encoding = self.splitter.encoding();
+            // A stop that was found in the bytes, and obeyed then.
+            let mut found = false;
             let (request, lost) = match self.splitter.next_message() {
                 None => {
                     // Blank lines, and what is left of messages too long.
@@ -113,7 +115,9 @@ impl<S: AsyncRead> Reader<S> {
                 }
                 Some(Ok(line)) if self.hello.is_some() => (Request::read_first(line), false),
                 Some(Ok(message)) if is_short(encoding, message) || asks_estop(message) => {
-                    (Request::read(encoding, message), false)
+                    let request = Request::read(encoding, message);
+                    found = is_estop(&request) && asks_estop(message);
+                    (request, false)
                 }
                 Some(Ok(message)) => {
                     let allowed = self.desk.hub().may_send(self.session, message);
@@ -138,7 +142,11 @@ impl<S: AsyncRead> Reader<S> {
             let bytes = before - self.splitter.pending();
             self.charge(weight(request.as_ref().ok().map(|request| &request.op), bytes));
             let request = request.and_then(|request| self.unless_stopped(request));
-            if !self.desk.message(self.session, request) || lost {
+            let goes_on = match request {
+                Ok(Request { id, .. }) if found => self.desk.stopped(self.session, id),
+                request => self.desk.message(self.session, request),
+            };
+            if !goes_on || lost {
                 return Err(Ended::ByServer);
             }
         }
@@ -334,6 +342,10 @@ impl<S: AsyncRead> Reader<S> {
         }
         self.stop_at = self.read - bytes as u64 + last as u64;
     }
+}
+
+fn is_estop(request: &Result<Request, Refusal>) -> bool {
+    matches!(request, Ok(Request { op: Op::Estop, .. }))
 }
 
 /// Whether a message, without its newline or length, is no longer than ordinary ones may be.

@@ -14,6 +14,7 @@ use super::convert;
 use super::desk::Gone;
 use super::hub::Hub;
 use super::orders::OrderKind;
+use crate::bridge::CONFIRMED;
 
 impl Hub {
     /// Takes a later message; false where the client is none any more.
@@ -34,6 +35,16 @@ impl Hub {
             self.refuse(session, id, op, error);
         }
         true
+    }
+
+    /// Takes an `estop` whose bytes have stopped the loop already; false if the client is none any more.
+    pub(super) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
+        let there = self.peers.contains_key(&session);
+        if there {
+            self.stats.events.requests += 1;
+            self.confirm_estop(session, id);
+        }
+        there
     }
 
     /// A connection has ended, or its client says no more.
@@ -162,12 +173,19 @@ impl Hub {
         self.respond(session, &Response::ok(id, summary));
     }
 
+    /// Stops the rig for a client whose stop was not found in its bytes.
     #[inline(never)]
     fn estop(&mut self, session: u64, id: Option<Id>) {
+        self.end.emergency_stop().stop();
+        self.stopped_by(session);
+        self.confirm_estop(session, id);
+    }
+
+    /// Answers an `estop`: the loop was stopped when its bytes came, and is not stopped a second time.
+    pub(super) fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
         let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
         tracing::warn!(session, name, "estop");
-        self.stopped_by(session);
-        if self.order(session, id.clone(), "estop", OrderKind::Stop, Command::Estop).is_err() {
+        if self.order(session, id.clone(), "estop", OrderKind::Stop, CONFIRMED).is_err() {
             // There is no place for it among those that are answered, but the loop does it in its next tick.
             self.answer_with(session, id, ModeOk { mode: Mode::Estop });
         }
