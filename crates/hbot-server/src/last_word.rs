@@ -4,7 +4,7 @@
 //! and, through a pipe, the frame that switches the motors off. Then it sleeps until the pipe brings something:
 //!
 //! - one byte: the server has switched the motors off itself; the helper ends.
-//! - the end of the pipe: the system has closed it because the server is gone. The helper writes the frame [`TIMES`] times and ends.
+//! - the end of the pipe: the system has closed it because the server is gone. The helper writes the frame `TIMES` times and ends.
 //!
 //! The helper has a process group of its own and takes no notice of the signals of a terminal or a service manager. The loop does
 //! nothing for it.

@@ -63,7 +63,7 @@ impl fmt::Display for Name {
 
 /// Removes logs beyond [`MAX_FILES`] from the folder of the one at `newest`, which stays whatever a clock that was set says of it. First
 /// go halves of logs whose process has died; then logs of emergency stops; then those of faults that were not the first of their run;
-/// then those that were; of each kind the oldest first. Files of any other name than [`Name`]'s stay and do not count.
+/// then those that were; of each kind the oldest first. Files of any other name than `Name`'s stay and do not count.
 ///
 /// # Errors
 /// What the system says.
