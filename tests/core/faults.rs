@@ -225,6 +225,37 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
 }
 
 #[test]
+fn readings_that_come_late_or_after_gaps_are_no_lies() {
+    // A sphere that is turned to and fro, read on time, but heard of up to 15 ticks later and with gaps;
+    // and, what is worse, read when the late command arrives.
+    for read_late in [false, true] {
+        let mut bench = active();
+        let mut rng = Rng(9);
+        let mut line = std::collections::VecDeque::new();
+        let mut wait = 0;
+        for k in 0..20_000 {
+            let omega = Vec3::new(3.0, 1.0, -2.0) * (0.02 * f64::from(k)).sin();
+            let reading = bench.feedback();
+            bench.sphere.turn(omega, DT);
+            line.push_back(reading);
+            wait = if wait > 0 {
+                wait - 1
+            } else if rng.once_in(60) {
+                rng.below(16)
+            } else {
+                0
+            };
+            let heard = if wait == 0 { line.drain(..).next_back() } else { None };
+            let mut now = bench.feedback();
+            now.sequence = heard.map_or(0, |heard: JointFeedback| heard.sequence);
+            let news = if read_late && heard.is_some() { Some(now) } else { heard };
+            let state = bench.step_with(|inputs| inputs.feedback = news).state;
+            assert_eq!(state.cause, None, "tick {k}, read late: {read_late}");
+        }
+    }
+}
+
+#[test]
 fn motors_that_are_on_or_off_against_the_command_for_20_ms_are_a_fault() {
     for powered in [true, false] {
         let mut bench = if powered { active() } else { Bench::new(rig()) };

@@ -102,13 +102,15 @@ impl Joints {
         Ok(())
     }
 
-    /// Takes the next reading: the turn of the sphere since the last one. `judged`: the motors are on,
-    /// or a fault is to be reset, so that counts which the limit of speed rules out are refused.
+    /// Takes the next reading, which came `late` ticks after the tick in which it could be there: the
+    /// turn of the sphere since the last one. `judged`: the motors are on, or a fault is to be reset,
+    /// so that counts which the limit of speed rules out are refused.
     #[inline]
     pub(crate) fn advance(
         &mut self,
         rig: &Rig,
         feedback: &JointFeedback,
+        late: u32,
         judged: bool,
     ) -> Result<Step, Cause> {
         let n = rig.device.joints();
@@ -119,7 +121,7 @@ impl Joints {
         let mut plausible = true;
         for i in 0..n {
             delta[i] = self.encoders[i].peek(feedback.counts[i]);
-            let most = if judged { self.watch.most(i, ticks) } else { PI };
+            let most = if judged { self.watch.most(i, ticks.saturating_add(late)) } else { PI };
             plausible &= fabs(delta[i]) < most;
         }
         if !plausible {
@@ -149,7 +151,7 @@ impl Joints {
         }
         self.locate(rig);
         if judged {
-            let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks };
+            let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks, late };
             self.watch.end(rig, &self.posture, &moved);
         } else {
             self.watch.restart();

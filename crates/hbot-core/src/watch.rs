@@ -40,6 +40,8 @@ pub(crate) struct Interval<'a> {
     pub(crate) turn: Vec3,
     /// How long it took, ticks.
     pub(crate) ticks: u32,
+    /// How much later than in the next tick the reading came, ticks. It was taken at some time between.
+    pub(crate) late: u32,
 }
 
 /// One joint's way over a block, rad: by its counts and by its rates, each with its length.
@@ -64,9 +66,13 @@ pub(crate) struct Watch {
     /// What [`GRAIN`] counts of both its joints are at the contact of the most sensitive wheel, m.
     grain_slip: Real,
     ticks: u32,
+    /// The latest reading of the block and of the one before: by this much their times are uncertain.
+    late: u32,
+    last_late: u32,
     ways: [Way; MAX_JOINTS],
     last_ways: Option<[Way; MAX_JOINTS]>,
     last_ticks: u32,
+    last_rate: [Real; MAX_JOINTS],
     turn: Vec3,
     slip: Slip,
     verdict: Option<Cause>,
@@ -97,9 +103,12 @@ impl Watch {
             grain,
             grain_slip,
             ticks: 0,
+            late: 0,
+            last_late: 0,
             ways: [Way::default(); MAX_JOINTS],
             last_ways: None,
             last_ticks: 0,
+            last_rate: [0.0; MAX_JOINTS],
             turn: Vec3::ZERO,
             slip: [[0.0; 2]; MAX_WHEELS],
             verdict: None,
@@ -123,11 +132,13 @@ impl Watch {
     pub(crate) fn restart(&mut self) {
         self.begin_block();
         self.last_ways = None;
+        self.last_late = 0;
         self.verdict = None;
     }
 
     fn begin_block(&mut self) {
         self.ticks = 0;
+        self.late = 0;
         self.ways = [Way::default(); MAX_JOINTS];
         self.turn = Vec3::ZERO;
         self.slip = [[0.0; 2]; MAX_WHEELS];
@@ -155,7 +166,10 @@ impl Watch {
             self.slip[i][1] += v;
         }
         for j in 0..rig.device.joints() {
-            let (counted, rated) = (moved.delta[j], moved.rate[j] * time);
+            // The mean of the rates at both ends: after a gap the last one alone tells little.
+            let counted = moved.delta[j];
+            let rated = 0.5 * (self.last_rate[j] + moved.rate[j]) * time;
+            self.last_rate[j] = moved.rate[j];
             let way = &mut self.ways[j];
             way.counted += counted;
             way.counted_length += fabs(counted);
@@ -164,10 +178,12 @@ impl Watch {
         }
         self.turn += moved.turn;
         self.ticks = self.ticks.saturating_add(moved.ticks);
+        self.late = self.late.max(moved.late);
         if self.ticks >= self.block {
             self.verdict = self.judge(rig);
             self.last_ways = Some(self.ways);
             self.last_ticks = self.ticks;
+            self.last_late = self.late;
             self.begin_block();
         }
     }
@@ -175,7 +191,9 @@ impl Watch {
     /// The fault that the block shows which ends now, the gravest first.
     #[inline(never)]
     fn judge(&self, rig: &Rig) -> Option<Cause> {
-        let time = self.ticks as Real * self.period_s;
+        // What was read late may have moved for longer.
+        let late = self.late.max(self.last_late);
+        let time = (self.ticks + late) as Real * self.period_s;
         let limits = &rig.limits;
         if sqrt(self.turn.length_squared()) > MARGIN * limits.speed * time {
             return Some(Cause::Overspeed);
@@ -188,13 +206,15 @@ impl Watch {
             return Some(Cause::Slip);
         }
         let before = self.last_ways.as_ref()?;
-        let time = time + self.last_ticks as Real * self.period_s;
+        let ticks = (self.ticks + self.last_ticks).max(1);
+        let time = ticks as Real * self.period_s;
+        let share = DISAGREEMENT + late as Real / ticks as Real;
         let disagrees = |j: usize| {
             let (now, before) = (&self.ways[j], &before[j]);
             let apart = fabs(now.counted + before.counted - now.rated - before.rated);
             let length =
                 (now.counted_length + before.counted_length).max(now.rated_length + before.rated_length);
-            apart > DISAGREEMENT * length + DISAGREEMENT_RATE * time + self.grain[j]
+            apart > share * length + DISAGREEMENT_RATE * time + self.grain[j]
         };
         (0..rig.device.joints()).any(disagrees).then_some(Cause::ImplausibleFeedback)
     }

@@ -183,7 +183,8 @@ impl Controller {
             return Ok(true);
         }
         let judged = self.powered() || self.machine.cause.is_some();
-        let step = self.joints.advance(&self.rig, feedback, judged)?;
+        let late = (inputs.tick as u32).wrapping_sub(feedback.sequence).saturating_sub(elapsed.max(1) as u32);
+        let step = self.joints.advance(&self.rig, feedback, late, judged)?;
         self.orientation.advance(step.turn);
         let given = self.observer.turned(step.answered[0], step.answered[1], step.turn);
         if let Some(guard) = &mut self.guard {
