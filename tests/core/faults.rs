@@ -226,31 +226,42 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
 
 #[test]
 fn readings_that_come_late_or_after_gaps_are_no_lies() {
-    // A sphere that is turned to and fro, read on time, but heard of up to 15 ticks later and with gaps;
-    // and, what is worse, read when the late command arrives.
-    for read_late in [false, true] {
-        let mut bench = active();
+    // A sphere that is turned to and fro. Now and then the line stands for up to 200 ms: the controllers
+    // then answer the oldest command first, with what they read at that moment.
+    let mut rig = rig();
+    rig.timing.timeout_ticks = 1000;
+    for pace in [0.002, 0.02, 0.1] {
+        let mut bench = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
         let mut rng = Rng(9);
         let mut line = std::collections::VecDeque::new();
         let mut wait = 0;
         for k in 0..20_000 {
-            let omega = Vec3::new(3.0, 1.0, -2.0) * (0.02 * f64::from(k)).sin();
             let reading = bench.feedback();
-            bench.sphere.turn(omega, DT);
-            line.push_back(reading);
-            wait = if wait > 0 {
+            bench.sphere.turn(Vec3::new(1.0, 0.3, -0.7) * (pace * f64::from(k)).sin(), DT);
+            line.push_back(reading.sequence);
+            let stood = wait > 0;
+            wait = if stood {
                 wait - 1
-            } else if rng.once_in(60) {
-                rng.below(16)
+            } else if rng.once_in(400) {
+                rng.below(200)
             } else {
                 0
             };
-            let heard = if wait == 0 { line.drain(..).next_back() } else { None };
-            let mut now = bench.feedback();
-            now.sequence = heard.map_or(0, |heard: JointFeedback| heard.sequence);
-            let news = if read_late && heard.is_some() { Some(now) } else { heard };
-            let state = bench.step_with(|inputs| inputs.feedback = news).state;
-            assert_eq!(state.cause, None, "tick {k}, read late: {read_late}");
+            let answered = match (wait, stood) {
+                (0, true) => line.pop_front(),
+                (0, false) => line.drain(..).next_back(),
+                _ => None,
+            };
+            let state = bench
+                .step_with(|inputs| {
+                    inputs.feedback = answered.map(|sequence| {
+                        let mut late = reading;
+                        late.sequence = sequence;
+                        late
+                    });
+                })
+                .state;
+            assert_eq!(state.cause, None, "tick {k}, pace {pace}");
         }
     }
 }

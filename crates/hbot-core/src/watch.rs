@@ -26,6 +26,9 @@ const DISAGREEMENT: Real = 0.5;
 const DISAGREEMENT_RATE: Real = 0.1;
 /// Counts that rounding may add to or take from the way over a block.
 const GRAIN: Real = 2.0;
+/// Of an interval of more ticks than this, or a reading that came later, slip and agreement are not
+/// judged: nobody knows how the wheels stood in between.
+const COARSE: u32 = 5;
 /// Room for what the counts' rounding makes of a speed at the limit.
 const MARGIN: Real = 1.05;
 
@@ -69,6 +72,9 @@ pub(crate) struct Watch {
     /// The latest reading of the block and of the one before: by this much their times are uncertain.
     late: u32,
     last_late: u32,
+    reading_late: u32,
+    /// The wheels may have steered far between two readings of the block, so its slip is not known.
+    coarse: bool,
     ways: [Way; MAX_JOINTS],
     last_ways: Option<[Way; MAX_JOINTS]>,
     last_ticks: u32,
@@ -105,6 +111,8 @@ impl Watch {
             ticks: 0,
             late: 0,
             last_late: 0,
+            reading_late: 0,
+            coarse: false,
             ways: [Way::default(); MAX_JOINTS],
             last_ways: None,
             last_ticks: 0,
@@ -139,6 +147,7 @@ impl Watch {
     fn begin_block(&mut self) {
         self.ticks = 0;
         self.late = 0;
+        self.coarse = false;
         self.ways = [Way::default(); MAX_JOINTS];
         self.turn = Vec3::ZERO;
         self.slip = [[0.0; 2]; MAX_WHEELS];
@@ -178,10 +187,13 @@ impl Watch {
         }
         self.turn += moved.turn;
         self.ticks = self.ticks.saturating_add(moved.ticks);
-        self.late = self.late.max(moved.late);
+        // The times of both its ends are uncertain.
+        self.late = self.late.max(moved.late).max(self.reading_late);
+        self.reading_late = moved.late;
+        self.coarse |= moved.ticks.max(self.late) > COARSE;
         if self.ticks >= self.block {
             self.verdict = self.judge(rig);
-            self.last_ways = Some(self.ways);
+            self.last_ways = (!self.coarse).then_some(self.ways);
             self.last_ticks = self.ticks;
             self.last_late = self.late;
             self.begin_block();
@@ -202,10 +214,11 @@ impl Watch {
         for [u, v] in &self.slip[..rig.device.wheels().len()] {
             slip = slip.max(u * u + v * v);
         }
-        if sqrt(slip) > MARGIN * limits.slip * time + self.grain_slip {
+        if !self.coarse && sqrt(slip) > MARGIN * limits.slip * time + self.grain_slip {
             return Some(Cause::Slip);
         }
-        let before = self.last_ways.as_ref()?;
+        // Neither is what the rates were between, or when the counts were read.
+        let before = self.last_ways.as_ref().filter(|_| !self.coarse)?;
         let ticks = (self.ticks + self.last_ticks).max(1);
         let time = ticks as Real * self.period_s;
         let share = DISAGREEMENT + late as Real / ticks as Real;
