@@ -146,7 +146,8 @@ impl Judge {
             let newer = self.newest.is_none_or(|newest| feedback.sequence.wrapping_sub(newest) as i32 > 0);
             self.newest = if newer { Some(feedback.sequence) } else { self.newest };
         }
-        let oldest = u64::from(self.rig.timing.timeout_ticks) + 1;
+        // From the last command that was sent: ticks that were skipped have sent none.
+        let oldest = u64::from(self.rig.timing.timeout_ticks) + elapsed.max(1);
         if self.newest.is_some_and(|newest| inputs.tick - u64::from(newest) > oldest) {
             assert!(off, "torque of a reading that is too old: {}", what());
         }
