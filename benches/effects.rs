@@ -77,7 +77,10 @@ fn whole_ticks(c: &mut Criterion) {
             let mut rates = [0.0; MAX_JOINTS];
             for i in 0..4 {
                 counts[i] = (600.0 * (phase + i as f64).sin()) as i32;
-                rates[i] = 0.3 * (phase + i as f64).cos();
+                // The rate of these counts at 1 kHz: controllers whose rates disagree with them are a fault.
+                let joint = &rig.joints[i];
+                let turn = f64::from(joint.counts_per_turn) * joint.gear;
+                rates[i] = 600.0 * 6.0 * (phase + i as f64).cos() * std::f64::consts::TAU / turn;
             }
             let complaints = Complaints::default();
             let mut inputs = Inputs::quiet(tick);
