@@ -91,6 +91,10 @@ impl Judge {
         let on = matches!(state.mode, Mode::Enabling | Mode::Active);
         let far = on && scene.revision() != self.revision && self.comes_from_afar(told, scene, outputs);
         self.carried_s += dt;
+        if told.enabled && self.mode == Mode::Idle {
+            // Within the ramp of a disable: references are anchored anew, which may come from afar too.
+            (self.carried, self.carried_s) = (self.torque.length(), 0.0);
+        }
         if far {
             seen.far_changes += 1;
             (self.ramp, self.carried, self.carried_s) = (0.0, self.torque.length(), 0.0);

@@ -2,7 +2,8 @@
 //! in any order, on readings that come late or not at all. Every tick of every session keeps the limits
 //! of size, slew, motors and contacts, the ramps, and the age of what it was computed from.
 //!
-//! `HBOT_SESSION_TICKS=100000000 cargo test --release --test core sessions` runs more of them.
+//! `HBOT_SESSION_TICKS=100000000 cargo test --release --test core sessions` runs more of them, and
+//! `HBOT_SESSION=1245` one alone: the one that a failure names.
 
 mod judge;
 mod scenes;
@@ -26,6 +27,12 @@ const TICKS: u64 = 1_000_000;
 
 #[test]
 fn whatever_comes_in_any_order_limits_slew_ramps_and_age_hold_in_every_tick() {
+    if let Ok(seed) = std::env::var("HBOT_SESSION") {
+        let mut seen = Seen::default();
+        run(seed.parse().expect("the number of a session"), &mut seen);
+        println!("{seen:?}");
+        return;
+    }
     let ticks = std::env::var("HBOT_SESSION_TICKS").map_or(TICKS, |n| n.parse().expect("a number of ticks"));
     let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64;
     let totals = std::thread::scope(|scope| {

@@ -15,12 +15,14 @@
 
 mod dual;
 mod facets;
+mod nearest;
 mod pair;
 mod reach;
 mod sym;
 mod traction;
 mod weak;
 
+pub(crate) use nearest::{Bounds, nearest};
 pub use traction::{ContactArms, traction};
 
 use crate::device::MAX_JOINTS;

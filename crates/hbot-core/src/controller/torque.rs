@@ -2,7 +2,7 @@
 //! motors and contacts make of it without exceeding the slew limit.
 
 use super::Controller;
-use crate::allocation::{self, Allocation};
+use crate::allocation::{self, Allocation, Bounds};
 use crate::device::MAX_JOINTS;
 use crate::effects::Motion;
 use crate::mode::Mode;
@@ -191,7 +191,9 @@ impl Controller {
                 (self.made.joints, held)
             };
         if !next.deficient && (from - last).length_squared() > wanted.reach * wanted.reach {
-            start = self.nearest(start, last);
+            let grip = self.rig.limits.traction.map(|grip| grip.mu * grip.normal_force);
+            let (rows, arms) = (posture.rows(), &self.arms[..n / 2]);
+            start = allocation::nearest(&Bounds { rows, limits: &self.limits, arms, grip }, start, last);
             from = posture.torque_on_sphere(&start[..n]);
         }
         let part = part_within(from - last, next.torque - from, wanted.reach);
@@ -204,37 +206,6 @@ impl Controller {
             allocation::traction(&self.arms[..n / 2], &joints[..n], grip.mu * grip.normal_force).min(1.0)
         });
         Made { torque, joints, traction, ..next }
-    }
-}
-
-impl Controller {
-    /// The joint torques within the limits of motors and contacts that bring the torque on the sphere
-    /// nearest to `torque`, from those of `start`: coordinate descent on the squared distance.
-    fn nearest(&self, start: [Real; MAX_JOINTS], torque: Vec3) -> [Real; MAX_JOINTS] {
-        const SWEEPS: u32 = 24;
-        let n = self.rig.device.joints();
-        let rows = self.joints.posture.rows();
-        let grip = self.rig.limits.traction.map(|grip| grip.mu * grip.normal_force);
-        let mut joints = start;
-        let mut left = torque - self.joints.posture.torque_on_sphere(&joints[..n]);
-        for _ in 0..SWEEPS {
-            for (j, row) in rows.iter().enumerate() {
-                let peak = self.limits.peak[j];
-                let square = row.length_squared();
-                if !(peak > 0.0 && square > 0.0) {
-                    continue;
-                }
-                let next = (joints[j] + left.dot(*row) / square).clamp(-peak, peak);
-                let pair = if j.is_multiple_of(2) { [next, joints[j + 1]] } else { [joints[j - 1], next] };
-                let arms = &self.arms[j / 2..=j / 2];
-                if grip.is_some_and(|grip| allocation::traction(arms, &pair, grip) > 1.0) {
-                    continue;
-                }
-                left -= *row * (next - joints[j]);
-                joints[j] = next;
-            }
-        }
-        joints
     }
 }
 

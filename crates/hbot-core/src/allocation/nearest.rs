@@ -1,0 +1,168 @@
+//! The joint torques that come nearest to a torque which motors and contacts cannot hold.
+
+use super::sym::Sym3;
+use super::{ContactArms, JointLimits, traction};
+use crate::device::MAX_JOINTS;
+use crate::real::{Real, Vec3, fabs};
+
+/// Rounds of the search. A direction that is weak by a hundred needs about ten.
+const ROUNDS: u32 = 32;
+
+/// The damping of a common step relative to the strength of the joints that take it: half the digits.
+/// A direction weaker than the root of it is not asked for.
+const DAMPING: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
+
+/// What the joint torques have to keep within.
+pub(crate) struct Bounds<'a> {
+    /// Rows of G, sphere axes to joints.
+    pub(crate) rows: &'a [Vec3],
+    pub(crate) limits: &'a JointLimits,
+    /// One a wheel.
+    pub(crate) arms: &'a [ContactArms],
+    /// The tangential force that each contact holds, N; `None` where it is not limited.
+    pub(crate) grip: Option<Real>,
+}
+
+/// The joint torques within `bounds` whose torque on the sphere is nearest to `torque` (N m), from
+/// those of `start`, which are within them (N m, steer, drive per wheel).
+///
+/// Each round moves one joint after the other to where it alone brings the torque nearest, and then
+/// all joints that are between their limits together, by the least change that would make the rest.
+/// The first finds which joints stay at their limits; the second is quick where rows are nearly
+/// parallel. No step leads away.
+pub(crate) fn nearest(bounds: &Bounds<'_>, start: [Real; MAX_JOINTS], torque: Vec3) -> [Real; MAX_JOINTS] {
+    let mut joints = start;
+    let mut left = torque;
+    for (row, joint) in bounds.rows.iter().zip(&joints) {
+        left -= *row * *joint;
+    }
+    let negligible = 4.0 * Real::EPSILON * torque.length_squared();
+    for _ in 0..ROUNDS {
+        if left.length_squared() <= negligible {
+            break;
+        }
+        singly(bounds, &mut joints, &mut left);
+        together(bounds, &mut joints, &mut left);
+    }
+    joints
+}
+
+fn singly(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec3) {
+    for (j, row) in bounds.rows.iter().enumerate() {
+        let square = row.length_squared();
+        if !(bounds.limits.driven(j) && square > 0.0) {
+            continue;
+        }
+        let peak = bounds.limits.peak[j];
+        let next = (joints[j] + left.dot(*row) / square).clamp(-peak, peak);
+        let pair = if j.is_multiple_of(2) { [next, joints[j + 1]] } else { [joints[j - 1], next] };
+        if bounds.hold(j / 2, &pair) {
+            *left -= *row * (next - joints[j]);
+            joints[j] = next;
+        }
+    }
+}
+
+fn together(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec3) {
+    let between = |k: usize| bounds.limits.driven(k) && fabs(joints[k]) < bounds.limits.peak[k];
+    let mut moment = Sym3::ZERO;
+    for (k, row) in bounds.rows.iter().enumerate().filter(|(k, _)| between(*k)) {
+        let peak = bounds.limits.peak[k];
+        moment.add(*row, peak * peak);
+    }
+    if moment.trace() == 0.0 {
+        return;
+    }
+    // What the joints between their limits cannot turn at all is damped, or its rounding would be all
+    // of the answer.
+    let damping = DAMPING * moment.trace();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        moment.add(axis, damping);
+    }
+    let y = moment.solve(*left, 0.0);
+    let (mut way, mut made, mut part) = ([0.0; MAX_JOINTS], Vec3::ZERO, 1.0);
+    for (k, row) in bounds.rows.iter().enumerate().filter(|(k, _)| between(*k)) {
+        let peak = bounds.limits.peak[k];
+        way[k] = peak * peak * row.dot(y);
+        made += *row * way[k];
+        let room = if way[k] > 0.0 { peak - joints[k] } else { peak + joints[k] };
+        part = Real::min(part, if way[k] == 0.0 { 1.0 } else { room / fabs(way[k]) });
+    }
+    let next = *left - made * part;
+    if next.length_squared() >= left.length_squared() {
+        return;
+    }
+    let mut moved = *joints;
+    for k in 0..bounds.rows.len() {
+        let peak = bounds.limits.peak[k];
+        moved[k] = if way[k] == 0.0 { joints[k] } else { (joints[k] + way[k] * part).clamp(-peak, peak) };
+    }
+    if bounds.arms.iter().enumerate().all(|(i, _)| bounds.hold(i, &[moved[2 * i], moved[2 * i + 1]])) {
+        (*joints, *left) = (moved, next);
+    }
+}
+
+impl Bounds<'_> {
+    /// Whether contact `wheel` holds the joint torques of its wheel, steer and drive, N m.
+    fn hold(&self, wheel: usize, pair: &[Real; 2]) -> bool {
+        self.grip.is_none_or(|grip| traction(&self.arms[wheel..=wheel], pair, grip) <= 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::MAX_WHEELS;
+
+    const GIVES: [Real; 4] = [2.0, 0.5, 2.0, 0.5];
+
+    fn distance(rows: &[Vec3; 4], peaks: [Real; 4], start: [Real; 4], torque: Vec3) -> Real {
+        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+        limits.peak[..4].copy_from_slice(&peaks);
+        let arm = ContactArms { steer: 0.01, cross: 0.0, roll: 0.02 };
+        let arms = [arm; MAX_WHEELS];
+        let bounds = Bounds { rows, limits: &limits, arms: &arms[..2], grip: None };
+        let mut from = [0.0; MAX_JOINTS];
+        from[..4].copy_from_slice(&start);
+        let found = nearest(&bounds, from, torque);
+        assert!((0..4).all(|k| fabs(found[k]) <= peaks[k]), "{found:?}");
+        let left = rows.iter().zip(&found).fold(torque, |left, (row, joint)| left - *row * *joint);
+        crate::real::sqrt(left.length_squared())
+    }
+
+    /// A dead motor, and a direction that is weak by thirty-six. 0.164902 N m is the optimum by an
+    /// independent solver of bounded least squares (SciPy's `lsq_linear`, method `bvls`).
+    #[test]
+    fn three_joints_come_as_near_as_they_can() {
+        let rows = [
+            Vec3::new(-0.189703, -5.528769, -1.603917),
+            Vec3::new(-4.535416, 1.471360, -4.535416),
+            Vec3::new(2.672497, -3.054896, -4.086710),
+            Vec3::new(-2.506023, -5.544781, 2.506023),
+        ];
+        let last = Vec3::new(-0.814013, -1.490310, -0.533628);
+        let off = distance(&rows, [2.0, 0.0, 2.0, 0.5], [1.036994, 0.0, -0.579749, -0.442444], last);
+        assert!(fabs(off - 0.164902) < 2e-5, "{off}");
+    }
+
+    /// Both drives at their limits, and steering rows that are nearly opposite. The optimum
+    /// is that of the same solver.
+    #[test]
+    fn joints_that_pull_nearly_against_each_other_come_as_near_as_they_can() {
+        let rows = [
+            Vec3::new(1.421607, -5.581649, 0.007394),
+            Vec3::new(-4.578794, -1.172253, -4.578794),
+            Vec3::new(-0.948457, 5.662096, -0.465757),
+            Vec3::new(4.644787, 0.395973, -4.644787),
+        ];
+        let last = Vec3::new(0.117320, -2.168590, -4.531585);
+        let off = distance(&rows, GIVES, [2.0, 0.5, 1.661535, 0.307373], last);
+        assert!(fabs(off - 0.191214) < 2e-5, "{off}");
+    }
+
+    #[test]
+    fn what_is_held_already_stays() {
+        let rows = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];
+        assert_eq!(distance(&rows, GIVES, [0.1, 0.2, 0.3, 0.1], Vec3::new(0.2, 0.2, 0.3)), 0.0);
+    }
+}
