@@ -278,3 +278,8 @@ pub fn assert_finite(outputs: &Outputs) {
         );
     }
 }
+
+/// A bench that renders a soft spring a tenth of a radian away.
+pub fn active() -> Bench {
+    Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.1))
+}

@@ -3,6 +3,7 @@
 #![allow(unreachable_pub, reason = "a test has no outside")]
 
 mod bench;
+mod budgets;
 mod designs;
 mod determinism;
 mod effects;
@@ -12,10 +13,13 @@ mod geometry;
 mod hard_cases;
 mod hostile;
 mod laws;
+mod lies;
 mod motion;
+mod motors;
 mod odometry;
 mod passivity;
 mod rates;
+mod readings;
 mod references;
 mod rng;
 mod sessions;
@@ -23,3 +27,4 @@ mod shaping;
 mod shelf;
 mod singularity;
 mod states;
+mod streams;

@@ -1,0 +1,210 @@
+//! What encoders and controllers say is not believed where it cannot be true.
+
+use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
+use crate::rng::Rng;
+use hbot_core::inputs::{Command, Inputs};
+use hbot_core::kinematics::Posture;
+use hbot_core::mode::{Cause, Mode};
+use hbot_core::outputs::Reply;
+use hbot_core::{Vec3, rotation};
+
+#[test]
+fn more_than_half_a_turn_between_readings_is_not_believed() {
+    // A person may spin a dead sphere, up to where the way that a joint went is lost.
+    for (joint, half) in [(0, 8192), (1, 139_264), (2, 8192), (3, 139_264)] {
+        for sign in [1, -1] {
+            let jump = |counts: i32| {
+                let mut bench = Bench::new(rig());
+                bench.run(3);
+                bench
+                    .step_with(|inputs| inputs.feedback.as_mut().unwrap().counts[joint] += sign * counts)
+                    .state
+                    .cause
+            };
+            assert_eq!(jump(half - 1), None, "joint {joint}");
+            assert_eq!(jump(half), Some(Cause::ImplausibleFeedback), "joint {joint}");
+            assert_eq!(jump(half + 1), Some(Cause::ImplausibleFeedback), "joint {joint}");
+        }
+    }
+}
+
+#[test]
+fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
+    let rig = rig();
+    for joint in 0..4 {
+        // The joint's rate about the axis that turns it most, at 30 rad/s of the sphere.
+        let row = Posture::new(&rig.device, &[0.0; 2]).rows()[joint].length();
+        let counts = f64::from(rig.joints[joint].counts_per_turn) * rig.joints[joint].gear;
+        let most = 4.0 * rig.limits.speed * row * DT / std::f64::consts::TAU * counts;
+        for (share, cause) in [(0.99, None), (1.01, Some(Cause::ImplausibleFeedback))] {
+            // Two counts are left to rounding.
+            let by = (most * share + if share > 1.0 { 3.0 } else { 0.0 }) as i32;
+            for sign in [1, -1] {
+                let mut bench = active();
+                let state = bench
+                    .step_with(|inputs| inputs.feedback.as_mut().unwrap().counts[joint] += sign * by)
+                    .state;
+                assert_eq!(state.cause, cause, "joint {joint} by {by} counts");
+            }
+        }
+    }
+}
+
+/// Runs a powered rig whose counts move by `counts` a tick in each joint and whose controllers report
+/// `rates`: the fault that it ends in, and after how many ticks.
+fn lie(counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
+    let mut bench = active();
+    (1..200).find_map(|tick| {
+        for (offset, by) in bench.offset.iter_mut().zip(counts) {
+            *offset = offset.wrapping_add(by);
+        }
+        let state = bench
+            .step_with(|inputs| inputs.feedback.as_mut().unwrap().rates[..4].copy_from_slice(&rates))
+            .state;
+        state.cause.map(|cause| (cause, tick))
+    })
+}
+
+#[test]
+fn a_sphere_that_turns_too_fast_by_its_counts_alone_is_overspeed_within_50_ms() {
+    // Both drives roll: 41 rad/s at the sphere, of which 30 are allowed, with rates that say 0.
+    let counts = (41.0 * 0.102 / 0.0155 * DT / std::f64::consts::TAU * 16384.0 * 17.0) as i32;
+    let (cause, tick) = lie([0, counts, 0, counts], [0.0; 4]).expect("a fault");
+    assert!(cause == Cause::Overspeed && tick <= 50, "{cause:?} after {tick} ms");
+    assert_eq!(lie([0; 4], [0.0; 4]), None);
+}
+
+#[test]
+fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
+    // What no turn of the sphere explains of drive A's rolling, so that a contact slips at 0.2 m/s.
+    let rig = rig();
+    let posture = Posture::new(&rig.device, &[0.0; 2]);
+    let alone = posture.forward(&rig.device, &[0.0, 1.0, 0.0, 0.0]);
+    let explained = posture.inverse(alone.omega);
+    let slip = alone.slip.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
+    let counts = [0, 1, 2, 3].map(|j| {
+        let rate = (f64::from(u8::from(j == 1)) - explained[j]) * 0.2 / slip;
+        let joint = &rig.joints[j];
+        (rate * DT / std::f64::consts::TAU * f64::from(joint.counts_per_turn) * joint.gear) as i32
+    });
+    let (cause, tick) = lie(counts, [0.0; 4]).expect("a fault");
+    assert!(cause == Cause::Slip && tick <= 50, "{cause:?} after {tick} ms");
+}
+
+#[test]
+fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
+    // A steering joint that drifts at 1 rad/s, below the limit of slip, with rates that say 0; and rates
+    // of 1 rad/s with counts that stand.
+    let drift = (DT / std::f64::consts::TAU * 16384.0).ceil() as i32;
+    for (counts, rates) in [([drift, 0, 0, 0], [0.0; 4]), ([0; 4], [1.0, 0.0, 0.0, 0.0])] {
+        let (cause, tick) = lie(counts, rates).expect("a fault");
+        assert!(
+            cause == Cause::ImplausibleFeedback && (20..=75).contains(&tick),
+            "{cause:?} after {tick} ms"
+        );
+    }
+    // A lag of 5 ms in the rates of a sphere that is turned to and fro is no lie.
+    let mut bench = active();
+    let mut rates = [0.0; 4];
+    for k in 0..2000 {
+        let omega = Vec3::new(4.0, 2.0, 3.0) * (0.05 * f64::from(k)).sin();
+        let reading = bench.feedback();
+        bench.sphere.turn(omega, DT);
+        for (rate, now) in rates.iter_mut().zip(reading.rates) {
+            *rate += (now - *rate) * DT / 0.005;
+        }
+        let state = bench
+            .step_with(|inputs| {
+                inputs.feedback = Some(reading);
+                inputs.feedback.as_mut().unwrap().rates[..4].copy_from_slice(&rates);
+            })
+            .state;
+        assert_eq!(state.cause, None, "tick {k}");
+    }
+}
+
+#[test]
+fn readings_that_come_late_or_after_gaps_are_no_lies() {
+    // A sphere that is turned to and fro. Now and then the line stands for up to 200 ms: the controllers
+    // then answer the oldest command first, with what they read at that moment.
+    let mut rig = rig();
+    rig.timing.timeout_ticks = 1000;
+    for pace in [0.002, 0.02, 0.1] {
+        let mut bench = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
+        let mut rng = Rng(9);
+        let mut line = std::collections::VecDeque::new();
+        let mut wait = 0;
+        for k in 0..20_000 {
+            let reading = bench.feedback();
+            bench.sphere.turn(Vec3::new(1.0, 0.3, -0.7) * (pace * f64::from(k)).sin(), DT);
+            line.push_back(reading.sequence);
+            let stood = wait > 0;
+            wait = if stood {
+                wait - 1
+            } else if rng.once_in(400) {
+                rng.below(200)
+            } else {
+                0
+            };
+            let answered = match (wait, stood) {
+                (0, true) => line.pop_front(),
+                (0, false) => line.drain(..).next_back(),
+                _ => None,
+            };
+            let state = bench
+                .step_with(|inputs| {
+                    inputs.feedback = answered.map(|sequence| {
+                        let mut late = reading;
+                        late.sequence = sequence;
+                        late
+                    });
+                })
+                .state;
+            assert_eq!(state.cause, None, "tick {k}, pace {pace}");
+        }
+    }
+}
+
+#[test]
+fn motors_that_are_on_or_off_against_the_command_for_20_ms_are_a_fault() {
+    for powered in [true, false] {
+        let mut bench = if powered { active() } else { Bench::new(rig()) };
+        bench.run(2);
+        let disobey = |inputs: &mut Inputs| {
+            inputs.feedback.as_mut().unwrap().complaints.disobeyed = true;
+        };
+        let tick = (1..100).find(|_| bench.step_with(disobey).state.cause == Some(Cause::ControllerFault));
+        assert_eq!(tick, Some(21), "powered: {powered}");
+        assert!(bench.command(Command::Reset).reply() == Reply::Done, "it obeys again");
+        // Now and then is no fault: a power stage that wakes.
+        for _ in 0..100 {
+            bench.step_with(disobey);
+            assert_eq!(bench.step().state.cause, None);
+        }
+    }
+}
+
+#[test]
+fn after_a_reading_that_was_not_believed_the_rig_works_again() {
+    // One reading alone, and joints that were turned far while nobody looked.
+    for stays in [false, true] {
+        let mut bench = active();
+        let before = bench.step().state;
+        let jump = |bench: &mut Bench| bench.offset[0] = bench.offset[0].wrapping_add(10_000);
+        jump(&mut bench);
+        assert_eq!(bench.step().state.cause, Some(Cause::ImplausibleFeedback));
+        if !stays {
+            bench.offset[0] -= 10_000;
+        }
+        bench.run(2);
+        assert_eq!(bench.command(Command::Reset).reply(), Reply::Done, "stays: {stays}");
+        let after = bench.step().state;
+        // Which way the sphere went is not known, so no turn is made of it; the steering angle is what is read now.
+        assert!(rotation::angle_between(after.q, before.q) < 1e-12);
+        let steering = if stays { core::f64::consts::TAU * 10_000.0 / 16384.0 } else { 0.0 };
+        let off = rotation::wrap_angle(after.angle[0] - before.angle[0] - steering);
+        assert!(off.abs() < 1e-12, "stays: {stays}, {off}");
+        assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+        assert_eq!(bench.run(510).state.mode, Mode::Active);
+    }
+}

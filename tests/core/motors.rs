@@ -1,0 +1,112 @@
+//! What motors and contacts leave of a torque.
+
+use crate::bench::{Bench, DT, TORQUE_RATE, rig, rig_with_grip, spring_scene, stream};
+use crate::rng::Rng;
+use crate::shaping::{ROUNDING, WOUND};
+use hbot_core::{CompiledScene, Vec3};
+
+#[test]
+fn torque_that_motors_or_contacts_limit_keeps_the_slew_limit() {
+    // Far more than the motors make, or than the contacts hold, in one direction after another.
+    let mut strong = rig();
+    strong.limits.torque = 8.0;
+    let mut slippery = rig_with_grip(6.0);
+    slippery.limits.torque = 8.0;
+    for rig in [strong, slippery] {
+        let mut bench = Bench::active(rig, CompiledScene::empty());
+        let mut rng = Rng(5);
+        let (mut last, mut limited) = (bench.step().state.torque, 0);
+        for k in 0..4000 {
+            let outputs = if k % 60 == 0 {
+                bench.command(stream(rng.vector(8.0), 200))
+            } else {
+                bench.turn(Vec3::new(0.5, -0.3, 0.4))
+            };
+            let change = (outputs.state.torque - last).length();
+            assert!(change <= TORQUE_RATE * DT + 1e-12, "tick {k}: {change}");
+            limited += u32::from(outputs.state.scale < 0.99);
+            last = outputs.state.torque;
+        }
+        assert!(limited > 2000, "{limited}");
+    }
+}
+
+#[test]
+fn a_torque_beyond_the_rig_keeps_its_direction() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let mut rng = Rng(12);
+    for size in [3.0, 30.0, 1e3, 1e100, 1e160, 1e300] {
+        let direction = rng.vector(1.0).normalize();
+        bench.command(stream(direction * size, 40));
+        let state = bench.run(39).state;
+        // The rig's 2 N m, or what the motors have of it.
+        assert!(state.torque.length() > 0.9, "{size:e} N m gives {}", state.torque);
+        assert!(state.torque.length() < 2.0 + ROUNDING);
+        assert!((state.torque.normalize() - direction).length() < 1e-9, "{size:e}");
+        // What was sent over what was wanted.
+        assert!(
+            (state.scale * (size / state.torque.length()) - 1.0).abs() < 1e-9,
+            "{size:e}: {}",
+            state.scale
+        );
+    }
+}
+
+#[test]
+fn what_the_motors_cannot_give_is_left_out_of_the_size_alone() {
+    let mut rig = rig();
+    for joint in &mut rig.joints {
+        joint.peak *= 0.02;
+    }
+    let mut bench = Bench::active(rig, CompiledScene::empty());
+    let mut rng = Rng(13);
+    for _ in 0..50 {
+        let wanted = rng.vector(1.0).normalize();
+        bench.command(stream(wanted, 40));
+        let state = bench.run(39).state;
+        assert!(state.scale > 0.0 && state.scale < 1.0, "scale {}", state.scale);
+        assert!((state.torque.normalize() - wanted).length() < 1e-9);
+        for (j, tau) in state.joint_torque[..4].iter().enumerate() {
+            assert!(tau.abs() <= rig.joints[j].peak, "joint {j}: {tau}");
+        }
+        assert!(!state.deficient);
+    }
+}
+
+#[test]
+fn contacts_are_never_asked_for_more_than_they_hold() {
+    let scene = spring_scene(1, 2.0, WOUND);
+    let free = Bench::active(rig_with_grip(1e6), scene.clone()).step().state;
+    let grip = 1e6 * free.traction;
+    assert!(free.traction > 0.0 && free.traction < 1e-4, "{}", free.traction);
+    // Just enough, and half of what would be needed.
+    let enough = Bench::active(rig_with_grip(grip * 1.001), scene.clone()).step().state;
+    assert!((enough.torque - free.torque).length() < ROUNDING && enough.traction < 1.0);
+    assert_eq!(enough.scale, 1.0);
+    let mut bench = Bench::active(rig_with_grip(0.5 * grip), scene);
+    let mut least = 2.0_f64;
+    for _ in 0..200 {
+        let state = bench.step().state;
+        // A limit of size alone, found anew each tick from a torque that is a slew away from the last.
+        assert!((state.torque.normalize() - Vec3::X).length() < 1e-9);
+        assert!(state.torque.x <= 0.5 * free.torque.x + ROUNDING);
+        least = least.min(state.torque.x);
+        // What the contacts carry, which is all that they can.
+        assert_eq!(state.traction, 1.0);
+        assert!(state.scale < 1.0);
+    }
+    assert!(least > 0.49 * free.torque.x, "{least}");
+}
+
+#[test]
+fn motors_that_turn_the_other_way_are_told_so() {
+    let forward = Bench::active(rig(), spring_scene(1, 2.0, WOUND)).step();
+    let mut rig = rig();
+    rig.joints[1].reversed = true;
+    rig.joints[2].reversed = true;
+    let backward = Bench::active(rig, spring_scene(1, 2.0, WOUND)).step();
+    assert_eq!(forward.state.joint_torque, backward.state.joint_torque);
+    for (j, sign) in [1.0, -1.0, -1.0, 1.0].into_iter().enumerate() {
+        assert_eq!(backward.drive.torque[j], sign * forward.drive.torque[j]);
+    }
+}

@@ -1,0 +1,140 @@
+//! Readings and ticks that are late, doubled, out of order or far along.
+
+use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
+use hbot_core::inputs::{Command, JointFeedback};
+use hbot_core::mode::{Cause, Mode};
+use hbot_core::outputs::Reply;
+use hbot_core::{Vec3, rotation};
+
+#[test]
+fn joints_turned_far_during_a_lost_link_do_not_keep_it_from_being_reset() {
+    let mut bench = active();
+    for _ in 0..30 {
+        bench.deaf();
+    }
+    for _ in 0..1000 {
+        bench.sphere.turn(Vec3::new(3.0, -2.0, 1.0), DT);
+    }
+    bench.sphere.omega = Vec3::ZERO;
+    let state = bench.run(3).state;
+    assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::LinkLost)), "the first cause stands");
+    assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
+}
+
+#[test]
+fn counts_that_wrap_at_32_bits_change_nothing() {
+    // As many whole turns of each encoder as there are below 2^31, so that the angles are the same.
+    let whole = |turn: i32| i32::MAX / turn * turn;
+    for sign in [1, -1] {
+        let mut plain = Bench::new(rig());
+        let mut wrapping = Bench::new(rig());
+        for (j, offset) in wrapping.offset[..4].iter_mut().enumerate() {
+            *offset = sign * whole(if j % 2 == 0 { 16384 } else { 278_528 });
+        }
+        let mut wrapped = 0;
+        for k in 0..4000 {
+            let t = f64::from(k) * DT;
+            let omega = Vec3::new(8.0, 3.0 * (2.0 * t).sin(), 6.0 * (0.3 * t).cos());
+            let [a, b] = [&mut plain, &mut wrapping].map(|bench| bench.turn(omega).state);
+            assert_eq!(a, b, "tick {k}");
+            let counts = wrapping.feedback().counts;
+            wrapped += usize::from(counts[..4].iter().any(|count| count.signum() == -sign));
+        }
+        assert!(wrapped > 100, "some joint did pass 2^31");
+    }
+}
+
+#[test]
+fn odometry_follows_a_sphere_that_turns() {
+    let mut bench = Bench::new(rig());
+    for k in 0..3000 {
+        let t = f64::from(k) * DT;
+        bench.turn(Vec3::new(2.0 * (3.0 * t).cos(), 1.5, -2.0 * (2.0 * t).sin()));
+    }
+    let state = bench.step().state;
+    // 16384 counts a turn and straight joint paths between readings 1 ms apart: 1e-4 rad over 3 s at the most (physics notes,
+    // section 4: 2.6e-5 in 2 s).
+    let drift = rotation::angle_between(state.q, bench.sphere.q);
+    assert!(drift < 1e-4, "{drift:e} rad");
+    assert!((state.omega - bench.sphere.omega).length() < 1e-2);
+}
+
+#[test]
+fn feedback_that_is_old_or_comes_twice_is_left_out() {
+    let mut bench = active();
+    let old = bench.feedback();
+    assert!(bench.step().state.fresh);
+    bench.sphere.turn(Vec3::X, DT);
+    let newest = bench.feedback();
+    let taken = bench.step().state;
+    assert!(taken.fresh);
+    let elsewhere = |feedback: JointFeedback| JointFeedback { counts: [7; 16], rates: [0.1; 16], ..feedback };
+    for stale in [newest, elsewhere(newest), old, elsewhere(old)] {
+        let state = bench.step_with(|inputs| inputs.feedback = Some(stale)).state;
+        assert!(!state.fresh);
+        assert_eq!((state.q, state.omega, state.angle), (taken.q, taken.omega, taken.angle));
+    }
+    // And does not keep a dead link alive.
+    for _ in 0..16 {
+        assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(newest)).state.cause, None);
+    }
+    assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(newest)).state.cause, Some(Cause::LinkLost));
+}
+
+#[test]
+fn feedback_to_a_command_of_the_future_is_left_out_and_does_not_make_the_rest_look_old() {
+    let mut bench = active();
+    let ahead = JointFeedback { sequence: bench.sent().wrapping_add(1000), ..bench.feedback() };
+    assert!(!bench.step_with(|inputs| inputs.feedback = Some(ahead)).state.fresh);
+    assert!(bench.step().state.fresh);
+}
+
+#[test]
+fn feedback_whose_number_wraps_is_still_the_newest() {
+    let mut bench = Bench::from_tick(rig(), u64::from(u32::MAX) - 50);
+    bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);
+    bench.step();
+    for k in 0..100 {
+        let state = bench.turn(Vec3::Y).state;
+        assert!(state.fresh && state.cause.is_none(), "tick {k}");
+    }
+}
+
+#[test]
+fn a_tick_that_comes_twice_or_is_of_the_past_takes_no_time() {
+    let mut bench = Bench::new(rig());
+    bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);
+    bench.step();
+    bench.command(Command::Enable);
+    bench.run(200);
+    let now = bench.step().state;
+    for tick in [now.tick, now.tick, now.tick - 100, now.tick - 100, 0, 0] {
+        let state = bench.step_with(|inputs| inputs.tick = tick).state;
+        assert_eq!(state.mode, Mode::Enabling);
+        assert!((state.torque - now.torque).length() < 1e-14, "no time, no ramp: tick {tick}");
+    }
+    // Time goes on from there.
+    assert!(bench.step().state.torque.x > now.torque.x);
+}
+
+#[test]
+fn the_end_of_all_ticks_is_no_danger() {
+    let mut bench = Bench::from_tick(rig(), u64::MAX - 40);
+    bench.scene = spring_scene(1, 2.0, Vec3::X * 0.1);
+    bench.step();
+    bench.command(Command::Enable);
+    for _ in 0..30 {
+        bench.command(crate::bench::stream(Vec3::X * 0.1, u32::MAX));
+        bench.command(Command::Reference {
+            slot: 0,
+            epoch: 1,
+            q: hbot_core::Quat::IDENTITY,
+            omega: Vec3::ZERO,
+            valid_ticks: u32::MAX,
+            stamp: hbot_core::inputs::Stamp::default(),
+        });
+        if bench.tick > u64::MAX - 4 {
+            break;
+        }
+    }
+}
