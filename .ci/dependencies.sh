@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The program of the rig PC links nothing that only the studies need.
+# The program of the rig PC links nothing that only the studies need, and what touches motors links
+# nothing that only clients need.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -22,6 +23,20 @@ if [ -n "$wrong" ]; then
     exit 1
 fi
 echo "hbot links $(wc -l <<<"$hbot") crates, and none of: ${studies_only[*]}"
+
+clients_only=(tokio tokio-rustls rustls prometheus-client hdrhistogram)
+host=$(linked hbot-host)
+grep -qFx hbot-core <<<"$host" || { echo "hbot-host does not link hbot-core: is this list its own?" >&2; exit 1; }
+wrong=$(grep -Fx "$(printf '%s\n' "${clients_only[@]}")" <<<"$host" || true)
+if [ -n "$wrong" ]; then
+    echo "hbot-host links what only clients need:" >&2
+    echo "$wrong" >&2
+    exit 1
+fi
+for name in "${clients_only[@]}"; do
+    grep -qFx "$name" <<<"$hbot" || { echo "hbot does not link $name: the check of hbot-host looks for a wrong name" >&2; exit 1; }
+done
+echo "hbot-host links $(wc -l <<<"$host") crates, and none of: ${clients_only[*]}"
 
 # A name that is written otherwise would pass all of this.
 [ "$(found "$(linked hbot-study)" | wc -l)" -eq "${#studies_only[@]}" ] || {

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_config::RigConfig;
 use hbot_core::{CompiledScene, Controller, Inputs};
-use hbot_server::sample::{Counters, Sample, Timing};
+use hbot_host::sample::{Counters, Sample, Timing};
 use rtrb::RingBuffer;
 
 fn sample() -> Sample {

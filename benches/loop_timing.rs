@@ -6,9 +6,9 @@
 use std::time::Duration;
 
 use hbot_config::{Override, RigConfig, SceneFile};
-use hbot_server::clock::{now_ns, sleep_until_ns};
-use hbot_server::pace::Pace;
-use hbot_server::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
+use hbot_host::clock::{now_ns, sleep_until_ns};
+use hbot_host::pace::Pace;
+use hbot_host::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::{Status, Summary};
 use hdrhistogram::Histogram;
@@ -48,6 +48,7 @@ fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>
         time: Time::Wall,
         duration: Some(Duration::from_secs_f64(seconds)),
         token: None,
+        buses: None,
         last_word: None,
         flight_dir: None,
         recorder: None,

@@ -6,9 +6,9 @@ use std::sync::mpsc::{TryRecvError, channel};
 use std::time::Duration;
 
 use hbot_config::RigConfig;
+use hbot_host::clock::now_ns;
+use hbot_host::realtime::{SIMULATOR_PRIORITY, real_time};
 use hbot_link::{Command, Decoder, ToController};
-use hbot_server::clock::now_ns;
-use hbot_server::realtime::{SIMULATOR_PRIORITY, real_time};
 use hbot_sim::controller::Fault;
 use hbot_sim::rig::{RigConfig as Simulated, SimulatedRig};
 use serde_json::json;

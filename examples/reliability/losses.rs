@@ -264,7 +264,7 @@ fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Ou
     let stats = bench.stats()?;
     bench.watcher.acquire(false)?;
     bench.activate()?;
-    let warned = std::fs::read_to_string(&said)?.contains("the flight log could not be written");
+    let warned = std::fs::read_to_string(&said)?.contains("flight logs could not be written");
     let failed = |stats: &Value| stats["flight_logs_failed"].as_u64().unwrap_or(0);
     let failed = failed(&stats) - failed(&before);
     Ok(Row::new(

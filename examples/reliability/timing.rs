@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hbot_api::Client;
-use hbot_server::doctor::punctuality;
+use hbot_host::doctor::punctuality;
 use serde_json::{Value, json};
 
 use crate::bench::{Bench, Helper, Other};

@@ -11,13 +11,12 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use hbot_config::{Override, RigConfig};
 use hbot_core::rig::Zero;
-use hbot_server::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
-use hbot_server::bringup::joint::{self, Verdict};
-use hbot_server::bringup::{Bench, Interrupted, open};
-use hbot_server::handshake::field;
-use hbot_server::last_word::Program;
-use hbot_server::signals;
-use hbot_server::wire::Wire;
+use hbot_host::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
+use hbot_host::bringup::joint::{self, Verdict};
+use hbot_host::bringup::{Bench, Interrupted, open};
+use hbot_host::bus::field;
+use hbot_host::last_word::Program;
+use hbot_host::signals;
 use serde_json::json;
 
 use super::out::{note, say};
@@ -84,7 +83,7 @@ fn joint_name(rig: &RigConfig, joint: usize) -> String {
 fn on_the_lines<T>(
     rig: &RigConfig,
     turned: bool,
-    what: impl FnOnce(&mut Bench<Box<dyn Wire>>) -> anyhow::Result<T>,
+    what: impl FnOnce(&mut Bench) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let stop = signals::stop_flag()?;
     let mut bench = open(rig, turned, stop, &Program::this(super::LAST_WORD))?;
@@ -165,7 +164,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// The counts of all joints for so long, motors off.
-fn watch<W: Wire>(bench: &mut Bench<W>, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
+fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
     let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
     let ticks = (f64::from(seconds) / bench.period_s()) as u32;
     let mut counts = Vec::new();

@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
-use hbot_server::doctor::{
+use hbot_host::doctor::{
     Finding, Machine, Mark, lead, processor, punctuality, rights, serial, verdict, wake_latency,
 };
 use serde_json::{Value, json};

@@ -19,7 +19,7 @@ use clap::{Args, Parser, Subcommand};
 
 /// The server address that commands use where none is given.
 const SERVER: &str = "127.0.0.1:4268";
-/// The command with which this program starts itself as the helper that switches motors off (see `hbot_server::last_word`).
+/// The command with which this program starts itself as the helper that switches motors off (see `hbot_host::last_word`).
 const LAST_WORD: &str = "last-word";
 
 /// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
@@ -96,7 +96,7 @@ impl Cli {
             Command::Reset(address) => commands::run(&address, commands::Order::Reset),
             Command::LastWord => {
                 // Nobody is left to read of an error.
-                let _ = hbot_server::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
+                let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
                 Ok(ExitCode::SUCCESS)
             }
             Command::Study { words } => Ok(studies_are_elsewhere(&words)),

@@ -12,8 +12,8 @@ use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, MAX_JOINTS, Vec3};
-use hbot_link::{command_frame_bytes, feedback_frame_bytes};
-use hbot_server::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
+use hbot_host::bus::driver;
+use hbot_host::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
 
 use super::out::say;
 use super::{bringup, style};
@@ -191,10 +191,13 @@ fn line(config: &RigConfig) -> anyhow::Result<bool> {
 fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<bool> {
     say!("\nserial line {name} at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz)?;
     let mut fits = true;
-    for (name, bytes) in
-        [("commands", command_frame_bytes(joints)), ("feedback", feedback_frame_bytes(joints))]
+    let traffic = driver(config.link.protocol).traffic(joints);
+    // The controllers' own time stands between a command and its answer.
+    let turnaround = f64::from(traffic.turnaround_us) * 1e-6 * f64::from(config.rate_hz);
+    for (name, bytes, extra) in
+        [("commands", traffic.commands, 0.0), ("feedback", traffic.feedback, turnaround)]
     {
-        let load = config.link.load(bytes, config.rate_hz);
+        let load = config.link.load(bytes, config.rate_hz) + extra;
         // The simulated port and USB take bytes faster than any baud rate says.
         let simulated = config.link.port == Port::Sim;
         let verdict = if load <= 0.9 {

@@ -11,12 +11,12 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use hbot_config::{Override, RigConfig, SceneFile};
-use hbot_server::expectation::{self, Expectation};
-use hbot_server::last_word::Program;
+use hbot_host::expectation::{self, Expectation};
+use hbot_host::last_word::Program;
+use hbot_host::signals;
+use hbot_host::stop_signal::StopSignal;
 use hbot_server::server::{Options, Server, Time};
 use hbot_server::service::Status;
-use hbot_server::signals;
-use hbot_server::stop_signal::StopSignal;
 use serde_json::json;
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
@@ -173,6 +173,7 @@ async fn serve(
         time,
         duration: args.duration.map(Duration::from_secs_f64),
         token,
+        buses: None,
         last_word: Some(Program::this(super::LAST_WORD)),
         flight_dir,
         recorder: None,

@@ -2,7 +2,7 @@
 
 use hbot_config::RigConfig;
 use hbot_core::rig::OdometryMethod;
-use hbot_server::expectation;
+use hbot_host::expectation;
 use hbot_study::{Interrupt, Options, Study};
 
 use crate::process::Process;

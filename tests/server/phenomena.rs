@@ -34,6 +34,7 @@ fn run<F: Future<Output = ()> + Send + 'static>(
         time: Time::Virtual,
         duration: seconds.map(Duration::from_secs),
         token: None,
+        buses: None,
         last_word: None,
         flight_dir: None,
         recorder: Some(Box::new(move |_: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {

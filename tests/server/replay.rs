@@ -50,6 +50,7 @@ fn a_recorded_run_replays_bit_for_bit() {
         time: Time::Virtual,
         duration: Some(Duration::from_secs(20)),
         token: None,
+        buses: None,
         last_word: None,
         flight_dir: None,
         recorder: Some(Box::new(move |scene: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {

@@ -16,8 +16,8 @@ use rustix::fs::{Access, access};
 
 use self::names::Name;
 pub use self::names::{MAX_FILES, prune};
-use crate::sample::Sample;
 use crate::service::convert;
+use hbot_host::sample::Sample;
 
 /// How much of the time before a fault is kept.
 const BEFORE: Duration = Duration::from_secs(1);
@@ -265,7 +265,7 @@ mod tests {
     fn logs(faults: &[u64], ticks: u64) -> Vec<(u64, u64)> {
         let mut recorder = FlightRecorder::new(PathBuf::from("flights"), 1_000_000);
         let mut flights = Vec::new();
-        let mut like = Sample::still(0);
+        let mut like = crate::still::still(0);
         for tick in 0..ticks {
             like.state.tick = tick;
             flights.extend(recorder.push(&like));

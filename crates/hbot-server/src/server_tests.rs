@@ -14,10 +14,10 @@ use hbot_config::{RigConfig, SceneFile};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
-use crate::bridge::EmergencyStop;
-use crate::engine::Recorder;
 use crate::server::{Finished, Options, Part, Server, Time};
 use crate::service::{Control, Status};
+use hbot_host::bridge::EmergencyStop;
+use hbot_host::engine::Recorder;
 
 /// How long a test waits for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -53,6 +53,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
                 time: Time::Wall,
                 duration: None,
                 token: None,
+                buses: None,
                 last_word: None,
                 flight_dir: None,
                 recorder,

@@ -1,6 +1,6 @@
 //! What `hbot rig calibrate` says of rigs with something wrong.
 
-use hbot_server::run_loop::StopFlag;
+use hbot_host::run_loop::StopFlag;
 
 use super::*;
 

@@ -119,6 +119,7 @@ impl Bench {
                     time: Time::Virtual,
                     duration: None,
                     token,
+                    buses: None,
                     last_word: None,
                     flight_dir: None,
                     recorder: paced.then_some(Box::new(move |_, _, _| {

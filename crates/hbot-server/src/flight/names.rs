@@ -111,7 +111,6 @@ fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
 mod tests {
     use super::*;
     use crate::flight::FlightRecorder;
-    use crate::sample::Sample;
 
     #[test]
     fn only_names_that_this_program_writes_are_read() {
@@ -171,7 +170,7 @@ mod tests {
         let at = |name: &str| dir.path().join(name);
         // This process is told apart from others by its number.
         let mut recorder = FlightRecorder::new(dir.path().to_owned(), 1_000_000);
-        recorder.push(&Sample::still(5));
+        recorder.push(&crate::still::still(5));
         let name = recorder.trigger(5, "estop").to_str().unwrap().to_owned();
         assert!(name.contains(&format!("-{}-001-estop.csv", std::process::id())), "{name}");
         // A number that no process has.

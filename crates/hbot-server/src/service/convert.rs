@@ -6,7 +6,7 @@ use hbot_core::inputs;
 use hbot_core::mode;
 use hbot_core::{Quat, Vec3};
 
-use crate::sample::Sample;
+use hbot_host::sample::Sample;
 
 pub(crate) fn mode(mode: mode::Mode) -> Mode {
     match mode {

@@ -19,9 +19,9 @@ use super::scenes::{Loading, Measured};
 use super::stats::{Stats, Summary};
 use super::strangers::WrongTokens;
 use super::{Bounds, Setup, Status};
-use crate::bridge::ServiceEnd;
 use crate::flight::{Flight, FlightRecorder};
-use crate::sample::Sample;
+use hbot_host::bridge::ServiceEnd;
+use hbot_host::sample::Sample;
 
 /// Samples taken before others have their turn again.
 const SAMPLES_A_TURN: usize = 512;

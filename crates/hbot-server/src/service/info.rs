@@ -7,8 +7,8 @@ use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::{Value, json};
 
-use crate::sample::Sample;
-use crate::stiffness::{Expected, USUAL_DAMPING};
+use hbot_host::sample::Sample;
+use hbot_host::stiffness::{Expected, USUAL_DAMPING};
 
 /// What stiffness to expect of the loop; null where the inertias of a wheel contradict each other.
 fn render(config: &RigConfig) -> Option<Value> {

@@ -18,6 +18,7 @@
 //! Where somebody watches, the loop wakes the service at every sample. Where nobody does, at what is notable: another mode, cause
 //! or scene, an answer, or many samples (`bridge`).
 
+mod bell;
 mod bucket;
 mod connection;
 pub(crate) mod convert;
@@ -54,9 +55,9 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 pub use self::stats::{Distribution, Events, Summary};
 pub(crate) use self::strangers::too_few_descriptors;
-use crate::bridge::ServiceEnd;
-use crate::sample::Sample;
 use crate::tls::Encryption;
+use hbot_host::bridge::ServiceEnd;
+use hbot_host::sample::Sample;
 
 /// Gives the simulated rig other phenomena.
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;

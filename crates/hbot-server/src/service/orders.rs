@@ -9,8 +9,8 @@ use hbot_core::outputs::{Refusal, Reply};
 
 use super::convert;
 use super::hub::Hub;
-use crate::bridge::{Busy, ServiceEnd};
-use crate::sample::Sample;
+use hbot_host::bridge::{Busy, ServiceEnd};
+use hbot_host::sample::Sample;
 
 /// The loop takes 7 orders a tick, in their order. So many may be on their way before a further one is refused, so that there is
 /// always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
@@ -264,7 +264,7 @@ mod tests {
     use hbot_core::inputs::OnClientLost;
 
     use super::*;
-    use crate::bridge::bridge;
+    use hbot_host::bridge::bridge;
 
     #[tokio::test]
     async fn what_the_service_orders_again_and_again_waits_once() {
@@ -282,7 +282,7 @@ mod tests {
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         assert_eq!(orders.pending.len(), 3);
         let mut taken = Vec::new();
-        while let Ok(order) = inner.orders.pop() {
+        while let Some(order) = inner.take_order() {
             assert!(orders.take(order.ticket).is_some());
             taken.push(order.command);
         }

@@ -21,7 +21,7 @@ use super::Bounds;
 use super::bucket::{Bucket, weight, weight_of};
 use super::connection::{Ended, PIECE_BYTES};
 use super::desk::{Desk, First};
-use crate::bridge::EmergencyStop;
+use hbot_host::bridge::EmergencyStop;
 
 /// Ordinary requests of one client before others have their turn; of those that take longer one.
 const REQUESTS_A_TURN: u32 = 16;

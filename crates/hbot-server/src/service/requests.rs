@@ -14,7 +14,7 @@ use super::convert;
 use super::desk::Gone;
 use super::hub::Hub;
 use super::orders::OrderKind;
-use crate::bridge::CONFIRMED;
+use hbot_host::bridge::CONFIRMED;
 
 impl Hub {
     /// Takes a later message; false where the client is none any more.

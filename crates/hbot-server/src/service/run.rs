@@ -15,6 +15,7 @@ use tokio::sync::mpsc;
 use tokio::task::{Id, JoinError, JoinSet, yield_now};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
 
+use super::bell::Ringing;
 use super::desk::Desk;
 use super::hub::Hub;
 use super::outbox::outbox;
@@ -23,7 +24,6 @@ use super::scenes::Measured;
 use super::stats::Summary;
 use super::strangers::Taken;
 use super::{Control, connection};
-use crate::bridge::Bell;
 use crate::flight::{Flight, FlightRecorder};
 
 /// How often what nobody else brings up is looked at.
@@ -80,6 +80,7 @@ pub(super) async fn run(
         (hub.end.bell(), Arc::clone(&hub.changed))
     });
     let mut connections = Connections::new(desk.clone());
+    let Ok(bell) = Ringing::of(bell) else { return close(desk, connections, "the loop is not heard").await };
     let why = loop {
         let (more, over) = desk.turn(|hub| {
             hub.drain();
@@ -136,7 +137,7 @@ pub(super) async fn run(
 }
 
 /// Waits until there are samples to be taken, or the loop has ended. Cancel safe.
-async fn samples(desk: &Desk, bell: &Bell) -> io::Result<()> {
+async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
     let there = || {
         let hub = desk.hub();
         hub.end.has_samples() || hub.end.is_over()

@@ -12,7 +12,7 @@ use super::convert;
 use super::hub::Hub;
 use super::stats::Stats;
 use crate::flight::Flight;
-use crate::sample::Sample;
+use hbot_host::sample::Sample;
 
 /// Flight logs being written at a time; a further one is given up.
 const MAX_WRITING: usize = 2;

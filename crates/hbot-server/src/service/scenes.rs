@@ -8,7 +8,7 @@ use tokio::task::JoinError;
 
 use super::cost;
 use super::hub::Hub;
-use crate::sample::Sample;
+use hbot_host::sample::Sample;
 
 /// Scenes that may be on their way at a time.
 const MAX_LOADING: usize = 4;

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::convert;
 use crate::flight::Failures;
-use crate::sample::{Counters, Sample};
+use hbot_host::sample::{Counters, Sample};
 
 /// The longest time that a histogram tells from longer ones, ns.
 const LONGEST_NS: u64 = 10_000_000_000;

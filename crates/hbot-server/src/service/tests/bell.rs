@@ -3,19 +3,20 @@
 use hbot_core::outputs::Reply;
 
 use super::*;
-use crate::bridge::{Bell, LoopEnd, ServiceEnd};
-use crate::sample::{Answer, Sample};
+use crate::service::bell::Ringing;
+use hbot_host::bridge::{LoopEnd, ServiceEnd};
+use hbot_host::sample::{Answer, Sample};
 
 /// Both ends, the first sample fetched, and the bell.
-fn ends() -> (LoopEnd, ServiceEnd, Bell) {
+fn ends() -> (LoopEnd, ServiceEnd, Ringing) {
     let (mut inner, mut outer) = bridge().unwrap();
-    assert!(inner.publish(Sample::still(0)));
+    assert!(inner.publish(crate::still::still(0)));
     assert!(outer.try_sample().is_some());
-    let bell = outer.bell();
+    let bell = Ringing::of(outer.bell()).unwrap();
     (inner, outer, bell)
 }
 
-async fn rings(bell: &Bell) -> bool {
+async fn rings(bell: &Ringing) -> bool {
     // What rings has been written before.
     tokio::time::timeout(Duration::from_millis(20), bell.rung()).await.is_ok()
 }
@@ -24,10 +25,10 @@ async fn rings(bell: &Bell) -> bool {
 async fn every_sample_rings_where_it_is_asked_for_and_once() {
     let (mut inner, outer, bell) = ends();
     bell.set(true);
-    inner.publish(Sample::still(1));
+    inner.publish(crate::still::still(1));
     assert!(rings(&bell).await);
     assert_eq!(outer.tick(), 1);
-    inner.publish(Sample::still(2));
+    inner.publish(crate::still::still(2));
     assert!(!rings(&bell).await, "it has not been set again");
     bell.set(true);
     drop(inner);
@@ -47,10 +48,10 @@ async fn only_what_is_notable_rings_otherwise() {
         let (mut inner, outer, bell) = ends();
         bell.set(false);
         for tick in 1..60 {
-            inner.publish(Sample::still(tick));
+            inner.publish(crate::still::still(tick));
         }
         assert!(!rings(&bell).await && outer.has_samples());
-        let mut other = Sample::still(60);
+        let mut other = crate::still::still(60);
         change(&mut other);
         inner.publish(other);
         assert!(rings(&bell).await, "{what}");
@@ -63,7 +64,7 @@ async fn many_samples_ring_before_they_find_no_place() {
     for round in 0..100 {
         bell.set(false);
         for tick in 1..=64 {
-            assert!(inner.publish(Sample::still(tick)));
+            assert!(inner.publish(crate::still::still(tick)));
         }
         assert!(rings(&bell).await, "{round}");
         while outer.try_sample().is_some() {}

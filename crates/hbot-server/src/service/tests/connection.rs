@@ -10,7 +10,7 @@ use super::super::hub::Hub;
 use super::super::outbox::outbox;
 use super::super::peer::Peer;
 use super::*;
-use crate::bridge::LoopEnd;
+use hbot_host::bridge::LoopEnd;
 
 /// What a pipe takes.
 const PIPE: usize = 128 * 1024;

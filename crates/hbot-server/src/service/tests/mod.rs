@@ -30,10 +30,14 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{Bounds, Control, SetPhenomena, Setup, Status, Summary, serve_within};
-use crate::bridge::{EmergencyStop, bridge};
-use crate::engine::{Engine, Line};
-use crate::run_loop::{StopFlag, lockstep};
-use crate::wire::{Memory, SimulatorCall, Wire};
+use hbot_host::bridge::{EmergencyStop, bridge};
+use hbot_host::bus::hbot::HbotLink;
+use hbot_host::bus::{Expected, Protocol as _};
+use hbot_host::engine::Engine;
+use hbot_host::layout::Layout;
+use hbot_host::line::{Line, Memory, SimulatorCall};
+use hbot_host::motors::Motors;
+use hbot_host::run_loop::{StopFlag, lockstep};
 
 /// How long a test waits for what must come. It never says how fast anything is.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -90,20 +94,16 @@ struct Bench {
 /// A line that leaves the other threads some of the machine.
 struct Breathing(Memory, Duration);
 
-impl Wire for Breathing {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.0.read(buffer)
+impl Line for Breathing {
+    fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read(now_ns, buffer)
     }
 
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
         if !self.1.is_zero() {
             std::thread::sleep(self.1);
         }
-        self.0.write(bytes)
-    }
-
-    fn set_time(&mut self, now_ns: u64) {
-        self.0.set_time(now_ns);
+        self.0.write(now_ns, bytes)
     }
 }
 
@@ -138,16 +138,15 @@ impl Bench {
                 let (loop_end, end) = bridge().unwrap();
                 let mut running = RunningScene::new();
                 let compiled = Box::new(running.load(scene));
-                let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
-                // As a handshake does.
-                let mut ask = [0; 64];
-                let n = hbot_link::encode(&hbot_link::ToController::Describe, &mut ask).unwrap();
-                simulated.receive(0, &ask[..n], &mut Vec::new());
-                let wire = Breathing(Memory::new(simulated, calls), breath);
-                let line = Line::single(rig.controllers.clone(), rig.link.watchdog_ms);
-                let engine =
-                    Engine::new(vec![wire], &line, Controller::new(rig.rig), compiled, loop_end, None)
-                        .enabling(enable_at_start);
+                let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
+                let mut line = Memory::new(simulated, calls);
+                let layout = Layout::single(rig.controllers.clone());
+                let expected = Expected::new("sim", &rig.rig, &layout, 0);
+                HbotLink.meet(&mut line, &expected).unwrap();
+                let bus = HbotLink.bus(Box::new(Breathing(line, breath)), expected);
+                let motors = Motors::new(vec![bus], &layout, rig.link.watchdog_ms);
+                let engine = Engine::new(motors, Controller::new(rig.rig), compiled, loop_end, None)
+                    .enabling(enable_at_start);
                 let period_ns = rig.rig.timing.period_ns;
                 let ticking = std::thread::spawn(move || {
                     lockstep(engine, period_ns, ticks, &stop_loop);

@@ -8,7 +8,7 @@ use tokio::task::yield_now;
 use super::super::desk::Desk;
 use super::connection::{greeted_in_json, still};
 use super::*;
-use crate::bridge::LoopEnd;
+use hbot_host::bridge::LoopEnd;
 
 const SET: &str = "{\"op\":\"set\",\"effect\":\"spring\",\"stiffness\":1}\n";
 const ESTOP: &[u8] = b"{\"id\":\"stop\",\"op\":\"estop\"}\n";
@@ -133,7 +133,7 @@ async fn a_disable_behind_requests_that_wait_is_done_before_them() {
     to.write_all(b"{\"op\":\"disable\"}\n").await.unwrap();
     let before = requests(&desk);
     let order = loop {
-        if let Ok(order) = loop_end.orders.pop() {
+        if let Some(order) = loop_end.take_order() {
             break order;
         }
         yield_now().await;

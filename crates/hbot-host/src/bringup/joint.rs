@@ -1,0 +1,183 @@
+//! One joint under a small torque: whether it moves, which way its own counts go, and whether they and the rate that its controller
+//! reports agree.
+
+use std::fmt;
+
+use hbot_core::MAX_JOINTS;
+use hbot_core::inputs::{Complaints, JointFeedback};
+
+use super::{Bench, Interrupted};
+
+/// How long the torque rises, s.
+const RISE_S: f64 = 0.1;
+/// How long it is held at most, s.
+const HOLD_S: f64 = 0.5;
+/// It is over once the joint has turned so far, rad.
+const FAR: f64 = 0.3;
+/// Less than this is not moving, rad.
+const STILL: f64 = 0.02;
+/// Counts and rates that differ by more do not belong to each other.
+const DISAGREEMENT: f64 = 0.1;
+
+/// What one joint did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// Which joint, from 0, in the order steer, drive of each wheel.
+    pub joint: usize,
+    /// The torque asked for, in the controller's sense, N m.
+    pub torque: f64,
+    /// By its counts, in the controller's sense, rad.
+    pub moved: f64,
+    /// By the rates that its controller reported, rad.
+    pub by_rate: f64,
+    /// The fastest that it was, rad/s.
+    pub fastest: f64,
+    /// What is to be said of it.
+    pub verdict: Verdict,
+}
+
+/// What is to be said of a joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// It turns towards greater counts, and its rates agree with them.
+    Good,
+    /// It turned before there was any torque.
+    Turns,
+    /// It did not move, and nor did any other.
+    Stands,
+    /// Its counts did not move, and those of this joint did.
+    Another(usize),
+    /// Its counts did not move, though its controller reports rates.
+    CountsStand,
+    /// It turns towards smaller counts under a positive torque.
+    Reversed,
+    /// By its counts it turned this many times as far as by its rates: by so much its gear in the rig file is too small.
+    Gear(f64),
+    /// It was stopped because this joint turned faster than was allowed.
+    TooFast(usize),
+    /// Its controller complains.
+    Complains(Complaints),
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Good => f.write_str("good"),
+            Self::Turns => f.write_str("it turned before there was any torque: let it come to rest"),
+            Self::Stands => f.write_str(
+                "its counts did not move. Where the wheel did, its encoder is dead: check the encoder's cable, and do not raise \
+                 --torque, since nothing watches how fast it turns. Where it did not: raise --torque, free the wheel, or check the motor's \
+                 leads",
+            ),
+            Self::Another(joint) => write!(
+                f,
+                "its counts did not move, those of joint {} did: the motors or the encoders of the two are exchanged, or its own encoder \
+                 is dead and the sphere has taken the other along (take it out)",
+                joint + 1
+            ),
+            Self::CountsStand => f.write_str(
+                "its counts did not move, though its controller reports a rate: check the encoder's cable and the controller's settings",
+            ),
+            Self::Reversed => f.write_str(
+                "its counts fall under a positive torque, which in a closed loop runs away: exchange two leads of the motor, or A and \
+                 B of the encoder",
+            ),
+            Self::Gear(ratio) if !ratio.is_finite() => {
+                f.write_str("its counts move, but its controller reports no rate: correct its settings or its firmware")
+            }
+            Self::Gear(ratio) => write!(
+                f,
+                "its counts say {ratio:.3} times what its rates say: gear in the rig file is too small by that factor, its controller \
+                 reports another rate than that of the joint after the gear, or `controller` is another joint's"
+            ),
+            Self::TooFast(joint) => write!(
+                f,
+                "stopped: joint {} turned faster than --speed allows. Lower --torque; a wheel that is free is quick",
+                joint + 1
+            ),
+            Self::Complains(complaints) => {
+                let all = [
+                    (complaints.fault, "a fault of its own: read its display or log"),
+                    (complaints.watchdog, "nothing heard within its watchdog time: this machine was busy, or the line is bad"),
+                    (complaints.overcurrent, "too much current: lower --torque, or check the motor's leads"),
+                    (complaints.overtemperature, "too hot: let it cool down"),
+                ];
+                f.write_str("a controller complains: ")?;
+                let mut told = all.iter().filter(|(is, _)| *is).map(|(_, what)| *what);
+                f.write_str(told.next().unwrap_or("nothing any more"))?;
+                told.try_for_each(|what| write!(f, "; {what}"))
+            }
+        }
+    }
+}
+
+/// Pushes one joint with up to `torque` (N m, in its controller's sense) until it has turned a little, half a second has
+/// passed, or it is faster than `speed` (rad/s). Motors are off at the end, whatever happens.
+///
+/// # Errors
+/// The controllers fall silent, or somebody wants it to end.
+pub fn test(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Interrupted> {
+    let result = push(bench, joint, torque, speed);
+    let off = bench.switch_off();
+    result.and_then(|outcome| off.map(|()| outcome))
+}
+
+fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Interrupted> {
+    let period = bench.period_s();
+    let before = bench.exchange(None)?;
+    let joints = bench.rig().device.joints();
+    let moved = |bench: &Bench, reading: &JointFeedback, j: usize| {
+        bench.turned(j, reading.counts[j].wrapping_sub(before.counts[j]))
+    };
+    let mut outcome =
+        Outcome { joint, torque, moved: 0.0, by_rate: 0.0, fastest: 0.0, verdict: Verdict::Stands };
+    // What would be called motion within the test without any torque says nothing of it; nor does a rate that is no number.
+    if !(before.rates[joint].abs() <= STILL / HOLD_S) {
+        outcome.verdict = Verdict::Turns;
+        return Ok(outcome);
+    }
+    let (mut last_rate, mut last, mut too_fast) = (0.0, before, None);
+    for k in 1..=((RISE_S + HOLD_S) / period) as u32 {
+        let mut asked = [0.0; MAX_JOINTS];
+        asked[joint] = torque * (f64::from(k) * period / RISE_S).min(1.0);
+        let reading = bench.exchange(Some(&asked))?;
+        let rate = reading.rates[joint];
+        last = reading;
+        outcome.moved = moved(bench, &reading, joint);
+        outcome.by_rate += 0.5 * (rate + last_rate) * period;
+        outcome.fastest = outcome.fastest.max(rate.abs());
+        last_rate = rate;
+        if reading.complaints != Complaints::default() {
+            outcome.verdict = Verdict::Complains(reading.complaints);
+            return Ok(outcome);
+        }
+        // Whichever the motor turns, by how it is wired. A rate that is not a number is not slow either.
+        too_fast = (0..joints).find(|j| !(reading.rates[*j].abs() <= speed));
+        if too_fast.is_some() {
+            break;
+        }
+        if outcome.moved.abs() > FAR || outcome.by_rate.abs() > FAR {
+            break;
+        }
+    }
+    let along = outcome.moved * torque.signum();
+    outcome.verdict = if along <= -STILL {
+        // Said even of one that was too fast: this is why it would run away.
+        Verdict::Reversed
+    } else if let Some(joint) = too_fast {
+        Verdict::TooFast(joint)
+    } else if along < STILL {
+        let far = |j: &usize| moved(bench, &last, *j).abs();
+        let furthest = (0..joints).filter(|j| *j != joint).max_by(|a, b| far(a).total_cmp(&far(b)));
+        match furthest.filter(|j| far(j) >= STILL) {
+            _ if outcome.by_rate.abs() >= STILL => Verdict::CountsStand,
+            Some(other) => Verdict::Another(other),
+            None => Verdict::Stands,
+        }
+    } else if !((outcome.by_rate / outcome.moved - 1.0).abs() < DISAGREEMENT) {
+        Verdict::Gear(outcome.moved / outcome.by_rate)
+    } else {
+        Verdict::Good
+    };
+    Ok(outcome)
+}

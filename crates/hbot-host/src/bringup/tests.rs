@@ -1,0 +1,243 @@
+//! Simulated rigs with something wrong, which must be caught and named.
+
+mod stop;
+mod wiring;
+
+use std::sync::mpsc;
+
+use hbot_link::ToController;
+use hbot_sim::controller::Fault;
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+
+use super::calibrate::{Calibration, Counts, calibrate};
+use super::joint::{Verdict, test};
+use super::*;
+use crate::line::{Line, Memory};
+
+fn bench(
+    spoil: impl FnOnce(&mut SimulatedConfig),
+    hand: bool,
+    then: impl FnOnce(&mut SimulatedRig),
+) -> Bench {
+    let rig = RigConfig::prototype().rig;
+    let mut config = SimulatedConfig::new(&rig);
+    spoil(&mut config);
+    let mut simulated = SimulatedRig::new(&config).unwrap();
+    if hand {
+        simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
+    }
+    then(&mut simulated);
+    let (_calls, inbox) = mpsc::channel();
+    on(Memory::new(simulated, inbox))
+}
+
+/// A bench of the prototype on a line.
+fn on(line: impl Line + 'static) -> Bench {
+    on_rig(&RigConfig::prototype(), line)
+}
+
+fn on_rig(rig: &RigConfig, line: impl Line + 'static) -> Bench {
+    let layout = Layout::single(0..rig.rig.device.joints());
+    let bus = attach::met(rig, &layout, Box::new(line)).unwrap();
+    Bench::new(&rig.rig, Motors::new(vec![bus], &layout, WATCHDOG_MS), true)
+}
+
+fn watched(bench: &mut Bench) -> Calibration {
+    let mut counts: Vec<Counts> = Vec::new();
+    for k in 0..20_000 {
+        let reading = bench.exchange(None).unwrap();
+        if k % 20 == 0 {
+            counts.push(reading.counts);
+        }
+    }
+    let rig = *bench.rig();
+    calibrate(&rig, &counts).unwrap()
+}
+
+#[test]
+fn every_joint_of_a_good_rig_is_good() {
+    for joint in 0..4 {
+        for torque in [0.01, -0.01] {
+            let outcome = test(&mut bench(|_| (), false, |_| ()), joint, torque, 50.0).unwrap();
+            assert_eq!(outcome.verdict, Verdict::Good, "{outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
+    let mut hot = bench(|_| (), false, |rig| rig.inject(Fault::Hot { joint: 1, on: true }));
+    assert!(
+        matches!(test(&mut hot, 1, 0.01, 50.0).unwrap().verdict, Verdict::Complains(c) if c.overtemperature)
+    );
+    let mut dead = bench(|c| c.joints[1].peak = 0.0, false, |_| ());
+    let outcome = test(&mut dead, 1, 0.01, 50.0).unwrap();
+    assert!(matches!(outcome.verdict, Verdict::Stands | Verdict::Complains(_)), "{outcome:?}");
+    let mut geared = bench(|c| c.joints[1].gear = 20.0, false, |_| ());
+    let Verdict::Gear(ratio) = test(&mut geared, 1, 0.01, 50.0).unwrap().verdict else { panic!("not seen") };
+    // A real gear of 20 where the file says 17: counts say 20/17 of what the rates say, to a count in some thousand.
+    assert!((ratio - 20.0 / 17.0).abs() < 0.01, "{ratio}");
+    assert!(Verdict::Gear(ratio).to_string().contains("gear in the rig file is too small by that factor"));
+    let outcome = test(&mut bench(|_| (), false, |_| ()), 1, 0.05, 0.5).unwrap();
+    assert_eq!(outcome.verdict, Verdict::TooFast(1));
+}
+
+/// A line whose controllers push joint 1 the wrong way round: two leads of its motor are exchanged.
+struct Exchanged(Memory);
+
+impl Line for Exchanged {
+    fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.0.read(now_ns, buffer)
+    }
+
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
+        let mut decoder = hbot_link::Decoder::<ToController>::new();
+        let mut result = Ok(bytes.len());
+        decoder.feed(bytes, |message| {
+            let Ok(mut message) = message else { return };
+            if let ToController::Command(command) = &mut message {
+                command.torque[1] = -command.torque[1];
+            }
+            let mut frame = [0; hbot_link::MAX_COMMAND_FRAME];
+            let n = hbot_link::encode(&message, &mut frame).unwrap();
+            result = self.0.write(now_ns, &frame[..n]).map(|_| bytes.len());
+        });
+        result
+    }
+}
+
+#[test]
+fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is_closed() {
+    let rig = RigConfig::prototype().rig;
+    let exchanged = || {
+        let (_calls, inbox) = mpsc::channel();
+        on(Exchanged(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox)))
+    };
+    for torque in [0.01, -0.01] {
+        let outcome = test(&mut exchanged(), 1, torque, 50.0).unwrap();
+        assert_eq!(outcome.verdict, Verdict::Reversed, "{outcome:?}");
+        assert!(outcome.moved * torque < 0.0);
+        assert!(outcome.verdict.to_string().contains("exchange two leads"));
+        // The others are as they were.
+        assert_eq!(test(&mut exchanged(), 3, torque, 50.0).unwrap().verdict, Verdict::Good);
+    }
+}
+
+#[test]
+fn a_joint_that_turns_already_is_not_judged_by_that() {
+    let mut bench = bench(|_| (), false, |_| ());
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    // The sphere rolls on without friction, and with it each wheel: this says nothing of a torque the other way.
+    let outcome = test(&mut bench, 1, -0.01, 50.0).unwrap();
+    assert_eq!((outcome.verdict, outcome.moved), (Verdict::Turns, 0.0), "{outcome:?}");
+}
+
+#[test]
+fn a_line_that_falls_silent_is_told() {
+    let rig = RigConfig::prototype().rig;
+    let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
+    let mut bench = on(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox));
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    calls.send(Box::new(|rig| rig.inject(Fault::Deaf(true)))).unwrap();
+    assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Interrupted::Silent));
+}
+
+#[test]
+fn a_rig_as_its_file_has_it_is_left_alone() {
+    let found = watched(&mut bench(|_| (), true, |_| ()));
+    assert!(found.known && found.before < 0.01, "{found:?}");
+    for wheel in &found.wheels {
+        assert_eq!(wheel.wrong_sign, [false; 2]);
+        // A count of the drive encoder is 2e-5 rad of 0.02 rad a step: a thousandth of a step, over a thousand steps.
+        assert!(wheel.zero.abs() < 2e-3 && (wheel.radius / 0.0155 - 1.0).abs() < 2e-3, "{found:?}");
+    }
+}
+
+#[test]
+fn one_wrong_sign_is_named_whichever_it_is() {
+    for joint in 0..4 {
+        let mut bench = bench(|c| c.joints[joint].reversed = true, true, |_| ());
+        let found = watched(&mut bench);
+        let flipped: Vec<bool> = found.wheels.iter().flat_map(|wheel| wheel.wrong_sign).collect();
+        assert_eq!(flipped, std::array::from_fn::<_, 4, _>(|j| j == joint), "{found:?}");
+        assert!(found.before > 0.05 && found.after < 0.01, "{found:?}");
+    }
+}
+
+#[test]
+fn one_wrong_zero_is_found() {
+    for (joint, angle) in [(0, 0.3), (2, -1.2), (0, 3.0)] {
+        let found = watched(&mut bench(|_| (), true, |rig| rig.inject(Fault::Slipped { joint, angle })));
+        for (i, wheel) in found.wheels.iter().enumerate() {
+            // The encoder says more than is true by `angle`.
+            let expected = if 2 * i == joint { -angle } else { 0.0 };
+            assert!((wheel.zero - expected).abs() < 5e-3, "{expected}: {found:?}");
+            assert_eq!(wheel.wrong_sign, [false; 2]);
+        }
+        assert!(found.known && found.before > 5.0 * found.after, "{found:?}");
+    }
+}
+
+#[test]
+fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
+    let spoil = |c: &mut SimulatedConfig| {
+        let mut specs: Vec<_> = c.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
+        specs[0].radius *= 1.03;
+        specs[1].cone += 0.02;
+        c.device = hbot_core::Device::new(c.device.sphere_radius(), c.device.sphere_mass(), &specs).unwrap();
+    };
+    let found = watched(&mut bench(spoil, true, |rig| rig.inject(Fault::Slipped { joint: 2, angle: 0.4 })));
+    let [a, b] = &found.wheels[..] else { panic!("two wheels") };
+    assert!((a.radius / b.radius - 1.03).abs() < 3e-3, "{found:?}");
+    assert!((b.cone - a.cone - 0.02).abs() < 5e-3, "{found:?}");
+    assert!((b.zero + 0.4).abs() < 1e-2 && found.after < 0.2 * found.before, "{found:?}");
+}
+
+/// The prototype with a third wheel, its axis a quarter turn about the vertical from the others'.
+fn three_wheels() -> hbot_core::Rig {
+    let mut rig = RigConfig::prototype().rig;
+    let mut specs: Vec<_> = rig.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
+    specs.push(hbot_core::device::WheelSpec { axis: hbot_core::Vec3::new(0.0, 1.0, -1.0), ..specs[0] });
+    rig.device =
+        hbot_core::Device::new(rig.device.sphere_radius(), rig.device.sphere_mass(), &specs).unwrap();
+    (rig.joints[4], rig.joints[5]) = (rig.joints[0], rig.joints[1]);
+    rig
+}
+
+#[test]
+fn with_three_wheels_a_wrong_sign_and_wrong_zeros_are_found_on_each() {
+    let rig = three_wheels();
+    let found = |spoil: &dyn Fn(&mut SimulatedConfig), slipped: &[(usize, f64)]| {
+        let mut config = SimulatedConfig::new(&rig);
+        spoil(&mut config);
+        let mut simulated = SimulatedRig::new(&config).unwrap();
+        simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
+        for (joint, angle) in slipped {
+            simulated.inject(Fault::Slipped { joint: *joint, angle: *angle });
+        }
+        let (_calls, inbox) = mpsc::channel();
+        let line = Memory::new(simulated, inbox);
+        watched(&mut on_rig(&RigConfig { rig, ..RigConfig::prototype() }, line))
+    };
+    let good = found(&|_| (), &[]);
+    assert!(good.known && good.before < 0.01 && good.wheels.len() == 3, "{good:?}");
+    for joint in 0..6 {
+        let found = found(&|config| config.joints[joint].reversed = true, &[]);
+        let flipped: Vec<bool> = found.wheels.iter().flat_map(|wheel| wheel.wrong_sign).collect();
+        assert_eq!(flipped, std::array::from_fn::<_, 6, _>(|j| j == joint), "{found:?}");
+        assert!(found.known && found.before > 0.05 && found.after < 0.01, "{found:?}");
+    }
+    // Two wheels at once: with three there is enough left over to tell.
+    let found = found(&|_| (), &[(0, 0.4), (4, -0.7)]);
+    for (wheel, angle) in [(0, 0.4), (1, 0.0), (2, -0.7)] {
+        // The encoder says more than is true by `angle`; the bound is that of two wheels.
+        assert!((found.wheels[wheel].zero + angle).abs() < 5e-3, "{wheel}: {found:?}");
+        assert_eq!(found.wheels[wheel].wrong_sign, [false; 2]);
+    }
+}
+
+#[test]
+fn a_sphere_that_nobody_turns_tells_nothing() {
+    let rig = RigConfig::prototype().rig;
+    assert_eq!(calibrate(&rig, &[[5; MAX_JOINTS]; 100]), None);
+}

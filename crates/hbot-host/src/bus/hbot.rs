@@ -1,0 +1,264 @@
+//! hbot's own serial link (docs/link.md) as a motor bus.
+
+use hbot_core::MAX_JOINTS;
+use hbot_core::inputs::Complaints;
+use hbot_link::{
+    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
+    PROTOCOL_VERSION, ToController, command_frame_bytes, encode, feedback_frame_bytes,
+};
+
+use super::{
+    BusCommand, Expected, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading, Traffic,
+    converse,
+};
+use crate::line::Line;
+
+/// A motor or driver at this temperature is too hot whatever its own limit, °C.
+const TOO_HOT: f32 = 150.0;
+/// A current beyond this is no motor's of such a rig, A.
+const TOO_STRONG: f32 = 1000.0;
+/// Controllers that have lost power are asked to describe themselves this often, ticks.
+const DESCRIBE_EVERY: u32 = 100;
+
+/// hbot's own protocol.
+#[derive(Debug, Clone, Copy)]
+pub struct HbotLink;
+
+impl Protocol for HbotLink {
+    fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
+        let description = ask(line, expected, &ToController::Describe, |message| match message {
+            FromController::Description(description) => Some(description),
+            FromController::Feedback(_) => None,
+        })?;
+        match difference(expected, &description) {
+            None => Ok(()),
+            Some(Difference::Version) => {
+                Err(MeetError::Version { theirs: description.protocol, ours: PROTOCOL_VERSION })
+            }
+            Some(Difference::Joints) => Err(expected.wrong_joints(description.joints.len())),
+            Some(Difference::Counts(at)) => {
+                Err(expected.wrong_counts(at, description.joints[at].counts_per_turn))
+            }
+        }
+    }
+
+    fn switch_off(&self, line: &mut dyn Line, expected: &Expected) -> Result<bool, MeetError> {
+        ask(line, expected, &off(expected), |message| match message {
+            FromController::Feedback(feedback) => Some(feedback.flags.contains(ControllerFlags::UNDESCRIBED)),
+            FromController::Description(_) => None,
+        })
+    }
+
+    fn off_bytes(&self, expected: &Expected) -> Vec<u8> {
+        framed(&off(expected))
+    }
+
+    fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus> {
+        Box::new(HbotBus {
+            line,
+            expected,
+            decoder: Decoder::new(),
+            received: [0; 4096],
+            frame: [0; MAX_COMMAND_FRAME],
+            obedience: Obedience::default(),
+            answered: None,
+            cut: false,
+            stranger: false,
+            undescribed: false,
+        })
+    }
+
+    fn traffic(&self, joints: usize) -> Traffic {
+        let (commands, feedback) = (command_frame_bytes(joints), feedback_frame_bytes(joints));
+        Traffic { commands, feedback, turnaround_us: 0 }
+    }
+}
+
+/// One line of controllers that speak hbot's link.
+struct HbotBus {
+    line: Box<dyn Line>,
+    expected: Expected,
+    decoder: Decoder<FromController>,
+    received: [u8; 4096],
+    frame: [u8; MAX_COMMAND_FRAME],
+    obedience: Obedience,
+    /// The newest command that has been answered.
+    answered: Option<u32>,
+    /// The line took only a part of the last frame.
+    cut: bool,
+    /// Those who have said last who they are, are not those of the rig.
+    stranger: bool,
+    /// The newest readings come from controllers that nobody has asked who they are, or that are
+    /// others.
+    undescribed: bool,
+}
+
+impl MotorBus for HbotBus {
+    fn receive(&mut self, now_ns: u64, tick: u32) -> Heard {
+        let mut heard = Heard::default();
+        if let Some(renewed) = self.line.renewed() {
+            heard.reopened = true;
+            heard.zeros_lost = renewed.rebooted;
+            self.decoder.reset();
+            // Who they are has been asked before the line was given back.
+            (self.cut, self.stranger) = (false, false);
+        }
+        self.undescribed = self.stranger;
+        // A line that babbles faster than it is read is read on in the next tick.
+        for _ in 0..4 {
+            let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
+            let Self { decoder, expected, obedience, answered, stranger, undescribed, received, .. } = self;
+            decoder.feed(&received[..n], |frame| match frame {
+                Ok(FromController::Feedback(feedback)) if feedback.joints.len() == expected.joints() => {
+                    *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
+                    heard.complaints = heard.complaints.or(complaints(&feedback, obedience));
+                    // Answers may come twice, late, or out of order; one to a command that has not
+                    // been sent is nobody's.
+                    let ahead = |than: u32| feedback.sequence.wrapping_sub(than) as i32;
+                    if ahead(tick) > 0 {
+                        heard.foreign += 1;
+                    } else if answered.is_none_or(|last| ahead(last) > 0) {
+                        *answered = Some(feedback.sequence);
+                        heard.reading = Some(reading(&feedback));
+                    }
+                }
+                Ok(FromController::Feedback(_)) => heard.foreign += 1,
+                Ok(FromController::Description(description)) => {
+                    *stranger = difference(expected, &description).is_some();
+                    *undescribed |= *stranger;
+                }
+                Err(_) => heard.damaged = heard.damaged.saturating_add(1),
+            });
+            if n < self.received.len() {
+                break;
+            }
+        }
+        heard.zeros_lost |= self.undescribed;
+        heard
+    }
+
+    fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool {
+        self.obedience.note(command.tick, command.enable);
+        let mut message = Command {
+            sequence: command.tick,
+            enable: command.enable,
+            watchdog_ms: command.watchdog_ms,
+            ..Command::default()
+        };
+        for torque in &command.torque[..self.expected.joints()] {
+            // At most MAX_JOINTS, which is what it holds.
+            let _ = message.torque.push(*torque as f32);
+        }
+        let whole = self.write(now_ns, &ToController::Command(message));
+        let asks = self.undescribed && command.tick.is_multiple_of(DESCRIBE_EVERY);
+        whole & (!asks || self.write(now_ns, &ToController::Describe))
+    }
+
+    fn release(&mut self) {
+        self.line.release();
+    }
+}
+
+impl HbotBus {
+    /// Writes a message: whether the line took it whole.
+    fn write(&mut self, now_ns: u64, message: &ToController) -> bool {
+        if self.cut {
+            // A zero ends the half frame, or it would spoil this one too.
+            self.cut = !self.line.write(now_ns, &[0]).is_ok_and(|written| written == 1);
+        }
+        let whole = encode(message, &mut self.frame)
+            .is_ok_and(|n| self.line.write(now_ns, &self.frame[..n]).is_ok_and(|written| written == n));
+        self.cut |= !whole;
+        whole
+    }
+}
+
+fn reading(feedback: &Feedback) -> Reading {
+    let mut joints = [JointReading::default(); MAX_JOINTS];
+    for (joint, said) in joints.iter_mut().zip(&feedback.joints) {
+        *joint = JointReading {
+            count: said.count,
+            rate: f64::from(said.rate),
+            index_seen: said.flags.contains(JointFlags::INDEX_SEEN),
+        };
+    }
+    Reading { answers: feedback.sequence, joints }
+}
+
+/// What a reading complains of.
+fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
+    let on = feedback.flags.contains(ControllerFlags::ENABLED);
+    let reasons = ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT | ControllerFlags::UNDESCRIBED;
+    let mut complaints = Complaints {
+        fault: feedback.flags.contains(ControllerFlags::FAULT),
+        watchdog: feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED),
+        disobeyed: obedience.is_broken(feedback.sequence, on, feedback.flags.intersects(reasons)),
+        ..Complaints::default()
+    };
+    for joint in &feedback.joints {
+        complaints.overcurrent |=
+            joint.flags.contains(JointFlags::OVERCURRENT) || joint.current.abs() > TOO_STRONG;
+        complaints.overtemperature |=
+            joint.flags.contains(JointFlags::OVERTEMPERATURE) || joint.temperature > TOO_HOT;
+        complaints.not_finite |= !(joint.current.is_finite() && joint.temperature.is_finite());
+    }
+    complaints
+}
+
+/// In what controllers differ from those of the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Difference {
+    /// The version of the protocol.
+    Version,
+    /// How many joints there are.
+    Joints,
+    /// The counts a turn of the joint at this place.
+    Counts(usize),
+}
+
+/// In what controllers that describe themselves differ from those of the rig, if in anything. Does
+/// not allocate.
+fn difference(expected: &Expected, there: &Description) -> Option<Difference> {
+    if there.protocol != PROTOCOL_VERSION {
+        return Some(Difference::Version);
+    }
+    if there.joints.len() != expected.joints() {
+        return Some(Difference::Joints);
+    }
+    expected.odd_counts(there.joints.iter().map(|joint| joint.counts_per_turn)).map(Difference::Counts)
+}
+
+/// The command that switches the motors of the line off.
+fn off(expected: &Expected) -> ToController {
+    let mut off = Command { watchdog_ms: 1, ..Command::default() };
+    // At most as many as a line may have.
+    let _ = off.torque.resize(expected.joints(), 0.0);
+    ToController::Command(off)
+}
+
+/// The frame of `message` after a zero byte, which ends a half frame that may be on the line.
+fn framed(message: &ToController) -> Vec<u8> {
+    let mut frame = vec![0; 1 + MAX_COMMAND_FRAME];
+    let n = encode(message, &mut frame[1..]).unwrap_or(0);
+    frame.truncate(1 + n);
+    frame
+}
+
+/// Says `message` until the answer comes.
+fn ask<T>(
+    line: &mut dyn Line,
+    expected: &Expected,
+    message: &ToController,
+    mut answer: impl FnMut(FromController) -> Option<T>,
+) -> Result<T, MeetError> {
+    let mut decoder = Decoder::<FromController>::new();
+    converse(line, expected, &framed(message), |bytes| {
+        let mut found = None;
+        decoder.feed(bytes, |frame| {
+            if let Some(it) = frame.ok().and_then(&mut answer) {
+                found = Some(it);
+            }
+        });
+        found
+    })
+}

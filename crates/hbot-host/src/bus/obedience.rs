@@ -1,0 +1,53 @@
+//! Whether motors are on or off as they were told.
+
+/// Commands that are remembered.
+const COMMANDS: usize = 64;
+
+/// Remembers whether each of the last 64 commands switched the motors on, so that a bus can tell
+/// whether a reading agrees with the command that it answers.
+#[derive(Debug, Clone)]
+pub struct Obedience {
+    /// The tick of a command, and whether it switched the motors on.
+    commands: [(u32, bool); COMMANDS],
+}
+
+impl Default for Obedience {
+    fn default() -> Self {
+        Self { commands: [(u32::MAX, false); COMMANDS] }
+    }
+}
+
+impl Obedience {
+    /// Notes a command.
+    pub fn note(&mut self, tick: u32, enable: bool) {
+        self.commands[tick as usize % COMMANDS] = (tick, enable);
+    }
+
+    /// Whether a reading that answers the command of tick `answers` says that motors are on although
+    /// that command switched them off, or off although it switched them on. `explained`: the
+    /// controllers say why their motors are off. False where the command is not remembered.
+    #[must_use]
+    pub fn is_broken(&self, answers: u32, motors_on: bool, explained: bool) -> bool {
+        let (tick, enable) = self.commands[answers as usize % COMMANDS];
+        tick == answers && motors_on != enable && !(enable && explained)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motors_that_are_on_or_off_against_the_command_are_found_for_64_commands() {
+        let mut obedience = Obedience::default();
+        obedience.note(100, true);
+        obedience.note(101, false);
+        assert!(!obedience.is_broken(100, true, false) && obedience.is_broken(100, false, false));
+        assert!(!obedience.is_broken(100, false, true), "off, and they say why");
+        assert!(!obedience.is_broken(101, false, false) && obedience.is_broken(101, true, false));
+        assert!(obedience.is_broken(101, true, true), "nothing explains motors that are on");
+        assert!(!obedience.is_broken(99, true, false), "nobody knows what command 99 said");
+        obedience.note(164, false);
+        assert!(!obedience.is_broken(100, false, false), "forgotten");
+    }
+}

@@ -1,0 +1,212 @@
+//! How late this machine wakes, measured, and what follows from it.
+
+use std::thread;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::{Finding, Mark};
+use crate::clock::{now_ns, sleep_until_ns};
+use crate::pace::Pace;
+use crate::processor::Processor;
+use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
+
+/// How late a bare loop of absolute sleeps wakes, us.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Punctuality {
+    /// Ticks a second.
+    pub rate_hz: u32,
+    /// It ran under SCHED_FIFO.
+    pub real_time: bool,
+    /// Ticks that were measured.
+    pub ticks: u64,
+    /// Half were not later.
+    pub p50_us: f64,
+    /// 99 % were not later.
+    pub p99_us: f64,
+    /// 99.9 % were not later.
+    pub p99_9_us: f64,
+    /// 99.99 % were not later.
+    pub p99_99_us: f64,
+    /// None was later.
+    pub max_us: f64,
+    /// Ticks more than a quarter period late.
+    pub late: u64,
+    /// Ticks whose deadline passed before the one before them ended.
+    pub skipped: u64,
+}
+
+/// Measures a bare loop of absolute sleeps, under SCHED_FIFO where that is granted, on the processor `cpu` where one is named and
+/// there: the best that this machine can do.
+#[must_use]
+pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctuality {
+    let period_ns = 1_000_000_000 / u64::from(rate_hz.max(1));
+    let ticks = (time.as_nanos() / u128::from(period_ns)) as u64;
+    let processor = cpu.and_then(|number| Processor::new(number).ok());
+    let measured = thread::spawn(move || {
+        // One that is there can be stayed on; where it is taken away meanwhile, the measurement is of the others.
+        let _ = processor.map(Processor::keep);
+        let granted = real_time(LOOP_PRIORITY).is_ok();
+        touch_stack();
+        let mut lateness = Vec::with_capacity(ticks as usize);
+        let (mut late, mut skipped) = (0, 0);
+        let mut pace = Pace::new(now_ns() + period_ns, period_ns);
+        for _ in 0..ticks {
+            sleep_until_ns(pace.deadline_ns());
+            let beat = pace.beat(now_ns());
+            late += u64::from(beat.late);
+            lateness.push(beat.lateness_ns);
+            skipped += pace.end(now_ns());
+        }
+        (granted, lateness, late, skipped)
+    });
+    let (real_time, mut lateness, late, skipped) = measured.join().unwrap_or((false, Vec::new(), ticks, 0));
+    lateness.sort_unstable();
+    let at = |quantile: f64| {
+        // The least lateness that this share of the ticks does not exceed.
+        let place = (quantile * lateness.len() as f64).ceil() as usize;
+        lateness.get(place.max(1) - 1).map_or(f64::MAX, |ns| *ns as f64 * 1e-3)
+    };
+    Punctuality {
+        rate_hz,
+        real_time,
+        ticks,
+        p50_us: at(0.5),
+        p99_us: at(0.99),
+        p99_9_us: at(0.999),
+        p99_99_us: at(0.9999),
+        max_us: at(1.0),
+        late,
+        skipped,
+    }
+}
+
+/// What a measurement says of the machine: good where one tick in 10,000 at most is late (by a quarter period) and none by a whole
+/// one; usable where one in 100 is and none so late that it is a fault (20 ms).
+#[must_use]
+pub fn verdict(measured: &Punctuality) -> Finding {
+    let period_us = 1.0e6 / f64::from(measured.rate_hz);
+    let mark = if measured.p99_99_us <= period_us / 4.0 && measured.max_us <= period_us {
+        Mark::Good
+    } else if measured.p99_us <= period_us / 4.0 && measured.max_us <= 20_000.0 {
+        Mark::Usable
+    } else {
+        Mark::NotSufficient
+    };
+    let found = format!(
+        "at {} Hz{}: median {:.0} us late, 99 % {:.0}, 99.9 % {:.0}, 99.99 % {:.0}, most {:.0}; {} of {} ticks late, {} \
+         skipped; a tick is late from {:.0} us on",
+        measured.rate_hz,
+        if measured.real_time { " under SCHED_FIFO" } else { "" },
+        measured.p50_us,
+        measured.p99_us,
+        measured.p99_9_us,
+        measured.p99_99_us,
+        measured.max_us,
+        measured.late,
+        measured.ticks,
+        measured.skipped,
+        period_us / 4.0,
+    );
+    let mend = "mend what stands above, close other programs, and measure again for longer (`--seconds 60`); docs/realtime.md";
+    Finding::new("punctuality", mark, found, mend)
+}
+
+/// What waking early, at most `early_ns` before a deadline, comes to on a machine that was measured: about how early it will be, and
+/// what that takes of a processor; usable where 1 % of the wake-ups or more come too late for it.
+#[must_use]
+pub fn lead(measured: &Punctuality, early_ns: u64) -> Finding {
+    let period_us = 1.0e6 / f64::from(measured.rate_hz);
+    let most_us = (early_ns as f64 * 1e-3).min(period_us / 4.0);
+    let needed_us = measured.p99_us;
+    if early_ns == 0 {
+        return Finding::new("early", Mark::Good, "off: ticks start as late as the machine wakes", "");
+    }
+    if needed_us < most_us {
+        let share = 100.0 * needed_us / period_us;
+        let found = format!(
+            "the loop wakes some {needed_us:.0} us before its deadlines (at most {most_us:.0}) and waits awake: {share:.0} % of a processor"
+        );
+        return Finding::new("early", Mark::Good, found, "");
+    }
+    let found = format!(
+        "the loop wakes at most {most_us:.0} us before its deadlines, and more than 1 % of the wake-ups are later than that"
+    );
+    let mend = if needed_us < period_us / 4.0 {
+        format!("early_us = {:.0} in the rig file's [loop]", (1.5 * needed_us).min(period_us / 4.0).floor())
+    } else {
+        "a quarter of the period is the most: mend what stands above, or lower the rate".to_owned()
+    };
+    Finding::new("early", Mark::Usable, found, &mend)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_verdict_follows_the_numbers() {
+        let measured = Punctuality {
+            rate_hz: 1000,
+            real_time: true,
+            ticks: 10_000,
+            p50_us: 5.0,
+            p99_us: 20.0,
+            p99_9_us: 40.0,
+            p99_99_us: 250.0,
+            max_us: 1000.0,
+            late: 1,
+            skipped: 0,
+        };
+        assert_eq!(verdict(&measured).mark, Mark::Good);
+        assert_eq!(verdict(&Punctuality { p99_99_us: 251.0, ..measured }).mark, Mark::Usable);
+        assert_eq!(verdict(&Punctuality { max_us: 1001.0, ..measured }).mark, Mark::Usable);
+        assert_eq!(verdict(&Punctuality { max_us: 20_001.0, ..measured }).mark, Mark::NotSufficient);
+        assert_eq!(
+            verdict(&Punctuality { p99_us: 251.0, p99_99_us: 251.0, ..measured }).mark,
+            Mark::NotSufficient
+        );
+        // A quarter period at 4 kHz is a quarter of that at 1 kHz.
+        assert_eq!(verdict(&Punctuality { rate_hz: 4000, ..measured }).mark, Mark::Usable);
+    }
+
+    #[test]
+    fn a_loop_is_measured_and_none_of_its_ticks_is_lost() {
+        let measured = punctuality(1000, None, Duration::from_millis(200));
+        assert_eq!(measured.ticks, 200);
+        let rising =
+            [measured.p50_us, measured.p99_us, measured.p99_9_us, measured.p99_99_us, measured.max_us];
+        assert!(rising.is_sorted() && measured.max_us < f64::MAX, "{measured:?}");
+        // No machine wakes in no time, and what counts as late is late by that much.
+        assert!(measured.p50_us > 0.0 && (measured.late == 0 || measured.max_us > 250.0), "{measured:?}");
+    }
+
+    #[test]
+    fn how_early_it_wakes_follows_from_how_late_the_machine_is() {
+        let measured = Punctuality {
+            rate_hz: 1000,
+            real_time: true,
+            ticks: 10_000,
+            p50_us: 30.0,
+            p99_us: 120.0,
+            p99_9_us: 200.0,
+            p99_99_us: 250.0,
+            max_us: 300.0,
+            late: 2,
+            skipped: 0,
+        };
+        let told = |measured: &Punctuality, early_ns| {
+            let Finding { mark, found, mend, .. } = lead(measured, early_ns);
+            (mark, found, mend.unwrap_or_default())
+        };
+        let (mark, found, _) = told(&measured, 200_000);
+        assert!(mark == Mark::Good && found.contains("some 120 us") && found.contains(": 12 %"), "{found}");
+        let (mark, found, mend) = told(&measured, 100_000);
+        assert!(mark == Mark::Usable && found.contains("at most 100 us"), "{found}");
+        assert!(mend.contains("early_us = 180"), "{mend}");
+        let (mark, found, mend) = told(&Punctuality { rate_hz: 4000, ..measured }, 200_000);
+        assert!(mark == Mark::Usable && found.contains("at most 62 us"), "{found}");
+        assert!(mend.contains("lower the rate"), "{mend}");
+        assert_eq!(told(&measured, 0).0, Mark::Good);
+    }
+}

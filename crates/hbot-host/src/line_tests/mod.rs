@@ -1,0 +1,166 @@
+//! What a serial line does to the engine: frames in pieces, damaged, late, twice, out of order; several lines; lines that
+//! vanish and come back.
+
+mod frames;
+mod ports;
+mod states;
+
+use std::sync::{Arc, Mutex};
+
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::Controller;
+use hbot_core::inputs::Command as Order;
+use hbot_core::mode::{Cause, Mode};
+use hbot_link::{
+    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointFlags,
+    JointReading, MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,
+};
+
+use crate::bridge::{ServiceEnd, bridge};
+use crate::bus::hbot::HbotLink;
+use crate::bus::{Expected, Protocol as _};
+use crate::engine::{Engine, Moment};
+use crate::layout::Layout;
+use crate::line::{Line, Renewed};
+use crate::motors::Motors;
+use crate::sample::Sample;
+
+/// Controllers that answer every command with counts that stand still, and what the line does to their answers.
+#[derive(Default)]
+struct Far {
+    joints: usize,
+    decoder: Decoder<ToController>,
+    heard: Vec<Command>,
+    /// Times that they were asked who they are.
+    asked: u32,
+    flags: ControllerFlags,
+    /// Their motors' supply is off: they never say `ENABLED`.
+    unsupplied: bool,
+    /// Their encoders have passed their index.
+    index_seen: bool,
+    /// Temperature and current of their last joint.
+    warmth: Option<[f32; 2]>,
+    silent: bool,
+    renewed: Option<Renewed>,
+    /// Frames that have not been read yet.
+    answers: Vec<Vec<u8>>,
+}
+
+#[derive(Clone)]
+struct Fake(Arc<Mutex<Far>>);
+
+impl Fake {
+    fn new(joints: usize) -> Self {
+        Self(Arc::new(Mutex::new(Far { joints, ..Far::default() })))
+    }
+
+    fn with<T>(&self, what: impl FnOnce(&mut Far) -> T) -> T {
+        what(&mut self.0.lock().expect("no test has panicked"))
+    }
+}
+
+fn framed(feedback: Feedback) -> Vec<u8> {
+    let mut frame = [0; MAX_FEEDBACK_FRAME];
+    let n = encode(&FromController::Feedback(feedback), &mut frame).expect("it fits");
+    frame[..n].to_vec()
+}
+
+fn answer(sequence: u32, flags: ControllerFlags, joints: usize, warmth: Option<[f32; 2]>) -> Vec<u8> {
+    let reading = |j: usize| JointReading { count: j as i32, ..JointReading::default() };
+    let mut feedback = Feedback { sequence, flags, joints: (0..joints).map(reading).collect() };
+    if let (Some([temperature, current]), Some(last)) = (warmth, feedback.joints.last_mut()) {
+        (last.temperature, last.current) = (temperature, current);
+    }
+    framed(feedback)
+}
+
+impl Line for Fake {
+    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.with(|far| {
+            let bytes: Vec<u8> = far.answers.drain(..).flatten().collect();
+            buffer[..bytes.len()].copy_from_slice(&bytes);
+            Ok(bytes.len())
+        })
+    }
+
+    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
+        self.with(|far| {
+            let Far {
+                joints,
+                decoder,
+                heard,
+                asked,
+                flags,
+                unsupplied,
+                index_seen,
+                warmth,
+                silent,
+                answers,
+                ..
+            } = far;
+            decoder.feed(bytes, |message| match message {
+                Ok(ToController::Command(command)) => {
+                    let mut flags = *flags;
+                    flags.set(ControllerFlags::ENABLED, command.enable && !*unsupplied);
+                    if !*silent && !*index_seen {
+                        answers.push(answer(command.sequence, flags, *joints, *warmth));
+                    } else if !*silent {
+                        let reading =
+                            JointReading { flags: JointFlags::INDEX_SEEN, ..JointReading::default() };
+                        let joints = (0..*joints).map(|_| reading).collect();
+                        answers.push(framed(Feedback { sequence: command.sequence, flags, joints }));
+                    }
+                    heard.push(command);
+                }
+                Ok(ToController::Describe) => *asked += 1,
+                Err(_) => {}
+            });
+        });
+        Ok(bytes.len())
+    }
+
+    fn renewed(&mut self) -> Option<Renewed> {
+        self.with(|far| far.renewed.take())
+    }
+}
+
+struct Bench {
+    engine: Engine,
+    end: ServiceEnd,
+    tick: u64,
+}
+
+impl Bench {
+    fn new(rig: &RigConfig, lines: Vec<impl Line + 'static>, layout: &Layout) -> Self {
+        let (inner, end) = bridge().expect("a bridge");
+        let scene = Box::new(RunningScene::new().load(SceneFile::default_scene()));
+        let bus = |(bus, line)| HbotLink.bus(Box::new(line), Expected::new("test", &rig.rig, layout, bus));
+        let motors = Motors::new(lines.into_iter().enumerate().map(bus).collect(), layout, 20);
+        let engine = Engine::new(motors, Controller::new(rig.rig), scene, inner, None);
+        Self { engine, end, tick: 0 }
+    }
+
+    fn tick(&mut self) -> Sample {
+        let moment =
+            Moment { tick: self.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        self.engine.tick(&moment);
+        self.tick += 1;
+        self.end.try_sample().expect("a sample a tick")
+    }
+
+    fn ticks(&mut self, n: u32) -> Sample {
+        (1..n).for_each(|_| _ = self.tick());
+        self.tick()
+    }
+
+    fn order(&mut self, command: Order) -> Sample {
+        self.end.order(command).expect("a place");
+        self.tick()
+    }
+
+    fn active(&mut self) {
+        self.ticks(5);
+        self.order(Order::Enable);
+        assert_eq!(self.ticks(600).state.mode, Mode::Active);
+    }
+}

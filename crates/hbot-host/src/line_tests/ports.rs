@@ -1,0 +1,181 @@
+//! Ports that vanish and come back, on pseudo-terminals.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use hbot_sim::controller::Fault;
+use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+
+use super::*;
+use crate::line::serial::{Controllers, Serial};
+
+/// A rig behind a pseudo-terminal that a link in a folder leads to, as udev makes one for a USB device.
+fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
+    let pty = spawn_pty(rig, PtyOptions::default()).expect("a pseudo-terminal");
+    // Not there until now, or leading nowhere.
+    let _ = std::fs::remove_file(link);
+    std::os::unix::fs::symlink(pty.path(), link).expect("a link");
+    pty
+}
+
+/// Takes a rig and its port away; nothing stands behind `link` then, so that nobody finds the port of another test there.
+fn unplug(pty: PtyRig, link: &Path) -> SimulatedRig {
+    std::fs::remove_file(link).expect("a link");
+    pty.stop().expect("it ran")
+}
+
+/// The rig behind `link`, active, with a line that is kept open.
+fn plugged(link: &Path) -> (Bench, PtyRig) {
+    // A busy machine may hold the bytes of a pseudo-terminal up for longer than the 20 ticks of the prototype.
+    let mut patient = RigConfig::prototype();
+    patient.rig.timing.timeout_ticks = 1000;
+    plugged_in(patient, link)
+}
+
+fn plugged_in(rig: RigConfig, link: &Path) -> (Bench, PtyRig) {
+    let pty = plug(SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("it can be simulated"), link);
+    let port = link.to_str().expect("UTF-8");
+    let layout = Layout::single(0..4);
+    let mut line = Serial::open(port, rig.link.baud).expect("it opens");
+    let expected = Expected::new(port, &rig.rig, &layout, 0);
+    HbotLink.meet(&mut line, &expected).expect("it answers");
+    let controllers = Controllers { protocol: &HbotLink, expected };
+    line.keep_open(port, rig.link.baud, controllers, None).expect("a thread");
+    let mut bench = Bench::new(&rig, vec![line], &layout);
+    until(&mut bench, "idle", |sample| sample.state.mode == Mode::Idle);
+    bench.order(Order::Enable);
+    until(&mut bench, "active", |sample| sample.state.mode == Mode::Active);
+    (bench, pty)
+}
+
+fn until(bench: &mut Bench, what: &str, found: impl Fn(&Sample) -> bool) -> Sample {
+    let deadline = Instant::now() + Duration::from_secs(60);
+    loop {
+        let sample = bench.tick();
+        if found(&sample) {
+            return sample;
+        }
+        assert!(Instant::now() < deadline, "{what}: {:?} {:?}", sample.state.mode, sample.state.cause);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn has_pty() -> bool {
+    let there = serialport::TTYPort::pair().is_ok();
+    if !there {
+        println!("no pseudo-terminal on this machine: not tested here");
+    }
+    there
+}
+
+#[test]
+fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
+    if !has_pty() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("hbot");
+    let (mut bench, pty) = plugged(&link);
+    // The cable is cut; the controllers keep their power and their zeros.
+    let rig = unplug(pty, &link);
+    let lost = until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
+    assert_eq!(lost.state.cause, Some(Cause::LinkLost));
+    assert!(lost.counters.send_failures > 0);
+    assert_eq!(bench.order(Order::Reset).state.mode, Mode::Fault, "not while it is away");
+    let pty = plug(rig, &link);
+    let back = until(&mut bench, "back", |sample| sample.counters.reopened == 1);
+    assert_eq!(back.state.cause, Some(Cause::LinkLost), "still, until somebody resets it");
+    until(&mut bench, "readings", |sample| sample.state.fresh);
+    assert_eq!(bench.ticks(10).state.mode, Mode::Fault);
+    assert_eq!(pty.call(|rig| *rig.joint_torque()).expect("it runs"), [0.0; 16]);
+    bench.order(Order::Reset);
+    until(&mut bench, "idle: the zeros are those of before", |sample| sample.state.mode == Mode::Idle);
+    bench.order(Order::Enable);
+    until(&mut bench, "active", |sample| sample.state.mode == Mode::Active);
+}
+
+#[test]
+fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
+    if !has_pty() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("hbot");
+    let mut patient = RigConfig::prototype();
+    patient.rig.timing.timeout_ticks = 1_000_000;
+    let (mut bench, pty) = plugged_in(patient, &link);
+    let rig = unplug(pty, &link);
+    until(&mut bench, "gone", |sample| sample.counters.send_failures > 0);
+    let _pty = plug(rig, &link);
+    until(&mut bench, "back", |sample| sample.counters.reopened == 1);
+    let state = until(&mut bench, "a reading", |sample| sample.state.fresh).state;
+    assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::LinkLost)));
+}
+
+#[test]
+fn controllers_that_lost_power_while_away_come_back_without_zeros() {
+    if !has_pty() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("hbot");
+    let (mut bench, pty) = plugged(&link);
+    let mut rig = unplug(pty, &link);
+    rig.inject(Fault::Reboot);
+    until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
+    let _pty = plug(rig, &link);
+    until(&mut bench, "back", |sample| sample.counters.reopened == 1);
+    until(&mut bench, "readings", |sample| sample.state.fresh);
+    // `assume` is believed once.
+    bench.order(Order::Reset);
+    let state = until(&mut bench, "reset", |sample| sample.state.mode != Mode::Fault).state;
+    assert_eq!(state.mode, Mode::Unreferenced);
+    assert_eq!(bench.order(Order::Enable).state.mode, Mode::Unreferenced);
+}
+
+#[test]
+fn other_controllers_on_a_line_that_is_back_are_not_let_in() {
+    if !has_pty() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("hbot");
+    let (mut bench, pty) = plugged(&link);
+    drop(unplug(pty, &link));
+    let mut config = SimulatedConfig::new(&RigConfig::prototype().rig);
+    config.joints[2].counts_per_turn += 4;
+    let other = plug(SimulatedRig::new(&config).expect("it can be simulated"), &link);
+    let asked = Instant::now();
+    while asked.elapsed() < Duration::from_secs(2) {
+        assert_eq!(bench.tick().counters.reopened, 0);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    drop(other);
+}
+
+#[test]
+fn a_line_that_takes_no_bytes_costs_no_allocation() {
+    if !has_pty() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mut bench, pty) = plugged(&folder.path().join("hbot"));
+    let (go, wait) = std::sync::mpsc::channel::<()>();
+    pty.post(move |_| _ = wait.recv()).expect("it runs");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let mut full = 0;
+    // The terminal's buffers fill up, and then every write finds no room.
+    while full < 1000 {
+        assert!(Instant::now() < deadline);
+        let before = bench.engine.counters().send_failures;
+        let moment =
+            Moment { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        let info = allocation_counter::measure(|| bench.engine.tick(&moment));
+        assert_eq!((info.count_total, info.count_current), (0, 0));
+        bench.tick += 1;
+        full += u32::from(bench.engine.counters().send_failures > before);
+        while bench.end.try_sample().is_some() {}
+    }
+    drop(go);
+}

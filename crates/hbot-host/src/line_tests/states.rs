@@ -1,0 +1,136 @@
+//! What the line and the service bring about, from every mode: the same table as in `tests/core/states.rs`, through the engine.
+
+use hbot_core::rig::Zero;
+
+use super::*;
+use crate::bridge::CONFIRMED;
+
+const MODES: [Mode; 6] =
+    [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
+
+/// A rig in `mode` on one line; the fault is a controller's and over.
+fn bench_in(mode: Mode) -> (Bench, Fake) {
+    let mut rig = RigConfig::prototype();
+    if mode == Mode::Unreferenced {
+        rig.rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Index);
+    }
+    let fake = Fake::new(4);
+    let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
+    bench.ticks(5);
+    match mode {
+        Mode::Unreferenced | Mode::Idle => {}
+        Mode::Enabling => _ = bench.order(Order::Enable),
+        Mode::Active => bench.active(),
+        Mode::Fault => {
+            fake.with(|far| far.flags = ControllerFlags::FAULT);
+            bench.ticks(3);
+            fake.with(|far| far.flags = ControllerFlags::default());
+            bench.ticks(3);
+        }
+        Mode::Estop => _ = bench.order(Order::Estop),
+    }
+    assert_eq!(bench.tick().state.mode, mode);
+    (bench, fake)
+}
+
+/// The last that the controllers have heard asks for nothing.
+fn off(fake: &Fake) -> bool {
+    fake.with(|far| {
+        far.heard.last().is_some_and(|command| !command.enable && command.torque.iter().all(|t| *t == 0.0))
+    })
+}
+
+#[test]
+fn an_estop_by_signal_ends_in_estop_from_every_mode_whatever_waits_in_the_ring() {
+    for from in MODES {
+        let (mut bench, fake) = bench_in(from);
+        while bench.end.order(Order::Enable).is_ok() {}
+        // No place is left for it, and it is obeyed all the same.
+        assert!(bench.end.order(Order::Estop).is_err());
+        let state = bench.tick().state;
+        assert_eq!((state.mode, state.cause), (Mode::Estop, None), "from {from:?}");
+        assert!(off(&fake), "from {from:?}");
+    }
+}
+
+#[test]
+fn a_port_that_is_lost_is_a_fault_from_every_mode_and_its_return_changes_nothing() {
+    for from in MODES {
+        let (mut bench, fake) = bench_in(from);
+        fake.with(|far| far.silent = true);
+        let lost = bench.ticks(25).state;
+        let cause = if from == Mode::Fault { Cause::ControllerFault } else { Cause::LinkLost };
+        assert_eq!((lost.mode, lost.cause), (Mode::Fault, Some(cause)), "from {from:?}");
+        assert!(off(&fake), "from {from:?}");
+        fake.with(|far| (far.silent, far.renewed) = (false, Some(Renewed { rebooted: false })));
+        let back = bench.ticks(50);
+        assert_eq!((back.state.mode, back.state.cause), (Mode::Fault, Some(cause)), "from {from:?}");
+        assert!(off(&fake) && back.counters.reopened == 1, "from {from:?}");
+        let to = if from == Mode::Unreferenced { from } else { Mode::Idle };
+        assert_eq!(bench.order(Order::Reset).state.mode, to, "from {from:?}");
+    }
+}
+
+#[test]
+fn controllers_that_lost_power_are_a_fault_from_every_mode_and_their_zeros_are_gone() {
+    for from in MODES {
+        // Noticed by the controllers themselves, and by who has found them again behind a port that was gone.
+        for told in [false, true] {
+            let (mut bench, fake) = bench_in(from);
+            if told {
+                fake.with(|far| far.renewed = Some(Renewed { rebooted: true }));
+            } else {
+                fake.with(|far| far.flags = ControllerFlags::UNDESCRIBED);
+            }
+            let state = bench.ticks(3).state;
+            let place = format!("from {from:?}, told {told}");
+            assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::ControllerFault)), "{place}");
+            assert!(off(&fake), "{place}");
+            fake.with(|far| far.flags = ControllerFlags::default());
+            bench.ticks(3);
+            // `assume` is believed once.
+            assert_eq!(bench.order(Order::Reset).state.mode, Mode::Unreferenced, "{place}");
+            assert_eq!(bench.order(Order::Enable).state.mode, Mode::Unreferenced, "{place}");
+        }
+    }
+}
+
+#[test]
+fn a_tick_left_out_or_late_is_a_fault_from_every_mode() {
+    for from in MODES {
+        for (lateness_ns, skipped) in [(20_000_001, 0), (0, 10)] {
+            let (mut bench, fake) = bench_in(from);
+            bench.tick += skipped;
+            let moment = Moment { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns, late: true, skipped };
+            bench.engine.tick(&moment);
+            let state = bench.end.try_sample().expect("a sample").state;
+            let cause = if from == Mode::Fault { Cause::ControllerFault } else { Cause::Deadline };
+            assert_eq!((state.mode, state.cause), (Mode::Fault, Some(cause)), "from {from:?}");
+            assert!(off(&fake), "from {from:?}");
+        }
+    }
+}
+
+#[test]
+fn a_stop_that_is_confirmed_later_does_not_undo_a_reset() {
+    let (mut bench, fake) = bench_in(Mode::Active);
+    // The bytes of an `estop` set the flag; its answer comes through the ring, some ticks later.
+    bench.end.emergency_stop().stop();
+    assert_eq!(bench.tick().state.mode, Mode::Estop);
+    assert!(off(&fake));
+    let confirmed = bench.end.order(CONFIRMED).expect("a place");
+    let sample = bench.order(Order::Reset);
+    assert_eq!(sample.state.mode, Mode::Idle, "one estop stops once");
+    assert_eq!(sample.answers[0].map(|answer| answer.ticket), Some(confirmed), "and is answered");
+}
+
+#[test]
+fn an_order_that_is_an_emergency_stop_is_answered_in_the_tick_that_stops_or_after_it() {
+    let (mut bench, _) = bench_in(Mode::Active);
+    let ticket = bench.end.order(Order::Estop).expect("a place");
+    let sample = bench.tick();
+    assert_eq!(
+        (sample.state.mode, sample.answers[0].map(|answer| answer.ticket)),
+        (Mode::Estop, Some(ticket))
+    );
+}

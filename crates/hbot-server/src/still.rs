@@ -1,0 +1,19 @@
+//! A sample for tests.
+
+use hbot_core::inputs::{Inputs, MAX_COMMANDS};
+use hbot_core::{CompiledScene, Controller};
+use hbot_host::sample::{Counters, Sample, Timing};
+
+/// That of a loop which has just begun, with nothing on its line.
+pub(crate) fn still(tick: u64) -> Sample {
+    let mut controller = Controller::new(hbot_config::RigConfig::prototype().rig);
+    let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;
+    Sample {
+        state,
+        t_ns: tick * 1_000_000,
+        scene: 0,
+        timing: Timing::default(),
+        counters: Counters::default(),
+        answers: [None; MAX_COMMANDS],
+    }
+}
