@@ -4,6 +4,7 @@ mod accuracy;
 mod bringup;
 mod by_hand;
 mod design;
+mod drivers;
 mod far;
 mod last_word;
 mod log;

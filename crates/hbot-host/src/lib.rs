@@ -23,6 +23,7 @@ pub mod bridge;
 pub mod bringup;
 pub mod bus;
 pub mod clock;
+pub mod conformance;
 pub mod doctor;
 mod early;
 pub mod engine;

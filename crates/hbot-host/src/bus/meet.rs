@@ -111,6 +111,24 @@ impl Expected {
         self.joints.len()
     }
 
+    /// A rig with one joint fewer, for tests of drivers.
+    #[must_use]
+    pub fn without_last(&self) -> Self {
+        let mut other = self.clone();
+        other.joints.pop();
+        other
+    }
+
+    /// A rig whose last encoder counts one more a turn, for tests of drivers.
+    #[must_use]
+    pub fn finer(&self) -> Self {
+        let mut other = self.clone();
+        if let Some((_, counts)) = other.joints.last_mut() {
+            *counts += 1;
+        }
+        other
+    }
+
     /// The first joint whose counts a turn are not `theirs` (in the order of the bus): its place.
     /// Does not allocate.
     pub fn odd_counts(&self, theirs: impl IntoIterator<Item = u32>) -> Option<usize> {

@@ -1,0 +1,176 @@
+//! What every driver of a motor bus must do, whatever its protocol: a suite to run against yours.
+//!
+//! The suite needs the driver's [`Protocol`] and virtual [`Controllers`] that speak it. It stands
+//! between the two: it loses, delays, doubles, cuts and garbles bytes, lets the line vanish and come
+//! back, and looks at what the bus says and what the motors do. See `docs/drivers.md`.
+//!
+//! ```no_run
+//! # use hbot_host::conformance::{Controllers, Subject};
+//! # fn subject() -> Subject { unimplemented!() }
+//! hbot_host::conformance::assert_conforms(&subject());
+//! ```
+
+mod cases;
+mod wire;
+
+use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol};
+use crate::line::Renewed;
+use hbot_core::MAX_JOINTS;
+
+pub use self::cases::CASES;
+use self::wire::{Tap, Wire};
+
+/// Virtual motor controllers at the far end of a line.
+pub trait Controllers: Send {
+    /// Takes in `bytes` at `now_ns` and appends its answers to `answer`, all at once.
+    fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
+
+    /// The torque that each motor gives at `now_ns`, in the order of the bus and the sense of its
+    /// controller, N m: zero where it is off, or its watchdog has expired.
+    fn torque(&mut self, now_ns: u64) -> Vec<f64>;
+
+    /// Loses power and gets it back at once.
+    fn lose_power(&mut self);
+}
+
+/// A driver that the suite looks at.
+pub struct Subject {
+    /// The driver.
+    pub protocol: &'static dyn Protocol,
+    /// Who is at the far end.
+    pub expected: Expected,
+    /// Fresh controllers, as they are after power-on.
+    pub controllers: fn() -> Box<dyn Controllers>,
+    /// Torques that these motors can give, N m: one for each joint, none of them zero.
+    pub torque: Vec<f64>,
+}
+
+/// What a driver must do.
+pub struct Case {
+    /// In words.
+    pub name: &'static str,
+    run: fn(&Subject) -> Result<(), String>,
+}
+
+impl Case {
+    /// Looks whether a driver does it.
+    ///
+    /// # Errors
+    /// With what it did instead.
+    pub fn run(&self, subject: &Subject) -> Result<(), String> {
+        (self.run)(subject)
+    }
+}
+
+/// Runs all cases.
+///
+/// # Panics
+/// Where the driver does something else; with all cases in which it does, and what it did.
+pub fn assert_conforms(subject: &Subject) {
+    let failed: Vec<String> = CASES
+        .iter()
+        .filter_map(|case| case.run(subject).err().map(|what| format!("{}: {what}", case.name)))
+        .collect();
+    assert!(failed.is_empty(), "{} of {} cases:\n{}", failed.len(), CASES.len(), failed.join("\n"));
+}
+
+/// The period of the suite's ticks, ns.
+const PERIOD_NS: u64 = 1_000_000;
+/// The watchdog time of the suite's commands, ms.
+const WATCHDOG_MS: u16 = 20;
+
+/// A bus, its controllers, and the line between them.
+struct Bench {
+    bus: Box<dyn MotorBus>,
+    tap: Tap,
+    torque: [f64; MAX_JOINTS],
+    joints: usize,
+    tick: u32,
+}
+
+impl Bench {
+    /// A bus that has met its controllers.
+    fn new(subject: &Subject) -> Result<Self, String> {
+        let (mut wire, tap) = Wire::new((subject.controllers)());
+        let met = subject.protocol.meet(&mut wire, &subject.expected);
+        met.map_err(|error| format!("meeting good controllers: {error}"))?;
+        let mut torque = [0.0; MAX_JOINTS];
+        torque[..subject.torque.len()].copy_from_slice(&subject.torque);
+        let bus = subject.protocol.bus(Box::new(wire), subject.expected.clone());
+        Ok(Self { bus, tap, torque, joints: subject.torque.len(), tick: 1 })
+    }
+
+    /// The same, with motors that have pushed for 20 ticks.
+    fn pushing(subject: &Subject) -> Result<Self, String> {
+        let mut bench = Self::new(subject)?;
+        for _ in 0..20 {
+            bench.tick(true);
+        }
+        bench.expect_torque(true)?;
+        Ok(bench)
+    }
+
+    fn now_ns(&self) -> u64 {
+        u64::from(self.tick) * PERIOD_NS
+    }
+
+    /// The command of the coming tick.
+    fn order(&self, enable: bool) -> BusCommand {
+        let torque = if enable { self.torque } else { [0.0; MAX_JOINTS] };
+        BusCommand { tick: self.tick, enable, watchdog_ms: WATCHDOG_MS, torque }
+    }
+
+    /// One tick: reads, writes a command. Returns what was heard and whether the command was taken.
+    fn tick_taken(&mut self, enable: bool) -> (Heard, bool) {
+        let heard = self.bus.receive(self.now_ns(), self.tick);
+        let taken = self.bus.command(self.now_ns(), &self.order(enable));
+        self.tick += 1;
+        (heard, taken)
+    }
+
+    fn tick(&mut self, enable: bool) -> Heard {
+        self.tick_taken(enable).0
+    }
+
+    /// The torque of the motors at this moment, N m.
+    fn motors(&self) -> Vec<f64> {
+        self.tap.controllers(|controllers| controllers.torque(self.now_ns()))
+    }
+
+    /// Whether the motors push as asked, or not at all.
+    fn expect_torque(&self, on: bool) -> Result<(), String> {
+        let motors = self.motors();
+        let asked = if on { self.torque } else { [0.0; MAX_JOINTS] };
+        let near = |(is, asked): (&f64, &f64)| (is - asked).abs() <= 0.01 * asked.abs();
+        let right = motors.len() == self.joints && motors.iter().zip(&asked).all(near);
+        let words = if on { "as asked" } else { "off" };
+        expect(right, || format!("motors give {motors:?} N m in tick {}, not {words}", self.tick))
+    }
+
+    /// The next tick's reading answers the last command, and nothing is wrong with it.
+    fn expect_good(&mut self, enable: bool) -> Result<(), String> {
+        let last = self.tick - 1;
+        let heard = self.tick(enable);
+        let answers = heard.reading.map(|reading| reading.answers);
+        let good = answers == Some(last)
+            && heard.complaints == Default::default()
+            && !(heard.zeros_lost || heard.reopened);
+        expect(good, || format!("the answer to tick {last} was heard as {heard:?}"))
+    }
+
+    /// Readings are good again after at most `ticks`.
+    fn expect_recovery(&mut self, enable: bool, ticks: u32) -> Result<(), String> {
+        let mut outcome = Ok(());
+        for _ in 0..=ticks {
+            outcome = self.expect_good(enable);
+            if outcome.is_ok() {
+                return Ok(());
+            }
+        }
+        outcome.map_err(|what| format!("after {ticks} ticks there is no good reading again: {what}"))
+    }
+}
+
+fn expect(right: bool, otherwise: impl FnOnce() -> String) -> Result<(), String> {
+    if right { Ok(()) } else { Err(otherwise()) }
+}

@@ -1,0 +1,133 @@
+//! The line between a bus and its virtual controllers, and the troubles on it.
+
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::{Controllers, PERIOD_NS};
+use crate::line::{Line, Renewed};
+
+/// The bus's end of the line.
+pub(super) struct Wire(Arc<Mutex<Middle>>);
+
+/// The suite's hold on the line.
+#[derive(Clone)]
+pub(super) struct Tap(Arc<Mutex<Middle>>);
+
+/// What becomes of an answer on its way: pieces, each with the number of ticks that it comes later.
+pub(super) type Fate = Box<dyn FnMut(Vec<u8>) -> Vec<(u32, Vec<u8>)> + Send>;
+
+/// What is between the two ends.
+pub(super) struct Middle {
+    controllers: Box<dyn Controllers>,
+    /// Bytes on their way to the bus, each piece with the time from which it can be read, ns.
+    pieces: Vec<(u64, Vec<u8>)>,
+    /// What becomes of the next answers; `None`: they arrive whole.
+    pub(super) fate: Option<Fate>,
+    /// Bytes that the line takes of each write; `None`: all.
+    pub(super) takes: Option<usize>,
+    /// The line is gone.
+    pub(super) gone: bool,
+    /// It is back.
+    pub(super) renewed: Option<Renewed>,
+    /// What is written goes here in place of the controllers.
+    pub(super) diverted: Option<Vec<u8>>,
+}
+
+impl Wire {
+    pub(super) fn new(controllers: Box<dyn Controllers>) -> (Self, Tap) {
+        let middle = Arc::new(Mutex::new(Middle {
+            controllers,
+            pieces: Vec::new(),
+            fate: None,
+            takes: None,
+            gone: false,
+            renewed: None,
+            diverted: None,
+        }));
+        (Self(Arc::clone(&middle)), Tap(middle))
+    }
+}
+
+impl Tap {
+    /// The line, to make trouble on it.
+    pub(super) fn line(&self) -> MutexGuard<'_, Middle> {
+        held(&self.0)
+    }
+
+    pub(super) fn controllers<T>(&self, with: impl FnOnce(&mut dyn Controllers) -> T) -> T {
+        with(held(&self.0).controllers.as_mut())
+    }
+
+    /// Puts bytes on the way to the bus, to be read in the next tick.
+    pub(super) fn say(&self, bytes: Vec<u8>) {
+        held(&self.0).pieces.push((0, bytes));
+    }
+
+    /// Takes what is on the way to the bus.
+    pub(super) fn take(&self) -> Vec<u8> {
+        held(&self.0).pieces.drain(..).flat_map(|(_, bytes)| bytes).collect()
+    }
+
+    /// Has the controllers hear bytes past the bus; their answer goes on its way.
+    pub(super) fn write(&self, now_ns: u64, bytes: &[u8]) {
+        held(&self.0).reach(now_ns, bytes);
+    }
+}
+
+fn held(middle: &Mutex<Middle>) -> MutexGuard<'_, Middle> {
+    middle.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Middle {
+    fn reach(&mut self, now_ns: u64, bytes: &[u8]) {
+        let mut answer = Vec::new();
+        self.controllers.hear(now_ns, bytes, &mut answer);
+        if answer.is_empty() {
+            return;
+        }
+        match &mut self.fate {
+            None => self.pieces.push((now_ns, answer)),
+            Some(fate) => {
+                // The next tick is the first that can read it.
+                let due = |later: u32| now_ns + u64::from(1 + later) * PERIOD_NS;
+                self.pieces.extend(fate(answer).into_iter().map(|(later, piece)| (due(later), piece)));
+            }
+        }
+    }
+}
+
+impl Line for Wire {
+    fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        let mut middle = held(&self.0);
+        if middle.gone {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        let mut n = 0;
+        for (_, piece) in middle.pieces.iter_mut().filter(|(due_ns, _)| *due_ns <= now_ns) {
+            let part = piece.len().min(buffer.len() - n);
+            buffer[n..n + part].copy_from_slice(&piece[..part]);
+            piece.drain(..part);
+            n += part;
+        }
+        middle.pieces.retain(|(_, piece)| !piece.is_empty());
+        Ok(n)
+    }
+
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
+        let mut middle = held(&self.0);
+        if middle.gone {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        let n = middle.takes.map_or(bytes.len(), |most| most.min(bytes.len()));
+        match &mut middle.diverted {
+            Some(kept) => kept.extend_from_slice(&bytes[..n]),
+            None if n > 0 => middle.reach(now_ns, &bytes[..n]),
+            None => {}
+        }
+        Ok(n)
+    }
+
+    fn renewed(&mut self) -> Option<Renewed> {
+        held(&self.0).renewed.take()
+    }
+}

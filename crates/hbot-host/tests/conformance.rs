@@ -1,0 +1,61 @@
+//! The drivers of this crate do what every driver must do.
+
+#[allow(unreachable_pub, reason = "a test has no outside")]
+mod toy;
+
+use hbot_config::RigConfig;
+use hbot_host::bus::{Expected, Protocol, hbot::HbotLink};
+use hbot_host::conformance::{Controllers, Subject, assert_conforms};
+use hbot_host::layout::Layout;
+use hbot_sim::controller::Fault;
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+
+use toy::motors::HeldMotors;
+
+/// The simulated rig's controllers. Its plant stands still: what is looked at is the protocol.
+struct Simulated(SimulatedRig);
+
+impl Simulated {
+    fn boxed() -> Box<dyn Controllers> {
+        let rig = RigConfig::prototype().rig;
+        Box::new(Self(
+            SimulatedRig::new(&SimulatedConfig::new(&rig)).expect("the prototype can be simulated"),
+        ))
+    }
+}
+
+impl Controllers for Simulated {
+    fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>) {
+        self.0.receive(now_ns, bytes, answer);
+    }
+
+    fn torque(&mut self, now_ns: u64) -> Vec<f64> {
+        self.0.advance_to(now_ns);
+        self.0.joint_torque()[..4].to_vec()
+    }
+
+    fn lose_power(&mut self) {
+        self.0.inject(Fault::Reboot);
+    }
+}
+
+fn held_motors() -> Box<dyn Controllers> {
+    let joints = RigConfig::prototype().rig.joints;
+    Box::new(HeldMotors::new(joints[..4].iter().map(|joint| joint.counts_per_turn).collect()))
+}
+
+fn subject(protocol: &'static dyn Protocol, controllers: fn() -> Box<dyn Controllers>) -> Subject {
+    let rig = RigConfig::prototype().rig;
+    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
+    Subject { protocol, expected, controllers, torque: vec![0.01, -0.02, 0.03, -0.04] }
+}
+
+#[test]
+fn the_hbot_link_conforms() {
+    assert_conforms(&subject(&HbotLink, Simulated::boxed));
+}
+
+#[test]
+fn a_driver_of_one_s_own_conforms() {
+    assert_conforms(&subject(&toy::Toy, held_motors));
+}

@@ -1,0 +1,226 @@
+//! A complete driver for a protocol of lines of text, which no real motor speaks. `docs/drivers.md`
+//! walks through it.
+//!
+//! ```text
+//! D                                          who is there?
+//! D 4 16384 4096 16384 4096 *5A              four joints with these counts a turn
+//! C 17 1 20 10000 -20000 30000 0 *5A         tick, motors on, watchdog in ms, torques in uN m
+//! R 17 1 99 3850773 -2688 ... *5A            tick answered, flags, count and rate in urad/s of each joint
+//! ```
+//!
+//! Behind each line stands the exclusive or of the bytes before its `*`.
+
+pub mod motors;
+
+use std::io::Write as _;
+
+use hbot_core::MAX_JOINTS;
+use hbot_core::inputs::Complaints;
+use hbot_host::bus::{
+    BusCommand, Expected, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading, Traffic,
+    converse,
+};
+use hbot_host::line::Line;
+
+/// Flag of a reading: the motors are on.
+pub const ON: u32 = 1;
+/// Flag of a reading: the watchdog has expired.
+pub const EXPIRED: u32 = 2;
+/// Flag of a reading: the controllers have started since somebody asked who they are.
+pub const STARTED: u32 = 4;
+/// The longest line, bytes.
+pub const LONGEST: usize = 512;
+
+/// The protocol.
+#[derive(Debug)]
+pub struct Toy;
+
+impl Protocol for Toy {
+    fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
+        let counts: Vec<u32> = ask(line, expected, "D", |words| {
+            // The first number is how many follow.
+            words.next().filter(|word| *word == "D").and_then(|_| words.next())?;
+            words.map(|word| word.parse().ok()).collect()
+        })?;
+        if counts.len() != expected.joints() {
+            return Err(expected.wrong_joints(counts.len()));
+        }
+        let odd = expected.odd_counts(counts.iter().copied());
+        odd.map_or(Ok(()), |at| Err(expected.wrong_counts(at, counts[at])))
+    }
+
+    fn switch_off(&self, line: &mut dyn Line, expected: &Expected) -> Result<bool, MeetError> {
+        ask(line, expected, &off(expected), |words| {
+            words.next().filter(|word| *word == "R").and_then(|_| words.next())?;
+            let flags: u32 = words.next()?.parse().ok()?;
+            Some(flags & STARTED != 0)
+        })
+    }
+
+    fn off_bytes(&self, expected: &Expected) -> Vec<u8> {
+        framed(&off(expected))
+    }
+
+    fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus> {
+        let obedience = Obedience::default();
+        let (inbox, outbox) = (Inbox::default(), [0; LONGEST]);
+        Box::new(ToyBus { line, expected, inbox, outbox, obedience, answered: None, cut: false })
+    }
+
+    fn traffic(&self, joints: usize) -> Traffic {
+        // The widest numbers: a tick or count has 11 digits with its sign, and a space before it.
+        Traffic { commands: 24 + 12 * joints, feedback: 24 + 24 * joints, turnaround_us: 0 }
+    }
+}
+
+/// The motors behind one line.
+struct ToyBus {
+    line: Box<dyn Line>,
+    expected: Expected,
+    inbox: Inbox,
+    outbox: [u8; LONGEST],
+    obedience: Obedience,
+    /// The newest tick that has been answered.
+    answered: Option<u32>,
+    /// The line took only a part of the last command.
+    cut: bool,
+}
+
+impl MotorBus for ToyBus {
+    fn receive(&mut self, now_ns: u64, tick: u32) -> Heard {
+        let mut heard = Heard::default();
+        if let Some(renewed) = self.line.renewed() {
+            (heard.reopened, heard.zeros_lost) = (true, renewed.rebooted);
+            (self.cut, self.inbox) = (false, Inbox::default());
+        }
+        let mut received = [0; LONGEST];
+        let n = self.line.read(now_ns, &mut received).unwrap_or(0);
+        for byte in &received[..n] {
+            let Some(line) = self.inbox.take(*byte) else { continue };
+            let Some((flags, reading)) = line.and_then(|text| parse(text, self.expected.joints())) else {
+                heard.damaged = heard.damaged.saturating_add(1);
+                continue;
+            };
+            heard.zeros_lost |= flags & STARTED != 0;
+            let explained = flags & (EXPIRED | STARTED) != 0;
+            heard.complaints = heard.complaints.or(Complaints {
+                watchdog: flags & EXPIRED != 0,
+                disobeyed: self.obedience.is_broken(reading.answers, flags & ON != 0, explained),
+                ..Complaints::default()
+            });
+            // Ticks wrap: what is newer is less than half of all ticks ahead.
+            let newer = |than: u32| (reading.answers.wrapping_sub(than) as i32) > 0;
+            if newer(tick) {
+                heard.foreign += 1;
+            } else if self.answered.is_none_or(newer) {
+                self.answered = Some(reading.answers);
+                heard.reading = Some(reading);
+            }
+        }
+        heard
+    }
+
+    fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool {
+        self.obedience.note(command.tick, command.enable);
+        let mut rest = &mut self.outbox[..];
+        if self.cut {
+            // Ends the half line that the controllers have.
+            let _ = rest.write_all(b"\n");
+        }
+        let room = rest.len();
+        let _ = write!(rest, "C {} {} {}", command.tick, u8::from(command.enable), command.watchdog_ms);
+        for torque in &command.torque[..self.expected.joints()] {
+            let _ = write!(rest, " {}", (torque * 1e6).round() as i64);
+        }
+        let (start, end) = (LONGEST - room, LONGEST - rest.len());
+        let sum = checksum(&self.outbox[start..end]);
+        let mut tail = &mut self.outbox[end..];
+        let _ = writeln!(tail, " *{sum:02X}");
+        let length = LONGEST - tail.len();
+        let whole = self.line.write(now_ns, &self.outbox[..length]).is_ok_and(|written| written == length);
+        self.cut = !whole;
+        whole
+    }
+
+    fn release(&mut self) {
+        self.line.release();
+    }
+}
+
+/// A line on its way in.
+pub struct Inbox {
+    bytes: [u8; LONGEST],
+    length: usize,
+    /// It is longer than any line of this protocol.
+    too_long: bool,
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        Self { bytes: [0; LONGEST], length: 0, too_long: false }
+    }
+}
+
+impl Inbox {
+    /// Takes a byte. Where it ends a line, gives its text without the checksum, or `Some(None)` if the
+    /// line is damaged. An empty line is none.
+    pub fn take(&mut self, byte: u8) -> Option<Option<&str>> {
+        if byte != b'\n' {
+            self.too_long |= self.length == LONGEST;
+            if !self.too_long {
+                self.bytes[self.length] = byte;
+                self.length += 1;
+            }
+            return None;
+        }
+        let (length, too_long) = (std::mem::take(&mut self.length), std::mem::take(&mut self.too_long));
+        let text = std::str::from_utf8(&self.bytes[..length]).ok();
+        let checked = || {
+            let (text, sum) = text?.rsplit_once(" *")?;
+            (u8::from_str_radix(sum, 16).ok()? == checksum(text.as_bytes())).then_some(text)
+        };
+        (length > 0).then(|| if too_long { None } else { checked() })
+    }
+}
+
+/// The exclusive or of some bytes.
+pub fn checksum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, byte| sum ^ byte)
+}
+
+/// The flags and the reading in the text of a line.
+fn parse(text: &str, joints: usize) -> Option<(u32, Reading)> {
+    let mut words = text.split(' ');
+    words.next().filter(|word| *word == "R")?;
+    let answers = words.next()?.parse().ok()?;
+    let flags = words.next()?.parse().ok()?;
+    let mut reading = Reading { answers, joints: [JointReading::default(); MAX_JOINTS] };
+    for joint in &mut reading.joints[..joints] {
+        joint.count = words.next()?.parse().ok()?;
+        joint.rate = words.next()?.parse::<i32>().ok().map(|rate| f64::from(rate) * 1e-6)?;
+    }
+    words.next().is_none().then_some((flags, reading))
+}
+
+/// The text of the command that switches the motors off.
+fn off(expected: &Expected) -> String {
+    format!("C 0 0 1{}", " 0".repeat(expected.joints()))
+}
+
+/// The bytes of a line, after the end of one that may be half on its way.
+pub fn framed(text: &str) -> Vec<u8> {
+    format!("\n{text} *{:02X}\n", checksum(text.as_bytes())).into_bytes()
+}
+
+/// Says a line until the words of an answer are those that `find` looks for.
+fn ask<T>(
+    line: &mut dyn Line,
+    expected: &Expected,
+    text: &str,
+    mut find: impl FnMut(&mut std::str::Split<'_, char>) -> Option<T>,
+) -> Result<T, MeetError> {
+    let mut inbox = Inbox::default();
+    converse(line, expected, &framed(text), |bytes| {
+        bytes.iter().filter_map(|byte| find(&mut inbox.take(*byte)??.split(' '))).last()
+    })
+}

@@ -1,0 +1,137 @@
+//! A driver of one's own under the real server: motors that speak no protocol of hbot's.
+
+#[allow(unreachable_pub, reason = "a test has no outside")]
+#[path = "../../crates/hbot-host/tests/toy/mod.rs"]
+mod toy;
+
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::time::{Duration, Instant};
+
+use hbot_api::{Client, TorqueCommand};
+use hbot_config::rig::Port;
+use hbot_config::{RigConfig, SceneFile};
+use hbot_host::bus::{Expected, Protocol as _};
+use hbot_host::conformance::Controllers as _;
+use hbot_host::layout::Layout;
+use hbot_host::line::Line;
+use hbot_server::server::{Options, Server, Time};
+use hbot_server::service::Status;
+use tokio::net::TcpListener;
+
+use toy::Toy;
+use toy::motors::HeldMotors;
+
+/// How long a test waits for what must come.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A line in memory to some motors; the test looks at them too.
+#[derive(Clone)]
+struct Cable(Arc<Mutex<(HeldMotors, Vec<u8>)>>);
+
+impl Cable {
+    /// A line to `motors`.
+    fn new(motors: HeldMotors) -> Self {
+        Self(Arc::new(Mutex::new((motors, Vec::with_capacity(4096)))))
+    }
+
+    fn held(&self) -> MutexGuard<'_, (HeldMotors, Vec<u8>)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What the motors were last told to give, N m: nothing where they are off.
+    fn torque(&self) -> Vec<f64> {
+        self.held().0.torque(0)
+    }
+}
+
+impl Line for Cable {
+    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        let (_, answers) = &mut *self.held();
+        let n = answers.len().min(buffer.len());
+        buffer[..n].copy_from_slice(&answers[..n]);
+        answers.drain(..n);
+        Ok(n)
+    }
+
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
+        let (motors, answers) = &mut *self.held();
+        motors.hear(now_ns, bytes, answers);
+        Ok(bytes.len())
+    }
+}
+
+/// A server on the motors behind `cable`. Ends when what it returns is sent to or dropped.
+fn serve(cable: &Cable) -> (String, tokio::sync::oneshot::Sender<()>, std::thread::JoinHandle<()>) {
+    let mut rig = RigConfig::prototype();
+    rig.link.port = Port::Devices(vec!["toy".to_owned()]);
+    // A busy machine does not step on these.
+    rig.link.watchdog_ms = 1000;
+    rig.rig.timing.timeout_ticks = 1000;
+    let expected = Expected::new("toy", &rig.rig, &Layout::of(&rig), 0);
+    let mut line = cable.clone();
+    Toy.meet(&mut line, &expected).expect("the motors answer");
+    let bus = Toy.bus(Box::new(line), expected);
+    let (ready, started) = mpsc::channel();
+    let (shutdown, stopped) = tokio::sync::oneshot::channel();
+    let server = std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+        runtime.block_on(async move {
+            let options = Options {
+                rig,
+                scene: SceneFile::default_scene(),
+                time: Time::Wall,
+                duration: None,
+                token: None,
+                buses: Some(vec![bus]),
+                last_word: None,
+                flight_dir: None,
+                recorder: None,
+            };
+            let server = Server::start(options).expect("it starts");
+            let listener = TcpListener::bind(("127.0.0.1", 0)).await.expect("a port");
+            ready.send(listener.local_addr().expect("an address").to_string()).expect("somebody waits");
+            let (_control, control) = tokio::sync::mpsc::channel(1);
+            let (status, _status) = tokio::sync::watch::channel(Status::default());
+            let finished = server.serve(listener, control, status, async { _ = stopped.await }).await;
+            assert_eq!(finished.expect("it serves").failed, None);
+        });
+    });
+    (started.recv_timeout(PATIENCE).expect("it starts"), shutdown, server)
+}
+
+/// Waits until the motors give the torques that `right` accepts, N m.
+fn until(cable: &Cable, what: &str, mut push: impl FnMut(), right: impl Fn(&[f64]) -> bool) {
+    let start = Instant::now();
+    while !right(&cable.torque()) {
+        assert!(start.elapsed() < PATIENCE, "{what}: {:?} N m", cable.torque());
+        push();
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_client_s_torque_reaches_motors_of_another_protocol_and_a_stop_takes_it_from_them() {
+    let rig = RigConfig::prototype().rig;
+    let cable = Cable::new(HeldMotors::new(rig.joints[..4].iter().map(|j| j.counts_per_turn).collect()));
+    let (address, shutdown, server) = serve(&cable);
+    let mut client = Client::connect(&address, "pusher").expect("it lets clients in");
+    client.acquire(false).expect("nobody else is there");
+    // Joint torques for 0.1 N m about n2 with all wheels where they stand at the start.
+    let torque = hbot_core::Vec3::new(0.0, 0.1, 0.0);
+    let posture = hbot_core::kinematics::Posture::new(&rig.device, &[0.0, 0.0]);
+    let makes = |joints: &[f64]| (posture.torque_on_sphere(joints) - torque).length();
+    let push = |client: &mut Client| {
+        // A machine that stands still for 20 ms makes a fault, which is not what is looked at here.
+        let _ = client.reset().and_then(|_| client.enable());
+        let torque = TorqueCommand { torque: [0.0, 0.1, 0.0], valid_ms: 1000, tick: None, seq: None };
+        let _ = client.torque(torque);
+    };
+    until(&cable, "0.1 N m about n2", || push(&mut client), |joints| makes(joints) < 1e-4);
+    client.estop().expect("it is answered");
+    until(&cable, "stopped", || (), |joints| joints.iter().all(|torque| *torque == 0.0));
+    until(&cable, "again after reset and enable", || push(&mut client), |joints| makes(joints) < 1e-4);
+    drop(shutdown);
+    server.join().expect("it has not panicked");
+    assert_eq!(cable.torque(), [0.0; 4], "the server is gone");
+}
