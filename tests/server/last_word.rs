@@ -9,7 +9,7 @@ use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 use rustix::process::{Pid, Signal, getpgid, kill_process};
 
 use crate::far::Far;
-use crate::process::{Lines, PATIENCE, Process, STOPPING, has_pty, patient_rig};
+use crate::process::{Lines, PATIENCE, Process, STOPPING, patient_rig};
 
 /// The watchdog time in the helper's frames, ms; the server's own have that of the patient rig.
 const HELPERS: u16 = 1;
@@ -44,12 +44,12 @@ fn push(server: &Process, far: &Far) {
 }
 
 /// A server that pushes, with its controllers.
-fn pushing(folder: &Path) -> Option<(Process, Far)> {
+fn pushing(folder: &Path) -> (Process, Far) {
     let (rig, scene) = files(folder);
-    let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"))?;
+    let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
     let server = Process::start(&["--rig", &rig, "--port", &far.path, "--scene", &scene], folder);
     push(&server, &far);
-    Some((server, far))
+    (server, far)
 }
 
 /// The processes that `server` has started.
@@ -79,7 +79,7 @@ fn runs(process: Pid) -> bool {
 fn a_server_that_is_killed_or_aborts_leaves_zero_torque_on_the_line() {
     for signal in [Signal::KILL, Signal::ABORT] {
         let folder = tempfile::tempdir().expect("a folder");
-        let Some((server, far)) = pushing(folder.path()) else { return };
+        let (server, far) = pushing(folder.path());
         let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
         server.signal(signal);
         let (_, status) = server.end();
@@ -92,7 +92,7 @@ fn a_server_that_is_killed_or_aborts_leaves_zero_torque_on_the_line() {
 #[test]
 fn a_server_that_ends_as_asked_says_the_last_word_itself_and_leaves_no_helper() {
     let folder = tempfile::tempdir().expect("a folder");
-    let Some((server, far)) = pushing(folder.path()) else { return };
+    let (server, far) = pushing(folder.path());
     let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
     server.signal(Signal::TERM);
     assert_eq!(server.end().1.code(), Some(0));
@@ -104,7 +104,7 @@ fn a_server_that_ends_as_asked_says_the_last_word_itself_and_leaves_no_helper() 
 #[test]
 fn signals_of_a_terminal_or_a_service_manager_do_not_reach_the_helper() {
     let folder = tempfile::tempdir().expect("a folder");
-    let Some((server, far)) = pushing(folder.path()) else { return };
+    let (server, far) = pushing(folder.path());
     let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
     assert_eq!(getpgid(Some(helper)).expect("it is there"), helper, "a process group of its own");
     for signal in STOPPING {
@@ -123,9 +123,6 @@ fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     let text = std::fs::read_to_string(&rig).expect("readable");
     std::fs::write(&rig, text.replace("zero = \"assume\"", "zero = \"absolute\"")).expect("written");
     let config = RigConfig::from_path(Path::new(&rig)).expect("a rig");
-    if !has_pty() {
-        return;
-    }
     // Not a `Far`, whose near end the server would inherit and so keep open.
     let simulated = SimulatedRig::new(&SimulatedConfig::new(&config.rig)).expect("it can be simulated");
     let pty = spawn_pty(simulated, PtyOptions::default()).expect("a pseudo-terminal");
@@ -135,7 +132,7 @@ fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     let server = Process::start(&["--rig", &rig, "--port", port, "--scene", &scene], folder.path());
     let [first] = helpers(&server)[..] else { panic!("one helper a line") };
 
-    let Some(other) = Far::start(&config) else { return };
+    let other = Far::start(&config);
     std::fs::remove_file(&link).expect("it was there");
     std::os::unix::fs::symlink(&other.path, &link).expect("a link");
     drop(pty);

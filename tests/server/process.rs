@@ -30,15 +30,6 @@ pub(crate) fn patient_rig(state: &std::path::Path) -> String {
     path.to_str().expect("UTF-8").to_owned()
 }
 
-/// Whether this machine has pseudo-terminals, without which the simulated rig runs in virtual time only.
-pub(crate) fn has_pty() -> bool {
-    let there = serialport::TTYPort::pair().is_ok();
-    if !there {
-        println!("no pseudo-terminal on this machine: what needs one is not tested here");
-    }
-    there
-}
-
 /// A server process; killed at the end of a test that has not stopped it.
 pub(crate) struct Process {
     child: Child,

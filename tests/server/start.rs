@@ -32,7 +32,7 @@ fn watched(server: &Process) -> Lines {
 fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enables_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let rig = patient_rig(folder.path());
-    let Some(far) = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig")) else { return };
+    let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
     // A scene that pushes always, so that nothing but the mode holds it back.
     let scene = folder.path().join("push.toml");
     std::fs::write(
@@ -73,7 +73,7 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
 fn a_port_that_a_server_has_open_is_no_other_programs() {
     let folder = tempfile::tempdir().expect("a folder");
     let rig = patient_rig(folder.path());
-    let Some(far) = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig")) else { return };
+    let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
     let server = Process::start(&["--rig", &rig, "--port", &far.path], folder.path());
     for command in [
         &["server", "--listen", "127.0.0.1:0"][..],
@@ -93,7 +93,7 @@ fn a_port_that_a_server_has_open_is_no_other_programs() {
 #[test]
 fn controllers_of_another_rig_than_the_files_are_refused_before_any_motor_is_on() {
     let folder = tempfile::tempdir().expect("a folder");
-    let Some(far) = Far::start(&RigConfig::prototype()) else { return };
+    let far = Far::start(&RigConfig::prototype());
     let counts = folder.path().join("counts.toml");
     let prototype = include_str!("../../rigs/prototype.toml");
     let other = prototype.replacen("counts_per_turn = 16384", "counts_per_turn = 4096", 1);

@@ -33,9 +33,9 @@ struct Ends {
 
 /// Lets a client push by a server, ends it by `end` while it does, and holds the last commands to be zero: how it ended, where
 /// somebody waited for that.
-fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Option<Finished>> {
+fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Finished> {
     let mut rig = RigConfig::prototype();
-    let far = Far::start(&rig)?;
+    let far = Far::start(&rig);
     rig.link.port = Port::Devices(vec![far.path.clone()]);
     // A busy machine does not step on these.
     rig.link.watchdog_ms = 1000;
@@ -85,7 +85,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Opti
     end(&mut ends);
     let finished = server.join().unwrap();
     far.ends_still();
-    Some(finished)
+    finished
 }
 
 /// Notes who says something.
@@ -137,14 +137,14 @@ fn the_loop_says_nothing_whatever_happens() {
 #[test]
 fn a_server_that_is_stopped_leaves_zero_torque_on_the_line() {
     let stop = |ends: &mut Ends| ends.shutdown.take().unwrap().send(()).unwrap();
-    let Some(finished) = ended(None, stop) else { return };
+    let finished = ended(None, stop);
     assert_eq!(finished.unwrap().failed, None);
 }
 
 #[test]
 fn a_service_that_panics_leaves_zero_torque_on_the_line() {
     let fail = |ends: &mut Ends| ends.control.blocking_send(Control::Fail).unwrap();
-    let Some(finished) = ended(None, fail) else { return };
+    let finished = ended(None, fail);
     assert_eq!(finished.unwrap().failed, Some(Part::Service));
 }
 
@@ -154,7 +154,7 @@ fn a_request_that_panics_leaves_zero_torque_on_the_line() {
         let refused = Client::connect(&ends.address.to_string(), crate::service::tests::PANICS);
         assert!(refused.is_err(), "its connection has ended");
     };
-    let Some(finished) = ended(None, fail) else { return };
+    let finished = ended(None, fail);
     assert_eq!(finished.unwrap().failed, Some(Part::Service));
 }
 
@@ -166,13 +166,13 @@ fn a_loop_that_panics_leaves_zero_torque_on_the_line() {
             "as a test asks: in the loop, with torque on the line"
         );
     });
-    let Some(finished) = ended(Some(panics), |_| ()) else { return };
+    let finished = ended(Some(panics), |_| ());
     assert_eq!(finished.unwrap().failed, Some(Part::Loop));
 }
 
 #[test]
 fn a_server_that_nobody_waits_for_leaves_zero_torque_on_the_line() {
     let abandon = |ends: &mut Ends| ends.abandon.take().unwrap().send(()).unwrap();
-    let Some(finished) = ended(None, abandon) else { return };
+    let finished = ended(None, abandon);
     assert!(finished.is_none());
 }

@@ -61,19 +61,8 @@ fn until(bench: &mut Bench, what: &str, found: impl Fn(&Sample) -> bool) -> Samp
     }
 }
 
-fn has_pty() -> bool {
-    let there = serialport::TTYPort::pair().is_ok();
-    if !there {
-        println!("no pseudo-terminal on this machine: not tested here");
-    }
-    there
-}
-
 #[test]
 fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
-    if !has_pty() {
-        return;
-    }
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
@@ -97,9 +86,6 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
 
 #[test]
 fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
-    if !has_pty() {
-        return;
-    }
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let mut patient = RigConfig::prototype();
@@ -115,9 +101,6 @@ fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
 
 #[test]
 fn controllers_that_lost_power_while_away_come_back_without_zeros() {
-    if !has_pty() {
-        return;
-    }
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
@@ -136,9 +119,6 @@ fn controllers_that_lost_power_while_away_come_back_without_zeros() {
 
 #[test]
 fn other_controllers_on_a_line_that_is_back_are_not_let_in() {
-    if !has_pty() {
-        return;
-    }
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
@@ -156,9 +136,6 @@ fn other_controllers_on_a_line_that_is_back_are_not_let_in() {
 
 #[test]
 fn a_line_that_takes_no_bytes_costs_no_allocation() {
-    if !has_pty() {
-        return;
-    }
     let folder = tempfile::tempdir().expect("a folder");
     let (mut bench, pty) = plugged(&folder.path().join("hbot"));
     let (go, wait) = std::sync::mpsc::channel::<()>();
