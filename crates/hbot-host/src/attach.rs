@@ -8,15 +8,36 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
+use thiserror::Error;
 
-use crate::bus::{Expected, MotorBus, driver};
-use crate::host::{StartError, Time};
+use crate::bus::{Expected, MeetError, MotorBus, driver};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
-use crate::line::serial::{Controllers, LatencyTimer, Serial, unguarded};
+use crate::line::serial::{Controllers, LatencyTimer, OpenError, Serial, unguarded};
 use crate::line::{Line, Memory, SimulatorCall};
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
+use crate::run_loop::Time;
+
+/// Why the motors of a rig are not attached.
+#[derive(Debug, Error)]
+pub enum AttachError {
+    /// The serial port.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The motor controllers.
+    #[error(transparent)]
+    Meet(#[from] MeetError),
+    /// The simulated rig.
+    #[error(transparent)]
+    Simulator(#[from] RigError),
+    /// Its pseudo-terminal.
+    #[error(transparent)]
+    Pty(#[from] PtyError),
+    /// The system gives no thread.
+    #[error("the system refuses: {0}")]
+    System(#[from] std::io::Error),
+}
 
 /// The simulated rig, from outside of its thread.
 #[derive(Clone)]
@@ -54,7 +75,7 @@ pub(crate) fn simulated(
     layout: &Layout,
     phenomena: Phenomena,
     time: Time,
-) -> Result<(Box<dyn MotorBus>, Simulator), StartError> {
+) -> Result<(Box<dyn MotorBus>, Simulator), AttachError> {
     let mut config = SimulatedConfig::new(&rig.rig);
     config.phenomena = Phenomena { link: None, ..phenomena };
     let simulated = SimulatedRig::new(&config)?;
@@ -83,7 +104,7 @@ pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,
     mut line: Box<dyn Line>,
-) -> Result<Box<dyn MotorBus>, StartError> {
+) -> Result<Box<dyn MotorBus>, AttachError> {
     let protocol = driver(rig.link.protocol);
     let expected = Expected::new(&Port::Sim.to_string(), &rig.rig, layout, 0);
     protocol.meet(line.as_mut(), &expected)?;
@@ -107,7 +128,7 @@ pub(crate) fn serial(
     helper: Option<&Program>,
     reopened: bool,
     notices: &mut Vec<String>,
-) -> Result<Vec<Box<dyn MotorBus>>, StartError> {
+) -> Result<Vec<Box<dyn MotorBus>>, AttachError> {
     if helper.is_some() {
         without_core_file();
     }

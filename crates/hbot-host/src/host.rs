@@ -7,21 +7,18 @@ use hbot_config::rig::Port;
 use hbot_core::rig::Zero;
 use hbot_core::{CompiledScene, Controller};
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::pty::PtyError;
-use hbot_sim::rig::RigError;
 use thiserror::Error;
 
-use crate::attach::{Simulator, serial, simulated};
+use crate::attach::{AttachError, Simulator, serial, simulated};
 use crate::bridge::{ServiceEnd, bridge};
-use crate::bus::{MeetError, MotorBus};
+use crate::bus::MotorBus;
 use crate::engine::{Engine, Recorder};
 use crate::last_word::Program;
 use crate::layout::Layout;
-use crate::line::serial::OpenError;
 use crate::motors::Motors;
 use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{WakeLatency, lock_memory};
-use crate::run_loop::{Ended, StopFlag, lockstep, wall};
+use crate::run_loop::{Ended, StopFlag, Time, lockstep, wall};
 
 /// What a host is to run.
 pub struct Options {
@@ -44,30 +41,12 @@ pub struct Options {
     pub recorder: Option<Recorder>,
 }
 
-/// Which time a loop runs in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Time {
-    /// The clock's.
-    Wall,
-    /// As fast as the machine goes, in lock-step with the simulated rig.
-    Virtual,
-}
-
 /// Why a rig does not run.
 #[derive(Debug, Error)]
 pub enum StartError {
-    /// The serial port.
+    /// The motors.
     #[error(transparent)]
-    Open(#[from] OpenError),
-    /// The motor controllers.
-    #[error(transparent)]
-    Meet(#[from] MeetError),
-    /// The simulated rig.
-    #[error(transparent)]
-    Simulator(#[from] RigError),
-    /// Its pseudo-terminal.
-    #[error(transparent)]
-    Pty(#[from] PtyError),
+    Attach(#[from] AttachError),
     /// The processor that the loop is to stay on.
     #[error(transparent)]
     Processor(#[from] NoProcessor),

@@ -33,6 +33,15 @@ impl StopFlag {
     }
 }
 
+/// Which time a loop runs in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Time {
+    /// The clock's.
+    Wall,
+    /// As fast as the machine goes, in lock-step with the simulated rig.
+    Virtual,
+}
+
 /// How a loop ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {

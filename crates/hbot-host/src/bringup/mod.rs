@@ -16,12 +16,11 @@ use hbot_core::{MAX_JOINTS, Rig};
 use hbot_sim::hand::Hand;
 use thiserror::Error;
 
-use crate::attach;
-use crate::host::{StartError, Time};
+use crate::attach::{self, AttachError};
 use crate::last_word::Program;
 use crate::layout::Layout;
 use crate::motors::{Motors, OFF};
-use crate::run_loop::StopFlag;
+use crate::run_loop::{StopFlag, Time};
 
 /// How long a controller holds a torque that no other follows, ms.
 const WATCHDOG_MS: u16 = 20;
@@ -62,7 +61,7 @@ pub struct Bench {
 ///
 /// # Errors
 /// A port does not open, or its controllers are not those of the rig.
-pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> Result<Bench, StartError> {
+pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> Result<Bench, AttachError> {
     let layout = Layout::of(rig);
     let mut notices = Vec::new();
     let (buses, simulated) = match &rig.link.port {

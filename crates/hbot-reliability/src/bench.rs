@@ -61,7 +61,7 @@ impl Helper {
 
 /// The program that is put to the test.
 pub(crate) fn hbot() -> Outcome<Command> {
-    let path = std::env::current_exe()?.with_file_name("../hbot");
+    let path = std::env::current_exe()?.with_file_name("hbot");
     if !path.exists() {
         return Err(format!("{} is not there: run `cargo build --release` first", path.display()).into());
     }

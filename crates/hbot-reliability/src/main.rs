@@ -1,7 +1,7 @@
 //! Injects faults into a running server in wall-clock time and prints what came of each, as the rows of docs/reliability.md.
 //!
 //! ```text
-//! cargo build --release && cargo run --release --example reliability -- [--quick] [--seconds N] [--out FILE] [ROW...]
+//! cargo build --release && cargo run --release -p hbot-reliability -- [--quick] [--seconds N] [--out FILE] [ROW...]
 //! ```
 //!
 //! The server, the motor controllers (`far`: a simulated rig at the far end of a pseudo-terminal that keeps what it hears) and the
