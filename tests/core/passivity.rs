@@ -9,7 +9,8 @@ use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::State;
 use hbot_core::rig::{PassivityLimit, RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
-use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::hand::Grip;
+use hbot_sim::phenomena::Hand;
 use hbot_sim::plant::{Method, Plant, SpringDamper, State as Motion, Sum};
 
 pub const DT: f64 = 1e-3;

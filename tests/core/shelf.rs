@@ -9,7 +9,8 @@ use hbot_core::mode::Mode;
 use hbot_core::outputs::Reply;
 use hbot_core::rig::{Joint, Zero};
 use hbot_core::{Controller, Vec3};
-use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::hand::Grip;
+use hbot_sim::phenomena::Hand;
 use hbot_sim::plant::{Method, Plant, State};
 
 use crate::bench::assert_finite;

@@ -20,7 +20,6 @@ use hbot_host::last_word::Program;
 use hbot_host::run_loop::Ended;
 pub use hbot_host::run_loop::Time;
 use hbot_sim::phenomena::{Hand, Phenomena};
-use hbot_sim::scene::phenomena;
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
@@ -191,7 +190,7 @@ impl Server {
 /// the scene says otherwise.
 fn at_start(scene: &SceneFile) -> Phenomena {
     let otherwise = || Phenomena { hand: Some(Hand::default()), ..Phenomena::default() };
-    scene.simulate().map_or_else(otherwise, phenomena)
+    scene.simulate().copied().unwrap_or_else(otherwise)
 }
 
 /// What a user should know before the first client comes.
@@ -207,5 +206,5 @@ fn notices(flight_dir: Option<&std::path::Path>) -> Vec<String> {
 
 /// Replaces the phenomena of the simulated rig by those of a scene.
 fn replace_phenomena(simulator: Simulator) -> SetPhenomena {
-    Box::new(move |simulate: &Simulate| simulator.show(phenomena(simulate)))
+    Box::new(move |simulate: &Simulate| simulator.show(*simulate))
 }

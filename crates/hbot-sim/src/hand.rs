@@ -8,6 +8,7 @@ use core::f64::consts::TAU;
 
 use hbot_core::{Quat, Vec3, rotation};
 
+use crate::phenomena::Hand;
 use crate::plant::Load;
 
 /// Rates of the three axes relative to [`Hand::rate`]: 1, 1/sqrt 2 and the golden ratio's inverse have no common period.
@@ -15,29 +16,6 @@ const RATIOS: [f64; 3] = [1.0, core::f64::consts::FRAC_1_SQRT_2, 0.618_033_988_7
 
 /// How long the motion of the target takes to reach its full amplitude after taking hold, s.
 const FADE_S: f64 = 1.0;
-
-/// What a hand is like. Physics notes, section 8, give the defaults.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hand {
-    /// Stiffness K_h towards the target, N m/rad; default 3. The torque is K_h sin(angle): it gives way beyond a
-    /// quarter turn, as a grip does.
-    pub stiffness: f64,
-    /// Damping against the rate relative to the target's, N m s/rad; default 0.05.
-    pub damping: f64,
-    /// Inertia of the hand about any axis, which moves with the sphere, kg m²; default 2e-3.
-    pub inertia: f64,
-    /// How far the target swings about each axis of N, rad; default 0.25, which keeps it within
-    /// a rig's usual `enable_max_angle`. Zero holds the sphere still.
-    pub amplitude: f64,
-    /// How often it swings about n1, Hz; a little slower about the others. Default 0.25.
-    pub rate: f64,
-}
-
-impl Default for Hand {
-    fn default() -> Self {
-        Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 0.25 }
-    }
-}
 
 /// A hand that holds the sphere: the load on the plant. The inertia is the plant's to add
 /// ([`Plant::set_sphere_inertia`](crate::plant::Plant::set_sphere_inertia)).
@@ -113,7 +91,8 @@ impl Load for Grip {
         self.target(t)
     }
 
-    /// The quaternion spring of the physics notes, section 6, for an isotropic stiffness, and its damper.
+    /// The quaternion spring of the physics notes, section 6, for an isotropic stiffness, and its
+    /// damper. The torque is K sin(angle): it gives way beyond a quarter turn, as a grip does.
     #[inline]
     fn torque(&self, target: &Target, q: Quat, omega: Vec3) -> Vec3 {
         let error = target.q * q.conjugate();

@@ -28,4 +28,3 @@ pub mod phenomena;
 pub mod plant;
 pub mod pty;
 pub mod rig;
-pub mod scene;

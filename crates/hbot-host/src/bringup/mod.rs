@@ -13,7 +13,7 @@ use hbot_config::{RigConfig, rig as config};
 use hbot_core::inputs::JointFeedback;
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
-use hbot_sim::hand::Hand;
+use hbot_sim::phenomena::Hand;
 use thiserror::Error;
 
 use crate::attach::{self, AttachError};

@@ -79,7 +79,7 @@ impl Extras {
         if phenomena.eccentric.is_none() && phenomena.wheel_modules.is_none() && viscous == 0.0 {
             return None;
         }
-        let offset = phenomena.eccentric.map_or(Vec3::ZERO, |eccentric| eccentric.offset);
+        let offset = phenomena.eccentric.map_or(Vec3::ZERO, |eccentric| Vec3::from_array(eccentric.offset));
         Some(Self {
             device: *device,
             offset,

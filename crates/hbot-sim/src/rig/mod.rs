@@ -12,10 +12,10 @@ use hbot_link::{Decoder, FromController, MAX_FEEDBACK_FRAME, ToController, encod
 
 pub use self::config::{RigConfig, RigError};
 use crate::controller::{Controllers, Fault};
-use crate::hand::{Grip, Hand};
+use crate::hand::Grip;
 use crate::impairment::Impairment;
 pub use crate::impairment::Traffic;
-use crate::phenomena::{Link, Phenomena};
+use crate::phenomena::{Hand, Link, Phenomena, of_plant};
 use crate::plant::{Dynamics, JointTorques, State};
 
 /// The longest step of a plant where something sticks, slips or has play, ns. It is stable at any, and of order 1: this one is a
@@ -254,7 +254,7 @@ impl SimulatedRig {
             let angles = self.dynamics.encoder_angles(&self.state);
             self.controllers.set_encoder(phenomena.encoder.as_ref(), &angles);
         }
-        if phenomena.of_plant() != old.of_plant() {
+        if of_plant(&phenomena) != of_plant(&old) {
             self.dynamics.set_phenomena(&phenomena, &self.state);
         }
         self.controllers.set_motor(phenomena.motor);

@@ -2,7 +2,7 @@
 
 use hbot_core::Vec3;
 use hbot_link::ToController;
-use hbot_sim::hand::Hand;
+use hbot_sim::phenomena::Hand;
 use hbot_sim::plant::{Method, Plant, State};
 use hbot_sim::rig::{RigConfig, RigError, SimulatedRig};
 

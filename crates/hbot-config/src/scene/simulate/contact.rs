@@ -17,6 +17,7 @@ pub struct Slip {
 
 impl Default for Slip {
     fn default() -> Self {
+        // Usual for rubber on plastic; the force is assumed.
         Self { mu: 0.8, normal_force: 10.0 }
     }
 }
@@ -38,6 +39,7 @@ pub struct Pivoting {
 
 impl Default for Pivoting {
     fn default() -> Self {
+        // As for slip; the patch of a hard tyre, assumed.
         Self { mu: 0.8, normal_force: 10.0, patch_radius: 1.0e-4 }
     }
 }

@@ -23,6 +23,7 @@ pub struct Encoder {
 
 impl Default for Encoder {
     fn default() -> Self {
+        // A disc 5 micrometres out of centre at a track of 10 mm radius, assumed.
         Self { step: 1, turn_error: 5.0e-4, index_error: 0.0, seed: 1 }
     }
 }

@@ -26,6 +26,8 @@ pub struct Hand {
 
 impl Default for Hand {
     fn default() -> Self {
+        // Physics notes, section 8. The amplitude keeps the target within a rig's usual
+        // `enable_max_angle`.
         Self { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 0.25 }
     }
 }

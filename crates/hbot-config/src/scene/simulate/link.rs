@@ -30,6 +30,7 @@ pub struct Link {
 impl Default for Link {
     fn default() -> Self {
         Self {
+            // A tick of 1 kHz in all (physics notes, section 8).
             latency_s: 1.0e-3,
             command_latency_s: 0.0,
             jitter_s: 1.0e-4,

@@ -14,6 +14,7 @@ pub struct Eccentric {
 
 impl Default for Eccentric {
     fn default() -> Self {
+        // The tolerance of a good printed or turned shell, assumed.
         Self { offset: [5.0e-4, 0.0, 0.0] }
     }
 }
@@ -29,6 +30,7 @@ pub struct WheelModules {
 
 impl Default for WheelModules {
     fn default() -> Self {
+        // Wheel, drive motor and gear, assumed.
         Self { mass: 0.05 }
     }
 }

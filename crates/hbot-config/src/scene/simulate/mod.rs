@@ -1,7 +1,7 @@
 //! What the simulated rig shows of a real one, on request of the scene.
 //!
-//! Each phenomenon is a table; its defaults are those of hbot-sim, which hbot-server holds equal by test. Sources and
-//! reasons of the figures stand there.
+//! Each phenomenon is a table, defined here alone: hbot-sim computes with the same types. Where a
+//! default comes from stands beside it; equations, sources and validation are in docs/simulator.md.
 
 mod contact;
 mod encoder;

@@ -27,10 +27,16 @@ pub struct Motor {
 impl Default for Motor {
     fn default() -> Self {
         Self {
+            // Explains the paper's table III, 5 % too soft whatever the stiffness.
             torque_scale: 0.95,
+            // Physics notes, section 8.
             lag_s: 5.0e-4,
+            // About 5000 turns a minute, usual of flat brushless motors that stall at near 1 N m, at
+            // the joint without a gear; assumed.
             steer_no_load_rate: 500.0,
+            // About 10,000 turns a minute, usual of 3 W motors, through 17:1; assumed.
             drive_no_load_rate: 60.0,
+            // Usual of windings of this size (the housing's is of minutes); assumed.
             thermal_time_s: 10.0,
         }
     }

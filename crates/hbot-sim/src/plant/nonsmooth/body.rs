@@ -8,7 +8,7 @@ use super::super::weights::Module;
 use super::law::{Element, Law, Row};
 use super::solver::Problem;
 use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
-use crate::phenomena::Phenomena;
+use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
 /// A loss of a gear off by less than this part of what stops its motor is as good as right.
 const SMALL_LOSS: f64 = 1.0e-9;
@@ -110,10 +110,9 @@ impl Body {
             radius: [self.device.sphere_radius(); MAX_WHEELS],
             rows: [[Vec3::ZERO; 2]; MAX_WHEELS],
         };
-        let offset = self
-            .phenomena
-            .eccentric
-            .map(|eccentric| rotation::exp(state.omega * ahead) * (state.q * eccentric.offset));
+        let offset = self.phenomena.eccentric.map(|eccentric| {
+            rotation::exp(state.omega * ahead) * (state.q * Vec3::from_array(eccentric.offset))
+        });
         for (i, wheel) in self.device.wheels().iter().enumerate() {
             let frame = ContactFrame::at(wheel, state.steer[i] + ahead * self.rates[2 * i]);
             if let Some(offset) = offset {
@@ -213,11 +212,15 @@ impl Body {
             let wheel = &self.device.wheels()[i];
             if let Some(slip) = self.phenomena.slip {
                 let [along, across] = self.slip_rows(now, i);
-                put(Law::Friction { limit: h * slip.limit() }, 2, [along, across, Row::EMPTY]);
+                put(Law::Friction { limit: h * largest_grip(&slip) }, 2, [along, across, Row::EMPTY]);
             }
             if let Some(pivoting) = self.phenomena.pivoting {
                 let row = self.spin_row(now, i, wheel.spec().cone);
-                put(Law::Friction { limit: h * pivoting.limit() }, 1, [row, Row::EMPTY, Row::EMPTY]);
+                put(
+                    Law::Friction { limit: h * largest_pivoting_torque(&pivoting) },
+                    1,
+                    [row, Row::EMPTY, Row::EMPTY],
+                );
             }
             for k in 0..2 {
                 let geared = self.motor_at(i).is_some() && k == 1;
@@ -225,7 +228,7 @@ impl Body {
                     let row = self.driven_row(now, i, k);
                     let rate = row.dot(speeds);
                     let mut limit =
-                        self.phenomena.joint_friction.map_or(0.0, |friction| friction.limit(rate));
+                        self.phenomena.joint_friction.map_or(0.0, |friction| dry_friction(&friction, rate));
                     if geared {
                         limit += self.motors[i].loss;
                     }

@@ -265,7 +265,7 @@ impl Nonsmooth {
     /// The sphere's own weight, where it is out of centre.
     fn weight(&self) -> Option<Weight> {
         self.body.phenomena.eccentric.map(|eccentric| Weight {
-            offset: eccentric.offset,
+            offset: Vec3::from_array(eccentric.offset),
             weight: self.body.device.sphere_mass() * GRAVITY,
         })
     }

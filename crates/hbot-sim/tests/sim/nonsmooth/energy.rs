@@ -2,7 +2,8 @@
 
 use hbot_core::Vec3;
 use hbot_core::device::{Device, WheelSpec};
-use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::hand::Grip;
+use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{
     CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
 };
@@ -102,7 +103,7 @@ fn phenomena(dice: &mut Dice) -> Phenomena {
             normal_force: 10.0,
             patch_radius: dice.figure(1e-5, 1e-2, 0.1),
         }),
-        eccentric: dice.some(0.4, |dice| Eccentric { offset: dice.vector(0.01) }),
+        eccentric: dice.some(0.4, |dice| Eccentric { offset: dice.vector(0.01).to_array() }),
         wheel_modules: dice.some(0.4, |dice| WheelModules { mass: dice.figure(1e-3, 0.2, 1.0) }),
         gear: dice.some(0.4, |dice| Gear {
             backlash: dice.figure(1e-4, 0.1, 1.0),
@@ -157,7 +158,9 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
     let total = |dynamics: &Dynamics, state: &State| {
         dynamics.energy(state) + grip.map_or(0.0, |grip| grip.energy(0.0, state.q))
     };
-    let swing = phenomena.eccentric.map_or(0.0, |e| device.sphere_mass() * 9.81 * e.offset.length())
+    let swing = phenomena
+        .eccentric
+        .map_or(0.0, |e| device.sphere_mass() * 9.81 * Vec3::from_array(e.offset).length())
         + phenomena.wheel_modules.map_or(0.0, |m| m.mass * 9.81 * 0.3 * device.wheels().len() as f64);
     let mut before = total(&dynamics, &state);
     let scale = before.abs() + swing;

@@ -3,7 +3,7 @@
 use hbot_core::device::Device;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
-use hbot_sim::phenomena::{CageFriction, Phenomena, Slip};
+use hbot_sim::phenomena::{CageFriction, Phenomena, Slip, largest_grip};
 use hbot_sim::plant::{Dynamics, Method, State};
 
 use crate::devices::{prototype, toed};
@@ -68,7 +68,7 @@ fn encoders_see_what_they_can_of_slip_and_none_where_there_is_none() {
     let grip = Slip { mu: 0.5, normal_force: 2.0 };
     for (device, name) in [(prototype(0.0155, 2.7e-5, 3.5e-6), "prototype"), (toed(3), "three wheels")] {
         // What 1 N at the contact takes of a drive, and half as much again.
-        let limit = grip.limit() * device.wheels()[0].spec().radius;
+        let limit = largest_grip(&grip) * device.wheels()[0].spec().radius;
         let h = 2.5e-4;
         let (sliding, there) = slips(&device, Some(grip), 1.5 * limit, h);
         let (held, _) = slips(&device, Some(grip), 0.3 * limit, h);

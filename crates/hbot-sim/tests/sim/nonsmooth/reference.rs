@@ -11,7 +11,7 @@ use differential_equations::ode::ODE;
 use hbot_core::Quat;
 use hbot_core::device::Device;
 use hbot_sim::hand::Grip;
-use hbot_sim::phenomena::Phenomena;
+use hbot_sim::phenomena::{Phenomena, largest_grip, largest_pivoting_torque};
 use hbot_sim::plant::State;
 
 use super::dual::{Dual, Triple, constant, cross, dot, fixed, plus, solved, times, turned};
@@ -120,7 +120,7 @@ impl Reference<'_> {
 
     /// The sphere's offset in N.
     fn offset(&self, y: &[Dual; SIZE]) -> Triple {
-        let d = self.phenomena.eccentric.map_or([0.0; 3], |e| e.offset.to_array());
+        let d = self.phenomena.eccentric.map_or([0.0; 3], |e| e.offset);
         turned([y[0], y[1], y[2], y[3]], fixed(d))
     }
 
@@ -213,7 +213,7 @@ impl Reference<'_> {
             }
             if let Some(pivoting) = p.pivoting {
                 let spin = steer * spec.cone.cos() - dot(w, at.c3);
-                let [torque] = self.friction(constant(pivoting.limit()), [spin], 1.0);
+                let [torque] = self.friction(constant(largest_pivoting_torque(&pivoting)), [spin], 1.0);
                 at_steer = at_steer + torque * spec.cone.cos();
                 on_sphere = plus(on_sphere, times(at.c3, -torque));
             }
@@ -237,7 +237,7 @@ impl Reference<'_> {
                     at.radius * lc2 * steer - at.radius * dot(at.c2, w),
                     -(at.radius * lc1 * steer) + drive * spec.radius + at.radius * dot(at.c1, w),
                 ];
-                let f = self.friction(constant(slip.limit()), s, 0.01);
+                let f = self.friction(constant(largest_grip(&slip)), s, 0.01);
                 let (a, b) =
                     (at_steer + at.radius * (lc2 * f[0] - lc1 * f[1]), at_drive + f[1] * spec.radius);
                 let det = 1.0 / (jt * jp - jc * jc);

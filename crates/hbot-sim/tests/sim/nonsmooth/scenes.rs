@@ -4,7 +4,8 @@ use core::f64::consts::PI;
 
 use hbot_core::device::Device;
 use hbot_core::{Vec3, rotation};
-use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::hand::Grip;
+use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{
     CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
 };
@@ -223,7 +224,7 @@ pub(super) fn everything() -> Scene {
             cage_friction: Some(CageFriction { torque: 5e-3 }),
             slip: Some(Slip { mu: 0.5, normal_force: 2.0 }),
             pivoting: Some(Pivoting { mu: 0.5, normal_force: 2.0, patch_radius: 1e-3 }),
-            eccentric: Some(Eccentric { offset: Vec3::new(2e-3, -1e-3, 1e-3) }),
+            eccentric: Some(Eccentric { offset: [2e-3, -1e-3, 1e-3] }),
             wheel_modules: Some(WheelModules::default()),
             gear: Some(Gear { backlash: 0.02, efficiency: 0.9, rotor_share: 0.8 }),
             ..Phenomena::default()
@@ -251,7 +252,7 @@ pub(super) fn smooth() -> Scene {
                 breakaway: 0.0,
                 stribeck_rate: 0.5,
             }),
-            eccentric: Some(Eccentric { offset: Vec3::new(3e-3, -4e-3, 2e-3) }),
+            eccentric: Some(Eccentric { offset: [3e-3, -4e-3, 2e-3] }),
             wheel_modules: Some(WheelModules { mass: 0.05 }),
             ..Phenomena::default()
         },

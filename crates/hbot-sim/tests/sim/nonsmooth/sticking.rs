@@ -3,7 +3,7 @@
 use hbot_core::device::Device;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Vec3, rotation};
-use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena, Slip};
+use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena, Slip, largest_grip};
 use hbot_sim::plant::{Dynamics, Method, State};
 
 use crate::devices::{prototype, toed};
@@ -128,7 +128,7 @@ fn contacts_and_cage() {
     for frame in &posture.frames()[..2] {
         for k in 0..64 {
             let (s, c) = (core::f64::consts::PI * (f64::from(k) + 0.5) / 64.0).sin_cos();
-            let reach = slip.limit() * device.sphere_radius() * core::f64::consts::PI / 128.0;
+            let reach = largest_grip(&slip) * device.sphere_radius() * core::f64::consts::PI / 128.0;
             rods.push((frame.c1 * c + frame.c2 * s) * reach);
         }
     }
@@ -148,7 +148,7 @@ fn a_contact_under_a_drive() {
         ..Phenomena::default()
     };
     let device = prototype(0.0155, 2.7e-5, 3.5e-6);
-    let limit = slip.limit() * 0.0155 + 2e-4;
+    let limit = largest_grip(&slip) * 0.0155 + 2e-4;
     let angle = |torque: f64, seconds: f64| {
         let mut state = steered();
         let mut dynamics = Dynamics::new(&device, &phenomena, Method::Rk4, &state).unwrap();

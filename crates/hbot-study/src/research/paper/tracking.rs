@@ -138,7 +138,7 @@ impl Runs {
         for stiffness in STIFFNESSES {
             settings.extend([ideal, all].map(|phenomena| Setting { stiffness, phenomena }));
         }
-        let out = |d| Phenomena { eccentric: Some(Eccentric { offset: Vec3::Z * d }), ..all };
+        let out = |d| Phenomena { eccentric: Some(Eccentric { offset: [0.0, 0.0, d] }), ..all };
         settings.extend(offsets.iter().map(|d| setting(out(*d))));
         let loose = |force| Phenomena { slip: Some(Slip { normal_force: force, ..Slip::default() }), ..all };
         settings.extend(forces.iter().map(|force| setting(loose(*force))));

@@ -4,7 +4,8 @@ use core::f64::consts::PI;
 
 use hbot_core::{Device, Quat, rotation};
 use hbot_plot::{Lines, Series};
-use hbot_sim::hand::{Grip, Hand};
+use hbot_sim::hand::Grip;
+use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{Phenomena, Slip};
 use hbot_sim::plant::{Dynamics, Method, State};
 

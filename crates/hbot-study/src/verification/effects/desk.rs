@@ -14,7 +14,6 @@ use hbot_sim::exchange::Exchange;
 use hbot_sim::motion::MOTIONS;
 use hbot_sim::plant::State;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
-use hbot_sim::scene::phenomena;
 use serde_json::{Map, Value, json};
 
 /// Ticks until the soft start is over.
@@ -138,7 +137,7 @@ impl Desk {
     /// Takes over the scene of `setup`, and blends it in. The rig begins anew.
     fn change(&mut self, setup: &Setup) {
         let file = setup.scene();
-        let shown = file.simulate().filter(|_| !setup.names.is_empty()).map(phenomena);
+        let shown = file.simulate().filter(|_| !setup.names.is_empty()).copied();
         self.exchange.rig_mut().set_phenomena(shown.unwrap_or_default());
         self.scene = Rc::new(self.running.load(file));
         self.run(BLEND);
