@@ -1,7 +1,7 @@
 //! What the simulated rig shows of a real one, on request of the scene.
 //!
-//! Each phenomenon is a table; its defaults are those of hbot-sim, which hbot-server holds equal by test. Sources and
-//! reasons of the figures stand there.
+//! Each phenomenon is a table; its defaults are those of hbot-sim, where a test of `scene.rs` compares the
+//! two. The sources of the figures are there too.
 
 mod contact;
 mod encoder;
