@@ -9,6 +9,7 @@ mod far;
 mod last_word;
 mod log;
 mod output;
+mod pages;
 mod phenomena;
 mod process;
 mod refusals;

@@ -5,12 +5,15 @@ mod toy;
 
 use hbot_config::RigConfig;
 use hbot_host::bus::{Expected, Protocol, hbot::HbotLink};
-use hbot_host::conformance::{Controllers, Subject, assert_conforms};
+use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
 use hbot_host::layout::Layout;
 use hbot_sim::controller::Fault;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 
 use toy::motors::HeldMotors;
+
+/// The page for those who write drivers.
+const PAGE: &str = include_str!("../../../docs/drivers.md");
 
 /// The simulated rig's controllers. Its plant stands still: what is looked at is the protocol.
 struct Simulated(SimulatedRig);
@@ -58,4 +61,37 @@ fn the_hbot_link_conforms() {
 #[test]
 fn a_driver_of_one_s_own_conforms() {
     assert_conforms(&subject(&toy::Toy, held_motors));
+}
+
+/// The words of a text, one space between them.
+fn words(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn the_page_for_drivers_lists_all_cases_in_their_order() {
+    let table = PAGE.split("\n| case |").nth(1).and_then(|rest| rest.split("\n\n").next());
+    let rows = table.expect("docs/drivers.md has a table of cases").lines().skip(2);
+    let listed: Vec<&str> = rows.filter_map(|row| row.strip_prefix("| ")?.split(" | ").next()).collect();
+    let cases: Vec<&str> = CASES.iter().map(|case| case.name).collect();
+    assert_eq!(listed, cases, "the table of cases in docs/drivers.md");
+}
+
+#[test]
+fn every_excerpt_on_the_page_for_drivers_stands_in_the_code() {
+    let sources = [
+        include_str!("../src/bus/mod.rs"),
+        include_str!("conformance.rs"),
+        include_str!("toy/mod.rs"),
+        include_str!("../../../tests/server/drivers.rs"),
+    ]
+    .map(words);
+    let excerpts = PAGE.split("```rust\n").skip(1).map(|rest| rest.split("```").next().unwrap_or_default());
+    let mut seen = 0;
+    for excerpt in excerpts {
+        let found = sources.iter().any(|source| source.contains(&words(excerpt)));
+        assert!(found, "docs/drivers.md quotes what stands nowhere:\n{excerpt}");
+        seen += 1;
+    }
+    assert!(seen >= 10, "{seen} excerpts");
 }
