@@ -56,7 +56,7 @@ fn rendering(c: &mut Criterion) {
             b.iter(|| {
                 tick += 1;
                 let motion = &motions[tick as usize % motions.len()];
-                renderer.torque(black_box(&scene), black_box(motion), tick, 1e-3, 1e-3)
+                renderer.render(black_box(&scene), black_box(motion), tick, 1e-3, 1e-3)
             });
         });
     }
