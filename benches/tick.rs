@@ -105,10 +105,8 @@ macro_rules! width {
                     let swing = 0.3 + 0.1 * i as $real;
                     feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;
                     // The rate of these counts at 1 kHz.
-                    let turn = rig.joints[i].counts_per_turn as $real * rig.joints[i].gear;
                     feedback.rates[i] =
-                        swing * (phase + i as $real).cos() * 2000.0 * 6.0 * core::f64::consts::TAU as $real
-                            / turn;
+                        swing * (phase + i as $real).cos() * 2000.0 * 6.0 * rig.joints[i].radians_per_count();
                 }
                 feedback
             }

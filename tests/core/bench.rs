@@ -118,10 +118,8 @@ impl Sphere {
 pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
     let mut counts = [0; MAX_JOINTS];
     for j in 0..rig.device.joints() {
-        let joint = &rig.joints[j];
-        let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-        // What wraps in the encoder wraps here.
-        counts[j] = (sphere.angle[j] * unit).round() as i64 as i32;
+        // What wraps in the encoder wraps here. Counts and rates are in the joint's sense, whatever `reversed` says.
+        counts[j] = (sphere.angle[j] / rig.joints[j].radians_per_count().abs()).round() as i64 as i32;
     }
     JointFeedback {
         sequence,

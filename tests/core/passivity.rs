@@ -78,9 +78,7 @@ impl Loop {
             complaints: Complaints::default(),
         };
         for j in 0..4 {
-            let joint = &self.rig.joints[j];
-            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-            reading.counts[j] = (angles[j] * unit).floor() as i32;
+            reading.counts[j] = (angles[j] / self.rig.joints[j].radians_per_count()).floor() as i32;
         }
         let own = SpringDamper { stiffness: 0.0, damping: OWN, reference: Quat::IDENTITY };
         let time = self.tick as f64 * DT;

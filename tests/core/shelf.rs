@@ -36,9 +36,7 @@ struct Seen {
 }
 
 fn counts(joint: &Joint, angle: f64) -> i32 {
-    let sign = if joint.reversed { -1.0 } else { 1.0 };
-    (sign * angle * f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU).round() as i64
-        as i32
+    (angle / joint.radians_per_count()).round() as i64 as i32
 }
 
 /// Runs a scene for so many seconds; every reading is a tick old when its torque begins.

@@ -3,7 +3,7 @@
 //! hbot-config fills these from a rig file after checking every range; the core takes them as they are.
 
 use crate::device::{Device, MAX_JOINTS};
-use crate::real::Real;
+use crate::real::{Real, TURN};
 
 /// Everything that one controller needs to know of its rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +35,27 @@ pub struct Joint {
     pub peak: Real,
     /// The torque that the motor holds for ever, N m.
     pub continuous: Real,
+}
+
+impl Joint {
+    /// Encoder counts in one turn of the joint: those of a turn of the encoder times the gear.
+    #[must_use]
+    pub fn counts(&self) -> f64 {
+        f64::from(self.counts_per_turn) * real_to_f64(self.gear)
+    }
+
+    /// The joint's turn for one count, rad; negative where the controller counts against the joint.
+    #[must_use]
+    pub fn radians_per_count(&self) -> Real {
+        let turn = TURN / self.counts() as Real;
+        if self.reversed { -turn } else { turn }
+    }
+}
+
+// One width of the two makes the conversion a no-op.
+#[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
+fn real_to_f64(x: Real) -> f64 {
+    f64::from(x)
 }
 
 /// How the zero of a steering angle becomes known.
@@ -267,5 +288,27 @@ impl PassivityLimit {
     pub fn of(device: &Device, period_s: Real) -> Self {
         let damping = 0.25 * device.sphere_inertia() / period_s.max(1.0e-3);
         Self { allowance: 1.0e-3, store: 0.5, damping }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_turns_the_joint_by_a_share_of_the_gear_in_its_own_sense() {
+        let mut joint = Joint {
+            counts_per_turn: 1000,
+            gear: 4.0,
+            reversed: false,
+            zero: Zero::Assume,
+            peak: 1.0,
+            continuous: 1.0,
+        };
+        // 4000 counts are a turn.
+        assert_eq!(joint.counts(), 4000.0);
+        assert!((joint.radians_per_count() - 1.570_796_3e-3).abs() < 1.0e-9);
+        joint.reversed = true;
+        assert!((joint.radians_per_count() + 1.570_796_3e-3).abs() < 1.0e-9);
     }
 }

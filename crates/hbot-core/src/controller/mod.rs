@@ -81,20 +81,13 @@ impl Controller {
     /// A controller for `rig`, not homed, at the identity.
     #[must_use]
     pub fn new(rig: Rig) -> Self {
-        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
         let first = ContactArms::of(&rig.device.wheels()[0], rig.device.sphere_radius());
         let mut arms = [first; MAX_WHEELS];
         for (i, wheel) in rig.device.wheels().iter().enumerate() {
             arms[i] = ContactArms::of(wheel, rig.device.sphere_radius());
-            let [steer, drive] = arms[i].weights();
-            limits.weight[2 * i] = steer;
-            limits.weight[2 * i + 1] = drive;
-        }
-        for i in 0..rig.device.joints() {
-            limits.peak[i] = rig.joints[i].peak;
         }
         Self {
-            limits,
+            limits: JointLimits::of(&rig),
             arms,
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),

@@ -1,6 +1,6 @@
 //! A prototype whose sphere rests and whose encoders read what a check says, with its controller.
 
-use super::super::core::allocation::{ContactArms, JointLimits};
+use super::super::core::allocation::JointLimits;
 use super::super::core::device::MAX_JOINTS;
 use super::super::core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use super::super::core::inputs::{Command, Complaints, Inputs, JointFeedback};
@@ -61,13 +61,7 @@ pub fn rig() -> Rig {
 
 /// Limits and default weights of a device with the prototype's motors.
 pub fn limits(device: &Device) -> JointLimits {
-    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        limits.peak[2 * i..2 * i + 2].copy_from_slice(&PEAK);
-        let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
-        limits.weight[2 * i..2 * i + 2].copy_from_slice(&weights);
-    }
-    limits
+    JointLimits::of_device(device, |joint| PEAK[joint % 2])
 }
 
 /// A geodesic spring of 2 N m/rad whose reference is `turn` away from the identity.

@@ -91,8 +91,7 @@ fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
             complaints: Complaints::default(),
         };
         for j in 0..JOINTS {
-            let unit = f64::from(rig.joints[j].counts_per_turn) * rig.joints[j].gear / TAU;
-            feedback.counts[j] = (angles[j] * unit).floor() as i32;
+            feedback.counts[j] = (angles[j] / rig.joints[j].radians_per_count()).floor() as i32;
             feedback.rates[j] = rates[j];
         }
         feedback
