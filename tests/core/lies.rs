@@ -1,6 +1,6 @@
 //! What encoders and controllers say is not believed where it cannot be true.
 
-use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
+use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use crate::rng::Rng;
 use hbot_core::inputs::{Command, Inputs};
 use hbot_core::kinematics::Posture;
@@ -125,8 +125,7 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
 fn readings_that_come_late_or_after_gaps_are_no_lies() {
     // A sphere that is turned to and fro. Now and then the line stands for up to 200 ms: the controllers
     // then answer the oldest command first, with what they read at that moment.
-    let mut rig = rig();
-    rig.timing.timeout_ticks = 1000;
+    let rig = altered(&rig(), |rig| rig.timing.timeout_ticks = 1000);
     for pace in [0.002, 0.02, 0.1] {
         let mut bench = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
         let mut rng = Rng(9);

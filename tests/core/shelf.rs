@@ -12,7 +12,7 @@ use hbot_core::{Controller, Vec3};
 use hbot_sim::hand::{Grip, Hand};
 use hbot_sim::plant::{Method, Plant, State};
 
-use crate::bench::assert_finite;
+use crate::bench::{altered, assert_finite};
 
 fn files(folder: &str) -> Vec<PathBuf> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(folder);
@@ -41,8 +41,7 @@ fn counts(joint: &Joint, angle: f64) -> i32 {
 
 /// Runs a scene for so many seconds; every reading is a tick old when its torque begins.
 fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
-    let mut rig = config.rig;
-    rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
+    let rig = altered(&config.rig, |rig| rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume));
     let scene = RunningScene::new().load(file.clone());
     let mut controller = Controller::new(rig);
     let hand = file.simulate().and_then(|simulate| simulate.hand).map_or_else(Hand::default, |h| Hand {

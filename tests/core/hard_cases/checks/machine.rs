@@ -6,7 +6,7 @@ use super::super::core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use super::super::core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use super::super::core::mode::Mode;
 use super::super::core::outputs::{Outputs, Reply};
-use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Zero};
+use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use super::super::core::{CompiledScene, Controller, Device, Mat3, Quat, Real, Vec3, WheelSpec, rotation};
 
 /// The largest torque of steer and drive in [`rig`], N m.
@@ -30,33 +30,12 @@ pub fn device(wheels: &[WheelSpec]) -> Device {
 }
 
 pub fn rig() -> Rig {
-    let joint = |peak, gear| Joint {
-        counts_per_turn: 16384,
-        gear,
-        reversed: false,
-        zero: Zero::Assume,
-        peak,
-        continuous: peak,
-    };
-    Rig {
-        device: device(&wheels()),
-        joints: core::array::from_fn(|j| joint(PEAK[j % 2], if j % 2 == 0 { 1.0 } else { 17.0 })),
-        limits: Limits {
-            torque: 0.5,
-            torque_rate: 200.0,
-            speed: 30.0,
-            slip: 0.05,
-            traction: None,
-            enable_max_angle: 0.5,
-            align_rate: 0.5,
-            reference_rate: 5.0,
-            max_age_ticks: 50,
-            thermal_time: None,
-            energy: None,
-        },
-        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
-    }
+    let [steer, drive] = PEAK.map(|peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) });
+    let parts = RigParts::new(device(&wheels())).with_joints(steer, Joint { gear: 17.0, ..drive });
+    let limits =
+        Limits { torque: 0.5, align_rate: 0.5, reference_rate: 5.0, max_age_ticks: 50, ..Limits::default() };
+    let methods = Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED };
+    Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
 }
 
 /// Limits and default weights of a device with the prototype's motors.

@@ -106,9 +106,9 @@ impl Desk {
     /// A desk that is active, without any effect or phenomenon.
     pub(super) fn active() -> Self {
         let config = RigConfig::prototype();
-        let mut rig = config.rig;
         // What the figures of an effect ask for is not what the study is about.
-        rig.limits.enable_max_angle = core::f64::consts::PI;
+        let rig = config.rig.with(|rig| rig.limits.enable_max_angle = core::f64::consts::PI);
+        let rig = rig.unwrap_or_else(|error| unreachable!("half a turn is legal: {error}"));
         let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig));
         let simulated =
             simulated.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
