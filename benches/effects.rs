@@ -56,7 +56,7 @@ fn rendering(c: &mut Criterion) {
             b.iter(|| {
                 tick += 1;
                 let motion = &motions[tick as usize % motions.len()];
-                renderer.torque(black_box(&scene), black_box(motion), tick, 1e-3, 1e-3)
+                renderer.render(black_box(&scene), black_box(motion), tick, 1e-3, 1e-3)
             });
         });
     }
@@ -78,9 +78,7 @@ fn whole_ticks(c: &mut Criterion) {
             for i in 0..4 {
                 counts[i] = (600.0 * (phase + i as f64).sin()) as i32;
                 // The rate of these counts at 1 kHz: controllers whose rates disagree with them are a fault.
-                let joint = &rig.joints[i];
-                let turn = f64::from(joint.counts_per_turn) * joint.gear;
-                rates[i] = 600.0 * 6.0 * (phase + i as f64).cos() * std::f64::consts::TAU / turn;
+                rates[i] = 600.0 * 6.0 * (phase + i as f64).cos() * rig.joints[i].radians_per_count();
             }
             let complaints = Complaints::default();
             let mut inputs = Inputs::quiet(tick);

@@ -17,7 +17,7 @@ macro_rules! width {
             use $core::outputs::Outputs;
             use $core::path::Trail;
             use $core::rig::{
-                EnergyLimit, Joint, Limits, Methods, OdometryMethod, PassivityLimit, PathFit, Rig, Timing,
+                EnergyLimit, Joint, Methods, OdometryMethod, PassivityLimit, PathFit, Rig, RigParts,
                 Traction, Zero,
             };
             use $core::{
@@ -43,37 +43,13 @@ macro_rules! width {
                     spec([0.0, 1.0, -1.0], 0.1745),
                     spec([0.0, -1.0, -1.0], 0.1745),
                 ];
-                let joint = |peak| Joint {
-                    counts_per_turn: 16384,
-                    gear: 1.0,
-                    reversed: false,
-                    zero: Zero::Assume,
-                    peak,
-                    continuous: 0.1 * peak,
-                };
-                let mut joints = [joint(0.93); MAX_JOINTS];
-                for drive in joints.iter_mut().skip(1).step_by(2) {
-                    *drive = Joint { gear: 17.0, ..joint(0.14) };
-                }
-                Rig {
-                    device: Device::new(0.102, 0.467, &all[..wheels]).expect("a legal device"),
-                    joints,
-                    limits: Limits {
-                        torque: 0.9,
-                        torque_rate: 200.0,
-                        speed: 30.0,
-                        slip: 0.05,
-                        traction: Some(Traction { mu: 0.8, normal_force: 10.0 }),
-                        enable_max_angle: 0.5,
-                        align_rate: 0.2,
-                        reference_rate: 2.0,
-                        thermal_time: None,
-                        energy: None,
-                        max_age_ticks: 100,
-                    },
-                    timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-                    methods,
-                }
+                let joint =
+                    |peak| Joint { zero: Zero::Assume, continuous: 0.1 * peak, ..Joint::new(16384, peak) };
+                let device = Device::new(0.102, 0.467, &all[..wheels]).expect("a legal device");
+                let drive = Joint { gear: 17.0, ..joint(0.14) };
+                let mut parts = RigParts::new(device).with_joints(joint(0.93), drive);
+                parts.limits.traction = Some(Traction { mu: 0.8, normal_force: 10.0 });
+                Rig::new(RigParts { methods, ..parts }).expect("a legal rig")
             }
 
             fn scene() -> CompiledScene {
@@ -105,18 +81,16 @@ macro_rules! width {
                     let swing = 0.3 + 0.1 * i as $real;
                     feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;
                     // The rate of these counts at 1 kHz.
-                    let turn = rig.joints[i].counts_per_turn as $real * rig.joints[i].gear;
                     feedback.rates[i] =
-                        swing * (phase + i as $real).cos() * 2000.0 * 6.0 * core::f64::consts::TAU as $real
-                            / turn;
+                        swing * (phase + i as $real).cos() * 2000.0 * 6.0 * rig.joints[i].radians_per_count();
                 }
                 feedback
             }
 
             /// The ticks of a controller past its soft start: what is timed is the active tick.
-            fn active(mut rig: Rig) -> impl FnMut() -> Outputs {
+            fn active(rig: Rig) -> impl FnMut() -> Outputs {
                 // The feedback above is no turning sphere: its slip is no fault here.
-                rig.limits.slip = 1.0e6;
+                let rig = rig.with(|rig| rig.limits.slip = 100.0).expect("a legal rig");
                 let mut controller = Controller::new(rig);
                 let scene = scene();
                 let readings: Vec<_> = (0..1024).map(|tick| feedback(&rig, tick)).collect();
@@ -161,20 +135,20 @@ macro_rules! width {
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {
-                    let mut none = rig(wheels, Methods::BALANCED);
-                    none.limits.traction = None;
-                    let traction = |rig: &mut Rig| {
+                    let none = rig(wheels, Methods::BALANCED).with(|rig| rig.limits.traction = None);
+                    let none = none.expect("a legal rig");
+                    let traction = |rig: &mut RigParts| {
                         rig.limits.traction = Some(Traction { mu: 0.8, normal_force: 10.0 });
                     };
-                    let heat = |rig: &mut Rig| rig.limits.thermal_time = Some(1.0e9);
-                    let energy = |rig: &mut Rig| {
-                        rig.limits.energy = Some(EnergyLimit { burst: 1.0e9, power: 1.0 });
+                    let heat = |rig: &mut RigParts| rig.limits.thermal_time = Some(1.0e5);
+                    let energy = |rig: &mut RigParts| {
+                        rig.limits.energy = Some(EnergyLimit { burst: 1000.0, power: 1000.0 });
                     };
-                    let passivity = |rig: &mut Rig| {
+                    let passivity = |rig: &mut RigParts| {
                         let limit = PassivityLimit::of(&rig.device, rig.timing.period_s());
                         rig.methods.passivity = Some(limit);
                     };
-                    let each: [(&str, &[&dyn Fn(&mut Rig)]); 6] = [
+                    let each: [(&str, &[&dyn Fn(&mut RigParts)]); 6] = [
                         ("none", &[]),
                         ("traction", &[&traction]),
                         ("thermal_time", &[&heat]),
@@ -183,9 +157,8 @@ macro_rules! width {
                         ("all", &[&traction, &heat, &energy, &passivity]),
                     ];
                     for (name, on) in each {
-                        let mut rig = none;
-                        on.iter().for_each(|on| on(&mut rig));
-                        let mut run = active(rig);
+                        let rig = none.with(|rig| on.iter().for_each(|on| on(rig)));
+                        let mut run = active(rig.expect("a legal rig"));
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
                             b.iter(|| black_box(run()).state.torque);
                         });

@@ -8,10 +8,11 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::kinematics::Posture;
+use hbot_core::rig::Joint;
 use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
-use hbot_core::{Device, MAX_JOINTS, Vec3};
+use hbot_core::{Device, Vec3};
 use hbot_host::bus::driver;
 use hbot_host::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
 
@@ -96,14 +97,9 @@ fn geometry(config: &RigConfig) -> anyhow::Result<()> {
 fn abilities(config: &RigConfig) -> anyhow::Result<()> {
     let rig = &config.rig;
     let n = rig.device.joints();
-    let limits = |pick: fn(&hbot_core::rig::Joint) -> f64| {
-        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-        for i in 0..n {
-            limits.peak[i] = if rig.joints[i].peak > 0.0 { pick(&rig.joints[i]) } else { 0.0 };
-        }
-        limits
-    };
-    let (peak, continuous) = (limits(|j| j.peak), limits(|j| j.continuous));
+    let peak = JointLimits::of(rig);
+    let lasting = |joint: &Joint| if joint.peak > 0.0 { joint.continuous } else { 0.0 };
+    let continuous = JointLimits::of_device(&rig.device, |i| lasting(&rig.joints[i]));
     let driven: Vec<bool> = (0..n).map(|i| rig.joints[i].peak > 0.0).collect();
     let (mut least, mut mean) = (f64::INFINITY, 0.0);
     let mut actuation = f64::INFINITY;

@@ -215,7 +215,7 @@ fn expected(rig: &mut RigConfig, target: Option<f64>) -> anyhow::Result<Expectat
     let Some(target) = target else { return Ok(expectation::of(&rig.rig)) };
     match expectation::cheapest(&rig.rig, target) {
         Ok(choice) => {
-            rig.rig.methods = choice.chosen(&rig.rig.methods);
+            rig.rig = rig.rig.with(|parts| parts.methods = choice.chosen(&parts.methods))?;
             // As in a rig file that names each.
             rig.accuracy = "custom";
             Ok(choice)

@@ -7,7 +7,7 @@ use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Reply};
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Traction, Zero};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Traction, Zero};
 use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
 
 /// The loop's period, s.
@@ -17,44 +17,29 @@ pub const TORQUE_RATE: f64 = 200.0;
 
 /// The prototype's rig, with motors that take a torque of 1 N m about any axis.
 pub fn rig() -> Rig {
-    let joint = |peak| Joint {
-        counts_per_turn: 16384,
-        gear: 1.0,
-        reversed: false,
-        zero: Zero::Assume,
-        peak,
-        continuous: peak,
+    let joint = |peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) };
+    let parts =
+        RigParts::new(designs::prototype()).with_joints(joint(2.0), Joint { gear: 17.0, ..joint(0.5) });
+    let limits = Limits {
+        torque: 2.0,
+        torque_rate: TORQUE_RATE,
+        align_rate: 0.5,
+        reference_rate: 5.0,
+        max_age_ticks: 50,
+        ..Limits::default()
     };
-    let mut joints = [joint(2.0); MAX_JOINTS];
-    for drive in joints.iter_mut().skip(1).step_by(2) {
-        *drive = Joint { gear: 17.0, ..joint(0.5) };
-    }
-    Rig {
-        device: designs::prototype(),
-        joints,
-        limits: Limits {
-            torque: 2.0,
-            torque_rate: TORQUE_RATE,
-            speed: 30.0,
-            slip: 0.05,
-            traction: None,
-            enable_max_angle: 0.5,
-            align_rate: 0.5,
-            reference_rate: 5.0,
-            thermal_time: None,
-            energy: None,
-            max_age_ticks: 50,
-        },
-        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
-    }
+    let methods = Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED };
+    Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
+}
+
+/// `rig` as `alter` changes it.
+pub fn altered(rig: &Rig, alter: impl FnOnce(&mut RigParts)) -> Rig {
+    rig.with(alter).expect("still a legal rig")
 }
 
 /// [`rig`] with contacts that hold `grip` newton.
 pub fn rig_with_grip(grip: f64) -> Rig {
-    let mut rig = rig();
-    rig.limits.traction = Some(Traction { mu: 1.0, normal_force: grip });
-    rig
+    altered(&rig(), |rig| rig.limits.traction = Some(Traction { mu: 1.0, normal_force: grip }))
 }
 
 /// An effect in `slot` that begins with its full torque.
@@ -118,10 +103,8 @@ impl Sphere {
 pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
     let mut counts = [0; MAX_JOINTS];
     for j in 0..rig.device.joints() {
-        let joint = &rig.joints[j];
-        let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-        // What wraps in the encoder wraps here.
-        counts[j] = (sphere.angle[j] * unit).round() as i64 as i32;
+        // What wraps in the encoder wraps here. Counts and rates are in the joint's sense, whatever `reversed` says.
+        counts[j] = (sphere.angle[j] / rig.joints[j].radians_per_count().abs()).round() as i64 as i32;
     }
     JointFeedback {
         sequence,

@@ -1,6 +1,6 @@
 //! Heat of the motors and energy into the hand: faults that add up.
 
-use crate::bench::{Bench, DT, FirstReply, rig, spring_scene, stream};
+use crate::bench::{Bench, DT, FirstReply, altered, rig, spring_scene, stream};
 use hbot_core::inputs::Command;
 use hbot_core::mode::Cause;
 use hbot_core::outputs::Reply;
@@ -11,17 +11,15 @@ use hbot_core::{CompiledScene, Vec3};
 fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
     let thermal_time = 4.0;
     let ticks_until_hot = |factor: f64| {
-        let mut rig = rig();
-        rig.limits.thermal_time = Some(thermal_time);
+        let rig = altered(&rig(), |rig| rig.limits.thermal_time = Some(thermal_time));
         // The joint that works hardest holds `factor` times its continuous torque.
         let mut probe = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
         let torques = probe.run(10).state.joint_torque;
-        for (joint, torque) in rig.joints.iter_mut().zip(torques) {
-            joint.continuous = (torque.abs() / factor).max(1e-9);
-        }
-        for j in [0, 2] {
-            rig.joints[j].continuous = 10.0;
-        }
+        let rig = altered(&rig, |rig| {
+            for (joint, torque) in rig.joints.iter_mut().zip(torques).skip(1).step_by(2) {
+                joint.continuous = (torque.abs() / factor).max(1e-9);
+            }
+        });
         let mut bench = Bench::active(rig, CompiledScene::empty());
         bench.scene = spring_scene(2, 2.0, Vec3::X * 0.1);
         (0..40_000).find(|_| bench.step().state.cause == Some(Cause::Thermal))
@@ -41,8 +39,7 @@ fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
 fn energy_beyond_its_limit_is_a_fault_when_it_has_added_up_and_not_before() {
     // The sphere turns along with 0.3 N m at 2 rad/s: 0.6 W into the hand; or against it, out of the hand.
     let ticks_until = |burst: f64, power: f64, omega: f64| {
-        let mut rig = rig();
-        rig.limits.energy = Some(EnergyLimit { burst, power });
+        let rig = altered(&rig(), |rig| rig.limits.energy = Some(EnergyLimit { burst, power }));
         let mut bench = Bench::active(rig, CompiledScene::empty());
         bench.command(stream(Vec3::X * 0.3, 1_000_000));
         let found = (0..5000).find(|_| bench.turn(Vec3::X * omega).state.cause.is_some());
@@ -72,8 +69,7 @@ fn energy_beyond_its_limit_is_a_fault_when_it_has_added_up_and_not_before() {
 
 #[test]
 fn energy_that_came_in_is_no_credit_for_a_burst() {
-    let mut rig = rig();
-    rig.limits.energy = Some(EnergyLimit { burst: 0.1, power: 0.01 });
+    let rig = altered(&rig(), |rig| rig.limits.energy = Some(EnergyLimit { burst: 0.1, power: 0.01 }));
     let mut bench = Bench::active(rig, CompiledScene::empty());
     bench.command(stream(Vec3::X * 0.3, 1_000_000));
     for _ in 0..3000 {
@@ -86,9 +82,10 @@ fn energy_that_came_in_is_no_credit_for_a_burst() {
 
 #[test]
 fn a_hot_motor_must_cool_down_before_reset() {
-    let mut rig = rig();
-    rig.limits.thermal_time = Some(1.0);
-    rig.joints.iter_mut().for_each(|joint| joint.continuous = 1e-3);
+    let rig = altered(&rig(), |rig| {
+        rig.limits.thermal_time = Some(1.0);
+        rig.joints.iter_mut().for_each(|joint| joint.continuous = 1e-3);
+    });
     let mut bench = Bench::active(rig, CompiledScene::empty());
     bench.scene = spring_scene(2, 2.0, Vec3::X * 0.1);
     let hot = (0..5000).map(|_| bench.step()).find(|o| o.state.cause.is_some()).expect("hot some time");

@@ -1,6 +1,6 @@
 //! Same inputs, same bits: over a hundred thousand ticks of everything that can happen, in debug and in release.
 
-use crate::bench::{assert_finite, effect, rig, spring};
+use crate::bench::{altered, assert_finite, effect, rig, spring};
 use crate::rng::Rng;
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
@@ -162,17 +162,23 @@ fn scenes() -> [CompiledScene; 4] {
 }
 
 fn rigs() -> [Rig; 3] {
-    let mut plain = rig();
-    plain.limits.speed = 60.0;
-    plain.limits.slip = 0.3;
-    plain.limits.enable_max_angle = 1.5;
-    plain.joints[2].reversed = true;
-    let mut weak = plain;
-    weak.joints.iter_mut().for_each(|joint| joint.peak *= 0.2);
-    (weak.methods.odometry, weak.methods.rate) = (OdometryMethod::Midpoint, RateEstimate::Difference);
-    let mut slippery = plain;
-    slippery.limits.traction = Some(Traction { mu: 0.8, normal_force: 10.0 });
-    slippery.methods.odometry = OdometryMethod::Euler;
+    let plain = altered(&rig(), |rig| {
+        rig.limits.speed = 60.0;
+        rig.limits.slip = 0.3;
+        rig.limits.enable_max_angle = 1.5;
+        rig.joints[2].reversed = true;
+    });
+    let weak = altered(&plain, |rig| {
+        for joint in &mut rig.joints {
+            joint.peak *= 0.2;
+            joint.continuous = joint.peak;
+        }
+        (rig.methods.odometry, rig.methods.rate) = (OdometryMethod::Midpoint, RateEstimate::Difference);
+    });
+    let slippery = altered(&plain, |rig| {
+        rig.limits.traction = Some(Traction { mu: 0.8, normal_force: 10.0 });
+        rig.methods.odometry = OdometryMethod::Euler;
+    });
     [plain, weak, slippery]
 }
 
@@ -215,17 +221,17 @@ fn a_hundred_thousand_ticks_give_the_same_bits_on_every_machine() {
 fn rigs_with_more_stages() -> [Rig; 3] {
     let [plain, weak, slippery] = rigs();
     let with = |rig: Rig, rate, path, damping| {
-        let mut rig = rig;
         let passivity = Some(PassivityLimit { damping, ..PassivityLimit::of(&rig.device, 1e-3) });
-        rig.methods =
-            Methods { odometry: OdometryMethod::Magnus4, path, rate, passivity, ..Methods::BALANCED };
-        // Counts that walk at random have rates to match.
-        rig.limits.speed = 500.0;
-        rig.limits.slip = 50.0;
-        rig
+        altered(&rig, |rig| {
+            rig.methods =
+                Methods { odometry: OdometryMethod::Magnus4, path, rate, passivity, ..Methods::BALANCED };
+            // Counts that walk at random have rates to match.
+            rig.limits.speed = 500.0;
+            rig.limits.slip = 50.0;
+        })
     };
-    let mut clipped = with(weak, RateEstimate::Kalman { acceleration: 100.0 }, PathFit::Cubic, 0.5);
-    clipped.methods.allocation = AllocationMethod::Clipped;
+    let clipped = with(weak, RateEstimate::Kalman { acceleration: 100.0 }, PathFit::Cubic, 0.5);
+    let clipped = altered(&clipped, |rig| rig.methods.allocation = AllocationMethod::Clipped);
     let window = RateEstimate::AdaptiveWindow { tolerance_counts: 2, longest_ticks: 40 };
     [
         clipped,

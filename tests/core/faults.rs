@@ -1,6 +1,6 @@
 //! When a link, a clock or an encoder is bad enough to stop, and when it is not.
 
-use crate::bench::{Bench, FirstReply, active, rig};
+use crate::bench::{Bench, FirstReply, active, altered, rig};
 use crate::rng::Rng;
 use hbot_core::CompiledScene;
 use hbot_core::inputs::Command;
@@ -39,8 +39,7 @@ fn nine_skipped_ticks_again_and_again_ride_through() {
 #[test]
 fn a_link_is_lost_after_its_time_out_and_not_before() {
     for timeout in [1, 20, 100] {
-        let mut rig = rig();
-        rig.timing.timeout_ticks = timeout;
+        let rig = altered(&rig(), |rig| rig.timing.timeout_ticks = timeout);
         let mut bench = Bench::active(rig, CompiledScene::empty());
         // So many ticks may miss their feedback; one more, and the link is lost.
         for k in 1..=timeout {

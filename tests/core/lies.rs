@@ -1,6 +1,6 @@
 //! What encoders and controllers say is not believed where it cannot be true.
 
-use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
+use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use crate::rng::Rng;
 use hbot_core::inputs::{Command, Inputs};
 use hbot_core::kinematics::Posture;
@@ -34,8 +34,7 @@ fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
     for joint in 0..4 {
         // The joint's rate about the axis that turns it most, at 30 rad/s of the sphere.
         let row = Posture::new(&rig.device, &[0.0; 2]).rows()[joint].length();
-        let counts = f64::from(rig.joints[joint].counts_per_turn) * rig.joints[joint].gear;
-        let most = 4.0 * rig.limits.speed * row * DT / std::f64::consts::TAU * counts;
+        let most = 4.0 * rig.limits.speed * row * DT / rig.joints[joint].radians_per_count();
         for (share, cause) in [(0.99, None), (1.01, Some(Cause::ImplausibleFeedback))] {
             // Two counts are left to rounding.
             let by = (most * share + if share > 1.0 { 3.0 } else { 0.0 }) as i32;
@@ -84,8 +83,7 @@ fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
     let slip = alone.slip.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
     let counts = [0, 1, 2, 3].map(|j| {
         let rate = (f64::from(u8::from(j == 1)) - explained[j]) * 0.2 / slip;
-        let joint = &rig.joints[j];
-        (rate * DT / std::f64::consts::TAU * f64::from(joint.counts_per_turn) * joint.gear) as i32
+        (rate * DT / rig.joints[j].radians_per_count()) as i32
     });
     let (cause, tick) = lie(counts, [0.0; 4]).expect("a fault");
     assert!(cause == Cause::Slip && tick <= 50, "{cause:?} after {tick} ms");
@@ -127,8 +125,7 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
 fn readings_that_come_late_or_after_gaps_are_no_lies() {
     // A sphere that is turned to and fro. Now and then the line stands for up to 200 ms: the controllers
     // then answer the oldest command first, with what they read at that moment.
-    let mut rig = rig();
-    rig.timing.timeout_ticks = 1000;
+    let rig = altered(&rig(), |rig| rig.timing.timeout_ticks = 1000);
     for pace in [0.002, 0.02, 0.1] {
         let mut bench = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
         let mut rng = Rng(9);

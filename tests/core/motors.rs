@@ -1,6 +1,6 @@
 //! What motors and contacts leave of a torque.
 
-use crate::bench::{Bench, DT, TORQUE_RATE, rig, rig_with_grip, spring_scene, stream};
+use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, spring_scene, stream};
 use crate::rng::Rng;
 use crate::shaping::{ROUNDING, WOUND};
 use hbot_core::{CompiledScene, Vec3};
@@ -8,11 +8,7 @@ use hbot_core::{CompiledScene, Vec3};
 #[test]
 fn torque_that_motors_or_contacts_limit_keeps_the_slew_limit() {
     // Far more than the motors make, or than the contacts hold, in one direction after another.
-    let mut strong = rig();
-    strong.limits.torque = 8.0;
-    let mut slippery = rig_with_grip(6.0);
-    slippery.limits.torque = 8.0;
-    for rig in [strong, slippery] {
+    for rig in [rig(), rig_with_grip(6.0)].map(|rig| altered(&rig, |rig| rig.limits.torque = 8.0)) {
         let mut bench = Bench::active(rig, CompiledScene::empty());
         let mut rng = Rng(5);
         let (mut last, mut limited) = (bench.step().state.torque, 0);
@@ -54,10 +50,12 @@ fn a_torque_beyond_the_rig_keeps_its_direction() {
 
 #[test]
 fn what_the_motors_cannot_give_is_left_out_of_the_size_alone() {
-    let mut rig = rig();
-    for joint in &mut rig.joints {
-        joint.peak *= 0.02;
-    }
+    let rig = altered(&rig(), |rig| {
+        for joint in &mut rig.joints {
+            joint.peak *= 0.02;
+            joint.continuous = joint.peak;
+        }
+    });
     let mut bench = Bench::active(rig, CompiledScene::empty());
     let mut rng = Rng(13);
     for _ in 0..50 {
@@ -76,9 +74,9 @@ fn what_the_motors_cannot_give_is_left_out_of_the_size_alone() {
 #[test]
 fn contacts_are_never_asked_for_more_than_they_hold() {
     let scene = spring_scene(1, 2.0, WOUND);
-    let free = Bench::active(rig_with_grip(1e6), scene.clone()).step().state;
-    let grip = 1e6 * free.traction;
-    assert!(free.traction > 0.0 && free.traction < 1e-4, "{}", free.traction);
+    let free = Bench::active(rig_with_grip(1e4), scene.clone()).step().state;
+    let grip = 1e4 * free.traction;
+    assert!(free.traction > 0.0 && free.traction < 1e-2, "{}", free.traction);
     // Just enough, and half of what would be needed.
     let enough = Bench::active(rig_with_grip(grip * 1.001), scene.clone()).step().state;
     assert!((enough.torque - free.torque).length() < ROUNDING && enough.traction < 1.0);
@@ -101,9 +99,7 @@ fn contacts_are_never_asked_for_more_than_they_hold() {
 #[test]
 fn motors_that_turn_the_other_way_are_told_so() {
     let forward = Bench::active(rig(), spring_scene(1, 2.0, WOUND)).step();
-    let mut rig = rig();
-    rig.joints[1].reversed = true;
-    rig.joints[2].reversed = true;
+    let rig = altered(&rig(), |rig| (rig.joints[1].reversed, rig.joints[2].reversed) = (true, true));
     let backward = Bench::active(rig, spring_scene(1, 2.0, WOUND)).step();
     assert_eq!(forward.state.joint_torque, backward.state.joint_torque);
     for (j, sign) in [1.0, -1.0, -1.0, 1.0].into_iter().enumerate() {

@@ -265,14 +265,15 @@ fn in_single_precision_rounding_is_what_is_left() {
 /// The controller gives the fit its readings at the ticks that they answer, whatever is lost on the way.
 #[test]
 fn the_controller_follows_a_curved_path_over_lost_readings() {
-    let mut rig = bench::rig();
     // Counts so fine that their rounding (3e-9 rad at the joint) is no matter.
-    rig.joints.iter_mut().for_each(|joint| (joint.counts_per_turn, joint.gear) = (1 << 30, 2.0));
+    let fine = |rig: &mut hbot_core::RigParts| {
+        rig.joints.iter_mut().for_each(|joint| (joint.counts_per_turn, joint.gear) = (1 << 30, 2.0));
+    };
+    let rig = bench::altered(&bench::rig(), fine);
     let unit = f64::from(1 << 30) * 2.0 / core::f64::consts::TAU;
     let truth = motion(5);
     let drift = |fit, lost: &dyn Fn(usize) -> bool| {
-        let mut rig = rig;
-        rig.methods.path = fit;
+        let rig = bench::altered(&rig, |rig| rig.methods.path = fit);
         let mut controller = Controller::new(rig);
         let mut first = None;
         let mut last = None;

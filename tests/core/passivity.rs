@@ -1,7 +1,7 @@
 //! The passivity controller on a simulated prototype: a spring far too stiff for the loop buzzes without it and comes to rest
 //! with it (physics notes, section 9).
 
-use crate::bench::{effect, rig, spring};
+use crate::bench::{altered, effect, rig, spring};
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::effects::{Anchor, Damper, Kind};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
@@ -79,9 +79,7 @@ impl Loop {
             complaints: Complaints::default(),
         };
         for j in 0..4 {
-            let joint = &self.rig.joints[j];
-            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-            reading.counts[j] = (angles[j] * unit).floor() as i32;
+            reading.counts[j] = (angles[j] / self.rig.joints[j].radians_per_count()).floor() as i32;
         }
         let own = SpringDamper { stiffness: 0.0, damping: OWN, reference: Quat::IDENTITY };
         let time = self.tick as f64 * DT;
@@ -125,12 +123,12 @@ fn stiff(times: f64) -> CompiledScene {
 }
 
 pub fn guarded(rate: RateEstimate) -> Rig {
-    let mut rig = rig();
-    rig.methods.rate = rate;
-    rig.methods.passivity = Some(PassivityLimit::of(&rig.device, DT));
-    // What a difference of counts sees as slip is the counts' noise.
-    rig.limits.slip = 10.0;
-    rig
+    altered(&rig(), |rig| {
+        rig.methods.rate = rate;
+        rig.methods.passivity = Some(PassivityLimit::of(&rig.device, DT));
+        // What a difference of counts sees as slip is the counts' noise.
+        rig.limits.slip = 10.0;
+    })
 }
 
 /// A tap on the sphere: 1.6 mJ of motion.
@@ -139,8 +137,7 @@ pub const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
 #[test]
 fn a_spring_far_too_stiff_buzzes_without_it_and_comes_to_rest_with_it() {
     for times in [3.0, 10.0, 30.0] {
-        let mut bare = rig();
-        bare.limits.slip = 10.0;
+        let bare = altered(&rig(), |rig| rig.limits.slip = 10.0);
         let mut run = Loop::new(bare, stiff(times));
         run.motion.omega = TAP;
         let state = run.run(3000);
@@ -194,8 +191,8 @@ fn what_was_dissipated_before_buys_no_more_than_the_store() {
     let damper = Kind::Damper(Damper::new(Mat3::from_diagonal(Vec3::splat(0.1))).unwrap());
     let honey = CompiledScene::new(1, &[effect(0, 1, damper)]).unwrap();
     for store in [0.05, 0.2] {
-        let mut rig = guarded(RateEstimate::Controller);
-        rig.methods.passivity.as_mut().unwrap().store = store;
+        let guarded = guarded(RateEstimate::Controller);
+        let rig = altered(&guarded, |rig| rig.methods.passivity.as_mut().unwrap().store = store);
         let mut run = Loop::new(rig, honey.clone());
         run.grip(Hand { amplitude: 0.4, rate: 1.5, ..Hand::default() });
         let taken = -run.run(8000).energy;

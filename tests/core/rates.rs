@@ -1,7 +1,7 @@
 //! The angular velocity by each rate estimate: over lost readings, after what was implausible, and with motors that count
 //! backwards.
 
-use crate::bench::{Bench, DT, rig};
+use crate::bench::{Bench, DT, altered, rig};
 use hbot_core::Vec3;
 use hbot_core::mode::Cause;
 use hbot_core::outputs::State;
@@ -19,10 +19,7 @@ const ESTIMATES: [(RateEstimate, f64); 5] = [
 ];
 
 fn rig_with(rate: RateEstimate) -> Rig {
-    let mut rig = rig();
-    rig.methods.rate = rate;
-    rig.joints[1].reversed = true;
-    rig
+    altered(&rig(), |rig| (rig.methods.rate, rig.joints[1].reversed) = (rate, true))
 }
 
 /// The reading that [`Bench`] sends has all counts forwards; this rig's second joint counts backwards.

@@ -1,6 +1,6 @@
 //! What stands between the scene and the motors: soft start, ramps, blending, streams, limits.
 
-use crate::bench::{Bench, DT, FirstReply, TORQUE_RATE, effect, rig, spring, spring_scene, stream};
+use crate::bench::{Bench, DT, FirstReply, TORQUE_RATE, altered, effect, rig, spring, spring_scene, stream};
 use crate::rng::Rng;
 use hbot_core::effects::{Anchor, Constant, Effect, Frame, Kind};
 use hbot_core::inputs::Command;
@@ -58,8 +58,7 @@ fn constant(revision: u64, torque: Vec3) -> CompiledScene {
 
 #[test]
 fn full_torque_comes_over_half_a_second_however_much_is_asked_for() {
-    let mut rig = rig();
-    rig.limits.torque = 0.9;
+    let rig = altered(&rig(), |rig| rig.limits.torque = 0.9);
     // Within the limit, ten times and ten thousand times as much, and a stiff spring at its largest angle.
     let scenes = [
         constant(1, Vec3::Y * 0.8),
@@ -85,8 +84,8 @@ fn full_torque_comes_over_half_a_second_however_much_is_asked_for() {
 fn a_disable_and_the_end_of_a_stream_keep_the_slew_limit_however_much_is_asked_for() {
     for (torque_rate, ms) in [(TORQUE_RATE, 50), (10.0, 90)] {
         for size in [0.8, 1e6] {
-            let mut rig = rig();
-            (rig.limits.torque, rig.limits.torque_rate) = (0.9, torque_rate);
+            let limits = (0.9, torque_rate);
+            let rig = altered(&rig(), |rig| (rig.limits.torque, rig.limits.torque_rate) = limits);
             let ends = |bench: &mut Bench, most: f64| {
                 let mut last = bench.step().state.torque;
                 let zero = (0..200).find(|_| {
@@ -116,8 +115,7 @@ fn a_disable_and_the_end_of_a_stream_keep_the_slew_limit_however_much_is_asked_f
 
 #[test]
 fn a_far_scene_or_reference_under_power_comes_over_half_a_second() {
-    let mut rig = rig();
-    rig.limits.torque = 0.9;
+    let rig = altered(&rig(), |rig| rig.limits.torque = 0.9);
     let half_a_turn = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
     let placed = |reference_revision, stiffness: f64, to: Quat| {
         let spring = spring(stiffness, 0.0, to, Anchor::Absolute);
@@ -202,8 +200,7 @@ fn a_reference_anchored_here_is_never_too_far_and_begins_without_torque() {
 
 #[test]
 fn a_reference_that_is_anchored_anew_takes_the_torque_over_without_a_step() {
-    let mut rig = rig();
-    rig.limits.torque_rate = 1e6;
+    let rig = altered(&rig(), |rig| rig.limits.torque_rate = 1e6);
     let spring = spring(2.0, 0.0, Quat::IDENTITY, Anchor::Here);
     let mut bench = Bench::active(rig, CompiledScene::new(1, &[effect(0, 1, spring)]).unwrap());
     for _ in 0..100 {
@@ -292,8 +289,7 @@ fn one_scene_becomes_another_within_50_ms_without_a_step() {
 
 #[test]
 fn torque_never_changes_faster_than_the_rig_allows() {
-    let mut rig = rig();
-    rig.limits.torque_rate = 5.0;
+    let rig = altered(&rig(), |rig| rig.limits.torque_rate = 5.0);
     let mut bench = Bench::active(rig, CompiledScene::empty());
     let mut rng = Rng(11);
     let mut last = Vec3::ZERO;

@@ -13,7 +13,7 @@ use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
 use hbot_sim::plant::{Method, Plant, State};
 
-use crate::bench::assert_finite;
+use crate::bench::{altered, assert_finite};
 
 fn files(folder: &str) -> Vec<PathBuf> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(folder);
@@ -37,15 +37,12 @@ struct Seen {
 }
 
 fn counts(joint: &Joint, angle: f64) -> i32 {
-    let sign = if joint.reversed { -1.0 } else { 1.0 };
-    (sign * angle * f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU).round() as i64
-        as i32
+    (angle / joint.radians_per_count()).round() as i64 as i32
 }
 
 /// Runs a scene for so many seconds; every reading is a tick old when its torque begins.
 fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
-    let mut rig = config.rig;
-    rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
+    let rig = altered(&config.rig, |rig| rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume));
     let scene = RunningScene::new().load(file.clone());
     let mut controller = Controller::new(rig);
     let hand = file.simulate().and_then(|simulate| simulate.hand).map_or_else(Hand::default, |h| Hand {

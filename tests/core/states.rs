@@ -2,7 +2,7 @@
 
 mod events;
 
-use crate::bench::{Bench, FirstReply, rig, spring_scene};
+use crate::bench::{Bench, FirstReply, altered, rig, spring_scene};
 use hbot_core::inputs::{Command, Inputs, OnClientLost};
 use hbot_core::mode::{Cause, Mode, Obstacle};
 use hbot_core::outputs::{Outputs, Refusal, Reply};
@@ -14,10 +14,7 @@ const MODES: [Mode; 6] =
 
 /// A bench in `mode`, its spring wound up by 0.2 rad; the fault is a controller's and over.
 fn bench_in(mode: Mode) -> Bench {
-    let mut rig = rig();
-    for joint in &mut rig.joints {
-        joint.zero = Zero::Index;
-    }
+    let rig = altered(&rig(), |rig| rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Index));
     let mut bench = Bench::new(rig);
     bench.scene = spring_scene(1, 2.0, Vec3::new(0.2, 0.0, 0.0));
     bench.step();
@@ -238,11 +235,9 @@ fn taking_the_zeros_leads_from_unreferenced_to_idle_and_from_nowhere_else() {
 #[test]
 fn each_way_to_a_steering_zero_becomes_known_when_it_should() {
     let idle_after = |zero: Zero, seen: u16| {
-        let mut rig = rig();
         // The zero of a drive joint means nothing.
-        rig.joints[0].zero = zero;
-        rig.joints[2].zero = zero;
-        rig.joints[1].zero = Zero::Calibrate;
+        let zeros = [zero, Zero::Calibrate, zero];
+        let rig = altered(&rig(), |rig| (0..3).for_each(|joint| rig.joints[joint].zero = zeros[joint]));
         let mut bench = Bench::new(rig);
         bench.step_with(|inputs| inputs.feedback.as_mut().unwrap().index_seen = seen).state.mode == Mode::Idle
     };
@@ -270,9 +265,9 @@ fn a_reboot_is_a_fault_after_which_the_zeros_must_be_found_anew() {
             let mut bench = bench_in(from);
             if zero != Zero::Index {
                 // bench_in needs the index to tell unreferenced from idle.
-                let mut rig = rig();
-                rig.joints.iter_mut().for_each(|joint| joint.zero = zero);
-                bench = Bench::new(rig);
+                let zeros =
+                    |rig: &mut hbot_core::RigParts| rig.joints.iter_mut().for_each(|joint| joint.zero = zero);
+                bench = Bench::new(altered(&rig(), zeros));
                 bench.step();
             }
             let outputs = bench.step_with(|inputs| inputs.rebooted = true);
@@ -315,11 +310,10 @@ fn an_estop_has_the_last_word_in_its_tick() {
 #[test]
 fn a_motor_that_is_too_hot_by_its_torques_is_a_fault_wherever_it_has_torque() {
     for from in [Mode::Enabling, Mode::Active] {
-        let mut rig = rig();
-        for joint in &mut rig.joints {
-            joint.continuous = 1e-3;
-        }
-        rig.limits.thermal_time = Some(0.2);
+        let rig = altered(&rig(), |rig| {
+            rig.joints.iter_mut().for_each(|joint| joint.continuous = 1e-3);
+            rig.limits.thermal_time = Some(0.2);
+        });
         let mut bench = Bench::new(rig);
         bench.scene = spring_scene(1, 2.0, Vec3::new(0.2, 0.0, 0.0));
         bench.run(2);

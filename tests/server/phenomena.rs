@@ -289,7 +289,7 @@ fn play_looks_like_slip_and_the_fault_says_so() {
 #[test]
 fn what_play_seems_to_slip_is_bounded_by_the_torque_that_crosses_it() {
     let mut rig = RigConfig::prototype();
-    rig.rig.limits.slip = 10.0;
+    rig.rig = rig.rig.with(|rig| rig.limits.slip = 10.0).expect("a legal rig");
     let device = rig.rig.device;
     let ticks = run(rig, &geared(), Some(10), |_| std::future::pending());
     assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()), "nothing else is wrong");

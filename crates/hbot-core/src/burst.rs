@@ -19,19 +19,19 @@ impl Burst {
         Self { limit, level: 0.0 }
     }
 
-    /// `dt` seconds have passed. Without power nothing is given out, and what was is forgotten.
+    /// Takes away what the power allows in `dt` seconds; without power everything, as nothing is given out.
     #[inline]
-    pub(crate) fn pass(&mut self, dt: Real, powered: bool) {
+    pub(crate) fn leak(&mut self, dt: Real, powered: bool) {
         self.level = if powered { (self.level - self.limit.power * dt).max(0.0) } else { 0.0 };
     }
 
-    /// So much was given out, J; less than nothing where it came in. Energy that came in is no credit for later.
+    /// Records the energy given out to the hand, J; negative if it came in. Energy that came in is no credit for later.
     #[inline]
-    pub(crate) fn given(&mut self, energy: Real) {
+    pub(crate) fn add(&mut self, energy: Real) {
         self.level = (self.level + energy).max(0.0);
     }
 
-    /// Too much.
+    /// Whether it is more than the limit.
     #[inline]
     pub(crate) fn over(&self) -> bool {
         self.level > self.limit.burst

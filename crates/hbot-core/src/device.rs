@@ -35,6 +35,22 @@ pub struct WheelSpec {
     pub axial_inertia: Real,
 }
 
+impl Default for WheelSpec {
+    /// A wheel of 10 mm straight below the sphere, a sixth of a right angle off its steering axis, without inertia: a
+    /// start from which to state another.
+    fn default() -> Self {
+        Self {
+            axis: Vec3::new(0.0, 0.0, -1.0),
+            cone: 0.26,
+            toe: 0.0,
+            radius: 0.01,
+            steer_inertia: 0.0,
+            drive_inertia: 0.0,
+            axial_inertia: 0.0,
+        }
+    }
+}
+
 /// A legal wheel and its constants.
 ///
 /// The contact frame is C(th) = `p` cos th + `q` sin th + `s`, column by column.

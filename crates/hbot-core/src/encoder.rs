@@ -24,16 +24,14 @@ pub(crate) struct Encoder {
 
 impl Encoder {
     pub(crate) fn new(joint: &Joint) -> Self {
-        let counts = f64::from(joint.counts_per_turn) * real_to_f64(joint.gear);
         let unit = (1_i64 << FRACTION_BITS) as f64;
-        let turn = libm::round(counts * unit) as i64;
-        let radians_per_count = TURN / counts as Real;
+        let turn = libm::round(joint.counts() * unit) as i64;
         Self {
             last: 0,
             position: 0,
             turn: turn.max(1),
             radians_per_unit: TURN / turn.max(1) as Real,
-            radians_per_count: if joint.reversed { -radians_per_count } else { radians_per_count },
+            radians_per_count: joint.radians_per_count(),
             reversed: joint.reversed,
         }
     }
@@ -86,12 +84,6 @@ impl Encoder {
     pub(crate) fn signed(&self, x: Real) -> Real {
         if self.reversed { -x } else { x }
     }
-}
-
-// One width of the two makes the conversion a no-op.
-#[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
-fn real_to_f64(x: Real) -> f64 {
-    f64::from(x)
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ pub(crate) struct Heat {
     end: [Real; MAX_JOINTS],
     /// s of each joint, 0 cold to 1 as hot as it may get.
     share: [Real; MAX_JOINTS],
+    too_hot: bool,
 }
 
 impl Heat {
@@ -30,12 +31,19 @@ impl Heat {
                 *scale = 1.0 / (joint.continuous * joint.continuous);
             }
         }
-        Self { time_s, joints: rig.device.joints(), scale, end: [0.0; MAX_JOINTS], share: [0.0; MAX_JOINTS] }
+        Self {
+            time_s,
+            joints: rig.device.joints(),
+            scale,
+            end: [0.0; MAX_JOINTS],
+            share: [0.0; MAX_JOINTS],
+            too_hot: false,
+        }
     }
 
-    /// The torques asked for last have been held for `dt` seconds: whether a motor is too hot.
+    /// Heats the motors for `dt` seconds by the torques asked for last.
     #[inline]
-    pub(crate) fn held(&mut self, dt: Real) -> bool {
+    pub(crate) fn advance(&mut self, dt: Real) {
         // Implicit Euler: at any step it stays between where it was and where it goes.
         let gain = dt / (self.time_s + dt);
         let mut hot = false;
@@ -43,7 +51,13 @@ impl Heat {
             self.share[i] += (self.end[i] - self.share[i]) * gain;
             hot |= self.share[i] >= 1.0;
         }
-        hot
+        self.too_hot = hot;
+    }
+
+    /// Whether a motor is as hot as it may get.
+    #[inline]
+    pub(crate) fn too_hot(&self) -> bool {
+        self.too_hot
     }
 
     /// Takes the torques to be held from now on, N m.

@@ -97,7 +97,7 @@ impl Joints {
         self.trail = Trail::START;
         self.estimator.restart();
         self.watch.restart();
-        self.rates(rig, feedback, None)?;
+        self.update_rates(rig, feedback, None)?;
         self.locate(rig);
         Ok(())
     }
@@ -135,7 +135,7 @@ impl Joints {
         for i in 0..n / 2 {
             start[i] = self.angle[2 * i];
         }
-        self.rates(rig, feedback, Some((&delta, ticks)))?;
+        self.update_rates(rig, feedback, Some((&delta, ticks)))?;
         for i in 0..n {
             self.encoders[i].advance(feedback.counts[i]);
         }
@@ -144,7 +144,7 @@ impl Joints {
             // The frames at the step's start are those of the posture until it is moved on below.
             (OdometryMethod::Euler, _) => kinematics::forward(&rig.device, self.posture.frames(), &delta),
             (method, PathFit::Straight) => odometry::turn(&rig.device, method, &start, &delta),
-            _ => self.turn_along_a_curve(rig, &start, &delta, ticks),
+            _ => self.advance_along_a_curve(rig, &start, &delta, ticks),
         };
         if judged {
             self.watch.begin(rig, &self.posture, turn);
@@ -159,9 +159,9 @@ impl Joints {
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }
 
-    /// The turn along the path that is fitted to the last readings. Apart, so that it costs nothing where the path is straight.
+    /// Takes one more reading into the path that is fitted to the last ones, and returns the turn along it (rad, N). Apart, so that it costs nothing where the path is straight.
     #[inline(never)]
-    fn turn_along_a_curve(
+    fn advance_along_a_curve(
         &mut self,
         rig: &Rig,
         start: &[Real; MAX_WHEELS],
@@ -172,9 +172,9 @@ impl Joints {
         odometry::turn_along(&rig.device, rig.methods.odometry, start, &path)
     }
 
-    /// Joint rates by the rig's estimate; `moved`: by how much (rad) and in how many ticks since the last reading.
+    /// Sets the joint rates by the rig's estimate; `moved`: by how much (rad) and in how many ticks since the last reading.
     #[inline]
-    fn rates(
+    fn update_rates(
         &mut self,
         rig: &Rig,
         feedback: &JointFeedback,
@@ -192,16 +192,16 @@ impl Joints {
             rate[i] = self.encoders[i].signed(reported);
         }
         if !matches!(self.estimator, Rates::Reported) {
-            self.rates_from_counts(rig, feedback, moved, &mut rate);
+            self.estimate_rates(rig, feedback, moved, &mut rate);
         }
         self.rate = rate;
         Ok(())
     }
 
-    /// Rates from counts alone; zero where there is only one reading. Apart, so that it costs nothing where the controllers report
+    /// Moves the estimate from counts alone on by one reading, and sets `rate` to it; zero where there is only one reading. Apart, so that it costs nothing where the controllers report
     /// rates.
     #[inline(never)]
-    fn rates_from_counts(
+    fn estimate_rates(
         &mut self,
         rig: &Rig,
         feedback: &JointFeedback,
@@ -219,7 +219,7 @@ impl Joints {
         self.estimator.advance(rig, &self.encoders, &Moved { delta, counts: &counts, ticks }, rate);
     }
 
-    /// Angles, posture, and what the rates say of the sphere.
+    /// Sets the angles, the posture, and what the rates say of the sphere.
     #[inline]
     fn locate(&mut self, rig: &Rig) {
         let n = rig.device.joints();
@@ -238,7 +238,7 @@ impl Joints {
 
     /// A joint torque in its controller's own sense.
     #[inline]
-    pub(crate) fn command(&self, joint: usize, torque: Real) -> Real {
+    pub(crate) fn in_controller_sense(&self, joint: usize, torque: Real) -> Real {
         self.encoders[joint].signed(torque)
     }
 }

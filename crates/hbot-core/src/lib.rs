@@ -53,5 +53,5 @@ pub use device::{Device, MAX_JOINTS, MAX_WHEELS, WheelSpec};
 pub use inputs::Inputs;
 pub use outputs::Outputs;
 pub use real::{Mat3, Quat, Real, Vec3};
-pub use rig::Rig;
+pub use rig::{Rig, RigParts};
 pub use scene::CompiledScene;

@@ -10,7 +10,7 @@ pub const DISABLE_RAMP_S: Real = 0.05;
 /// What the rig may do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// A steering zero is not known: no torque. Leaves to idle once zeros are taken.
+    /// Homing is not done, as a steering zero is not known: no torque. Leaves to idle once all are known.
     Unreferenced,
     /// Ready, no torque (or its last 50 ms). Leaves to enabling by enable.
     Idle,
@@ -18,7 +18,7 @@ pub enum Mode {
     Enabling,
     /// Rendering. Leaves to idle by disable.
     Active,
-    /// Something went wrong: zero torque. Leaves to idle or unreferenced by reset once the cause is gone.
+    /// Something went wrong: zero torque. Leaves by reset once the cause is gone, to idle or (if not homed) to unreferenced.
     Fault,
     /// Somebody stopped it: zero torque. Leaves like a fault.
     Estop,
@@ -80,7 +80,7 @@ pub(crate) struct Machine {
     present: Option<Cause>,
 }
 
-/// Why enable or reset did not.
+/// Why `enable` or `reset` was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Obstacle {
     /// A fault, or its cause at reset, is there.
@@ -100,8 +100,8 @@ impl Machine {
         self.gain > 0.0 || matches!(self.mode, Mode::Enabling | Mode::Active)
     }
 
-    /// Zeros are known.
-    pub(crate) fn referenced(&mut self) {
+    /// Leaves `unreferenced`: the steering zeros are known.
+    pub(crate) fn end_homing(&mut self) {
         if self.mode == Mode::Unreferenced {
             self.mode = Mode::Idle;
         }
@@ -136,22 +136,22 @@ impl Machine {
         self.gain = 0.0;
     }
 
-    /// To idle or unreferenced once the cause is gone; when nothing is wrong nothing changes.
-    pub(crate) fn reset(&mut self, referenced: bool) -> Result<(), Obstacle> {
+    /// To idle, or to unreferenced if the rig is not `homed`, once the cause is gone; when nothing is wrong nothing changes.
+    pub(crate) fn reset(&mut self, homed: bool) -> Result<(), Obstacle> {
         if !matches!(self.mode, Mode::Fault | Mode::Estop) {
             return Ok(());
         }
         if let Some(cause) = self.present {
             return Err(Obstacle::Faulted(cause));
         }
-        self.mode = if referenced { Mode::Idle } else { Mode::Unreferenced };
+        self.mode = if homed { Mode::Idle } else { Mode::Unreferenced };
         self.cause = None;
         Ok(())
     }
 
     /// Takes the tick's fault condition, if there is one. Its rise is the event that ends in fault from any mode; while
     /// it lasts no mode but fault and estop is possible. The first cause stands until reset.
-    pub(crate) fn observe(&mut self, present: Option<Cause>) {
+    pub(crate) fn take_condition(&mut self, present: Option<Cause>) {
         let rises = present.is_some() && present != self.present;
         self.present = present;
         let Some(cause) = present else { return };

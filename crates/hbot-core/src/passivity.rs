@@ -23,9 +23,9 @@ pub(crate) struct Observer {
 impl Observer {
     pub(crate) const START: Self = Self { energy: 0.0, torques: [Vec3::ZERO; DEPTH], newest: 0 };
 
-    /// The torque that command `sequence` asks for. In ticks that were skipped since the last one, its torque was held on.
+    /// Records the torque that command `sequence` asks for, N m. In ticks that were skipped since the last one, its torque was held on.
     #[inline]
-    pub(crate) fn sent(&mut self, sequence: u32, torque: Vec3) {
+    pub(crate) fn record(&mut self, sequence: u32, torque: Vec3) {
         let ahead = sequence.wrapping_sub(self.newest) as i32;
         if ahead > 1 {
             let held = self.torques[self.newest as usize % DEPTH];
@@ -37,9 +37,10 @@ impl Observer {
         self.torques[sequence as usize % DEPTH] = torque;
     }
 
-    /// The sphere made `turn` (rad, N) between the readings that answer commands `from` and `to`; the energy given out in it, J.
+    /// Adds the energy given out while the sphere made `turn` (rad, N) between the readings that answer commands `from` and
+    /// `to`. Returns that energy, J.
     #[inline]
-    pub(crate) fn turned(&mut self, from: u32, to: u32, turn: Vec3) -> Real {
+    pub(crate) fn advance(&mut self, from: u32, to: u32, turn: Vec3) -> Real {
         let steps = (to.wrapping_sub(from) as usize).clamp(1, DEPTH);
         let mut sum = Vec3::ZERO;
         for k in 0..steps {
@@ -96,15 +97,16 @@ impl Guard {
         self.energy = 0.0;
     }
 
-    /// So much energy was given out, J.
+    /// Records the energy given out to the hand, J; negative if it came in.
     #[inline]
-    pub(crate) fn given(&mut self, energy: Real) {
+    pub(crate) fn add(&mut self, energy: Real) {
         self.energy = (self.energy + energy).max(-self.limit.store);
     }
 
-    /// The torque `wanted` in this tick and the damping that it needs, N m, at the rate `omega` (rad/s) of the last reading.
+    /// Sets the damping that the torque `wanted` (N m) needs in this tick, at the rate `omega` (rad/s) of the last reading.
+    /// Returns the torque with it, N m.
     #[inline]
-    pub(crate) fn damped(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
+    pub(crate) fn damp(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
         let held = observer.on_their_way(now.answered, now.tick) + wanted;
         let excess = self.energy + held.dot(omega) * now.period - self.limit.allowance;
         let square = omega.length_squared() * now.period;
@@ -117,7 +119,7 @@ impl Guard {
         wanted - omega * self.damping
     }
 
-    /// No damping in this tick.
+    /// Sets the damping of this tick to zero.
     pub(crate) fn rest(&mut self) {
         self.damping = 0.0;
     }
@@ -149,41 +151,41 @@ mod tests {
 
     fn pushing() -> (Observer, Guard) {
         let mut observer = Observer::START;
-        observer.sent(10, Vec3::X * 2.0);
+        observer.record(10, Vec3::X * 2.0);
         (observer, Guard::new(LIMIT))
     }
 
     #[test]
     fn the_predicted_energy_ends_at_the_allowance() {
         let (observer, mut guard) = pushing();
-        guard.given(0.5);
+        guard.add(0.5);
         // 0.5 J given, 2 N m under way and 1 N m wanted, at 1 rad/s for 1/4 s each: 1.25 J, of which the damping takes 0.25.
-        let torque = guard.damped(&observer, MOMENT, Vec3::X, Vec3::X);
+        let torque = guard.damp(&observer, MOMENT, Vec3::X, Vec3::X);
         assert_eq!((torque, guard.damping()), (Vec3::ZERO, 1.0));
         // What turns the other way takes energy in by itself.
-        assert_eq!(guard.damped(&observer, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
+        assert_eq!(guard.damp(&observer, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
         assert_eq!(guard.damping(), 0.0);
     }
 
     #[test]
     fn damping_is_bounded_and_fades_with_the_motors_and_a_sphere_at_rest_has_none() {
         let (observer, mut guard) = pushing();
-        guard.given(50.0);
+        guard.add(50.0);
         for (gain, damping) in [(1.0, 2.0), (0.5, 1.0), (0.0, 0.0)] {
             let omega = Vec3::new(0.0, 1e-3, 0.0);
-            let torque = guard.damped(&observer, Moment { gain, ..MOMENT }, Vec3::Z, omega);
+            let torque = guard.damp(&observer, Moment { gain, ..MOMENT }, Vec3::Z, omega);
             assert_eq!((torque, guard.damping()), (Vec3::Z - omega * damping, damping));
         }
-        assert_eq!(guard.damped(&observer, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
+        assert_eq!(guard.damp(&observer, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
     }
 
     #[test]
     fn what_was_dissipated_long_ago_buys_no_more_than_the_store() {
         let (_, mut guard) = pushing();
-        guard.given(-1000.0);
-        guard.given(4.0);
+        guard.add(-1000.0);
+        guard.add(4.0);
         assert_eq!(guard.energy, 0.0);
-        guard.given(3.0);
+        guard.add(3.0);
         guard.restart();
         assert_eq!(guard.energy, 0.0);
     }
@@ -192,7 +194,7 @@ mod tests {
     fn torques_under_way_are_those_of_commands_not_answered() {
         let mut observer = Observer::START;
         for (tick, torque) in [(1, 1.0), (2, 10.0), (3, 100.0)] {
-            observer.sent(tick, Vec3::X * torque);
+            observer.record(tick, Vec3::X * torque);
         }
         assert_eq!(observer.on_their_way(3, 4).x, 100.0);
         assert_eq!(observer.on_their_way(1, 4).x, 111.0);

@@ -35,7 +35,7 @@ impl Renderer {
     }
 
     /// Makes a fresh memory, anchored at `q`, for each effect of `scene` that has none. True where `scene` is not that of
-    /// the last tick. Call it before [`torque`](Self::torque).
+    /// the last tick. Call it before [`render`](Self::render).
     #[inline]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         self.placed = 0;
@@ -111,7 +111,7 @@ impl Renderer {
     }
 
     /// Sets the goal of an effect's reference and the rate that it is said to have until tick `omega_until`.
-    pub(crate) fn refer(
+    pub(crate) fn set_reference(
         &mut self,
         scene: &CompiledScene,
         key: (u8, u32),
@@ -141,10 +141,10 @@ impl Renderer {
         Some(self.states[usize::from(effect.slot)].reference.q)
     }
 
-    /// The scene's torque on the sphere in N, N m. `dt` is the time since the last tick, s; references move by at most
-    /// `reach` rad.
+    /// Moves all effects on by `dt` seconds, the time since the last tick, and references by at most `reach` rad. Returns the
+    /// scene's torque on the sphere in N, N m.
     #[inline]
-    pub fn torque(
+    pub fn render(
         &mut self,
         scene: &CompiledScene,
         motion: &Motion,
@@ -184,7 +184,7 @@ impl Renderer {
                 figures: scene.figures(effect.figures),
                 shared: &mut self.shared,
             };
-            torque += effect.kind.torque(&mut now, &mut state.memory) * gain;
+            torque += effect.kind.render(&mut now, &mut state.memory) * gain;
         }
         self.shared.end(motion, dt);
         torque
@@ -193,9 +193,9 @@ impl Renderer {
     /// The energy stored in the effects at the orientation `q`, J, gain included: of those whose torque, but for damping, is the
     /// gradient of one. `None` where there is none of that sort.
     #[must_use]
-    pub fn energy(&mut self, scene: &CompiledScene, q: Quat) -> Option<Real> {
+    pub fn energy(&self, scene: &CompiledScene, q: Quat) -> Option<Real> {
         let motion = Motion { q, omega: Vec3::ZERO };
-        self.shared.begin();
+        let mut shared = self.shared.copy_between_moments();
         let mut sum = None;
         for effect in scene.effects().iter().filter(|effect| !effect.leaving) {
             let state = &self.states[usize::from(effect.slot)];
@@ -204,13 +204,12 @@ impl Renderer {
                 dt: 0.0,
                 reference: &state.reference,
                 figures: scene.figures(effect.figures),
-                shared: &mut self.shared,
+                shared: &mut shared,
             };
             if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {
                 sum = Some(sum.unwrap_or(0.0) + energy * effect.gain);
             }
         }
-        self.shared.begin();
         sum
     }
 }

@@ -35,10 +35,10 @@ impl Blend {
     pub(crate) const DONE: Self =
         Self { offset: Vec3::ZERO, speed: Vec3::ZERO, age_s: BLEND_S, last: Vec3::ZERO };
 
-    /// The torque to add to `torque` in this tick, N m. `before` is given if the scene is not the
-    /// last tick's: what it gives at the motion of the last tick, N m.
+    /// Moves the fade on by `dt` seconds. Returns the torque to add to `torque` in this tick, N m. `before` is given if the
+    /// scene is not the last tick's: what it gives at the motion of the last tick, N m.
     #[inline]
-    pub(crate) fn offset(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
+    pub(crate) fn advance(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
         if self.age_s < BLEND_S {
             self.age_s += dt;
             let step = (self.speed + self.offset * BLEND_RATE) * dt;
@@ -82,7 +82,7 @@ impl Stream {
 
     /// Moves the ramp on by `dt` seconds once the stream has expired.
     #[inline]
-    pub(crate) fn pass(&mut self, tick: u64, dt: Real) {
+    pub(crate) fn advance(&mut self, tick: u64, dt: Real) {
         if tick > self.until && self.level > 0.0 {
             self.level = (self.level - dt * (1.0 / STREAM_RAMP_S)).max(0.0);
         }

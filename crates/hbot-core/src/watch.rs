@@ -10,7 +10,7 @@ use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::kinematics::{Posture, wheel_velocity};
 use crate::mode::Cause;
 use crate::outputs::Slip;
-use crate::real::{PI, Real, TURN, Vec3, fabs, floor, sqrt};
+use crate::real::{PI, Real, Vec3, fabs, floor, sqrt};
 use crate::rig::Rig;
 
 /// The length of a block, s.
@@ -96,7 +96,7 @@ impl Watch {
             let rows = [1.0 / fabs(wheel.axis_c2), radius / wheel.spec().radius * sqrt(toe * toe + 1.0)];
             for (k, row) in rows.into_iter().enumerate() {
                 let joint = &rig.joints[2 * i + k];
-                grain[2 * i + k] = GRAIN * TURN / (joint.counts_per_turn as Real * joint.gear);
+                grain[2 * i + k] = GRAIN * fabs(joint.radians_per_count());
                 most[2 * i + k] = IMPOSSIBLE * rig.limits.speed * row * period_s;
             }
             let [u, v] = wheel_velocity(&rig.device, wheel, grain[2 * i], grain[2 * i + 1]);

@@ -85,14 +85,7 @@ fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Loa
 
 /// Nanoseconds of one tick of the rig.
 fn tick(device: &Device, phenomena: Phenomena) -> f64 {
-    let joint = Joint {
-        counts_per_turn: 16384,
-        gear: 17.0,
-        reversed: false,
-        zero: Zero::Assume,
-        peak: 0.2,
-        continuous: 0.02,
-    };
+    let joint = Joint { gear: 17.0, continuous: 0.02, zero: Zero::Assume, ..Joint::new(16384, 0.2) };
     let config = RigConfig {
         device: *device,
         joints: vec![SimulatedJoint::from(&joint); device.joints()],

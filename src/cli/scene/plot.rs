@@ -67,7 +67,7 @@ fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
 /// The picture as SVG.
 fn draw(scene: &SceneFile, axes: &[Axis]) -> String {
     let kinds: Vec<&str> = scene.effects().iter().map(|effect| effect.kind_name()).collect();
-    let mut probe = Probe::new(scene);
+    let probe = Probe::new(scene);
     let parts = probe.parts();
     let mut panels: Vec<Panel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
     panels.extend(still_time(&kinds).map(|(time, every)| still(&probe, time, every)));

@@ -80,7 +80,7 @@ impl Probe {
                 (-PI * phase.cos(), PI * pace * phase.sin())
             };
             let motion = Motion { q: rotation::exp(axis * angle), omega: axis * rate };
-            let torque = renderer.torque(&self.scene, &motion, tick, DT, 1.0).dot(axis);
+            let torque = renderer.render(&self.scene, &motion, tick, DT, 1.0).dot(axis);
             if tick >= lead && tick % 5 == 0 {
                 let point = (angle, torque);
                 if tick <= lead + swing / 2 {
@@ -100,7 +100,7 @@ impl Probe {
         let motion = Motion { q: Quat::IDENTITY, omega: Vec3::ZERO };
         let mut curves = [const { Vec::new() }; 3];
         for tick in 0..=(time / DT).round() as u64 {
-            let torque = renderer.torque(&self.scene, &motion, tick, DT, 1.0).to_array();
+            let torque = renderer.render(&self.scene, &motion, tick, DT, 1.0).to_array();
             if tick % every == 0 {
                 for (curve, x) in curves.iter_mut().zip(torque) {
                     curve.push((tick as f64 * DT, x));
@@ -111,15 +111,15 @@ impl Probe {
     }
 
     /// The least energy with the sphere's third axis towards the unit vector `direction`, J.
-    pub(super) fn least_energy(&mut self, direction: Vec3) -> f64 {
+    pub(super) fn least_energy(&self, direction: Vec3) -> f64 {
         /// About the axis, a turn in steps of 5 degrees.
         const SPINS: u32 = 72;
-        self.renderer.adopt(&self.scene, Quat::IDENTITY);
+        let renderer = self.fresh();
         let there = Quat::from_rotation_arc(Vec3::Z, direction);
         (0..SPINS)
             .filter_map(|k| {
                 let spin = Quat::from_rotation_z(TAU * f64::from(k) / f64::from(SPINS));
-                self.renderer.energy(&self.scene, there * spin)
+                renderer.energy(&self.scene, there * spin)
             })
             .fold(f64::INFINITY, f64::min)
     }

@@ -1,7 +1,7 @@
 //! What goes by time: vibrations, pulses, tracks.
 
 use super::{Felt, askew, axis, pulse, vibration};
-use crate::bench::{Bench, DT, effect, rig};
+use crate::bench::{Bench, DT, altered, effect, rig};
 use hbot_core::effects::{Anchor, Effect, Kind, Path, Pulse, Span, Target, Track, Wave};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
@@ -172,8 +172,7 @@ fn each_effect_finds_its_own_figures() {
     assert!(CompiledScene::with_figures(1, &[still(7)], &figures).is_err());
     assert!(CompiledScene::with_figures(1, &[], &[0.0; 5000]).is_err());
     // The second alone stands half a turn away.
-    let mut rig = rig();
-    rig.limits.enable_max_angle = 4.0;
+    let rig = altered(&rig(), |rig| rig.limits.enable_max_angle = std::f64::consts::PI);
     let torque = Bench::active(rig, scene).step().state.torque;
     assert!(torque.length() > 1.0, "{torque}");
 }

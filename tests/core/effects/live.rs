@@ -1,7 +1,7 @@
 //! Changes while the rig runs: scenes, parameters, references, fades. Torque never steps.
 
 use super::{active, anywhere, conservative, dissipative};
-use crate::bench::{Bench, FirstReply, effect, rig};
+use crate::bench::{Bench, FirstReply, altered, effect, rig};
 use crate::rng::Rng;
 use hbot_core::effects::{Effect, Freedom, Guide, Kind, Span, Target};
 use hbot_core::inputs::{Command, Stamp};
@@ -22,9 +22,9 @@ fn scene(revision: u64, kind: Kind, figures: &[f64]) -> CompiledScene {
 /// the blend has of the whole change.
 #[test]
 fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
-    let mut rig = rig();
-    rig.limits.torque_rate = 1e6;
-    rig.limits.enable_max_angle = 10.0;
+    let rig = altered(&rig(), |rig| {
+        (rig.limits.torque_rate, rig.limits.enable_max_angle) = (1e6, std::f64::consts::PI)
+    });
     let mut kinds: Vec<_> = conservative().into_iter().map(|case| (case.kind, case.figures)).collect();
     kinds.extend(dissipative());
     // So soft that no limit of the motors bends what is blended.
@@ -61,10 +61,11 @@ fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
 /// Whatever kinds, changes and references: the rig's slew limit holds, and every number is finite.
 #[test]
 fn nothing_that_a_client_does_is_faster_than_the_slew_limit() {
-    let mut rig = rig();
-    rig.limits.torque_rate = 20.0;
-    rig.limits.enable_max_angle = 10.0;
-    rig.limits.slip = 10.0;
+    let rig = altered(&rig(), |rig| {
+        rig.limits.torque_rate = 20.0;
+        rig.limits.enable_max_angle = std::f64::consts::PI;
+        rig.limits.slip = 10.0;
+    });
     let mut kinds = active();
     kinds.extend(conservative().into_iter().map(|case| (case.kind, case.figures)));
     let mut rng = Rng(51);

@@ -33,7 +33,7 @@ fn kicked(effects: &[Kind], delay: usize) -> (f64, f64) {
     let mut late = std::collections::VecDeque::from(vec![Vec3::ZERO; delay]);
     let (mut omega, mut most) = (Vec3::ZERO, 0.0_f64);
     for tick in 0..20_000 {
-        late.push_back(renderer.torque(&scene, &Motion { q: Quat::IDENTITY, omega }, tick, DT, 1.0));
+        late.push_back(renderer.render(&scene, &Motion { q: Quat::IDENTITY, omega }, tick, DT, 1.0));
         let torque = late.pop_front().unwrap();
         omega += torque * (DT / rig.device.sphere_inertia());
         if tick == 10 {

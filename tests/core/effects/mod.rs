@@ -52,7 +52,7 @@ impl Felt {
     pub fn moving(&mut self, q: Quat, omega: Vec3) -> Vec3 {
         self.renderer.adopt(&self.scene, q);
         self.tick += 1;
-        let torque = self.renderer.torque(&self.scene, &Motion { q, omega }, self.tick, DT, 1.0);
+        let torque = self.renderer.render(&self.scene, &Motion { q, omega }, self.tick, DT, 1.0);
         assert!(torque.is_finite(), "{:?} at {q}, {omega}: {torque}", self.scene.effects()[0].kind);
         torque
     }

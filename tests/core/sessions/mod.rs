@@ -17,7 +17,7 @@ use hbot_core::rig::{AllocationMethod, PassivityLimit, Rig, Traction};
 use hbot_core::{CompiledScene, Controller, Vec3, rotation};
 
 use self::judge::{Judge, Told};
-use crate::bench::{DT, Sphere, reading, rig, rig_with_grip};
+use crate::bench::{DT, Sphere, altered, reading, rig, rig_with_grip};
 use crate::rng::Rng;
 
 /// Ticks of one session.
@@ -92,11 +92,7 @@ impl Seen {
 
 /// The rigs that sessions run on, each limited by something else.
 fn rigs() -> [(&'static str, Rig); 7] {
-    let with = |alter: fn(&mut Rig)| {
-        let mut rig = rig();
-        alter(&mut rig);
-        rig
-    };
+    let with = |alter: fn(&mut hbot_core::RigParts)| altered(&rig(), alter);
     [
         ("plain", rig()),
         ("weak motors", with(|rig| rig.limits.torque = 8.0)),

@@ -1,7 +1,6 @@
 //! Joint torques within limits, and what the joints can make along the axes.
 
 use super::super::core::allocation::{JointLimits, allocate, capability};
-use super::super::core::device::MAX_JOINTS;
 use super::super::core::{Real, Vec3};
 use super::{EPS, GOLDEN, device, norm, posture, real, row_condition, vector, wide, worst};
 use crate::golden_support::sensitivity::{self, TORQUES};
@@ -24,7 +23,7 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     }
     let posture = posture(&device, &case.theta);
     let (rows, torque) = (posture.rows(), vector(case.torque));
-    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+    let mut limits = JointLimits::NONE;
     for j in 0..joints {
         limits.peak[j] = real(case.limits[j]);
         limits.weight[j] = real(case.weights[j]);
@@ -35,8 +34,7 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     // What sixteen roundings of all inputs, the rows with their own condition, can do to the exact answer.
     let (sensitivity, moment) = {
         let posture = double::checks::posture(&exact, &case.theta);
-        let mut limits =
-            hbot_core::allocation::JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+        let mut limits = hbot_core::allocation::JointLimits::NONE;
         limits.peak[..joints].copy_from_slice(&case.limits);
         limits.weight[..joints].copy_from_slice(&case.weights);
         let torque = case.torque.into();

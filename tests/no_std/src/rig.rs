@@ -5,7 +5,7 @@ use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
-use hbot_core::rig::{Joint, Limits, Methods, PassivityLimit, RateEstimate, Rig, Timing, Zero};
+use hbot_core::rig::{Joint, Methods, PassivityLimit, RateEstimate, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, Mat3, Vec3, rotation};
 use hbot_link::{
     ControllerFlags, Decoder, Feedback, FromController, JointFlags, JointReading, MAX_COMMAND_FRAME,
@@ -129,43 +129,18 @@ fn rig() -> Option<Rig> {
     let wheel = |side| WheelSpec {
         axis: Vec3::new(side, 0.0, -1.0),
         cone: 0.1745,
-        toe: 0.0,
         radius: 0.0155,
-        steer_inertia: 2.7e-5,
-        drive_inertia: 3.5e-6,
-        axial_inertia: 0.0,
-    };
-    let joint = Joint {
-        counts_per_turn: 16384,
-        gear: 1.0,
-        reversed: false,
-        zero: Zero::Assume,
-        peak: 2.0,
-        continuous: 2.0,
+        ..WheelSpec::default()
     };
     let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).ok()?;
-    Some(Rig {
-        device,
-        joints: [joint; MAX_JOINTS],
-        limits: Limits {
-            torque: 2.0,
-            torque_rate: 200.0,
-            speed: 30.0,
-            slip: 0.05,
-            traction: None,
-            enable_max_angle: 0.5,
-            align_rate: 0.5,
-            reference_rate: 5.0,
-            thermal_time: None,
-            energy: None,
-            max_age_ticks: 50,
-        },
-        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        // The stages with the most memory.
-        methods: Methods {
-            rate: RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 64 },
-            passivity: Some(PassivityLimit::of(&device, 1e-3)),
-            ..Methods::EXACT
-        },
-    })
+    let joint = Joint { zero: Zero::Assume, ..Joint::new(16384, 2.0) };
+    let mut parts = RigParts::new(device).with_joints(joint, joint);
+    parts.limits.torque = 2.0;
+    // The stages with the most memory.
+    parts.methods = Methods {
+        rate: RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 64 },
+        passivity: Some(PassivityLimit::of(&device, parts.timing.period_s())),
+        ..Methods::EXACT
+    };
+    Rig::new(parts).ok()
 }

@@ -19,10 +19,6 @@ const WATCHDOG_SIM_MS: u16 = 50;
 /// Shorter steering axes are taken for none at all.
 const LEAST_AXIS: f64 = 1.0e-9;
 
-/// Counts of one turn of a joint: fewer tell no angle, more do not fit the 32-bit counter that the controllers report.
-const LEAST_COUNTS: f64 = 4.0;
-const MOST_COUNTS: f64 = 2_147_483_648.0;
-
 /// Checks one wheel by itself.
 pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) {
     if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
@@ -34,12 +30,6 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
     }
     for (name, joint) in [("steer", &wheel.steer), ("drive", &wheel.drive)] {
         let at = |key: &str| format!("{path}.{name}.{key}");
-        let counts = f64::from(joint.counts_per_turn) * joint.gear;
-        if !(LEAST_COUNTS..=MOST_COUNTS).contains(&counts) {
-            let message =
-                format!("{} times counts_per_turn is {counts} counts a turn of the joint", joint.gear);
-            report.push(&at("gear"), message, format!("{LEAST_COUNTS} to {MOST_COUNTS} counts"));
-        }
         if joint.motor {
             for (key, value) in [("peak", joint.peak), ("continuous", joint.continuous)] {
                 if value.is_none() {
@@ -51,43 +41,68 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
                 }
             }
         }
-        if let (Some(peak), Some(continuous)) = (joint.peak, joint.continuous)
-            && continuous > peak
-        {
-            report.push(
-                &at("continuous"),
-                format!("{continuous} is more than peak"),
-                format!("> 0 and <= {peak} N m"),
-            );
+        // A torque that is not stated has no range.
+        let peak = joint.peak.unwrap_or(0.0);
+        let stated = core::Joint { peak, continuous: joint.continuous.unwrap_or(peak), ..joint.encoder() };
+        for mistake in stated.mistakes() {
+            let core::RigError { field, value, range, .. } = mistake;
+            let (key, message) = match field {
+                "counts" => {
+                    let gear = joint.gear;
+                    ("gear", format!("{gear} times counts_per_turn is {value} counts a turn of the joint"))
+                }
+                "continuous" => (field, format!("{value} is more than peak")),
+                _ => (field, format!("{value} is out of range")),
+            };
+            report.push(&at(key), message, range.to_string());
         }
+    }
+}
+
+/// The place in the file of a number that the core refuses.
+fn place(mistake: &core::RigError) -> String {
+    let field = match mistake.field {
+        "timing.period_ns" => "loop.rate_hz",
+        "timing.timeout_ticks" => "link.timeout_ticks",
+        "counts" => "gear",
+        field => field,
+    };
+    match mistake.joint {
+        Some(joint) => {
+            format!("wheel[{}].{}.{field}", joint / 2, if joint % 2 == 0 { "steer" } else { "drive" })
+        }
+        None => field.replace("methods.rate.", "loop.rate_estimate.").replace("methods.", "loop."),
     }
 }
 
 /// Checks what wheels, loop, link and service must agree on, and compiles. `None` where the report says why.
 pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let wheels = wheel_names(&file, report);
-    let link = link(&file, report);
+    let timing = core::Timing {
+        period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
+        timeout_ticks: file.link.timeout_ticks,
+    };
+    let link = link(&file, &timing, report);
     let (ports, controllers) = controllers(&file, &link.port, report);
     let api = api(&file, report);
     file.r#loop.rate_estimate.check(report);
     let device = device(&file, report)?;
     let joints = joints(&file);
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
-    let timing = core::Timing {
-        period_ns: (1_000_000_000 + u64::from(file.r#loop.rate_hz) / 2) / u64::from(file.r#loop.rate_hz),
-        timeout_ticks: file.link.timeout_ticks,
+    let methods = core::Methods {
+        rate: file.r#loop.rate_estimate.compile(),
+        passivity: file.r#loop.passivity.compile(&device, timing.period_s()),
+        ..file.r#loop.accuracy.methods()
     };
-    let rig = core::Rig {
-        device,
-        joints,
-        limits: limits(&file.limits),
-        timing,
-        methods: core::Methods {
-            rate: file.r#loop.rate_estimate.compile(),
-            passivity: file.r#loop.passivity.compile(&device, timing.period_s()),
-            ..file.r#loop.accuracy.methods()
-        },
-    };
+    let parts = core::RigParts { device, joints, limits: limits(&file.limits), timing, methods };
+    for mistake in parts.mistakes() {
+        report.push(
+            &place(&mistake),
+            format!("{} is out of range", mistake.value),
+            mistake.range.to_string(),
+        );
+    }
+    let rig = core::Rig::new(parts).ok()?;
     Some(RigConfig {
         name: file.name,
         rig,
@@ -173,7 +188,7 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
     (ports, order)
 }
 
-fn link(file: &RigFile, report: &mut Report) -> LinkConfig {
+fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LinkConfig {
     let port = match &file.link.port {
         settings::Ports::One(name) => Port::from(name.as_str()),
         settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
@@ -182,9 +197,8 @@ fn link(file: &RigFile, report: &mut Report) -> LinkConfig {
     let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
     let rate_hz = file.r#loop.rate_hz;
-    // A command must still hold when the next one is a whole period late.
-    let least_ms = 2000_u32.div_ceil(rate_hz);
-    if u32::from(watchdog_ms) < least_ms {
+    let least_ms = timing.least_watchdog_ms();
+    if u64::from(watchdog_ms) < least_ms {
         let message = format!("{watchdog_ms} ms is less than two loop periods at {rate_hz} Hz");
         report.push("link.watchdog_ms", message, format!("{least_ms} to 1000 ms"));
     }
@@ -254,25 +268,11 @@ fn device(file: &RigFile, report: &mut Report) -> Option<Device> {
 }
 
 fn joints(file: &RigFile) -> [core::Joint; MAX_JOINTS] {
-    let unused = core::Joint {
-        counts_per_turn: 1,
-        gear: 1.0,
-        reversed: false,
-        zero: core::Zero::Assume,
-        peak: 0.0,
-        continuous: 0.0,
-    };
-    let mut joints = [unused; MAX_JOINTS];
+    let mut joints = [core::Joint::default(); MAX_JOINTS];
     for (joint, (_, settings)) in joints.iter_mut().zip(each_joint(file)) {
         let torque = |value: Option<f64>| value.filter(|_| settings.motor).unwrap_or(0.0);
-        *joint = core::Joint {
-            counts_per_turn: settings.counts_per_turn,
-            gear: settings.gear,
-            reversed: settings.sign < 0,
-            zero: settings.zero.into(),
-            peak: torque(settings.peak),
-            continuous: torque(settings.continuous),
-        };
+        let (peak, continuous) = (torque(settings.peak), torque(settings.continuous));
+        *joint = core::Joint { peak, continuous, ..settings.encoder() };
     }
     joints
 }

@@ -5,7 +5,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use hbot_core::rig as core;
+use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,11 +95,11 @@ pub(crate) struct Joint {
     #[schemars(with = "u32", range(min = 0, max = 15))]
     pub(crate) controller: Option<u32>,
     /// Encoder counts in one turn of the encoder (lines times 4), before the gear.
-    #[schemars(range(min = 4, max = 1_073_741_824))]
+    #[schemars(range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
     pub(crate) counts_per_turn: u32,
     /// Turns of the encoder for one turn of the joint.
     #[serde(default = "one")]
-    #[schemars(range(min = 0.001, max = 10_000.0))]
+    #[schemars(range(min = legal::GEAR.least, max = legal::GEAR.most))]
     pub(crate) gear: f64,
     /// Whether the controller counts and pushes with the joint's positive sense (1) or against it (-1).
     #[serde(default = "forwards")]
@@ -118,15 +118,27 @@ pub(crate) struct Joint {
     pub(crate) inertia: f64,
     /// Largest torque at the joint, after the gear. Required where there is a motor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m"))]
+    #[schemars(with = "f64", range(max = legal::PEAK.most), extend("exclusiveMinimum" = legal::PEAK.least, "unit" = legal::PEAK.unit))]
     pub(crate) peak: Option<f64>,
     /// Torque at the joint that the motor holds for ever, at most `peak`. Required where there is a motor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m"))]
+    #[schemars(with = "f64", range(max = legal::PEAK.most), extend("exclusiveMinimum" = legal::PEAK.least, "unit" = legal::PEAK.unit))]
     pub(crate) continuous: Option<f64>,
     /// Whether the joint has a motor; false leaves an encoder alone.
     #[serde(default = "yes")]
     pub(crate) motor: bool,
+}
+
+impl Joint {
+    /// The joint without its motor.
+    pub(crate) fn encoder(&self) -> core::Joint {
+        core::Joint {
+            gear: self.gear,
+            reversed: self.sign < 0,
+            zero: self.zero.into(),
+            ..core::Joint::new(self.counts_per_turn, 0.0)
+        }
+    }
 }
 
 fn one() -> f64 {

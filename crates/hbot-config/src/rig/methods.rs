@@ -1,7 +1,7 @@
 //! The keys of a rig file that name methods: accuracy, joint rates, passivity.
 
 use hbot_core::device::Device;
-use hbot_core::rig as core;
+use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -150,19 +150,19 @@ pub(crate) struct RateTable {
     pub(crate) method: RateMethod,
     /// Of `low_pass`: its corner; 30 where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(min = 0.1, max = 10_000.0), extend("unit" = "Hz"))]
+    #[schemars(with = "f64", range(min = legal::CUTOFF_HZ.least, max = legal::CUTOFF_HZ.most), extend("unit" = legal::CUTOFF_HZ.unit))]
     pub(crate) cutoff_hz: Option<f64>,
     /// Of `adaptive_window`: how far a reading may be off the chord, counts; 1 where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "u32", range(min = 1, max = 1000))]
+    #[schemars(with = "u32", range(min = legal::TOLERANCE_COUNTS.least as u32, max = legal::TOLERANCE_COUNTS.most as u32))]
     pub(crate) tolerance_counts: Option<u32>,
     /// Of `adaptive_window`: how far back the chord may reach, ticks; 32 where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "u32", range(min = 2, max = core::LONGEST_WINDOW))]
+    #[schemars(with = "u32", range(min = legal::LONGEST_TICKS.least as u32, max = legal::LONGEST_TICKS.most as u32))]
     pub(crate) longest_ticks: Option<u32>,
     /// Of `kalman`: root mean square of a joint's acceleration; 100 where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(min = 0.1, max = 100_000.0), extend("unit" = "rad/s²"))]
+    #[schemars(with = "f64", range(min = legal::ACCELERATION.least, max = legal::ACCELERATION.most), extend("unit" = legal::ACCELERATION.unit))]
     pub(crate) acceleration: Option<f64>,
 }
 
@@ -233,15 +233,15 @@ pub(crate) enum Passivity {
 pub(crate) struct PassivityTable {
     /// Energy that may be given out beyond what came in; 0.001 where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(min = 0.0, max = 1000.0), extend("unit" = "J"))]
+    #[schemars(with = "f64", range(min = legal::ALLOWANCE.least, max = legal::ALLOWANCE.most), extend("unit" = legal::ALLOWANCE.unit))]
     pub(crate) allowance: Option<f64>,
     /// The most that is remembered of energy that came in: no less than springs hold when they are wound; 0.5 where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(min = 0.0, max = 1000.0), extend("unit" = "J"))]
+    #[schemars(with = "f64", range(min = legal::STORE.least, max = legal::STORE.most), extend("unit" = legal::STORE.unit))]
     pub(crate) store: Option<f64>,
     /// The most damping that is added; a quarter of the sphere's inertia over the loop's period (1 ms at least) where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m s/rad"))]
+    #[schemars(with = "f64", range(max = legal::DAMPING.most), extend("exclusiveMinimum" = legal::DAMPING.least, "unit" = legal::DAMPING.unit))]
     pub(crate) damping: Option<f64>,
 }
 

@@ -1,9 +1,9 @@
 //! The tables of a rig file that say how the device is run: loop, link, limits and service.
 
-use std::f64::consts::PI;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
+use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +72,7 @@ pub(crate) struct Link {
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,
     /// Age of the newest reading, ticks, above which it is the fault link_lost.
-    #[schemars(range(min = 1, max = 1000))]
+    #[schemars(range(min = legal::TIMEOUT_TICKS.least as u32, max = legal::TIMEOUT_TICKS.most as u32))]
     pub(crate) timeout_ticks: u32,
 }
 
@@ -83,7 +83,7 @@ impl Default for Link {
             protocol: Protocol::Hbot,
             baud: 3_000_000,
             watchdog_ms: None,
-            timeout_ticks: 20,
+            timeout_ticks: core::Timing::default().timeout_ticks,
         }
     }
 }
@@ -109,21 +109,21 @@ pub enum Protocol {
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Limits {
     /// Largest torque on the sphere (its norm).
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m"))]
+    #[schemars(range(max = legal::TORQUE.most), extend("exclusiveMinimum" = legal::TORQUE.least, "unit" = legal::TORQUE.unit))]
     pub(crate) torque: f64,
     /// Largest change of that torque.
-    #[schemars(range(max = 1_000_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N m/s"))]
+    #[schemars(range(max = legal::TORQUE_RATE.most), extend("exclusiveMinimum" = legal::TORQUE_RATE.least, "unit" = legal::TORQUE_RATE.unit))]
     pub(crate) torque_rate: f64,
     /// Largest angular speed of the powered sphere; above it the fault overspeed.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "rad/s"))]
+    #[schemars(range(max = legal::SPEED.most), extend("exclusiveMinimum" = legal::SPEED.least, "unit" = legal::SPEED.unit))]
     pub(crate) speed: f64,
     /// Largest slip of the powered sphere against its wheels; above it the fault slip.
-    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "m/s"))]
+    #[schemars(range(max = legal::SLIP.most), extend("exclusiveMinimum" = legal::SLIP.least, "unit" = legal::SLIP.unit))]
     pub(crate) slip: f64,
     /// Thermal time of the motors: where the mean square of a joint's torque over it is above that of its `continuous` torque,
     /// the fault thermal. Absent: heat is left to the controllers.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "f64", range(max = 100_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "s"))]
+    #[schemars(with = "f64", range(max = legal::THERMAL_TIME.most), extend("exclusiveMinimum" = legal::THERMAL_TIME.least, "unit" = legal::THERMAL_TIME.unit))]
     pub(crate) thermal_time: Option<f64>,
     /// How much energy may go into the hand; more is the fault overtorque. Absent: as much as torque and speed allow.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -134,33 +134,44 @@ pub(crate) struct Limits {
     #[schemars(with = "Traction")]
     pub(crate) traction: Option<Traction>,
     /// How far a spring's reference may be from the orientation at enable.
-    #[schemars(range(max = PI), extend("exclusiveMinimum" = 0.0, "unit" = "rad"))]
+    #[schemars(range(max = legal::ENABLE_MAX_ANGLE.most), extend("exclusiveMinimum" = legal::ENABLE_MAX_ANGLE.least, "unit" = legal::ENABLE_MAX_ANGLE.unit))]
     pub(crate) enable_max_angle: f64,
     /// How fast an orientation seen from outside corrects the odometry.
-    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0, "unit" = "rad/s"))]
+    #[schemars(range(max = legal::ALIGN_RATE.most), extend("exclusiveMinimum" = legal::ALIGN_RATE.least, "unit" = legal::ALIGN_RATE.unit))]
     pub(crate) align_rate: f64,
     /// How fast a reference moves towards where it is sent.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "rad/s"))]
+    #[schemars(range(max = legal::REFERENCE_RATE.most), extend("exclusiveMinimum" = legal::REFERENCE_RATE.least, "unit" = legal::REFERENCE_RATE.unit))]
     pub(crate) reference_rate: f64,
     /// A stream message that names a tick older than this is refused.
-    #[schemars(range(min = 1, max = 1_000_000))]
+    #[schemars(range(min = legal::MAX_AGE_TICKS.least as u32, max = legal::MAX_AGE_TICKS.most as u32))]
     pub(crate) max_age_ticks: u32,
 }
 
 impl Default for Limits {
     fn default() -> Self {
+        let core::Limits {
+            torque,
+            torque_rate,
+            speed,
+            slip,
+            enable_max_angle,
+            align_rate,
+            reference_rate,
+            max_age_ticks,
+            ..
+        } = core::Limits::default();
         Self {
-            torque: 0.9,
-            torque_rate: 200.0,
-            speed: 30.0,
-            slip: 0.05,
+            torque,
+            torque_rate,
+            speed,
+            slip,
             thermal_time: None,
             energy: None,
             traction: None,
-            enable_max_angle: 0.5,
-            align_rate: 0.2,
-            reference_rate: 2.0,
-            max_age_ticks: 100,
+            enable_max_angle,
+            align_rate,
+            reference_rate,
+            max_age_ticks,
         }
     }
 }
@@ -170,10 +181,10 @@ impl Default for Limits {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Energy {
     /// What may be given out beyond `power`, as in one push.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "J"))]
+    #[schemars(range(max = legal::BURST.most), extend("exclusiveMinimum" = legal::BURST.least, "unit" = legal::BURST.unit))]
     pub(crate) burst: f64,
     /// What may be given out for ever.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0, "unit" = "W"))]
+    #[schemars(range(max = legal::POWER.most), extend("exclusiveMinimum" = legal::POWER.least, "unit" = legal::POWER.unit))]
     pub(crate) power: f64,
 }
 
@@ -182,10 +193,10 @@ pub(crate) struct Energy {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Traction {
     /// Friction coefficient mu.
-    #[schemars(range(max = 10.0), extend("exclusiveMinimum" = 0.0))]
+    #[schemars(range(max = legal::FRICTION.most), extend("exclusiveMinimum" = legal::FRICTION.least))]
     pub(crate) mu: f64,
     /// Normal force N of each wheel.
-    #[schemars(range(max = 10_000.0), extend("exclusiveMinimum" = 0.0, "unit" = "N"))]
+    #[schemars(range(max = legal::NORMAL_FORCE.most), extend("exclusiveMinimum" = legal::NORMAL_FORCE.least, "unit" = legal::NORMAL_FORCE.unit))]
     pub(crate) normal_force: f64,
 }
 

@@ -432,3 +432,15 @@ fn the_share_of_a_line_that_frames_take() {
     // 60 bytes of 10 bits, 1000 times a second, on 3 Mbaud.
     assert_eq!(link.load(60, 1000), 0.2);
 }
+
+/// A program without files and one with them mean the same by what nobody states.
+#[test]
+fn what_a_file_does_not_state_is_the_default_of_the_core() {
+    let rig = RigConfig::from_toml(LEAST, "x.toml").unwrap().rig;
+    let joint = hbot_core::rig::Joint { continuous: 0.1, ..hbot_core::rig::Joint::new(4096, 1.0) };
+    let mut parts = hbot_core::RigParts::new(rig.device);
+    parts.joints[..3].fill(joint);
+    // The last one of the least file has no motor.
+    parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
+    assert_eq!(*rig, parts);
+}

@@ -25,8 +25,9 @@ mod weak;
 pub(crate) use nearest::{Bounds, nearest};
 pub use traction::{ContactArms, traction};
 
-use crate::device::MAX_JOINTS;
+use crate::device::{Device, MAX_JOINTS};
 use crate::real::{Real, Vec3, fabs};
+use crate::rig::Rig;
 use reach::Reach;
 use sym::Sym3;
 use weak::Share;
@@ -55,6 +56,28 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
+    /// No joint gives anything; each weighs 1.
+    pub const NONE: Self = Self { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+
+    /// The joints of `rig`: its peaks, and the weights with which the least-cost torques least load the contacts.
+    #[must_use]
+    pub fn of(rig: &Rig) -> Self {
+        Self::of_device(&rig.device, |joint| rig.joints[joint].peak)
+    }
+
+    /// The joints of `device` with these peaks (N m, one a joint), weighed as [`of`](Self::of) does.
+    #[must_use]
+    pub fn of_device(device: &Device, peak: impl Fn(usize) -> Real) -> Self {
+        let mut limits = Self::NONE;
+        for (i, wheel) in device.wheels().iter().enumerate() {
+            let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
+            for (joint, weight) in (2 * i..).zip(weights) {
+                (limits.peak[joint], limits.weight[joint]) = (peak(joint), weight);
+            }
+        }
+        limits
+    }
+
     #[inline]
     fn driven(&self, k: usize) -> bool {
         let (t, w) = (self.peak[k], self.weight[k]);

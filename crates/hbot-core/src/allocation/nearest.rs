@@ -117,7 +117,7 @@ mod tests {
     const GIVES: [Real; 4] = [2.0, 0.5, 2.0, 0.5];
 
     fn distance(rows: &[Vec3; 4], peaks: [Real; 4], start: [Real; 4], torque: Vec3) -> Real {
-        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+        let mut limits = JointLimits::NONE;
         limits.peak[..4].copy_from_slice(&peaks);
         let arm = ContactArms { steer: 0.01, cross: 0.0, roll: 0.02 };
         let arms = [arm; MAX_WHEELS];

@@ -25,7 +25,7 @@ fn config(cases: u32) -> ProptestConfig {
 }
 
 fn limits(peak: &[Real], weight: &[Real]) -> JointLimits {
-    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+    let mut limits = JointLimits::NONE;
     limits.peak[..peak.len()].copy_from_slice(peak);
     limits.weight[..weight.len()].copy_from_slice(weight);
     limits
@@ -74,7 +74,7 @@ fn lattice() -> impl Strategy<Value = (Vec<Vec3>, JointLimits, Vec3)> {
     let whole = || (-4..5_i8).prop_map(Real::from);
     (proptest::collection::vec(row, 2..=MAX_JOINTS), 0..2_u8, [whole(), whole(), whole()]).prop_map(
         |(rows, dead, wanted)| {
-            let mut limits = JointLimits { peak: [1.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+            let mut limits = JointLimits { peak: [1.0; MAX_JOINTS], ..JointLimits::NONE };
             limits.peak[0] = Real::from(1 - dead);
             (rows, limits, Vec3::from_array(wanted))
         },

@@ -9,7 +9,7 @@ use crate::rotation;
 use crate::scene::CompiledScene;
 
 impl Controller {
-    /// Does what `command` says, or tells why not; then nothing has changed.
+    /// Executes `command`, or returns why it was refused; then nothing has changed.
     pub(super) fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
         match *command {
             Command::Enable => self.enable(scene),
@@ -21,7 +21,7 @@ impl Controller {
                 self.machine.estop();
                 Reply::Done
             }
-            Command::Reset => match self.machine.reset(self.referenced) {
+            Command::Reset => match self.machine.reset(self.homed) {
                 Ok(()) => Reply::Done,
                 Err(obstacle) => Reply::Refused(Refusal::Mode(obstacle)),
             },
@@ -29,7 +29,7 @@ impl Controller {
                 if !torque.is_finite() {
                     return Reply::Refused(Refusal::NotFinite);
                 }
-                self.stamped(tick, stamp, |this| {
+                self.take_stamped(tick, stamp, |this| {
                     this.stream.set(torque, tick.saturating_add(u64::from(valid_ticks.max(1)) - 1));
                     true
                 })
@@ -42,8 +42,8 @@ impl Controller {
                     return Reply::Refused(Refusal::NotFinite);
                 }
                 let until = tick.saturating_add(u64::from(valid_ticks));
-                self.stamped(tick, stamp, |this| {
-                    this.renderer.refer(scene, (slot, epoch), goal, omega, until)
+                self.take_stamped(tick, stamp, |this| {
+                    this.renderer.set_reference(scene, (slot, epoch), goal, omega, until)
                 })
             }
             Command::Align { q, weight, tick: seen } => self.align(q, weight, seen),
@@ -84,7 +84,7 @@ impl Controller {
 
     /// Takes a stream message, unless the sample that it was computed from is too old or of the
     /// future: a message that names a future tick would count as fresh until that tick.
-    fn stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
+    fn take_stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
         if let Some(ticks) = stamp.tick.and_then(|seen| seen.checked_sub(tick)).filter(|ahead| *ahead > 0) {
             return Reply::Refused(Refusal::Ahead { ticks });
         }

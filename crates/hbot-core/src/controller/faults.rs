@@ -1,6 +1,7 @@
 //! The fault conditions of a tick.
 
 use super::Controller;
+use crate::heat::Heat;
 use crate::inputs::{Complaints, Inputs, JointFeedback};
 use crate::joints::Joints;
 use crate::mode::{Cause, Mode};
@@ -35,9 +36,9 @@ pub(super) struct Silence {
 }
 
 impl Silence {
-    /// `elapsed` ticks have passed, at the end of which there was a reading or not.
+    /// Counts `elapsed` ticks, at the end of which there was a reading (`news`) or not.
     #[inline]
-    pub(super) fn pass(&mut self, elapsed: u64, news: bool, timeout_ticks: u32) {
+    pub(super) fn advance(&mut self, elapsed: u64, news: bool, timeout_ticks: u32) {
         // Ticks that were skipped asked for no reading.
         let missed = u64::from(!news && elapsed > 0);
         self.ticks = if news { 0 } else { self.ticks.saturating_add(elapsed) };
@@ -55,28 +56,40 @@ impl Silence {
 }
 
 impl Controller {
+    /// Counts what becomes a fault by its number over the last `elapsed` ticks: damaged frames, and ticks in which
+    /// motors were on or off against the command.
+    #[inline]
+    pub(super) fn count_complaints(&mut self, inputs: &Inputs, elapsed: u64) {
+        self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
+            + Real::from(inputs.corrupt_frames);
+        self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
+        match inputs.feedback.map(|feedback| feedback.complaints) {
+            Some(Complaints { disobeyed: true, .. }) => {
+                self.disobeyed_ticks = self.disobeyed_ticks.saturating_add(elapsed);
+            }
+            Some(_) => self.disobeyed_ticks = 0,
+            None => {}
+        }
+    }
+
     /// The fault condition of this tick, the gravest first. `feedback`: whether there was news, or what
     /// is wrong with it.
     #[inline]
-    pub(super) fn fault(
-        &mut self,
+    pub(super) fn fault_condition(
+        &self,
         inputs: &Inputs,
         elapsed: u64,
         feedback: Result<bool, Cause>,
     ) -> Option<Cause> {
-        self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
-            + Real::from(inputs.corrupt_frames);
-        self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
         let complaints = inputs.feedback.map(|f| f.complaints).unwrap_or_default();
         let powered = self.powered();
-        let disobeyed = self.disobeyed(inputs.feedback.map(|_| complaints), elapsed);
-        if inputs.rebooted || complaints.fault || disobeyed {
+        if inputs.rebooted || complaints.fault || self.disobeyed() {
             return Some(Cause::ControllerFault);
         }
         if complaints.overcurrent || (powered && self.burst.is_some_and(|burst| burst.over())) {
             return Some(Cause::Overtorque);
         }
-        if complaints.overtemperature || self.hot {
+        if complaints.overtemperature || self.heat.as_ref().is_some_and(Heat::too_hot) {
             return Some(Cause::Thermal);
         }
         if complaints.not_finite {
@@ -94,14 +107,10 @@ impl Controller {
         if inputs.lateness_ns > LATE_FAULT_NS || elapsed > SKIPPED_FAULT {
             return Some(Cause::Deadline);
         }
-        if core::mem::take(&mut self.client_lost) {
+        if self.client_lost {
             return Some(Cause::ClientLost);
         }
-        let motion = self.motion_fault(powered);
-        if motion.is_none() && feedback == Ok(true) {
-            self.reference(inputs.feedback.as_ref());
-        }
-        motion
+        self.motion_fault(powered)
     }
 
     /// What the rates or the counts say of the motion. Without power only if it is the fault to be
@@ -140,26 +149,19 @@ impl Controller {
 
     /// Whether motors have been on or off against the command for too long.
     #[inline]
-    fn disobeyed(&mut self, complaints: Option<Complaints>, elapsed: u64) -> bool {
-        match complaints {
-            Some(Complaints { disobeyed: true, .. }) => {
-                self.disobeyed_ticks = self.disobeyed_ticks.saturating_add(elapsed);
-            }
-            Some(_) => self.disobeyed_ticks = 0,
-            None => {}
-        }
+    fn disobeyed(&self) -> bool {
         self.disobeyed_ticks > 0 && self.disobeyed_ticks as Real * self.rig.timing.period_s() > DISOBEDIENCE_S
     }
 
-    /// Leaves `unreferenced` once all steering zeros are known.
+    /// Ends homing, and with it the mode `unreferenced`, if all steering zeros are known.
     #[inline]
-    fn reference(&mut self, feedback: Option<&JointFeedback>) {
-        if self.referenced || self.machine.mode != Mode::Unreferenced {
+    pub(super) fn home(&mut self, feedback: Option<&JointFeedback>) {
+        if self.homed || self.machine.mode != Mode::Unreferenced {
             return;
         }
         if feedback.is_some_and(|feedback| Joints::zeros_known(&self.rig, feedback, !self.rebooted)) {
-            self.referenced = true;
-            self.machine.referenced();
+            self.homed = true;
+            self.machine.end_homing();
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::inputs::{Command, Inputs, Stamp};
 use crate::joints::Joints;
 use crate::mode::{Cause, Machine};
 use crate::orientation::Orientation;
-use crate::outputs::{Client, Drive, Outputs, Reply, State};
+use crate::outputs::{Client, Drive, Outputs, State};
 use crate::passivity::{Guard, Observer};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
@@ -54,8 +54,6 @@ pub struct Controller {
     burst: Option<Burst>,
     guard: Option<Guard>,
     heat: Option<Heat>,
-    /// A motor is too hot by its torques.
-    hot: bool,
     /// What the motors made in the last tick; the next torque may differ by the slew limit.
     made: Made,
     /// The limited sum of scene and stream in the last tick, N m, and that tick's stream.
@@ -69,8 +67,8 @@ pub struct Controller {
     corrupt: Real,
     /// Ticks for which motors have been on or off against the command.
     disobeyed_ticks: u64,
-    /// The angles are those of the wheels.
-    referenced: bool,
+    /// Homing is done: the steering zeros are known, so the angles are those of the wheels.
+    homed: bool,
     /// A controller has rebooted since the start: zeros that were assumed can't be assumed again.
     rebooted: bool,
     client_lost: bool,
@@ -80,29 +78,21 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// A controller for `rig`, unreferenced, at the identity.
+    /// A controller for `rig`, not homed, at the identity.
     #[must_use]
     pub fn new(rig: Rig) -> Self {
-        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
         let first = ContactArms::of(&rig.device.wheels()[0], rig.device.sphere_radius());
         let mut arms = [first; MAX_WHEELS];
         for (i, wheel) in rig.device.wheels().iter().enumerate() {
             arms[i] = ContactArms::of(wheel, rig.device.sphere_radius());
-            let [steer, drive] = arms[i].weights();
-            limits.weight[2 * i] = steer;
-            limits.weight[2 * i + 1] = drive;
-        }
-        for i in 0..rig.device.joints() {
-            limits.peak[i] = rig.joints[i].peak;
         }
         Self {
-            limits,
+            limits: JointLimits::of(&rig),
             arms,
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
             burst: rig.limits.energy.map(Burst::new),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
-            hot: false,
             rig,
             orientation: Orientation::new(),
             machine: Machine::START,
@@ -120,7 +110,7 @@ impl Controller {
             silence: Silence::default(),
             corrupt: 0.0,
             disobeyed_ticks: 0,
-            referenced: false,
+            homed: false,
             rebooted: false,
             client_lost: false,
             anchored: false,
@@ -142,17 +132,24 @@ impl Controller {
         let dt = elapsed.min(SKIPPED_FAULT) as Real * self.rig.timing.period_s();
         let powered = self.powered();
         if let Some(heat) = &mut self.heat {
-            self.hot = heat.held(dt);
+            heat.advance(dt);
         }
         if let Some(burst) = &mut self.burst {
-            burst.pass(dt, powered);
+            burst.leak(dt, powered);
         }
 
         let measured = self.measure(inputs, elapsed);
         let align_step = if powered { self.rig.limits.align_rate * dt } else { Real::INFINITY };
         self.orientation.settle(inputs.tick, align_step);
-        let present = self.fault(inputs, elapsed, measured);
-        self.machine.observe(present);
+        self.count_complaints(inputs, elapsed);
+        let present = self.fault_condition(inputs, elapsed, measured);
+        match present {
+            // It is an event: once it has become a fault it is over.
+            Some(Cause::ClientLost) => self.client_lost = false,
+            None if measured == Ok(true) => self.home(inputs.feedback.as_ref()),
+            _ => {}
+        }
+        self.machine.take_condition(present);
         let changed = self.renderer.adopt(scene, self.orientation.q);
         let mut replies = [None; crate::inputs::MAX_COMMANDS];
         for (reply, command) in replies.iter_mut().zip(inputs.commands.iter()) {
@@ -164,21 +161,23 @@ impl Controller {
         }
         self.machine.ramp(dt);
 
-        let wanted = self.wanted(scene, inputs.tick, dt, changed);
-        self.outputs(scene, inputs.tick, &wanted, replies, matches!(measured, Ok(true)))
+        let wanted = self.render(scene, inputs.tick, dt, changed);
+        self.hold(inputs.tick, &wanted);
+        let state = self.state(scene, inputs.tick, matches!(measured, Ok(true)));
+        Outputs { drive: self.drive(), replies, state }
     }
 
     /// Takes the feedback, if there is news: whether there was, or what is wrong with it.
     #[inline]
     fn measure(&mut self, inputs: &Inputs, elapsed: u64) -> Result<bool, Cause> {
         if inputs.rebooted {
-            self.referenced = false;
+            self.homed = false;
             self.rebooted = true;
         }
         let news = inputs.feedback.as_ref().filter(|feedback| self.joints.is_news(feedback, inputs.tick));
-        self.silence.pass(elapsed, news.is_some(), self.rig.timing.timeout_ticks);
+        self.silence.advance(elapsed, news.is_some(), self.rig.timing.timeout_ticks);
         let Some(feedback) = news else { return Ok(false) };
-        if !self.referenced {
+        if !self.homed {
             self.joints.start(&self.rig, feedback)?;
             return Ok(true);
         }
@@ -186,53 +185,58 @@ impl Controller {
         let late = (inputs.tick as u32).wrapping_sub(feedback.sequence).saturating_sub(elapsed.max(1) as u32);
         let step = self.joints.advance(&self.rig, feedback, late, judged)?;
         self.orientation.advance(step.turn);
-        let given = self.observer.turned(step.answered[0], step.answered[1], step.turn);
+        let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if let Some(guard) = &mut self.guard {
-            guard.given(given);
+            guard.add(given);
         }
         if let Some(burst) = &mut self.burst {
-            burst.given(given);
+            burst.add(given);
         }
         Ok(true)
     }
 
-    /// Makes the tick's outputs of the torque wanted. A number that is not finite ends in a fault.
+    /// Holds what motors and contacts make of the torque `wanted` from this tick on. A number that is not finite ends in a
+    /// fault and zero torque.
     #[inline]
-    fn outputs(
-        &mut self,
-        scene: &CompiledScene,
-        tick: u64,
-        wanted: &Wanted,
-        replies: [Option<Reply>; crate::inputs::MAX_COMMANDS],
-        fresh: bool,
-    ) -> Outputs {
-        let n = self.rig.device.joints();
+    fn hold(&mut self, tick: u64, wanted: &Wanted) {
         let made = if wanted.torque == Vec3::ZERO {
             Made { scale: wanted.share, ..Made::NOTHING }
         } else {
             Some(wanted)
                 .filter(|wanted| wanted.torque.is_finite())
-                .map(|wanted| self.make(wanted))
+                .map(|wanted| self.feasible(wanted))
                 .filter(Made::is_finite)
                 .unwrap_or_else(|| {
-                    self.machine.observe(Some(Cause::NonFinite));
+                    self.machine.take_condition(Some(Cause::NonFinite));
                     Made::NOTHING
                 })
         };
         self.made = made;
-        self.observer.sent(tick as u32, made.torque);
+        self.observer.record(tick as u32, made.torque);
         if let Some(heat) = &mut self.heat {
             heat.hold(&made.joints);
         }
+    }
+
+    /// The torques held, in the sense of each joint's controller.
+    #[inline]
+    fn drive(&self) -> Drive {
         let mut drive = Drive { enable: self.powered(), torque: [0.0; MAX_JOINTS] };
-        for i in 0..n {
-            drive.torque[i] = self.joints.command(i, made.joints[i]);
+        for i in 0..self.rig.device.joints() {
+            drive.torque[i] = self.joints.in_controller_sense(i, self.made.joints[i]);
         }
+        drive
+    }
+
+    /// The state that the tick publishes. `fresh`: it took new feedback.
+    #[inline]
+    fn state(&self, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
+        let made = &self.made;
         let client = self.client.map(|(stamp, taken)| Client {
             seq: stamp.seq,
             age_ticks: tick.saturating_sub(stamp.tick.unwrap_or(taken)),
         });
-        let state = State {
+        State {
             tick,
             mode: self.machine.mode,
             cause: self.machine.cause,
@@ -240,7 +244,7 @@ impl Controller {
             omega: self.joints.omega,
             reference: self.renderer.reference(scene),
             torque: made.torque,
-            joints: n,
+            joints: self.rig.device.joints(),
             angle: self.joints.angle,
             rate: self.joints.rate,
             joint_torque: made.joints,
@@ -252,7 +256,6 @@ impl Controller {
             damping: self.guard.as_ref().map_or(0.0, Guard::damping),
             client,
             fresh,
-        };
-        Outputs { drive, replies, state }
+        }
     }
 }

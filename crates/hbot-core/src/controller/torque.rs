@@ -59,15 +59,16 @@ impl Controller {
         self.machine.powered() || self.made.torque != Vec3::ZERO
     }
 
-    /// The torque wanted on the sphere: the scene and the stream, limited, then ramped by soft start,
-    /// disable and blend, then within the slew limit of the last tick's torque.
+    /// Renders the scene and moves stream, blend and passivity controller on by `dt` seconds. Returns the torque wanted on
+    /// the sphere: the scene and the stream, limited, then ramped by soft start, disable and blend, then within the slew limit
+    /// of the last tick's torque.
     #[inline]
-    pub(super) fn wanted(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
+    pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
         let last_motion = core::mem::replace(&mut self.last_motion, motion);
         let last_stream = core::mem::replace(&mut self.last_stream, self.stream);
-        self.stream.pass(tick, dt);
+        self.stream.advance(tick, dt);
         let limits = self.rig.limits;
         let reach = limits.torque_rate * dt;
         if self.machine.gain == 0.0 {
@@ -83,7 +84,7 @@ impl Controller {
             return Wanted { torque, share: 1.0, reach };
         }
         let before = changed.then(|| {
-            let rendered = self.renderer.clone().torque(scene, &last_motion, tick, 0.0, 0.0);
+            let rendered = self.renderer.clone().render(scene, &last_motion, tick, 0.0, 0.0);
             last_stream.added_to(rendered, limits.torque).0
         });
         if let Some(before) = before
@@ -94,10 +95,10 @@ impl Controller {
             self.carried_s = 0.0;
         }
         let gain = self.machine.gain;
-        let rendered = self.renderer.torque(scene, &motion, tick, dt, limits.reference_rate * dt);
+        let rendered = self.renderer.render(scene, &motion, tick, dt, limits.reference_rate * dt);
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
-        let offset = self.blend.offset(asked * gain, before.map(|before| before * gain), dt);
+        let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
         // The bound rises and falls with the soft start and the disable ramp. What was felt before a
         // soft start that began under power goes within the time of a blend.
         let bound = if gain == 1.0 {
@@ -110,7 +111,7 @@ impl Controller {
         let mut wanted = limited(asked * gain + offset, bound);
         if self.guard.is_some() {
             // Limited before: a torque that is not sent gives out nothing.
-            wanted = limited(self.guarded(tick, wanted), bound);
+            wanted = limited(self.damp(tick, wanted), bound);
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }
@@ -129,19 +130,19 @@ impl Controller {
         self.renderer.is_far(scene, motion.q, limits.enable_max_angle, steps)
     }
 
-    /// The torque `wanted` with what the passivity controller adds. Apart, so that it costs nothing
-    /// if the rig has none.
+    /// Adds to the torque `wanted` the damping of the passivity controller, which it sets anew. Apart, so that it costs
+    /// nothing if the rig has none.
     #[inline(never)]
-    fn guarded(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
+    fn damp(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
         let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
         let now = Moment { tick: tick as u32, answered, period, gain };
-        guard.damped(&self.observer, now, wanted, self.joints.omega)
+        guard.damp(&self.observer, now, wanted, self.joints.omega)
     }
 
     /// The joint torques that make `wanted` within the limits of motors and contacts.
     #[inline]
-    pub(super) fn make(&self, wanted: &Wanted) -> Made {
+    pub(super) fn feasible(&self, wanted: &Wanted) -> Made {
         let made = self.allocated(wanted);
         // Room for the rounding of an allocation at the slew limit.
         let reach = wanted.reach + 64.0 * Real::EPSILON * self.rig.limits.torque;

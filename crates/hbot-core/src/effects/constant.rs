@@ -25,7 +25,7 @@ impl Law for Constant {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         match self.frame {
             Frame::World => self.torque,
             Frame::Sphere => now.motion.q * self.torque,

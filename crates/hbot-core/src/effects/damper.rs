@@ -30,7 +30,7 @@ impl Law for Damper {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let omega = now.motion.omega;
         if self.deadband > 0.0 {
             // w.D w' >= 0 for w' along w: it still only takes.

@@ -78,7 +78,7 @@ impl Law for Detents {
     type Memory = Turns;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
         let dial = now.dial(self.axis);
         let (energy, slope) = self.profile(turns.follow(dial.psi), now.figures);
         let mut torque = dial.torque(energy, slope);

@@ -66,7 +66,7 @@ impl Law for EndStop {
     type Memory = Turns;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
         let mut torque = Vec3::ZERO;
         if let Some(cone) = self.cone {
             let swing = Swing::new(now.relative(), self.axis);

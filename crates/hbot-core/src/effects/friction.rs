@@ -25,7 +25,7 @@ impl Law for Friction {
     type Memory = Option<Quat>;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, anchor: &mut Option<Quat>) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, anchor: &mut Option<Quat>) -> Vec3 {
         let q = now.motion.q;
         let held = *anchor.get_or_insert(q);
         let mut z = rotation::difference(q, held);

@@ -86,7 +86,7 @@ impl Turns {
         }
     }
 
-    /// The same, and remembers it.
+    /// The same angle, which is remembered as the last one.
     #[inline]
     pub(crate) fn follow(&mut self, psi: Real) -> Real {
         let unwrapped = self.unwrap(psi);

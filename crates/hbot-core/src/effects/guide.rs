@@ -74,7 +74,7 @@ impl Law for Guide {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let x = now.relative();
         if let Freedom::Plane(u) = self.free {
             let (s, gradient) = self.rise(x, u);

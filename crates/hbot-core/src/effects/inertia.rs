@@ -36,7 +36,7 @@ impl Law for Inertia {
     type Memory = Vec3;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, smooth: &mut Vec3) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, smooth: &mut Vec3) -> Vec3 {
         let raw = now.acceleration();
         let sum = self.smoothing + now.dt;
         if sum > 0.0 {

@@ -31,7 +31,7 @@ impl Law for Magnet {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let x = now.relative();
         let e = vector_part(x);
         now.in_n(e * (-2.0 * self.strength / self.width * self.nearness(e) * x.w))

@@ -54,8 +54,8 @@ pub(crate) trait Law {
     /// What it remembers from tick to tick; fresh at load and at enable.
     type Memory: Copy + Default + PartialEq + core::fmt::Debug;
 
-    /// The torque on the sphere in N, N m, before gain and fading.
-    fn torque(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
+    /// Moves `memory` on by one tick. Returns the torque on the sphere in N, N m, before gain and fading.
+    fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
 
     /// The energy stored, J, for kinds whose torque (but for their damping) is the gradient of one.
     fn energy(&self, _now: &mut Now<'_>, _memory: &Self::Memory) -> Option<Real> {
@@ -180,14 +180,14 @@ macro_rules! kinds {
 
         impl Kind {
             #[inline]
-            pub(crate) fn torque(&self, now: &mut Now<'_>, memory: &mut Memory) -> Vec3 {
+            pub(crate) fn render(&self, now: &mut Now<'_>, memory: &mut Memory) -> Vec3 {
                 match self {
                     $(Self::$name(law) => {
                         if let Memory::$name(own) = memory {
-                            return law.torque(now, own);
+                            return law.render(now, own);
                         }
                         let mut own = Default::default();
-                        let torque = law.torque(now, &mut own);
+                        let torque = law.render(now, &mut own);
                         *memory = Memory::$name(own);
                         torque
                     })*
@@ -362,7 +362,7 @@ mod tests {
                     figures: &[],
                     shared: &mut shared,
                 };
-                let torque = kind.torque(&mut now, &mut memory);
+                let torque = kind.render(&mut now, &mut memory);
                 assert!(torque.is_finite(), "{kind:?} at {turn}: {torque}");
                 let energy = kind.energy(&mut now, &memory);
                 assert!(energy.is_none_or(Real::is_finite), "{kind:?} at {turn}: {energy:?}");

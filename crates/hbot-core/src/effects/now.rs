@@ -99,6 +99,11 @@ impl Shared {
         mass_scale: 1.0,
     };
 
+    /// A copy for a look at another moment, from which nothing comes back.
+    pub(crate) fn copy_between_moments(&self) -> Self {
+        Self { last_omega: self.last_omega, mass_scale: self.mass_scale, ..Self::EMPTY }
+    }
+
     /// Forgets what belongs to one moment.
     #[inline]
     pub(crate) fn begin(&mut self) {

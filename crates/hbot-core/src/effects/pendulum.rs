@@ -16,7 +16,7 @@ impl Law for Pendulum {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         (now.motion.q * self.centre).cross(self.weight)
     }
 

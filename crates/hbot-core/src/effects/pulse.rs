@@ -48,8 +48,8 @@ impl Clicks {
 }
 
 impl Pulse {
-    /// Notes the nearest notch: whether it has changed, and if so whether downwards.
-    fn passed(&self, now: &mut Now<'_>, state: &mut Clicks) -> Option<bool> {
+    /// Remembers the nearest notch. Returns whether the dial has passed on to another one: `Some(true)` downwards, `Some(false)` upwards.
+    fn take_notch(&self, now: &mut Now<'_>, state: &mut Clicks) -> Option<bool> {
         let dial = now.dial(self.axis);
         // Where the dial fades, so do its notches.
         if dial.fade().0 < 1.0 {
@@ -68,7 +68,7 @@ impl Law for Pulse {
     type Memory = Clicks;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, state: &mut Clicks) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, state: &mut Clicks) -> Vec3 {
         if state.fired != self.fire {
             state.fired = self.fire;
             state.start(false);
@@ -81,7 +81,7 @@ impl Law for Pulse {
             }
         }
         if self.count > 0
-            && let Some(backwards) = self.passed(now, state)
+            && let Some(backwards) = self.take_notch(now, state)
         {
             state.start(backwards);
         }

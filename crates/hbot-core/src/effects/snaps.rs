@@ -214,7 +214,7 @@ impl Law for Snaps {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let x = now.relative();
         let (u, gradient) = self.ground(x, now.figures);
         let slope = 2.0 * self.strength / (self.width * sqrt(1.0 + 4.0 * u / (self.width * self.width)));

@@ -64,7 +64,7 @@ impl Law for Spring {
     type Memory = Branch;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, branch: &mut Branch) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, branch: &mut Branch) -> Vec3 {
         let desired = now.reference.q;
         let mut x = now.relative();
         let elastic = match self.law {

@@ -27,7 +27,7 @@ impl Law for Texture {
     type Memory = ();
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let s = self.under(now);
         let sine = |x: Real| sincos(self.wave_number * x).0;
         let f = Vec3::new(sine(s.x), sine(s.y), sine(s.z));

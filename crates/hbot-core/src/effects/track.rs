@@ -158,7 +158,7 @@ impl Law for Track {
     type Memory = Place;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, place: &mut Place) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, place: &mut Place) -> Vec3 {
         let (turn, rate) = self.path.at(place, now.figures);
         let desired = turn * now.reference.q;
         let mut x = rotation::shortest(now.motion.q * desired.conjugate());

@@ -97,7 +97,7 @@ impl Law for Vibration {
     type Memory = Phase;
 
     #[inline]
-    fn torque(&self, now: &mut Now<'_>, state: &mut Phase) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, state: &mut Phase) -> Vec3 {
         let level = self.amplitude * self.envelope(state.age);
         let torque = if level == 0.0 { Vec3::ZERO } else { self.axis * (level * self.wave.at(state.phase)) };
         self.advance(state, now.dt);

@@ -1,7 +1,7 @@
 //! The devices that the tests use, and what acts on them.
 
 use hbot_core::device::{Device, WheelSpec};
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Zero};
+use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use hbot_core::{Quat, Vec3};
 use hbot_sim::plant::{Load, Plant, Sine, SpringDamper, State, Sum};
 
@@ -57,36 +57,25 @@ pub(crate) fn brisk() -> State {
 
 /// The prototype as a controller knows it: absolute steering, a gear and a reversed motor on each drive.
 pub(crate) fn rig() -> Rig {
-    let steer = Joint {
-        counts_per_turn: 16384,
-        gear: 1.0,
-        reversed: false,
-        zero: Zero::Absolute,
-        peak: 0.93,
-        continuous: 0.073,
+    let steer = Joint { zero: Zero::Absolute, continuous: 0.073, ..Joint::new(16384, 0.93) };
+    let drive = Joint {
+        gear: 17.0,
+        reversed: true,
+        zero: Zero::Assume,
+        continuous: 0.023,
+        ..Joint::new(16384, 0.14)
     };
-    let drive =
-        Joint { gear: 17.0, reversed: true, zero: Zero::Assume, peak: 0.14, continuous: 0.023, ..steer };
-    let mut joints = [steer; 16];
-    joints[1] = drive;
-    joints[3] = drive;
-    Rig {
-        device: prototype(0.0155, 2.7e-5, 3.5e-6),
-        joints,
-        limits: Limits {
-            torque: 1.0,
-            torque_rate: 100.0,
-            speed: 20.0,
-            slip: 0.1,
-            traction: None,
-            enable_max_angle: 0.5,
-            align_rate: 0.1,
-            reference_rate: 1.0,
-            thermal_time: None,
-            energy: None,
-            max_age_ticks: 20,
-        },
-        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
-    }
+    let parts = RigParts::new(prototype(0.0155, 2.7e-5, 3.5e-6)).with_joints(steer, drive);
+    let limits = Limits {
+        torque: 1.0,
+        torque_rate: 100.0,
+        speed: 20.0,
+        slip: 0.1,
+        align_rate: 0.1,
+        reference_rate: 1.0,
+        max_age_ticks: 20,
+        ..Limits::default()
+    };
+    let methods = Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED };
+    Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
 }

@@ -1,12 +1,12 @@
 //! A prototype whose sphere rests and whose encoders read what a check says, with its controller.
 
-use super::super::core::allocation::{ContactArms, JointLimits};
+use super::super::core::allocation::JointLimits;
 use super::super::core::device::MAX_JOINTS;
 use super::super::core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use super::super::core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use super::super::core::mode::Mode;
 use super::super::core::outputs::{Outputs, Reply};
-use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, Timing, Zero};
+use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use super::super::core::{CompiledScene, Controller, Device, Mat3, Quat, Real, Vec3, WheelSpec, rotation};
 
 /// The largest torque of steer and drive in [`rig`], N m.
@@ -30,44 +30,17 @@ pub fn device(wheels: &[WheelSpec]) -> Device {
 }
 
 pub fn rig() -> Rig {
-    let joint = |peak, gear| Joint {
-        counts_per_turn: 16384,
-        gear,
-        reversed: false,
-        zero: Zero::Assume,
-        peak,
-        continuous: peak,
-    };
-    Rig {
-        device: device(&wheels()),
-        joints: core::array::from_fn(|j| joint(PEAK[j % 2], if j % 2 == 0 { 1.0 } else { 17.0 })),
-        limits: Limits {
-            torque: 0.5,
-            torque_rate: 200.0,
-            speed: 30.0,
-            slip: 0.05,
-            traction: None,
-            enable_max_angle: 0.5,
-            align_rate: 0.5,
-            reference_rate: 5.0,
-            max_age_ticks: 50,
-            thermal_time: None,
-            energy: None,
-        },
-        timing: Timing { period_ns: 1_000_000, timeout_ticks: 20 },
-        methods: Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED },
-    }
+    let [steer, drive] = PEAK.map(|peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) });
+    let parts = RigParts::new(device(&wheels())).with_joints(steer, Joint { gear: 17.0, ..drive });
+    let limits =
+        Limits { torque: 0.5, align_rate: 0.5, reference_rate: 5.0, max_age_ticks: 50, ..Limits::default() };
+    let methods = Methods { odometry: OdometryMethod::Magnus4, ..Methods::BALANCED };
+    Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
 }
 
 /// Limits and default weights of a device with the prototype's motors.
 pub fn limits(device: &Device) -> JointLimits {
-    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        limits.peak[2 * i..2 * i + 2].copy_from_slice(&PEAK);
-        let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
-        limits.weight[2 * i..2 * i + 2].copy_from_slice(&weights);
-    }
-    limits
+    JointLimits::of_device(device, |joint| PEAK[joint % 2])
 }
 
 /// A geodesic spring of 2 N m/rad whose reference is `turn` away from the identity.

@@ -10,8 +10,7 @@ use super::machine::{Machine, device, rig, wheels};
 
 /// Radians of a joint a count.
 fn unit(joint: usize) -> f64 {
-    let joint = &rig().joints[joint];
-    core::f64::consts::TAU / (f64::from(joint.counts_per_turn) * f64::from(joint.gear))
+    core::f64::consts::TAU / rig().joints[joint].counts()
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::allocation::{ContactArms, JointLimits, capability};
+use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::kinematics::Posture;
-use hbot_core::{Device, MAX_JOINTS, Vec3, WheelSpec};
+use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series, short};
 
 use super::{in_both_widths, median, sci};
@@ -39,14 +39,7 @@ struct Asked {
 
 fn asked(device: &Device, percent: u32, count: usize) -> Vec<Asked> {
     let mut rng = Rng(7);
-    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
-        for k in 0..2 {
-            limits.peak[2 * i + k] = PEAKS[k];
-            limits.weight[2 * i + k] = weights[k];
-        }
-    }
+    let limits = JointLimits::of_device(device, |joint| PEAKS[joint % 2]);
     (0..count)
         .map(|_| {
             let th: Vec<f64> = device.wheels().iter().map(|_| rng.between(-3.0, 3.0)).collect();

@@ -81,9 +81,8 @@ impl Read {
         let exact: Vec<[f64; JOINTS]> = moments.iter().map(|m| m.joints).collect();
         let counted = exact.iter().map(|joints| {
             core::array::from_fn(|j| {
-                let joint = &rig.joints[j];
-                let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-                (joints[j] * unit).round() / unit
+                let count = rig.joints[j].radians_per_count();
+                (joints[j] / count).round() * count
             })
         });
         let counted = counted.collect();

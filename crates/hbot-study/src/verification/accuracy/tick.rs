@@ -52,9 +52,7 @@ fn feedbacks(config: &RigConfig, motion: &Motion, moments: &[Moment]) -> Vec<Joi
         let rates = Posture::new(&rig.device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
         let mut counts = [0; MAX_JOINTS];
         for (j, angle) in moment.joints.iter().enumerate() {
-            let joint = &rig.joints[j];
-            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-            counts[j] = (angle * unit).round() as i64 as i32;
+            counts[j] = (angle / rig.joints[j].radians_per_count()).round() as i64 as i32;
         }
         JointFeedback { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
     };

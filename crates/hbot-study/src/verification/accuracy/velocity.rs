@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
 use hbot_core::kinematics::Posture;
-use hbot_core::rig::{Methods, RateEstimate, Rig};
+use hbot_core::rig::{RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::motion::JOINTS;
@@ -91,8 +91,7 @@ fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
             complaints: Complaints::default(),
         };
         for j in 0..JOINTS {
-            let unit = f64::from(rig.joints[j].counts_per_turn) * rig.joints[j].gear / TAU;
-            feedback.counts[j] = (angles[j] * unit).floor() as i32;
+            feedback.counts[j] = (angles[j] / rig.joints[j].radians_per_count()).floor() as i32;
             feedback.rates[j] = rates[j];
         }
         feedback
@@ -137,11 +136,13 @@ fn judge(rig: &Rig, truth: &[Truth]) -> Quality {
 
 /// The rig with other encoders and another estimate.
 fn with(rig: &Rig, counts: [u32; 2], rate: RateEstimate) -> Rig {
-    let mut rig = Rig { methods: Methods { rate, ..rig.methods }, ..*rig };
-    for (j, joint) in rig.joints.iter_mut().enumerate() {
-        joint.counts_per_turn = counts[j % 2];
-    }
-    rig
+    let rig = rig.with(|rig| {
+        rig.methods.rate = rate;
+        for (j, joint) in rig.joints.iter_mut().enumerate() {
+            joint.counts_per_turn = counts[j % 2];
+        }
+    });
+    rig.unwrap_or_else(|error| unreachable!("the study's encoders are legal: {error}"))
 }
 
 pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result<(), Interrupted> {

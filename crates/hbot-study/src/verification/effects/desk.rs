@@ -105,9 +105,9 @@ impl Desk {
     /// A desk that is active, without any effect or phenomenon.
     pub(super) fn active() -> Self {
         let config = RigConfig::prototype();
-        let mut rig = config.rig;
         // What the figures of an effect ask for is not what the study is about.
-        rig.limits.enable_max_angle = core::f64::consts::PI;
+        let rig = config.rig.with(|rig| rig.limits.enable_max_angle = core::f64::consts::PI);
+        let rig = rig.unwrap_or_else(|error| unreachable!("half a turn is legal: {error}"));
         let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig));
         let simulated =
             simulated.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
@@ -186,9 +186,7 @@ fn readings(config: &RigConfig) -> Vec<JointFeedback> {
         let rates = Posture::new(device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
         let mut counts = [0; MAX_JOINTS];
         for (j, angle) in moment.joints.iter().enumerate() {
-            let joint = &config.rig.joints[j];
-            let unit = f64::from(joint.counts_per_turn) * joint.gear / core::f64::consts::TAU;
-            counts[j] = (angle * unit).round() as i64 as i32;
+            counts[j] = (angle / config.rig.joints[j].radians_per_count()).round() as i64 as i32;
         }
         JointFeedback { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
     };

@@ -193,7 +193,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     let config = RigConfig::prototype();
     let device = &config.rig.device;
     let joints = &config.rig.joints;
-    let count = turn_of_a_count(device, |j| f64::from(joints[j].counts_per_turn) * joints[j].gear);
+    let count = turn_of_a_count(device, |j| joints[j].counts());
     report.say(&format!(
         "The same whole loop, its rig now with a little damping of its own, b, as of bearings and a light hand, and a spring without any. The sphere is tapped to 1 rad/s, 1.7 mJ of motion: up to which stiffness \
          does it come to rest, without and with `passivity = true` in the rig file? It counts as coming to rest where, {WATCH_S} s later, its swing has less energy than the tap gave it and still loses {LOSES} of that or more every {:.1} s, \

@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use super::hbot::allocation::{ContactArms, JointLimits, allocate, allocate_clipped};
+use super::hbot::allocation::{JointLimits, allocate, allocate_clipped};
 use super::hbot::kinematics::Posture;
 use super::hbot::{Device, MAX_JOINTS, Real, Vec3};
 use super::{real, vector, wide3};
@@ -28,14 +28,7 @@ impl Case {
     /// `device` at the steering angles `th` with these peaks of steering and drive, N m, asked for the torque `wanted`, N m.
     pub(crate) fn new(device: &Device, th: &[f64], peaks: [f64; 2], wanted: [f64; 3]) -> Self {
         let th: Vec<Real> = th.iter().map(|th| real(*th)).collect();
-        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-        for (i, wheel) in device.wheels().iter().enumerate() {
-            let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
-            for k in 0..2 {
-                limits.peak[2 * i + k] = real(peaks[k]);
-                limits.weight[2 * i + k] = weights[k];
-            }
-        }
+        let limits = JointLimits::of_device(device, |joint| real(peaks[joint % 2]));
         let mut unlimited = limits;
         unlimited.peak = limits.peak.map(|peak| peak * real(1.0e3));
         Self { posture: Posture::new(device, &th), limits, unlimited, wanted: vector(wanted) }
