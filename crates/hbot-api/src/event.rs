@@ -1,5 +1,6 @@
 //! What the server sends unasked.
 
+use crate::names::names;
 use crate::{EffectCost, ErrorCode, Fault, Mode, StateEvent};
 use serde::{Deserialize, Serialize};
 
@@ -53,18 +54,18 @@ pub struct LeaseEvent {
     pub cause: LeaseCause,
 }
 
-/// How the lease changed hands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LeaseCause {
-    /// It was free and somebody took it.
-    Acquired,
-    /// Its holder gave it back.
-    Released,
-    /// Somebody took it from its holder.
-    Stolen,
-    /// The connection of its holder ended.
-    Disconnected,
+names! {
+    /// How the lease changed hands.
+    pub enum LeaseCause {
+        /// It was free and somebody took it.
+        Acquired = "acquired",
+        /// Its holder gave it back.
+        Released = "released",
+        /// Somebody took it from its holder.
+        Stolen = "stolen",
+        /// The connection of its holder ended.
+        Disconnected = "disconnected",
+    }
 }
 
 /// See [`Event::Scene`].

@@ -43,14 +43,18 @@
 
 mod answer;
 mod client;
+mod counts;
 mod encoding;
 mod error;
 mod event;
 mod finite;
 mod frame;
 mod id;
+mod info;
+mod names;
 mod request;
 mod state;
+mod stats;
 mod stop;
 mod stream;
 #[cfg(test)]
@@ -62,6 +66,7 @@ pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
 };
 pub use client::{Client, ClientError, ConnectOptions, Trust};
+pub use counts::Counts;
 pub use encoding::{EncodeError, Encoding};
 pub use error::{ErrorBody, ErrorCode, Refusal};
 pub use event::{
@@ -69,8 +74,14 @@ pub use event::{
 };
 pub use frame::{FrameError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
+pub use info::{
+    ClientLostPolicy, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo,
+    SphereInfo, TractionInfo, WheelInfo,
+};
+pub use names::Name;
 pub use request::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, Request, Token, Who};
 pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+pub use stats::{Distribution, StatsOk};
 pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
 pub use stream::{
     Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand,

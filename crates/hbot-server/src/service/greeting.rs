@@ -9,7 +9,7 @@ use super::hub::Hub;
 impl Hub {
     /// Takes the first message of a connection: how it goes on, if it does.
     pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> First {
-        self.stats.events.requests += 1;
+        self.stats.counts.requests += 1;
         #[cfg(test)]
         if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
             assert_ne!(hello.name, super::tests::PANICS, "as a test asks");

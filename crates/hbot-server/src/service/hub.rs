@@ -16,9 +16,9 @@ use super::orders::{Asker, Orders};
 use super::peer::{Frames, Peer};
 use super::samples::{Publisher, Watch};
 use super::scenes::{Loading, Measured};
-use super::stats::{Stats, Summary};
+use super::stats::Stats;
 use super::strangers::WrongTokens;
-use super::{Bounds, Setup, Status};
+use super::{Bounds, Setup, Status, Summary};
 use crate::bridge::ServiceEnd;
 use crate::flight::{Flight, FlightRecorder};
 use crate::sample::Sample;
@@ -91,7 +91,7 @@ impl Hub {
 
     /// The number of one more connection.
     pub(super) fn next_session(&mut self) -> u64 {
-        self.stats.events.connections += 1;
+        self.stats.counts.connections += 1;
         self.sessions += 1;
         self.sessions
     }

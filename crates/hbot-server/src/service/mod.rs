@@ -46,13 +46,15 @@ use std::future::Future;
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// How a run went: what `stats` answers.
+pub use hbot_api::StatsOk as Summary;
+
 use hbot_api::ErrorCode;
 use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
-pub use self::stats::{Distribution, Events, Summary};
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::bridge::ServiceEnd;
 use crate::sample::Sample;

@@ -102,7 +102,7 @@ impl Hub {
                 // It has ended by itself and is about to say so.
                 continue;
             }
-            self.stats.events.cut += 1;
+            self.stats.counts.connections_cut += 1;
             tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
             peer.task.abort();
             peer.owed = 0;

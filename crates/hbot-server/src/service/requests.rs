@@ -1,13 +1,12 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, PingOk,
-    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+    Align, ErrorBody, ErrorCode, Id, LeaseCause, LeaseInfo, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
+    PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde::Serialize;
-use serde_json::json;
 use tokio::time::Instant;
 
 use super::convert;
@@ -22,7 +21,7 @@ impl Hub {
         if !self.peers.contains_key(&session) {
             return false;
         }
-        self.stats.events.requests += 1;
+        self.stats.counts.requests += 1;
         let (id, op, result) = match message {
             Ok(Request { id, op }) => {
                 let name = op.name();
@@ -41,7 +40,7 @@ impl Hub {
     pub(super) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
         let there = self.peers.contains_key(&session);
         if there {
-            self.stats.events.requests += 1;
+            self.stats.counts.requests += 1;
             self.confirm_estop(session, id);
         }
         there
@@ -52,11 +51,11 @@ impl Hub {
         match why {
             Gone::Ended => {}
             Gone::Stuck => {
-                self.stats.events.cut += 1;
+                self.stats.counts.connections_cut += 1;
                 tracing::warn!(session, "cut: the client has read nothing for {:?}", self.bounds.stuck);
             }
             Gone::NoHandshake => {
-                self.stats.events.handshakes_failed += 1;
+                self.stats.counts.handshakes_failed += 1;
                 tracing::debug!(session, "no encrypted connection came about");
             }
         }
@@ -162,15 +161,15 @@ impl Hub {
     #[inline(never)]
     fn tell_info(&mut self, session: u64, id: Option<Id>) {
         self.drain();
-        let mut answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref());
-        answer["lease"] = json!({"holder": self.holder_name(), "session": self.holder});
-        self.respond(session, &Response::ok(id, answer));
+        let lease = LeaseInfo { holder: self.holder_name(), session: self.holder };
+        let answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref(), lease);
+        self.answer_with(session, id, answer);
     }
 
     #[inline(never)]
     fn tell_stats(&mut self, session: u64, id: Option<Id>) {
-        let summary = self.summary().to_json();
-        self.respond(session, &Response::ok(id, summary));
+        let summary = self.summary();
+        self.answer_with(session, id, summary);
     }
 
     /// Stops the rig for a client whose stop was not found in its bytes.
@@ -292,7 +291,7 @@ impl Hub {
     /// Refuses a request: with an answer, or for a stream message without an id in a count.
     pub(super) fn refuse(&mut self, session: u64, id: Option<Id>, op: &'static str, error: ErrorBody) {
         let stream = matches!(op, "torque" | "reference" | "align");
-        self.stats.events.refused_streams += u64::from(stream);
+        self.stats.counts.refused_streams += u64::from(stream);
         if !stream || id.is_some() {
             self.respond(session, &Response::error(id, error));
             return;

@@ -20,9 +20,8 @@ use super::hub::Hub;
 use super::outbox::outbox;
 use super::peer::Peer;
 use super::scenes::Measured;
-use super::stats::Summary;
 use super::strangers::Taken;
-use super::{Control, connection};
+use super::{Control, Summary, connection};
 use crate::bridge::Bell;
 use crate::flight::{Flight, FlightRecorder};
 
@@ -203,7 +202,7 @@ impl Connections {
             placed = self.taken(&hub).place(&hub.bounds, local);
         }
         if let Err(full) = placed {
-            hub.stats.events.turned_away += 1;
+            hub.stats.counts.connections_turned_away += 1;
             tracing::warn!(%address, "turned away: {full}");
             // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
             if hub.setup.encryption.is_none() && self.turned_away.len() < hub.bounds.connections {

@@ -84,7 +84,7 @@ impl Hub {
         for peer in peers.values_mut().filter(|peer| peer.wants(sample.state.tick)) {
             if !peer.outbox.takes_samples() {
                 peer.drop_state();
-                stats.events.dropped_states += 1;
+                stats.counts.dropped_states += 1;
                 continue;
             }
             if !filled {
@@ -112,7 +112,7 @@ impl Hub {
             }
             (Mode::Fault, None) => "a fault of unknown cause".to_owned(),
             (Mode::Estop, _) => {
-                self.stats.events.estops += 1;
+                self.stats.counts.estops += 1;
                 let by_signal = self.end.take_signalled().then(|| "SIGUSR1".to_owned());
                 let by = self.stopper.take().filter(|_| by_signal.is_none()).or(by_signal);
                 let by = by.map(|by| format!(" by {by}")).unwrap_or_default();
@@ -247,17 +247,17 @@ impl Stats {
     pub(super) fn written(&mut self, written: Result<(Flight, io::Result<()>), JoinError>) {
         match written {
             Ok((flight, Ok(()))) => {
-                self.events.flight_logs += 1;
+                self.counts.flight_logs += 1;
                 tracing::info!(path = %flight.path.display(), ticks = flight.samples.len(), "flight log written");
             }
             Ok((flight, Err(error))) => {
-                self.events.flight_logs_failed += 1;
+                self.counts.flight_logs_failed += 1;
                 if let Some(count) = self.flight_failures.failed(Instant::now()) {
                     tracing::warn!(path = %flight.path.display(), %error, count, "flight logs could not be written");
                 }
             }
             Err(error) => {
-                self.events.flight_logs_failed += 1;
+                self.counts.flight_logs_failed += 1;
                 tracing::error!(%error, "the flight log could not be written");
             }
         }

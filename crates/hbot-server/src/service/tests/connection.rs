@@ -111,7 +111,7 @@ async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
     assert!(desk.hub().peers[&session].outbox.send(&[0; 4 * PIPE]));
     client.shutdown().await.unwrap();
     timeout(PATIENCE, async {
-        while desk.hub().stats.events.cut == 0 {
+        while desk.hub().stats.counts.connections_cut == 0 {
             sleep(Duration::from_millis(5)).await;
         }
     })
@@ -134,7 +134,7 @@ async fn one_that_asks_without_end_leaves_the_others_their_turn() {
             from.read_exact(&mut vec![0; length as usize]).await.unwrap();
         }
     });
-    let done = || desk.hub().stats.events.requests;
+    let done = || desk.hub().stats.counts.requests;
     let (mut most, mut before) = (0, done());
     while !reading.is_finished() {
         // Every other task has its turn meanwhile.

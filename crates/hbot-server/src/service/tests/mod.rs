@@ -11,6 +11,7 @@ mod lease;
 mod metrics;
 mod overload;
 mod scenes;
+mod shape;
 mod stops;
 mod strangers;
 mod tls;

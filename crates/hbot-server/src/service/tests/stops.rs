@@ -27,7 +27,7 @@ fn swallow(mut from: tokio::io::ReadHalf<DuplexStream>) {
 }
 
 fn requests(desk: &Desk) -> u64 {
-    desk.hub().stats.events.requests
+    desk.hub().stats.counts.requests
 }
 
 /// Times that other tasks run until the loop is told to stop.
