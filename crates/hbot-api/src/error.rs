@@ -1,7 +1,7 @@
 //! What the server answers where it does not do what it was asked.
 
 use crate::names::names;
-use crate::{FrameError, Id};
+use crate::{FrameError, Id, OpName};
 use serde::{Deserialize, Serialize};
 
 names! {
@@ -58,7 +58,7 @@ pub struct Refusal {
     /// The request's id; `None` where even that could not be read.
     pub id: Option<Id>,
     /// The request's op where it is one that exists, so that a refused stream message without an id can be counted.
-    pub op: Option<&'static str>,
+    pub op: Option<OpName>,
     /// What is wrong with it.
     pub error: ErrorBody,
 }

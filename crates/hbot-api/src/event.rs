@@ -27,6 +27,43 @@ pub enum Event {
     Unknown,
 }
 
+names! {
+    /// The name of an [`Event`].
+    pub enum EventName {
+        /// See [`Event::State`].
+        State = "state",
+        /// See [`Event::Fault`].
+        Fault = "fault",
+        /// See [`Event::Lease`].
+        Lease = "lease",
+        /// See [`Event::Scene`].
+        Scene = "scene",
+        /// See [`Event::Dropped`].
+        Dropped = "dropped",
+        /// See [`Event::Refused`].
+        Refused = "refused",
+        /// See [`Event::Stopping`].
+        Stopping = "stopping",
+    }
+}
+
+impl Event {
+    /// Its name; `None` for one that a later server may send.
+    #[must_use]
+    pub const fn name(&self) -> Option<EventName> {
+        Some(match self {
+            Self::State(_) => EventName::State,
+            Self::Fault(_) => EventName::Fault,
+            Self::Lease(_) => EventName::Lease,
+            Self::Scene(_) => EventName::Scene,
+            Self::Dropped(_) => EventName::Dropped,
+            Self::Refused(_) => EventName::Refused,
+            Self::Stopping(_) => EventName::Stopping,
+            Self::Unknown => return None,
+        })
+    }
+}
+
 /// See [`Event::Fault`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEvent {

@@ -1,6 +1,8 @@
 //! The first message of a connection: who is there, and whether it may be.
 
-use hbot_api::{ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, PROTOCOL_VERSION, Refusal, Request, Response};
+use hbot_api::{
+    ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Refusal, Request, Response,
+};
 use subtle::ConstantTimeEq as _;
 
 use super::desk::First;
@@ -18,7 +20,7 @@ impl Hub {
             Ok(Request { id, op: Op::Hello(hello) }) => match self.authorize(&hello) {
                 Ok(()) => return self.greet(session, id, hello),
                 Err(error) => {
-                    let refusal = Refusal { id, op: Some("hello"), error };
+                    let refusal = Refusal { id, op: Some(OpName::Hello), error };
                     if hello.token.is_some() {
                         let peer = self.peers.get_mut(&session);
                         let address = peer.and_then(|peer| {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use hbot_api::{AlignOk, ErrorBody, ErrorCode, Id, ModeOk, Response};
+use hbot_api::{AlignOk, ErrorBody, ErrorCode, Id, ModeOk, OpName, Response};
 use hbot_core::inputs::Command;
 use hbot_core::mode::Obstacle;
 use hbot_core::outputs::{Refusal, Reply};
@@ -35,7 +35,7 @@ pub(super) enum Asker {
     Client {
         session: u64,
         id: Option<Id>,
-        op: &'static str,
+        op: OpName,
         kind: OrderKind,
     },
     /// The service itself; what for.
@@ -124,7 +124,7 @@ impl Hub {
         &mut self,
         session: u64,
         id: Option<Id>,
-        op: &'static str,
+        op: OpName,
         kind: OrderKind,
         command: Command,
     ) -> Result<(), ErrorBody> {
@@ -172,8 +172,8 @@ impl Hub {
         };
         self.paid_after(session, |hub| match reply {
             Some(Reply::Refused(refusal)) => {
-                let error = hub.refusal(op, refusal);
-                hub.refuse(session, id, op, error);
+                let error = hub.refusal(op.as_str(), refusal);
+                hub.refuse(session, id, Some(op), error);
             }
             // A stream without an id is not answered.
             _ if kind == OrderKind::Stream && id.is_none() => {}
@@ -186,7 +186,7 @@ impl Hub {
                 let message = format!(
                     "op {op}: the loop's answer was lost because the server fell behind; see the state"
                 );
-                hub.refuse(session, id, op, ErrorBody::new(ErrorCode::Busy, message));
+                hub.refuse(session, id, Some(op), ErrorBody::new(ErrorCode::Busy, message));
             }
         });
     }
@@ -203,7 +203,7 @@ impl Hub {
         let (code, message) = match refusal {
             Refusal::Mode(Obstacle::Faulted(cause)) => {
                 let cause = convert::fault(cause);
-                let message = if op == "reset" {
+                let message = if op == OpName::Reset.as_str() {
                     format!("op reset: the cause of fault {cause} is still there: remove it first")
                 } else {
                     format!("op {op}: the rig is in fault {cause}: remove its cause and reset first")
@@ -276,7 +276,7 @@ mod tests {
         }
         assert_eq!((orders.pending.len(), orders.insisted.len()), (1, 0));
         // After an order of a client's it is another; and so it is once it has been answered.
-        let client = Asker::Client { session: 1, id: None, op: "enable", kind: OrderKind::Mode };
+        let client = Asker::Client { session: 1, id: None, op: OpName::Enable, kind: OrderKind::Mode };
         orders.place(&mut end, client, OrderKind::Mode, Command::Enable).unwrap();
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);

@@ -2,7 +2,8 @@
 
 use hbot_api::{
     Align, ErrorBody, ErrorCode, Id, LeaseCause, LeaseInfo, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
-    PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+    OpName, PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
+    may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
@@ -26,9 +27,9 @@ impl Hub {
             Ok(Request { id, op }) => {
                 let name = op.name();
                 let done = self.allowed(session, &op).and_then(|()| self.obey(session, id.clone(), op));
-                (id, name, done)
+                (id, Some(name), done)
             }
-            Err(Refusal { id, op, error }) => (id, op.unwrap_or_default(), Err(error)),
+            Err(Refusal { id, op, error }) => (id, op, Err(error)),
         };
         if let Err(error) = result {
             self.refuse(session, id, op, error);
@@ -69,12 +70,16 @@ impl Hub {
     pub(super) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
         if !may_be_long(message) {
             let message = format!(
-                "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of load_scene and set",
-                message.len()
+                "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of {}",
+                message.len(),
+                long_ops().join(" and ")
             );
             return Err(ErrorBody::new(ErrorCode::TooLarge, message));
         }
-        self.holding(session, "load_scene or set of this length")
+        if self.holder == Some(session) {
+            return Ok(());
+        }
+        self.holding(session, &format!("{} of this length", long_ops().join(" or ")))
     }
 
     /// Notes who stops the rig, for what is told of it.
@@ -84,12 +89,12 @@ impl Hub {
     }
 
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
-        match op.who() {
+        match op.name().row().who {
             Who::Any => Ok(()),
             Who::First => {
                 Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first"))
             }
-            Who::Holder => self.holding(session, op.name()),
+            Who::Holder => self.holding(session, op.name().as_str()),
         }
     }
 
@@ -184,7 +189,7 @@ impl Hub {
     pub(super) fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
         let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
         tracing::warn!(session, name, "estop");
-        if self.order(session, id.clone(), "estop", OrderKind::Stop, CONFIRMED).is_err() {
+        if self.order(session, id.clone(), OpName::Estop, OrderKind::Stop, CONFIRMED).is_err() {
             // There is no place for it among those that are answered, but the loop does it in its next tick.
             self.answer_with(session, id, ModeOk { mode: Mode::Estop });
         }
@@ -289,8 +294,8 @@ impl Hub {
     }
 
     /// Refuses a request: with an answer, or for a stream message without an id in a count.
-    pub(super) fn refuse(&mut self, session: u64, id: Option<Id>, op: &'static str, error: ErrorBody) {
-        let stream = matches!(op, "torque" | "reference" | "align");
+    pub(super) fn refuse(&mut self, session: u64, id: Option<Id>, op: Option<OpName>, error: ErrorBody) {
+        let stream = op.is_some_and(|op| op.row().stream);
         self.stats.counts.refused_streams += u64::from(stream);
         if !stream || id.is_some() {
             self.respond(session, &Response::error(id, error));
@@ -298,9 +303,14 @@ impl Hub {
         }
         self.stats.refused(error.code);
         let Some(peer) = self.peers.get_mut(&session) else { return };
-        peer.refuse(Some(op), error);
+        peer.refuse(op, error);
         if let Some(event) = peer.refused_event(Instant::now()) {
             self.tell(session, &event);
         }
     }
+}
+
+/// The names of the ops that may be long.
+fn long_ops() -> Vec<&'static str> {
+    OpName::ALL.into_iter().filter(|op| op.row().long).map(OpName::as_str).collect()
 }

@@ -129,7 +129,7 @@ impl Hub {
             _ => return,
         };
         let fault = state.cause.map(convert::fault);
-        let what = fault.map_or("estop", |fault| fault.as_str());
+        let what = fault.map_or(hbot_api::Mode::Estop.as_str(), |fault| fault.as_str());
         if let Some(recorder) = &mut self.recorder {
             let path = recorder.trigger(tick, what).display();
             message = format!("{message}; flight log: {path}");

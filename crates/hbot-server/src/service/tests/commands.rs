@@ -1,6 +1,6 @@
 //! What each op does and to whom it is allowed; the table of states, over the wire.
 
-use hbot_api::{Align, ErrorCode, LeaseInfo, ReferenceCommand, TorqueCommand, TractionInfo};
+use hbot_api::{Align, ErrorCode, LeaseInfo, OpName, ReferenceCommand, TorqueCommand, TractionInfo, Who};
 
 use super::*;
 
@@ -115,41 +115,55 @@ fn others_than_clients_can_ask_how_it_goes() {
     assert!(summary.ticks >= 10 && summary.compute_us.count == summary.ticks);
 }
 
+/// A legal request of each op.
+fn request(op: OpName) -> Op {
+    match op {
+        OpName::Hello => unreachable!("the client has said hello"),
+        OpName::Info => Op::Info,
+        OpName::Subscribe => Op::Subscribe { every: 100 },
+        OpName::Unsubscribe => Op::Unsubscribe,
+        OpName::Stats => Op::Stats,
+        OpName::Acquire => Op::Acquire { steal: false },
+        OpName::Release => Op::Release,
+        OpName::LoadScene => scene(json!({})),
+        OpName::Set => {
+            let parameters = json!({"gain": 0}).as_object().unwrap().clone();
+            Op::Set { effect: "spring".to_owned(), parameters }
+        }
+        OpName::Torque => Op::Torque(torque([0.0; 3], 10)),
+        OpName::Reference => Op::Reference(reference("spring")),
+        OpName::Align => align([1.0, 0.0, 0.0, 0.0], 0.0, None),
+        OpName::Enable => Op::Enable,
+        OpName::Disable => Op::Disable,
+        OpName::Reset => Op::Reset,
+        OpName::Estop => Op::Estop,
+        OpName::Ping => Op::Ping { data: Value::Null },
+    }
+}
+
 #[test]
 fn what_moves_the_rig_needs_the_lease_and_what_stops_it_does_not() {
     let bench = bench();
     let mut holder = bench.holder();
     let mut other = bench.client("other");
-    for op in [
-        Op::Enable,
-        Op::Reset,
-        Op::Torque(torque([0.0; 3], 10)),
-        Op::Reference(reference("spring")),
-        align([1.0, 0.0, 0.0, 0.0], 0.0, None),
-        scene(json!({})),
-        Op::Set { effect: "spring".to_owned(), parameters: json!({"gain": 0}).as_object().unwrap().clone() },
-    ] {
-        let what = op.name();
-        let error = refused(other.call(op));
-        assert_eq!((error.code, error.holder.as_deref()), (ErrorCode::NotHolder, Some("holder")), "{what}");
+    for op in OpName::ALL.into_iter().filter(|op| op.row().who == Who::Holder) {
+        let error = refused(other.call(request(op)));
+        assert_eq!((error.code, error.holder.as_deref()), (ErrorCode::NotHolder, Some("holder")), "{op}");
     }
-    for op in [
-        Op::Info,
-        Op::Stats,
-        Op::Subscribe { every: 100 },
-        Op::Unsubscribe,
-        Op::Release,
-        Op::Disable,
-        Op::Estop,
-        Op::Ping { data: Value::Null },
-    ] {
-        other.call(op).unwrap();
+    for op in OpName::ALL.into_iter().filter(|op| op.row().who == Who::Any) {
+        match other.call(request(op)) {
+            Err(ClientError::Server(error)) => {
+                assert_eq!((op, error.code), (OpName::Acquire, ErrorCode::Busy), "{error}");
+            }
+            answer => drop(answer.unwrap_or_else(|error| panic!("{op}: {error}"))),
+        }
     }
     // The release of one who does not hold it takes nothing from the holder.
     assert_eq!(mode(holder.call(Op::Reset)), "idle");
     let summary = bench.finish();
     assert_eq!(summary.refused_streams, 3);
-    assert_eq!(summary.refused.total(), 7);
+    assert_eq!((summary.refused.of(ErrorCode::NotHolder), summary.refused.of(ErrorCode::Busy)), (7, 1));
+    assert_eq!(summary.refused.total(), 8);
 }
 
 #[test]
