@@ -4,11 +4,12 @@ use hbot_api::{
     EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo, SphereInfo,
     TractionInfo, WheelInfo,
 };
+use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
-use hbot_config::{RigConfig, RunningScene};
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
 use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
+use serde_json::Value;
 
 use super::convert;
 use crate::sample::Sample;
@@ -39,7 +40,7 @@ impl Info {
     pub(super) fn answer(
         &self,
         config: &RigConfig,
-        scene: &RunningScene,
+        scene: Value,
         sample: Option<&Sample>,
         lease: LeaseInfo,
     ) -> InfoOk {
@@ -52,7 +53,7 @@ impl Info {
             let posture = Posture::new(device, &steering[..device.wheels().len()]);
             Vec3::AXES.map(|axis| capability(posture.rows(), &self.limits, axis))
         });
-        InfoOk { scene: scene.file().to_json(), capability, lease: Some(lease), ..self.fixed.clone() }
+        InfoOk { scene, capability, lease: Some(lease), ..self.fixed.clone() }
     }
 }
 

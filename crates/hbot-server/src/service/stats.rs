@@ -1,11 +1,10 @@
 //! What `stats` answers, as the service measures and counts it.
 
-use hbot_api::{Distribution, ErrorCode, StatsOk};
-use hbot_core::mode::Cause;
+use hbot_api::{Distribution, StatsOk};
 use hdrhistogram::Histogram;
 
 use super::convert;
-use crate::flight::Failures;
+use super::flights::Flights;
 use crate::sample::{Counters, Sample};
 
 /// The longest time that a histogram tells from longer ones, ns.
@@ -22,9 +21,8 @@ pub(super) struct Stats {
     age: Histogram<u64>,
     /// Of the last sample.
     counters: Counters,
-    /// What the service itself counts, in its place in the answer; the rest of it is left at zero.
+    /// What is counted elsewhere in the service, in its place in the answer; the rest of it is left at zero.
     pub(super) counts: StatsOk,
-    pub(super) flight_failures: Failures,
 }
 
 impl Stats {
@@ -42,7 +40,6 @@ impl Stats {
             age: histogram(),
             counters: Counters::default(),
             counts: StatsOk::default(),
-            flight_failures: Failures::default(),
         }
     }
 
@@ -61,16 +58,8 @@ impl Stats {
         }
     }
 
-    pub(super) fn refused(&mut self, code: ErrorCode) {
-        self.counts.refused.add(code);
-    }
-
-    pub(super) fn fault(&mut self, cause: Cause) {
-        self.counts.faults.add(convert::fault(cause));
-    }
-
     /// How the run goes until now.
-    pub(super) fn summary(&self) -> StatsOk {
+    pub(super) fn summary(&self, flights: &Flights) -> StatsOk {
         let Counters {
             late,
             skipped,
@@ -95,6 +84,8 @@ impl Stats {
             send_failures,
             reopened_ports: reopened,
             dropped_samples,
+            flight_logs: flights.logs(),
+            flight_logs_failed: flights.failed(),
             ..self.counts.clone()
         }
     }

@@ -1,25 +1,22 @@
 //! What each request does.
 
 use hbot_api::{
-    Align, ErrorBody, ErrorCode, Id, LeaseCause, LeaseInfo, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
-    OpName, PingOk, ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who,
-    may_be_long,
+    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
+    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
-use serde::Serialize;
-use tokio::time::Instant;
+use serde_json::Value;
 
-use super::convert;
-use super::desk::Gone;
-use super::hub::Hub;
-use super::orders::OrderKind;
+use super::super::convert;
+use super::super::orders::OrderKind;
+use super::Hub;
 use crate::bridge::CONFIRMED;
 
 impl Hub {
     /// Takes a later message; false where the client is none any more.
-    pub(super) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
-        if !self.peers.contains_key(&session) {
+    pub(in crate::service) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
+        if !self.publisher.knows(session) {
             return false;
         }
         self.stats.counts.requests += 1;
@@ -38,8 +35,8 @@ impl Hub {
     }
 
     /// Takes an `estop` whose bytes have stopped the loop already; false if the client is none any more.
-    pub(super) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
-        let there = self.peers.contains_key(&session);
+    pub(in crate::service) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
+        let there = self.publisher.knows(session);
         if there {
             self.stats.counts.requests += 1;
             self.confirm_estop(session, id);
@@ -47,27 +44,11 @@ impl Hub {
         there
     }
 
-    /// A connection has ended, or its client says no more.
-    pub(super) fn leave(&mut self, session: u64, why: Gone) {
-        match why {
-            Gone::Ended => {}
-            Gone::Stuck => {
-                self.stats.counts.connections_cut += 1;
-                tracing::warn!(session, "cut: the client has read nothing for {:?}", self.bounds.stuck);
-            }
-            Gone::NoHandshake => {
-                self.stats.counts.handshakes_failed += 1;
-                tracing::debug!(session, "no encrypted connection came about");
-            }
-        }
-        self.gone(session);
-    }
-
     /// Whether a message longer than ordinary ones may be read. It is looked at and not parsed.
     ///
     /// # Errors
     /// Its client does not hold the lease, or it is none that may be long.
-    pub(super) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
+    pub(in crate::service) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
         if !may_be_long(message) {
             let message = format!(
                 "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of {}",
@@ -76,16 +57,16 @@ impl Hub {
             );
             return Err(ErrorBody::new(ErrorCode::TooLarge, message));
         }
-        if self.holder == Some(session) {
+        if self.lease.is_held_by(session) {
             return Ok(());
         }
-        self.holding(session, &format!("{} of this length", long_ops().join(" or ")))
+        self.lease.require(session, &format!("{} of this length", long_ops().join(" or ")))
     }
 
     /// Notes who stops the rig, for what is told of it.
-    pub(super) fn stopped_by(&mut self, session: u64) {
-        let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
-        self.stopper = name.map(|name| format!("client {name:?} (session {session})"));
+    pub(in crate::service) fn stopped_by(&mut self, session: u64) {
+        let name = self.publisher.name(session);
+        self.incidents.stopped_by(name.map(|name| format!("client {name:?} (session {session})")));
     }
 
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
@@ -94,19 +75,8 @@ impl Hub {
             Who::First => {
                 Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first"))
             }
-            Who::Holder => self.holding(session, op.name().as_str()),
+            Who::Holder => self.lease.require(session, op.name().as_str()),
         }
-    }
-
-    /// Whether a client holds the lease, as `op` asks.
-    fn holding(&self, session: u64, op: &str) -> Result<(), ErrorBody> {
-        if self.holder == Some(session) {
-            return Ok(());
-        }
-        let holder = self.holder_name();
-        let held = holder.as_ref().map(|name| format!(", which {name:?} holds")).unwrap_or_default();
-        let message = format!("op {op} needs the lease{held}: acquire first");
-        Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
     }
 
     /// Does what is asked and answers, or has it answered later. What takes much room on the stack is apart from it: it would be touched
@@ -118,11 +88,11 @@ impl Hub {
             Op::Info => self.tell_info(session, id),
             Op::Stats => self.tell_stats(session, id),
             Op::Subscribe { every } => {
-                self.subscribe(session, every);
-                self.answer_with(session, id, SubscribeOk { every });
+                self.publisher.subscribe(session, every);
+                self.answer(session, id, SubscribeOk { every });
             }
             Op::Unsubscribe => {
-                self.subscribe(session, 0);
+                self.publisher.subscribe(session, 0);
                 self.respond(session, &Response::done(id));
             }
             Op::Acquire { steal } => {
@@ -135,7 +105,7 @@ impl Hub {
             }
             Op::LoadScene { scene } => self.load_scene(session, id, scene)?,
             Op::Set { effect, parameters } => {
-                self.set(&effect, &parameters)?;
+                self.scenes.set(&mut self.end, &effect, &parameters)?;
                 self.respond(session, &Response::done(id));
             }
             Op::Torque(torque) => {
@@ -156,8 +126,8 @@ impl Hub {
             Op::Estop => self.estop(session, id),
             Op::Ping { data } => {
                 let tick = self.end.tick();
-                let t = convert::seconds(tick * self.setup.rig.rig.timing.period_ns);
-                self.answer_with(session, id, PingOk { data, tick, t });
+                let t = convert::seconds(tick * self.rig.rig.timing.period_ns);
+                self.answer(session, id, PingOk { data, tick, t });
             }
         }
         Ok(())
@@ -166,15 +136,15 @@ impl Hub {
     #[inline(never)]
     fn tell_info(&mut self, session: u64, id: Option<Id>) {
         self.drain();
-        let lease = LeaseInfo { holder: self.holder_name(), session: self.holder };
-        let answer = self.info.answer(&self.setup.rig, &self.setup.scene, self.latest.as_ref(), lease);
-        self.answer_with(session, id, answer);
+        let scene = self.scenes.file().to_json();
+        let answer = self.info.answer(&self.rig, scene, self.latest.as_ref(), self.lease.info());
+        self.answer(session, id, answer);
     }
 
     #[inline(never)]
     fn tell_stats(&mut self, session: u64, id: Option<Id>) {
         let summary = self.summary();
-        self.answer_with(session, id, summary);
+        self.answer(session, id, summary);
     }
 
     /// Stops the rig for a client whose stop was not found in its bytes.
@@ -186,40 +156,32 @@ impl Hub {
     }
 
     /// Answers an `estop`: the loop was stopped when its bytes came, and is not stopped a second time.
-    pub(super) fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
-        let name = self.peers.get(&session).and_then(|peer| peer.name.as_deref());
-        tracing::warn!(session, name, "estop");
+    fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
+        tracing::warn!(session, name = self.publisher.name(session), "estop");
         if self.order(session, id.clone(), OpName::Estop, OrderKind::Stop, CONFIRMED).is_err() {
             // There is no place for it among those that are answered, but the loop does it in its next tick.
-            self.answer_with(session, id, ModeOk { mode: Mode::Estop });
+            self.answer(session, id, ModeOk { mode: Mode::Estop });
         }
     }
 
-    fn subscribe(&mut self, session: u64, every: u64) {
-        if let Some(peer) = self.peers.get_mut(&session) {
-            peer.every = every;
-        }
-        self.count_subscribers();
+    fn load_scene(&mut self, session: u64, id: Option<Id>, scene: Value) -> Result<(), ErrorBody> {
+        self.scenes.load(&mut self.end, session, id, scene)?;
+        self.publisher.owe(session);
+        self.tell_status();
+        Ok(())
     }
 
     fn release(&mut self, session: u64) {
-        if self.holder == Some(session) {
-            self.lease(None, LeaseCause::Released);
+        if self.lease.free(session) {
+            self.lease_changed(LeaseCause::Released);
         }
     }
 
     #[inline(never)]
     fn acquire(&mut self, session: u64, steal: bool) -> Result<(), ErrorBody> {
-        match self.holder {
-            Some(holder) if holder == session => {}
-            None => self.lease(Some(session), LeaseCause::Acquired),
-            Some(_) if steal => self.lease(Some(session), LeaseCause::Stolen),
-            Some(_) => {
-                let holder = self.holder_name();
-                let message =
-                    format!("{:?} holds the lease; steal takes it", holder.as_deref().unwrap_or_default());
-                return Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::Busy, message) });
-            }
+        let name = self.publisher.name(session).unwrap_or_default();
+        if let Some(cause) = self.lease.acquire(session, name, steal)? {
+            self.lease_changed(cause);
         }
         Ok(())
     }
@@ -232,27 +194,8 @@ impl Hub {
         }
     }
 
-    #[inline(never)]
     fn reference(&self, reference: &ReferenceCommand) -> Result<Command, ErrorBody> {
-        let id = &reference.effect;
-        let place = self.setup.scene.slot_of(id);
-        let Some(place) = place.filter(|place| place.has_reference) else {
-            let scene = &self.setup.scene;
-            let legal: Vec<&str> = scene
-                .file()
-                .effects()
-                .iter()
-                .map(|effect| effect.id())
-                .filter(|id| scene.slot_of(id).is_some_and(|place| place.has_reference))
-                .collect();
-            let what = if place.is_some() { "has no reference" } else { "is not in the scene" };
-            let legal =
-                if legal.is_empty() { "none, no effect has one".to_owned() } else { legal.join(", ") };
-            return Err(ErrorBody::new(
-                ErrorCode::UnknownEffect,
-                format!("effect {id:?} {what}; legal: {legal}"),
-            ));
-        };
+        let place = self.scenes.reference(&reference.effect)?;
         Ok(Command::Reference {
             slot: place.slot,
             epoch: place.epoch,
@@ -264,7 +207,7 @@ impl Hub {
     }
 
     fn align(&self, align: &Align) -> Command {
-        let period_ns = self.setup.rig.rig.timing.period_ns;
+        let period_ns = self.rig.rig.timing.period_ns;
         let tick = match align.t {
             // To the nearest tick; what is beyond all ticks ends up at the last one and is not in the history.
             Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
@@ -275,38 +218,8 @@ impl Hub {
 
     /// A time in ticks, at least one.
     fn ticks(&self, ms: u64) -> u32 {
-        let ticks = (ms * u64::from(self.setup.rig.rate_hz)).div_ceil(1000).max(1);
+        let ticks = (ms * u64::from(self.rig.rate_hz)).div_ceil(1000).max(1);
         u32::try_from(ticks).unwrap_or(u32::MAX)
-    }
-
-    /// Answers a request with a body.
-    pub(super) fn answer_with(&mut self, session: u64, id: Option<Id>, body: impl Serialize) {
-        let answer = Response::ok(id, body);
-        let Some(peer) = self.peers.get(&session) else { return };
-        match peer.try_send(&answer) {
-            Ok(true) => {}
-            Ok(false) => self.doomed.push(session),
-            Err(error) => {
-                let error = ErrorBody::new(ErrorCode::OutOfRange, format!("no answer: {error}"));
-                self.respond(session, &Response::error(answer.id, error));
-            }
-        }
-    }
-
-    /// Refuses a request: with an answer, or for a stream message without an id in a count.
-    pub(super) fn refuse(&mut self, session: u64, id: Option<Id>, op: Option<OpName>, error: ErrorBody) {
-        let stream = op.is_some_and(|op| op.row().stream);
-        self.stats.counts.refused_streams += u64::from(stream);
-        if !stream || id.is_some() {
-            self.respond(session, &Response::error(id, error));
-            return;
-        }
-        self.stats.refused(error.code);
-        let Some(peer) = self.peers.get_mut(&session) else { return };
-        peer.refuse(op, error);
-        if let Some(event) = peer.refused_event(Instant::now()) {
-            self.tell(session, &event);
-        }
     }
 }
 
