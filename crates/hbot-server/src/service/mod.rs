@@ -41,7 +41,7 @@ mod strangers;
 mod writer;
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
 
 use std::future::Future;
 use std::path::PathBuf;
@@ -89,9 +89,6 @@ pub enum Control {
     Summarize(oneshot::Sender<Box<Summary>>),
     /// Count a refusal of somebody's who is no client of the API.
     Refused(ErrorCode),
-    /// Fail, so that a test sees what becomes of the motors.
-    #[cfg(test)]
-    Fail,
 }
 
 /// What is going on, for a line in a terminal.
@@ -121,23 +118,23 @@ impl Status {
 
 /// How much of everything a service bears.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
+struct Bounds {
     /// Connections at a time.
-    pub(crate) connections: usize,
+    connections: usize,
     /// Of these, places that only programs on this machine may take.
-    pub(crate) local: usize,
+    local: usize,
     /// Connections at a time that have not said hello. Of these, too, `local` are for programs on this machine.
-    pub(crate) strangers: usize,
+    strangers: usize,
     /// How long a client may take to say hello.
-    pub(crate) hello: Duration,
+    hello: Duration,
     /// How long the answer to a wrong token takes.
-    pub(crate) wrong_token: Duration,
+    wrong_token: Duration,
     /// How long a client may take no byte before it counts as gone.
-    pub(crate) stuck: Duration,
+    stuck: Duration,
     /// Messages on their way to one client.
-    pub(crate) outgoing: usize,
+    outgoing: usize,
     /// Ordinary requests a second of one client; those that take longer count as several.
-    pub(crate) requests_per_s: u32,
+    requests_per_s: u32,
 }
 
 impl Default for Bounds {
@@ -168,8 +165,8 @@ pub async fn serve(
     serve_within(Bounds::default(), listener, end, setup, control, status, shutdown).await
 }
 
-/// The same within other bounds.
-pub(crate) async fn serve_within(
+/// Serves likewise, within other bounds.
+async fn serve_within(
     bounds: Bounds,
     listener: TcpListener,
     end: ServiceEnd,

@@ -110,8 +110,6 @@ pub(super) async fn run(
                 let _ = wanted.send(Box::new(desk.turn(Hub::summary)));
             }
             Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.refused(code)),
-            #[cfg(test)]
-            Wake::Control(Some(Control::Fail)) => panic!("as a test asks"),
             Wake::Control(None) => controlled = false,
             Wake::Accepted(Ok((stream, address))) => {
                 accept_after = None;

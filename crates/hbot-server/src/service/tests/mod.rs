@@ -39,9 +39,6 @@ use crate::wire::{Memory, SimulatorCall, Wire};
 /// How long a test waits for what must come. It never says how fast anything is.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The hub panics where a client calls itself so.
-pub(crate) const PANICS: &str = "panic";
-
 /// What a bench is to be.
 struct Options {
     rig: RigConfig,
