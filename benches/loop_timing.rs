@@ -104,10 +104,10 @@ fn main() {
             ours(|h| h.lateness_us.p50),
             ours(|h| h.lateness_us.p99),
             sum(|h| h.ticks),
-            sum(|h| h.counters.late),
+            sum(|h| h.late_ticks),
             bares.iter().map(|b| b[2]).sum::<f64>(),
-            sum(|h| h.counters.skipped),
-            sum(|h| h.counters.missed),
+            sum(|h| h.skipped_ticks),
+            sum(|h| h.missed_ticks),
             ours(|h| h.age_us.p50),
             ours(|h| h.age_us.p99),
         );

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
+use hbot_api::StatsOk;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
 use hbot_host::doctor::{
@@ -139,26 +140,31 @@ fn show(finding: &Finding) -> anyhow::Result<()> {
 }
 
 /// What a running server says of its loop.
-fn show_server(stats: &Value) -> anyhow::Result<()> {
+fn show_server(stats: &StatsOk) -> anyhow::Result<()> {
     say!(
         "\nthe running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
-        stats["ticks"],
-        stats["late_ticks"],
-        stats["skipped_ticks"],
-        stats["missed_ticks"],
-        stats["corrupt_frames"],
-        stats["send_failures"],
+        stats.ticks,
+        stats.late_ticks,
+        stats.skipped_ticks,
+        stats.missed_ticks,
+        stats.corrupt_frames,
+        stats.send_failures,
     )?;
-    for name in ["awake_us", "lateness_us", "compute_us", "link_us", "age_us"] {
-        let d = &stats[name];
-        let at = |key: &str| d[key].as_f64().unwrap_or(f64::NAN);
+    let times = [
+        ("awake_us", stats.awake_us),
+        ("lateness_us", stats.lateness_us),
+        ("compute_us", stats.compute_us),
+        ("link_us", stats.link_us),
+        ("age_us", stats.age_us),
+    ];
+    for (name, d) in times {
         say!(
             "  {name:<12} median {:.1}, 99 % {:.1}, 99.9 % {:.1}, 99.99 % {:.1}, most {:.1}",
-            at("p50"),
-            at("p99"),
-            at("p99_9"),
-            at("p99_99"),
-            at("max")
+            d.p50,
+            d.p99,
+            d.p99_9,
+            d.p99_99,
+            d.max
         )?;
     }
     Ok(())

@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
+use hbot_api::Distribution;
 use hbot_server::server::Finished;
-use hbot_server::service::{Distribution, Status};
+use hbot_server::service::Status;
 
 use super::out::foreign;
 use super::style;
@@ -38,17 +39,16 @@ pub(crate) fn line(status: &Status) -> String {
 /// The figures at the end.
 pub(crate) fn summary(finished: &Finished) -> String {
     let s = &finished.summary;
-    let c = &s.counters;
     let mut text = format!(
         "{}stopped{} after {} ticks: {} late, {} skipped, {} missed, {} damaged frames\n  median (99 %) in us: lateness {}, \
          compute {}, line {}, torque age {}",
         style::NAME,
         style::OFF,
         s.ticks,
-        c.late,
-        c.skipped,
-        c.missed,
-        c.corrupt_frames,
+        s.late_ticks,
+        s.skipped_ticks,
+        s.missed_ticks,
+        s.corrupt_frames,
         pair(&s.lateness_us),
         pair(&s.compute_us),
         pair(&s.link_us),

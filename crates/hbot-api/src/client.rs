@@ -74,7 +74,7 @@ impl Client {
     /// [`ClientError::Server`] where the server refuses, [`ClientError::Timeout`] where it does not answer in time; an
     /// answer that comes later is passed over.
     pub fn call(&mut self, op: Op) -> Result<Value, ClientError> {
-        let what = op.name();
+        let what = op.name().as_str();
         self.last_id += 1;
         let id = Id::Integer(self.last_id);
         let deadline = Instant::now() + self.timeout;

@@ -1,35 +1,25 @@
 //! From messages to bytes.
 
-use serde::{Deserialize, Serialize};
-use std::{fmt, str::FromStr};
+use crate::names::names;
+use serde::Serialize;
+use std::fmt;
 
-/// How messages travel. Both carry the same fields.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Encoding {
-    /// One JSON object a line, in UTF-8, ended by a newline.
-    #[default]
-    Json,
-    /// The length in four bytes, most significant first, then a MessagePack map with its fields by name.
-    Msgpack,
+names! {
+    /// How messages travel. Both carry the same fields.
+    #[derive(Default)]
+    pub enum Encoding {
+        /// One JSON object a line, in UTF-8, ended by a newline.
+        #[default]
+        Json = "json",
+        /// The length in four bytes, most significant first, then a MessagePack map with its fields by name.
+        Msgpack = "msgpack",
+    }
 }
 
 /// Bytes of the length before a MessagePack map.
 pub(crate) const LENGTH_BYTES: usize = 4;
 
 impl Encoding {
-    /// Both, in the order of the documentation.
-    pub const ALL: [Self; 2] = [Self::Json, Self::Msgpack];
-
-    /// The encoding as a hello names it.
-    #[must_use]
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Self::Json => "json",
-            Self::Msgpack => "msgpack",
-        }
-    }
-
     /// Appends a whole message, ready to be sent, to `out`. Takes no memory where `out` has the capacity and the message
     /// is an [`Event::State`](crate::Event::State).
     ///
@@ -63,20 +53,6 @@ fn msgpack<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), 
     let length = u32::try_from(out.len() - start - LENGTH_BYTES).map_err(EncodeError::new)?;
     out[start..start + LENGTH_BYTES].copy_from_slice(&length.to_be_bytes());
     Ok(())
-}
-
-impl fmt::Display for Encoding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
-
-impl FromStr for Encoding {
-    type Err = ();
-
-    fn from_str(text: &str) -> Result<Self, ()> {
-        Self::ALL.into_iter().find(|encoding| encoding.as_str() == text).ok_or(())
-    }
 }
 
 /// A message that cannot be sent.

@@ -1,67 +1,30 @@
 //! What the server answers where it does not do what it was asked.
 
-use crate::{FrameError, Id};
+use crate::names::names;
+use crate::{FrameError, Id, OpName};
 use serde::{Deserialize, Serialize};
-use std::fmt;
 
-/// Why a request was not carried out, for programs. The text beside it is for people.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ErrorCode {
-    /// The message could not be read, or a field is missing, unknown or not legal. Asking again gives the same.
-    BadRequest,
-    /// The hello names a version of the messages that this server does not speak.
-    UnsupportedVersion,
-    /// The token is missing or wrong.
-    Unauthorized,
-    /// Only who holds the lease may ask this: `acquire` first.
-    NotHolder,
-    /// Another client holds the lease.
-    Busy,
-    /// The scene has no effect of this id.
-    UnknownEffect,
-    /// A value is legal as such, but not for this rig, this effect or this moment.
-    OutOfRange,
-    /// The rig is in a fault or an emergency stop, or the cause of one is still there.
-    Faulted,
-    /// The message is longer than [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES).
-    TooLarge,
-}
-
-impl ErrorCode {
-    /// All codes, in the order of the documentation.
-    pub const ALL: [Self; 9] = [
-        Self::BadRequest,
-        Self::UnsupportedVersion,
-        Self::Unauthorized,
-        Self::NotHolder,
-        Self::Busy,
-        Self::UnknownEffect,
-        Self::OutOfRange,
-        Self::Faulted,
-        Self::TooLarge,
-    ];
-
-    /// The code as it is sent.
-    #[must_use]
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Self::BadRequest => "bad_request",
-            Self::UnsupportedVersion => "unsupported_version",
-            Self::Unauthorized => "unauthorized",
-            Self::NotHolder => "not_holder",
-            Self::Busy => "busy",
-            Self::UnknownEffect => "unknown_effect",
-            Self::OutOfRange => "out_of_range",
-            Self::Faulted => "faulted",
-            Self::TooLarge => "too_large",
-        }
-    }
-}
-
-impl fmt::Display for ErrorCode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
+names! {
+    /// Why a request was not carried out, for programs. The message that goes with it is for people.
+    pub enum ErrorCode {
+        /// The message could not be read, or a field is missing, unknown or not legal. Asking again gives the same.
+        BadRequest = "bad_request",
+        /// The hello names a version of the messages that this server does not speak.
+        UnsupportedVersion = "unsupported_version",
+        /// The token is missing or wrong.
+        Unauthorized = "unauthorized",
+        /// Only the holder of the lease may ask this: `acquire` first.
+        NotHolder = "not_holder",
+        /// Another client holds the lease.
+        Busy = "busy",
+        /// The scene has no effect of this id.
+        UnknownEffect = "unknown_effect",
+        /// A value is legal as such, but not for this rig, this effect or this moment.
+        OutOfRange = "out_of_range",
+        /// The rig is in a fault or an emergency stop, or the cause of one is still there.
+        Faulted = "faulted",
+        /// The message is longer than [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES).
+        TooLarge = "too_large",
     }
 }
 
@@ -95,7 +58,7 @@ pub struct Refusal {
     /// The request's id; `None` where even that could not be read.
     pub id: Option<Id>,
     /// The request's op where it is one that exists, so that a refused stream message without an id can be counted.
-    pub op: Option<&'static str>,
+    pub op: Option<OpName>,
     /// What is wrong with it.
     pub error: ErrorBody,
 }

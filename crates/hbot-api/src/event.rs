@@ -1,5 +1,6 @@
 //! What the server sends unasked.
 
+use crate::names::names;
 use crate::{EffectCost, ErrorCode, Fault, Mode, StateEvent};
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +25,43 @@ pub enum Event {
     /// An event that a later server may send. Pass over it.
     #[serde(other)]
     Unknown,
+}
+
+names! {
+    /// The name of an [`Event`].
+    pub enum EventName {
+        /// See [`Event::State`].
+        State = "state",
+        /// See [`Event::Fault`].
+        Fault = "fault",
+        /// See [`Event::Lease`].
+        Lease = "lease",
+        /// See [`Event::Scene`].
+        Scene = "scene",
+        /// See [`Event::Dropped`].
+        Dropped = "dropped",
+        /// See [`Event::Refused`].
+        Refused = "refused",
+        /// See [`Event::Stopping`].
+        Stopping = "stopping",
+    }
+}
+
+impl Event {
+    /// Its name; `None` for one that a later server may send.
+    #[must_use]
+    pub const fn name(&self) -> Option<EventName> {
+        Some(match self {
+            Self::State(_) => EventName::State,
+            Self::Fault(_) => EventName::Fault,
+            Self::Lease(_) => EventName::Lease,
+            Self::Scene(_) => EventName::Scene,
+            Self::Dropped(_) => EventName::Dropped,
+            Self::Refused(_) => EventName::Refused,
+            Self::Stopping(_) => EventName::Stopping,
+            Self::Unknown => return None,
+        })
+    }
 }
 
 /// See [`Event::Fault`].
@@ -53,18 +91,18 @@ pub struct LeaseEvent {
     pub cause: LeaseCause,
 }
 
-/// How the lease changed hands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LeaseCause {
-    /// It was free and somebody took it.
-    Acquired,
-    /// Its holder gave it back.
-    Released,
-    /// Somebody took it from its holder.
-    Stolen,
-    /// The connection of its holder ended.
-    Disconnected,
+names! {
+    /// How the lease changed hands.
+    pub enum LeaseCause {
+        /// It was free and somebody took it.
+        Acquired = "acquired",
+        /// Its holder gave it back.
+        Released = "released",
+        /// Somebody took it from its holder.
+        Stolen = "stolen",
+        /// The connection of its holder ended.
+        Disconnected = "disconnected",
+    }
 }
 
 /// See [`Event::Scene`].

@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | client | [`Client`] | connects, says hello, matches answers to requests, keeps events that come between |
 //! | messages | [`Request`], [`Response`], [`Event`] | what is said, typed; a request that exists is a legal one |
+//! | table of ops | [`OpName::row`] | who may ask an op, its fields, what it counts as |
 //! | encoding | [`Encoding`] | a message to bytes and back: a line of JSON, or a MessagePack map |
 //! | frames | [`Splitter`] | finds where messages begin and end, in whatever pieces the bytes arrive |
 //! | stops | [`StopFinder`] | finds `estop` and `disable` in the bytes before they are split |
@@ -43,14 +44,18 @@
 
 mod answer;
 mod client;
+mod counts;
 mod encoding;
 mod error;
 mod event;
 mod finite;
 mod frame;
 mod id;
+mod info;
+mod names;
 mod request;
 mod state;
+mod stats;
 mod stop;
 mod stream;
 #[cfg(test)]
@@ -62,15 +67,23 @@ pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
 };
 pub use client::{Client, ClientError, ConnectOptions, Trust};
+pub use counts::Counts;
 pub use encoding::{EncodeError, Encoding};
 pub use error::{ErrorBody, ErrorCode, Refusal};
 pub use event::{
-    DroppedEvent, Event, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, SceneEvent, StoppingEvent,
+    DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, SceneEvent,
+    StoppingEvent,
 };
 pub use frame::{FrameError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
-pub use request::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, Request, Token, Who};
+pub use info::{
+    ClientLostPolicy, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo,
+    SphereInfo, TractionInfo, WheelInfo,
+};
+pub use names::Name;
+pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};
 pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+pub use stats::{Distribution, StatsOk};
 pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
 pub use stream::{
     Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand,

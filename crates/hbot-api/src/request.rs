@@ -2,11 +2,12 @@
 
 mod fields;
 mod parse;
+mod table;
 
 pub(crate) use fields::Excerpt;
+pub use table::{Field, OpName, OpRow, Who};
 
-use crate::{Align, Encoding, ErrorBody, Id, ReferenceCommand, TorqueCommand};
-use fields::Fields;
+use crate::{Align, Encoding, Id, ReferenceCommand, TorqueCommand};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
@@ -35,7 +36,7 @@ pub struct Request {
 pub enum Op {
     /// Who is there. Comes first, and once. Answer: [`HelloOk`](crate::HelloOk).
     Hello(Hello),
-    /// What the rig is and can do, the effects and their parameters, the scene. Answer: a map.
+    /// What the rig is and can do, the effects and their parameters, the scene. Answer: [`InfoOk`](crate::InfoOk).
     Info,
     /// Send a state every so many ticks, in place of an earlier subscription. Answer: [`SubscribeOk`](crate::SubscribeOk).
     Subscribe {
@@ -44,7 +45,7 @@ pub enum Op {
     },
     /// Send no more states. Answer: nothing more than ok.
     Unsubscribe,
-    /// Histograms and counters of the loop. Answer: a map.
+    /// Histograms and counters of the loop. Answer: [`StatsOk`](crate::StatsOk).
     Stats,
     /// Take the lease to command. Answer: nothing more than ok, or [`ErrorCode::Busy`](crate::ErrorCode::Busy).
     Acquire {
@@ -87,17 +88,6 @@ pub enum Op {
         #[serde(skip_serializing_if = "Value::is_null")]
         data: Value,
     },
-}
-
-/// Who may ask an [`Op`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Who {
-    /// Every client, as the first message and then never again.
-    First,
-    /// Every client that has said hello.
-    Any,
-    /// The client that holds the lease.
-    Holder,
 }
 
 /// The first message of a client.
@@ -143,88 +133,28 @@ fn is_false(flag: &bool) -> bool {
     !flag
 }
 
-/// What there is to know of an op.
-struct Row {
-    name: &'static str,
-    who: Who,
-    /// Without `id` and `op`.
-    fields: &'static [&'static str],
-    /// Reads it from its fields.
-    read: fn(&mut Fields<'_>) -> Result<Op, ErrorBody>,
-}
-
-const fn row(
-    name: &'static str,
-    who: Who,
-    fields: &'static [&'static str],
-    read: fn(&mut Fields<'_>) -> Result<Op, ErrorBody>,
-) -> Row {
-    Row { name, who, fields, read }
-}
-
-static ROWS: [Row; 17] = [
-    row("hello", Who::First, &["version", "name", "token", "encoding"], |f| f.hello()),
-    row("info", Who::Any, &[], |_| Ok(Op::Info)),
-    row("subscribe", Who::Any, &["every"], |f| f.subscribe()),
-    row("unsubscribe", Who::Any, &[], |_| Ok(Op::Unsubscribe)),
-    row("stats", Who::Any, &[], |_| Ok(Op::Stats)),
-    row("acquire", Who::Any, &["steal"], |f| f.acquire()),
-    row("release", Who::Any, &[], |_| Ok(Op::Release)),
-    row("load_scene", Who::Holder, &["scene"], |f| f.load_scene()),
-    row("set", Who::Holder, &["effect"], |f| f.set()),
-    row("torque", Who::Holder, &["torque", "valid_ms", "tick", "seq"], |f| f.torque()),
-    row("reference", Who::Holder, &["effect", "q", "omega", "valid_ms", "tick", "seq"], |f| f.reference()),
-    row("align", Who::Holder, &["q", "weight", "t"], |f| f.align()),
-    row("enable", Who::Holder, &[], |_| Ok(Op::Enable)),
-    row("disable", Who::Any, &[], |_| Ok(Op::Disable)),
-    row("reset", Who::Holder, &[], |_| Ok(Op::Reset)),
-    row("estop", Who::Any, &[], |_| Ok(Op::Estop)),
-    row("ping", Who::Any, &["data"], |f| f.ping()),
-];
-
 impl Op {
-    /// The names of all ops, in the order of the documentation.
-    pub fn names() -> impl Iterator<Item = &'static str> {
-        ROWS.iter().map(|row| row.name)
-    }
-
-    const fn row(&self) -> &'static Row {
-        &ROWS[match self {
-            Self::Hello(_) => 0,
-            Self::Info => 1,
-            Self::Subscribe { .. } => 2,
-            Self::Unsubscribe => 3,
-            Self::Stats => 4,
-            Self::Acquire { .. } => 5,
-            Self::Release => 6,
-            Self::LoadScene { .. } => 7,
-            Self::Set { .. } => 8,
-            Self::Torque(_) => 9,
-            Self::Reference(_) => 10,
-            Self::Align(_) => 11,
-            Self::Enable => 12,
-            Self::Disable => 13,
-            Self::Reset => 14,
-            Self::Estop => 15,
-            Self::Ping { .. } => 16,
-        }]
-    }
-
-    /// The op as it is sent.
+    /// Its name, which is also the key to its row in the table of ops.
     #[must_use]
-    pub const fn name(&self) -> &'static str {
-        self.row().name
-    }
-
-    /// Who may ask it.
-    #[must_use]
-    pub const fn who(&self) -> Who {
-        self.row().who
-    }
-
-    /// Whether it belongs to a stream: sent again and again, refused without ado, and answered only where it has an id.
-    #[must_use]
-    pub const fn is_stream(&self) -> bool {
-        matches!(self, Self::Torque(_) | Self::Reference(_) | Self::Align(_))
+    pub const fn name(&self) -> OpName {
+        match self {
+            Self::Hello(_) => OpName::Hello,
+            Self::Info => OpName::Info,
+            Self::Subscribe { .. } => OpName::Subscribe,
+            Self::Unsubscribe => OpName::Unsubscribe,
+            Self::Stats => OpName::Stats,
+            Self::Acquire { .. } => OpName::Acquire,
+            Self::Release => OpName::Release,
+            Self::LoadScene { .. } => OpName::LoadScene,
+            Self::Set { .. } => OpName::Set,
+            Self::Torque(_) => OpName::Torque,
+            Self::Reference(_) => OpName::Reference,
+            Self::Align(_) => OpName::Align,
+            Self::Enable => OpName::Enable,
+            Self::Disable => OpName::Disable,
+            Self::Reset => OpName::Reset,
+            Self::Estop => OpName::Estop,
+            Self::Ping { .. } => OpName::Ping,
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! What the loop did in one tick.
 
 use crate::finite;
+use crate::names::names;
 use serde::{Deserialize, Serialize};
-use std::fmt;
 
 /// A sample of the loop, sent every so many ticks to who has subscribed. All belongs to one tick: the torque is the
 /// one rendered at this orientation.
@@ -114,114 +114,48 @@ pub struct Timing {
     pub age_us: f64,
 }
 
-/// What the rig does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Mode {
-    /// The zero of the steering is not known; no torque.
-    Unreferenced,
-    /// Ready; no torque.
-    Idle,
-    /// On the way to active: the torque rises over 0.5 s.
-    Enabling,
-    /// The scene is rendered.
-    Active,
-    /// Stopped by a fault; no torque until a reset.
-    Fault,
-    /// Stopped by somebody; no torque until a reset.
-    Estop,
-}
-
-impl Mode {
-    /// All modes, in the order of the documentation.
-    pub const ALL: [Self; 6] =
-        [Self::Unreferenced, Self::Idle, Self::Enabling, Self::Active, Self::Fault, Self::Estop];
-
-    /// The mode as it is sent.
-    #[must_use]
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Self::Unreferenced => "unreferenced",
-            Self::Idle => "idle",
-            Self::Enabling => "enabling",
-            Self::Active => "active",
-            Self::Fault => "fault",
-            Self::Estop => "estop",
-        }
+names! {
+    /// What the rig does.
+    pub enum Mode {
+        /// The zero of the steering is not known; no torque.
+        Unreferenced = "unreferenced",
+        /// Ready; no torque.
+        Idle = "idle",
+        /// On the way to active: the torque rises over 0.5 s.
+        Enabling = "enabling",
+        /// The scene is rendered.
+        Active = "active",
+        /// Stopped by a fault; no torque until a reset.
+        Fault = "fault",
+        /// Stopped by somebody; no torque until a reset.
+        Estop = "estop",
     }
 }
 
-impl fmt::Display for Mode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
-
-/// Why the rig stopped by itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Fault {
-    /// No feedback from a controller for the rig's `timeout_ticks`.
-    LinkLost,
-    /// Too many damaged frames on the serial line.
-    LinkCorrupt,
-    /// A controller reports a fault of its own.
-    ControllerFault,
-    /// The sphere turns faster than the rig's limit.
-    Overspeed,
-    /// A controller reports more current than it may, or more energy was given out than the rig's limit.
-    Overtorque,
-    /// The wheels slip more than the rig's limit.
-    Slip,
-    /// A computed value is not finite.
-    NonFinite,
-    /// A reading that cannot be true.
-    ImplausibleFeedback,
-    /// The loop could not hold its rate.
-    Deadline,
-    /// The client that commanded is gone, and the rig file asks for a fault then.
-    ClientLost,
-    /// A motor or its controller is too hot.
-    Thermal,
-}
-
-impl Fault {
-    /// All causes, in the order of the documentation.
-    pub const ALL: [Self; 11] = [
-        Self::LinkLost,
-        Self::LinkCorrupt,
-        Self::ControllerFault,
-        Self::Overspeed,
-        Self::Overtorque,
-        Self::Slip,
-        Self::NonFinite,
-        Self::ImplausibleFeedback,
-        Self::Deadline,
-        Self::ClientLost,
-        Self::Thermal,
-    ];
-
-    /// The cause as it is sent.
-    #[must_use]
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Self::LinkLost => "link_lost",
-            Self::LinkCorrupt => "link_corrupt",
-            Self::ControllerFault => "controller_fault",
-            Self::Overspeed => "overspeed",
-            Self::Overtorque => "overtorque",
-            Self::Slip => "slip",
-            Self::NonFinite => "non_finite",
-            Self::ImplausibleFeedback => "implausible_feedback",
-            Self::Deadline => "deadline",
-            Self::ClientLost => "client_lost",
-            Self::Thermal => "thermal",
-        }
-    }
-}
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
+names! {
+    /// Why the rig stopped by itself.
+    pub enum Fault {
+        /// No feedback from a controller for the rig's `timeout_ticks`.
+        LinkLost = "link_lost",
+        /// Too many damaged frames on the serial line.
+        LinkCorrupt = "link_corrupt",
+        /// A controller reports a fault of its own.
+        ControllerFault = "controller_fault",
+        /// The sphere turns faster than the rig's limit.
+        Overspeed = "overspeed",
+        /// A controller reports more current than it may, or more energy was given out than the rig's limit.
+        Overtorque = "overtorque",
+        /// The wheels slip more than the rig's limit.
+        Slip = "slip",
+        /// A computed value is not finite.
+        NonFinite = "non_finite",
+        /// A reading that cannot be true.
+        ImplausibleFeedback = "implausible_feedback",
+        /// The loop could not hold its rate.
+        Deadline = "deadline",
+        /// The client that commanded is gone, and the rig file asks for a fault then.
+        ClientLost = "client_lost",
+        /// A motor or its controller is too hot.
+        Thermal = "thermal",
     }
 }

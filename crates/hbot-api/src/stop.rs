@@ -4,15 +4,18 @@
 //! bytes as they come: the key `op` with the value `estop` or `disable`, in JSON or MessagePack, at any depth, in letters of
 //! either case. What is found by mistake stops the rig once too often, which harms nobody.
 
+use crate::OpName;
+use crate::names::names;
 use memchr::memmem;
 
-/// A request that makes the rig safe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Stop {
-    /// `estop`.
-    Estop,
-    /// `disable`.
-    Disable,
+names! {
+    /// A request that makes the rig safe.
+    pub enum Stop {
+        /// [`Op::Estop`](crate::Op::Estop).
+        Estop = "estop",
+        /// [`Op::Disable`](crate::Op::Disable).
+        Disable = "disable",
+    }
 }
 
 /// Blanks that may stand on either side of the colon in JSON.
@@ -60,28 +63,29 @@ impl StopFinder {
 #[must_use]
 pub fn asks_estop(message: &[u8]) -> bool {
     let mut asks = false;
-    each(message, |_, value| asks |= value.is("estop").is_some());
+    each(message, |_, value| asks |= value.is(Stop::Estop.as_str()).is_some());
     asks
 }
 
-/// Whether a message may be one of those that are long: `load_scene` or `set`. Nothing is parsed.
+/// Whether a message may be one of those that may be long ([`OpRow::long`](crate::OpRow::long)). Nothing is parsed.
 #[must_use]
 pub fn may_be_long(message: &[u8]) -> bool {
     let mut may = false;
-    each(message, |_, value| may |= value.is("set").is_some() || value.is("load_scene").is_some());
+    let long = OpName::ALL.into_iter().filter(|op| op.row().long);
+    each(message, |_, value| may |= long.clone().any(|op| value.is(op.as_str()).is_some()));
     may
 }
 
 /// The bytes from the text that stands for the key `op`, and their encoding.
 #[derive(Clone, Copy)]
-enum Op<'a> {
+enum Found<'a> {
     /// From the opening quote of the value on.
     Json(&'a [u8], usize),
     /// From the header of the value on.
     Msgpack(&'a [u8], usize),
 }
 
-impl Op<'_> {
+impl Found<'_> {
     /// The bytes from the `o` of the key to the end of the value, if the value is `name`.
     fn is(self, name: &str) -> Option<usize> {
         let (bytes, from) = match self {
@@ -116,7 +120,7 @@ fn header(bytes: &[u8], length: usize) -> Option<usize> {
 }
 
 /// Calls `found` with each place in `bytes` where the key `op` begins, quote or header included, and with its value.
-fn each(bytes: &[u8], mut found: impl FnMut(usize, Op<'_>)) {
+fn each(bytes: &[u8], mut found: impl FnMut(usize, Found<'_>)) {
     for at in memmem::find_iter(bytes, b"op") {
         let Some(before) = at.checked_sub(1) else { continue };
         match bytes[before] {
@@ -125,10 +129,10 @@ fn each(bytes: &[u8], mut found: impl FnMut(usize, Op<'_>)) {
                 let Some((b'"', rest)) = rest.split_first() else { continue };
                 let Some((b':', rest)) = without_blanks(rest).split_first() else { continue };
                 let value = without_blanks(rest);
-                found(before, Op::Json(value, bytes.len() - value.len() - at));
+                found(before, Found::Json(value, bytes.len() - value.len() - at));
             }
             // Text or bytes of two, whatever the width of their length.
-            0xa2 | 0x02 => found(before, Op::Msgpack(&bytes[at + 2..], 2)),
+            0xa2 | 0x02 => found(before, Found::Msgpack(&bytes[at + 2..], 2)),
             _ => {}
         }
     }
@@ -141,8 +145,6 @@ fn without_blanks(bytes: &[u8]) -> &[u8] {
 }
 
 /// Which stop the value is, of a key that begins `at` with its quote or header, and where it ends.
-fn stop(value: Op<'_>, at: usize) -> Option<(Stop, usize)> {
-    [(Stop::Estop, "estop"), (Stop::Disable, "disable")]
-        .into_iter()
-        .find_map(|(stop, name)| value.is(name).map(|length| (stop, at + 1 + length)))
+fn stop(value: Found<'_>, at: usize) -> Option<(Stop, usize)> {
+    Stop::ALL.into_iter().find_map(|stop| value.is(stop.as_str()).map(|length| (stop, at + 1 + length)))
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, Event, Mode, StateEvent};
+use hbot_api::{Client, Event, Mode, StateEvent, StatsOk};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
@@ -172,7 +172,7 @@ impl Bench {
         Err("it did not come within 20 s".into())
     }
 
-    pub(crate) fn stats(&mut self) -> Outcome<Value> {
+    pub(crate) fn stats(&mut self) -> Outcome<StatsOk> {
         Ok(self.watcher.stats()?)
     }
 

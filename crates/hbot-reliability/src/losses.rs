@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use hbot_api::{Fault, Mode};
+use hbot_api::{Fault, Mode, StatsOk};
 use hbot_config::RigConfig;
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -73,9 +73,7 @@ fn pushed_rig() -> Outcome<(Helper, Bench, Helper)> {
 /// Controllers that are gone, so that only the server can be asked: how many ticks without a reading until it asks for no torque.
 pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
     let (peer, mut bench, _client) = pushed_rig()?;
-    let missed = |bench: &mut Bench| {
-        Ok::<_, Box<dyn std::error::Error>>(bench.stats()?["missed_ticks"].as_u64().unwrap_or(0))
-    };
+    let missed = |bench: &mut Bench| Ok::<_, Box<dyn std::error::Error>>(bench.stats()?.missed_ticks);
     peer.process.signal(signal)?;
     let before = missed(&mut bench)?;
     let state = bench.until(|state| state.mode == Mode::Fault)?;
@@ -114,8 +112,8 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
         format!(
             "{}, zero after {after_ms:.1} ms; {} damaged frames, {} foreign ones",
             cause(state.fault),
-            stats["corrupt_frames"],
-            stats["foreign_frames"]
+            stats.corrupt_frames,
+            stats.foreign_frames
         ),
         state.fault.is_some() && still(&state) && after_ms <= bound,
     ))
@@ -131,7 +129,7 @@ pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
         .load_scene(json!({"name": "noise", "effect": [], "simulate": {"hand": hand()?, "link": link}}))?;
     let from = bench.until(|_| true)?.tick;
     let state = bench.until(|state| state.mode == Mode::Fault || state.tick > from + ticks)?;
-    let frames = bench.stats()?["corrupt_frames"].clone();
+    let frames = bench.stats()?.corrupt_frames;
     let promise = if rides { "rides through, frames counted" } else { "fault link_corrupt, zero torque" };
     let kept = if rides {
         state.mode == Mode::Active
@@ -246,9 +244,7 @@ pub(crate) fn disk_read_only() -> Outcome<Row> {
 fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Outcome<Row> {
     let said = folder.join("said");
     let mut bench = Bench::logging(logs, &said, blocks)?;
-    let counts = |stats: &Value| {
-        ["late_ticks", "skipped_ticks", "missed_ticks"].map(|key| stats[key].as_u64().unwrap_or(0))
-    };
+    let counts = |stats: &StatsOk| [stats.late_ticks, stats.skipped_ticks, stats.missed_ticks];
     // A second without, and the second in which the log goes out.
     let second = |bench: &mut Bench| {
         let before = counts(&bench.stats()?);
@@ -265,8 +261,7 @@ fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Ou
     bench.watcher.acquire(false)?;
     bench.activate()?;
     let warned = std::fs::read_to_string(&said)?.contains("flight logs could not be written");
-    let failed = |stats: &Value| stats["flight_logs_failed"].as_u64().unwrap_or(0);
-    let failed = failed(&stats) - failed(&before);
+    let failed = stats.flight_logs_failed - before.flight_logs_failed;
     Ok(Row::new(
         fault,
         "counted, a warning, no fault; the loop goes on",
@@ -274,7 +269,7 @@ fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Ou
             "{failed} log given up, {}; late, skipped, missed ticks in that second {with:?}, in the one before {without:?}; active again after reset",
             if warned { "with a warning" } else { "without a warning" }
         ),
-        failed == 1 && warned && stats["flight_logs"] == 0 && stats["faults"] == before["faults"],
+        failed == 1 && warned && stats.flight_logs == 0 && stats.faults == before.faults,
     ))
 }
 

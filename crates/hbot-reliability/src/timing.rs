@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use hbot_api::Client;
+use hbot_api::{Client, StatsOk};
 use hbot_host::doctor::punctuality;
 use serde_json::{Value, json};
 
@@ -38,14 +38,12 @@ struct Run {
 }
 
 impl Run {
-    fn of(stats: &Value) -> Self {
-        let p50 = |key: &str| stats[key]["p50"].as_f64().unwrap_or(f64::NAN);
-        let count = |key: &str| stats[key].as_u64().unwrap_or(0);
+    fn of(stats: &StatsOk) -> Self {
         Self {
-            lateness_us: p50("lateness_us"),
-            compute_us: p50("compute_us"),
-            late: count("late_ticks"),
-            ticks: count("ticks"),
+            lateness_us: stats.lateness_us.p50,
+            compute_us: stats.compute_us.p50,
+            late: stats.late_ticks,
+            ticks: stats.ticks,
         }
     }
 
@@ -292,11 +290,10 @@ pub(crate) fn load(seconds: u64) -> Outcome<Row> {
         // With every core loaded a pseudo-terminal may be held up until its link is lost: the loop ticks all the same.
         let mut bench = Bench::ticking()?;
         std::thread::sleep(Duration::from_secs(seconds));
-        let stats = bench.stats()?;
-        let at = |key: &str| stats["lateness_us"][key].as_f64().unwrap_or(f64::NAN);
-        ratios.push(at("p50") / bare.p50_us);
-        far.push(at("p99") / bare.p99_us);
-        let both = [at("p50"), bare.p50_us, at("p99"), bare.p99_us];
+        let late = bench.stats()?.lateness_us;
+        ratios.push(late.p50 / bare.p50_us);
+        far.push(late.p99 / bare.p99_us);
+        let both = [late.p50, bare.p50_us, late.p99, bare.p99_us];
         each.iter_mut().zip(both).for_each(|(all, one)| all.push(one));
     }
     let (ratio, far) = (median(ratios), median(far));

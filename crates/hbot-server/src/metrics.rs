@@ -8,8 +8,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hbot_api::ErrorCode;
-use hbot_core::mode::Cause;
+use hbot_api::{Counts, Distribution, ErrorCode, Name};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric as _};
@@ -22,7 +21,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio::time::timeout;
 
-use crate::service::{Control, Distribution, Summary, convert};
+use crate::service::{Control, Summary};
 
 /// Connections at a time; more wait in the system's queue.
 const CONNECTIONS: usize = 4;
@@ -154,45 +153,67 @@ struct Figures(Box<Summary>);
 
 impl Collector for Figures {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), std::fmt::Error> {
-        let Summary { ticks, counters, events, .. } = &*self.0;
+        // Every field by its name: one that is added to the answer does not compile until it is shown here too.
+        let Summary {
+            ticks,
+            awake_us,
+            lateness_us,
+            compute_us,
+            link_us,
+            age_us,
+            late_ticks,
+            skipped_ticks,
+            missed_ticks,
+            corrupt_frames,
+            foreign_frames,
+            send_failures,
+            reopened_ports,
+            dropped_samples,
+            faults,
+            estops,
+            requests,
+            refused,
+            refused_streams,
+            dropped_states,
+            connections,
+            connections_turned_away,
+            handshakes_failed,
+            connections_cut,
+            flight_logs,
+            flight_logs_failed,
+        } = &*self.0;
         for (name, help, value) in [
-            ("ticks", "Ticks of the loop", *ticks),
-            ("late_ticks", "Ticks that started more than a quarter period late", counters.late),
-            (
-                "skipped_ticks",
-                "Ticks whose deadline passed before the one before them ended",
-                counters.skipped,
-            ),
-            ("missed_ticks", "Ticks without a new reading", counters.missed),
-            ("corrupt_frames", "Damaged frames on the serial lines", counters.corrupt_frames),
-            ("foreign_frames", "Whole frames that were not for this rig", counters.foreign_frames),
-            ("send_failures", "Commands that a serial line did not take whole", counters.send_failures),
-            ("reopened_ports", "Times that a serial line was gone and came back", counters.reopened),
-            ("dropped_samples", "Samples that the service did not fetch in time", counters.dropped_samples),
-            ("estops", "Emergency stops", events.estops),
-            ("requests", "Requests read", events.requests),
-            ("refused_streams", "Stream messages refused", events.refused_streams),
-            ("dropped_states", "States that slow readers did not get", events.dropped_states),
-            ("connections", "Connections taken", events.connections),
-            ("connections_turned_away", "Connections turned away", events.turned_away),
-            ("handshakes_failed", "Connections never encrypted as they were to be", events.handshakes_failed),
-            ("connections_cut", "Connections cut because their client did not read", events.cut),
-            ("flight_logs", "Flight logs written", events.flight_logs),
-            ("flight_logs_failed", "Flight logs that could not be written", events.flight_logs_failed),
+            ("ticks", "Ticks of the loop", ticks),
+            ("late_ticks", "Ticks that started more than a quarter period late", late_ticks),
+            ("skipped_ticks", "Ticks whose deadline passed before the one before them ended", skipped_ticks),
+            ("missed_ticks", "Ticks without a new reading", missed_ticks),
+            ("corrupt_frames", "Damaged frames on the serial lines", corrupt_frames),
+            ("foreign_frames", "Whole frames that were not for this rig", foreign_frames),
+            ("send_failures", "Commands that a serial line did not take whole", send_failures),
+            ("reopened_ports", "Times that a serial line was gone and came back", reopened_ports),
+            ("dropped_samples", "Samples that the service did not fetch in time", dropped_samples),
+            ("estops", "Emergency stops", estops),
+            ("requests", "Requests read", requests),
+            ("refused_streams", "Stream messages refused", refused_streams),
+            ("dropped_states", "States that slow readers did not get", dropped_states),
+            ("connections", "Connections taken", connections),
+            ("connections_turned_away", "Connections turned away", connections_turned_away),
+            ("handshakes_failed", "Connections never encrypted as they were to be", handshakes_failed),
+            ("connections_cut", "Connections cut because their client did not read", connections_cut),
+            ("flight_logs", "Flight logs written", flight_logs),
+            ("flight_logs_failed", "Flight logs that could not be written", flight_logs_failed),
         ] {
-            let counter = ConstCounter::new(value);
+            let counter = ConstCounter::new(*value);
             counter.encode(encoder.encode_descriptor(name, help, None, counter.metric_type())?)?;
         }
-        let faults = Cause::ALL.iter().map(|cause| convert::fault(*cause).as_str()).zip(events.faults);
         family(&mut encoder, "faults", "Faults by cause", "cause", faults)?;
-        let refused = ErrorCode::ALL.iter().map(|code| code.as_str()).zip(events.refused);
         family(&mut encoder, "refused", "Requests refused by code", "code", refused)?;
         for (name, help, distribution) in [
-            ("awake", "Awake before a tick's deadline, waiting for it", &self.0.awake_us),
-            ("lateness", "From a tick's deadline to its start", &self.0.lateness_us),
-            ("compute", "In the controller", &self.0.compute_us),
-            ("link", "On the serial lines", &self.0.link_us),
-            ("torque_age", "From a reading to the torque on the wire", &self.0.age_us),
+            ("awake", "Awake before a tick's deadline, waiting for it", awake_us),
+            ("lateness", "From a tick's deadline to its start", lateness_us),
+            ("compute", "In the controller", compute_us),
+            ("link", "On the serial lines", link_us),
+            ("torque_age", "From a reading to the torque on the wire", age_us),
         ] {
             let Distribution { p50, p90, p99, p99_9, p99_99, max, .. } = *distribution;
             let none = ConstGauge::new(0.0_f64);
@@ -208,23 +229,25 @@ impl Collector for Figures {
     }
 }
 
-fn family(
+fn family<N: Name>(
     encoder: &mut DescriptorEncoder<'_>,
     name: &str,
     help: &str,
     label: &str,
-    counts: impl Iterator<Item = (&'static str, u64)>,
+    counts: &Counts<N>,
 ) -> Result<(), std::fmt::Error> {
     let none = ConstCounter::new(0_u64);
     let mut counter = encoder.encode_descriptor(name, help, None, none.metric_type())?;
-    for (value, count) in counts {
-        ConstCounter::new(count).encode(counter.encode_family(&[(label, value)])?)?;
+    for (value, count) in counts.iter() {
+        ConstCounter::new(count).encode(counter.encode_family(&[(label, value.as_str())])?)?;
     }
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use hbot_api::Fault;
+
     use super::*;
 
     #[test]
@@ -246,7 +269,7 @@ mod tests {
     #[test]
     fn every_figure_has_its_line() {
         let mut summary = Summary { ticks: 42, ..Summary::default() };
-        summary.events.faults[0] = 3;
+        (0..3).for_each(|_| summary.faults.add(Fault::LinkLost));
         summary.lateness_us.p99 = 250.0;
         let text = text(Box::new(summary));
         for line in [

@@ -4,7 +4,7 @@
 mod far;
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use far::Far;
@@ -15,7 +15,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
 use crate::server::{Finished, Options, Part, Server, Time};
-use crate::service::{Control, Status};
+use crate::service::Status;
 use hbot_host::bridge::EmergencyStop;
 use hbot_host::engine::Recorder;
 
@@ -25,15 +25,35 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// What a test has in hand to end a server.
 struct Ends {
     address: SocketAddr,
-    shutdown: Option<oneshot::Sender<()>>,
+    shutdown: Option<oneshot::Sender<Shutdown>>,
     abandon: Option<oneshot::Sender<()>>,
-    control: async_mpsc::Sender<Control>,
     stop: EmergencyStop,
 }
 
-/// Lets a client push by a server, ends it by `end` while it does, and holds the last commands to be zero: how it ended, where
-/// somebody waited for that.
-fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Finished> {
+/// How the future ends that tells the service to stop.
+enum Shutdown {
+    /// As it should.
+    Orderly,
+    /// By a panic, in the service's own task.
+    Panic,
+}
+
+/// A client of this name makes the log panic that notes its hello: in the midst of a request, with the hub in use.
+const PANICS: &str = "one that makes the log panic";
+
+async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {
+    if let Ok(Shutdown::Panic) = stopped.await {
+        panic!("as a test asks");
+    }
+}
+
+/// Lets a client push by a server, ends it by `end` while it does, and asserts that the last commands are zero. Returns how it ended,
+/// if somebody waited for that. `log` hears what the service says.
+fn ended(
+    recorder: Option<Recorder>,
+    log: Option<tracing::Dispatch>,
+    end: impl FnOnce(&mut Ends),
+) -> Option<Finished> {
     let mut rig = RigConfig::prototype();
     let far = Far::start(&rig);
     rig.link.port = Port::Devices(vec![far.path.clone()]);
@@ -43,8 +63,9 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Fini
     let (ready, started) = mpsc::channel();
     let (shutdown, stopped) = oneshot::channel();
     let (abandon, abandoned) = oneshot::channel::<()>();
-    let (control, controlled) = async_mpsc::channel(4);
+    let (_control, controlled) = async_mpsc::channel(4);
     let server = std::thread::spawn(move || {
+        let _log = log.map(|log| tracing::dispatcher::set_default(&log));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async move {
             let options = Options {
@@ -63,7 +84,7 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Fini
             ready.send((listener.local_addr().unwrap(), server.emergency_stop())).unwrap();
             let (status, _status) = watch::channel(Status::default());
             tokio::select! {
-                finished = server.serve(listener, controlled, status, async { _ = stopped.await }) => Some(finished.unwrap()),
+                finished = server.serve(listener, controlled, status, shutdown_by(stopped)) => Some(finished.unwrap()),
                 _ = abandoned => None,
             }
         })
@@ -81,17 +102,23 @@ fn ended(recorder: Option<Recorder>, end: impl FnOnce(&mut Ends)) -> Option<Fini
         let _ = client.torque(torque);
         std::thread::sleep(Duration::from_millis(20));
     }
-    let mut ends = Ends { address, shutdown: Some(shutdown), abandon: Some(abandon), control, stop };
+    let mut ends = Ends { address, shutdown: Some(shutdown), abandon: Some(abandon), stop };
     end(&mut ends);
     let finished = server.join().unwrap();
     far.ends_still();
     finished
 }
 
-/// Notes who says something.
-struct Witness(Arc<Mutex<Vec<String>>>);
+impl Ends {
+    fn shutdown(&mut self, how: Shutdown) {
+        assert!(self.shutdown.take().unwrap().send(how).is_ok(), "the service waits for it");
+    }
+}
 
-impl tracing::Subscriber for Witness {
+/// Hears what is said, each with the thread that says it.
+struct Listener<F>(F);
+
+impl<F: Fn(String) + 'static> tracing::Subscriber for Listener<F> {
     fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
         true
     }
@@ -106,8 +133,7 @@ impl tracing::Subscriber for Witness {
 
     fn event(&self, event: &tracing::Event<'_>) {
         let thread = std::thread::current().name().unwrap_or_default().to_owned();
-        let text = format!("{thread}: {event:?}");
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(text);
+        (self.0)(format!("{thread}: {event:?}"));
     }
 
     fn enter(&self, _: &tracing::span::Id) {}
@@ -119,7 +145,9 @@ impl tracing::Subscriber for Witness {
 fn the_loop_says_nothing_whatever_happens() {
     let said = Arc::new(Mutex::new(Vec::new()));
     // Of all threads of all tests of this process.
-    tracing::subscriber::set_global_default(Witness(Arc::clone(&said))).unwrap();
+    let heard = Arc::clone(&said);
+    let note = move |text| heard.lock().unwrap_or_else(PoisonError::into_inner).push(text);
+    tracing::subscriber::set_global_default(Listener(note)).unwrap();
     let stop = |ends: &mut Ends| {
         ends.stop.stop_by_signal();
         let start = Instant::now();
@@ -127,34 +155,36 @@ fn the_loop_says_nothing_whatever_happens() {
             assert!(start.elapsed() < PATIENCE, "the service has not told of the stop");
             std::thread::sleep(Duration::from_millis(5));
         }
-        ends.shutdown.take().unwrap().send(()).unwrap();
+        ends.shutdown(Shutdown::Orderly);
     };
-    let _ = ended(None, stop);
+    let _ = ended(None, None, stop);
     let said = said.lock().unwrap();
     assert!(!said.iter().any(|line| line.starts_with("hbot-loop")), "{said:#?}");
 }
 
 #[test]
 fn a_server_that_is_stopped_leaves_zero_torque_on_the_line() {
-    let stop = |ends: &mut Ends| ends.shutdown.take().unwrap().send(()).unwrap();
-    let finished = ended(None, stop);
+    let stop = |ends: &mut Ends| ends.shutdown(Shutdown::Orderly);
+    let finished = ended(None, None, stop);
     assert_eq!(finished.unwrap().failed, None);
 }
 
 #[test]
 fn a_service_that_panics_leaves_zero_torque_on_the_line() {
-    let fail = |ends: &mut Ends| ends.control.blocking_send(Control::Fail).unwrap();
-    let finished = ended(None, fail);
+    let fail = |ends: &mut Ends| ends.shutdown(Shutdown::Panic);
+    let finished = ended(None, None, fail);
     assert_eq!(finished.unwrap().failed, Some(Part::Service));
 }
 
 #[test]
 fn a_request_that_panics_leaves_zero_torque_on_the_line() {
     let fail = |ends: &mut Ends| {
-        let refused = Client::connect(&ends.address.to_string(), crate::service::tests::PANICS);
+        let refused = Client::connect(&ends.address.to_string(), PANICS);
         assert!(refused.is_err(), "its connection has ended");
     };
-    let finished = ended(None, fail);
+    let log =
+        tracing::Dispatch::new(Listener(|text: String| assert!(!text.contains(PANICS), "as a test asks")));
+    let finished = ended(None, Some(log), fail);
     assert_eq!(finished.unwrap().failed, Some(Part::Service));
 }
 
@@ -166,13 +196,13 @@ fn a_loop_that_panics_leaves_zero_torque_on_the_line() {
             "as a test asks: in the loop, with torque on the line"
         );
     });
-    let finished = ended(Some(panics), |_| ());
+    let finished = ended(Some(panics), None, |_| ());
     assert_eq!(finished.unwrap().failed, Some(Part::Loop));
 }
 
 #[test]
 fn a_server_that_nobody_waits_for_leaves_zero_torque_on_the_line() {
     let abandon = |ends: &mut Ends| ends.abandon.take().unwrap().send(()).unwrap();
-    let finished = ended(None, abandon);
+    let finished = ended(None, None, abandon);
     assert!(finished.is_none());
 }

@@ -3,7 +3,8 @@
 use super::tls::ALERT;
 use super::{Client, ClientError, Stream, Trust, new_splitter, read_piece};
 use crate::{
-    DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Op, PROTOCOL_VERSION, Request, Response, ServerMessage, Token,
+    DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Request, Response,
+    ServerMessage, Token,
 };
 use serde_json::Value;
 use std::collections::VecDeque;
@@ -66,7 +67,7 @@ impl Client {
             stream.set_write_timeout(Some(options.timeout))
         };
         configure(&stream).map_err(ClientError::from_io)?;
-        let late = || ClientError::Timeout { what: "hello", after: options.timeout };
+        let late = || ClientError::Timeout { what: OpName::Hello.as_str(), after: options.timeout };
         let mut stream = match &options.trust {
             None => Stream::Plain(stream),
             Some(trust) => {

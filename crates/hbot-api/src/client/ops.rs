@@ -3,7 +3,8 @@
 use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
-    Align, AlignOk, LoadSceneOk, Mode, ModeOk, Op, PingOk, ReferenceCommand, SubscribeOk, TorqueCommand,
+    Align, AlignOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op, PingOk, ReferenceCommand, StatsOk, SubscribeOk,
+    TorqueCommand,
 };
 use serde_json::{Map, Value};
 
@@ -11,13 +12,13 @@ use serde_json::{Map, Value};
 /// [`reference`](Client::reference), which are sent as [`Client::send`] does.
 impl Client {
     /// What the rig is and can do, the effects and their parameters, the scene.
-    pub fn info(&mut self) -> Result<Value, ClientError> {
-        self.call(Op::Info)
+    pub fn info(&mut self) -> Result<InfoOk, ClientError> {
+        self.call(Op::Info).and_then(typed)
     }
 
     /// Histograms and counters of the loop.
-    pub fn stats(&mut self) -> Result<Value, ClientError> {
-        self.call(Op::Stats)
+    pub fn stats(&mut self) -> Result<StatsOk, ClientError> {
+        self.call(Op::Stats).and_then(typed)
     }
 
     /// Asks for a state every so many ticks, from 1 to [`MAX_EVERY`](crate::MAX_EVERY).

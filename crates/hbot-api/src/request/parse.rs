@@ -1,7 +1,7 @@
 //! From an untyped value to a request.
 
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
-use super::{Hello, MAX_EVERY, MAX_NAME_BYTES, Op, ROWS, Request, Row};
+use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
     Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
     MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand, Refusal, TorqueCommand, asks_estop, untyped,
@@ -95,7 +95,7 @@ fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), Refusal> {
 fn parse(found: Found<'_>, mut fields: Fields<'_>, problem: Option<String>) -> Result<Request, Refusal> {
     let id = fields.take("id").map(Id::from_value).transpose();
     // Written with escapes, so that it was not found in the bytes.
-    if matches!(&found, Some(Ok(op)) if op == "estop") {
+    if matches!(&found, Some(Ok(op)) if *op == OpName::Estop.as_str()) {
         return Ok(Request { id: id.unwrap_or_default(), op: Op::Estop });
     }
     let id = id.map_err(|id| Refusal { id: None, op: None, error: illegal("id", &id, Id::LEGAL) })?;
@@ -111,9 +111,9 @@ fn op(
     found: Found<'_>,
     fields: &mut Fields<'_>,
     problem: Option<String>,
-    known: &mut Option<&'static str>,
+    known: &mut Option<OpName>,
 ) -> Result<Op, ErrorBody> {
-    let legal = || Op::names().collect::<Vec<_>>().join(", ");
+    let legal = || OpName::ALL.map(OpName::as_str).join(", ");
     let name = match found {
         Some(Ok(name)) => name,
         Some(Err(other)) => return Err(illegal("op", &other, legal())),
@@ -123,7 +123,7 @@ fn op(
             ));
         }
     };
-    let Some(Row { name, fields: names, read, .. }) = ROWS.iter().find(|row| row.name == name) else {
+    let Ok(name) = name.parse::<OpName>() else {
         return Err(bad(format!("unknown op {:?}; legal: {}", Excerpt(&name), legal())));
     };
     *known = Some(name);
@@ -131,13 +131,31 @@ fn op(
         return Err(bad(problem));
     }
     // A later version may have other fields, so it is named before they are.
-    if *name == "hello" {
+    if name == OpName::Hello {
         check_version(fields)?;
     }
-    if *name != "set" {
-        check_names(name, names, fields)?;
+    if !name.row().parameters {
+        check_names(name, fields)?;
     }
-    read(fields)
+    match name {
+        OpName::Hello => fields.hello(),
+        OpName::Info => Ok(Op::Info),
+        OpName::Subscribe => fields.subscribe(),
+        OpName::Unsubscribe => Ok(Op::Unsubscribe),
+        OpName::Stats => Ok(Op::Stats),
+        OpName::Acquire => fields.acquire(),
+        OpName::Release => Ok(Op::Release),
+        OpName::LoadScene => fields.load_scene(),
+        OpName::Set => fields.set(),
+        OpName::Torque => fields.torque(),
+        OpName::Reference => fields.reference(),
+        OpName::Align => fields.align(),
+        OpName::Enable => Ok(Op::Enable),
+        OpName::Disable => Ok(Op::Disable),
+        OpName::Reset => Ok(Op::Reset),
+        OpName::Estop => Ok(Op::Estop),
+        OpName::Ping => fields.ping(),
+    }
 }
 
 fn check_version(fields: &Fields<'_>) -> Result<(), ErrorBody> {
@@ -150,11 +168,13 @@ fn check_version(fields: &Fields<'_>) -> Result<(), ErrorBody> {
     }
 }
 
-fn check_names(op: &str, legal: &[&str], fields: &Fields<'_>) -> Result<(), ErrorBody> {
-    let Some((unknown, _)) = fields.0.iter().find(|(name, _)| !legal.contains(&name.as_ref())) else {
+fn check_names(op: OpName, fields: &Fields<'_>) -> Result<(), ErrorBody> {
+    let legal = op.row().fields.iter().map(|Field { name, .. }| *name);
+    let Some((unknown, _)) = fields.0.iter().find(|(name, _)| !legal.clone().any(|legal| legal == name))
+    else {
         return Ok(());
     };
-    let legal = ["id", "op"].iter().chain(legal).copied().collect::<Vec<_>>().join(", ");
+    let legal = ["id", "op"].into_iter().chain(legal).collect::<Vec<_>>().join(", ");
     Err(bad(format!("unknown field {:?} of op {op}; legal: {legal}", Excerpt(unknown))))
 }
 

@@ -1,8 +1,9 @@
 //! `docs/api.md` against the crate.
 
 use super::{samples, unframed};
-use crate::{Encoding, ErrorCode, Fault, Mode, Op, Request, ServerMessage, Who};
+use crate::*;
 use serde_json::Value;
+use std::collections::BTreeSet;
 
 const PAGE: &str = include_str!("../../../../docs/api.md");
 
@@ -25,24 +26,126 @@ fn object(message: &impl serde::Serialize) -> serde_json::Map<String, Value> {
     map
 }
 
+/// The rows of a section's table of which the first cell holds one name: that name, and the other cells.
+fn rows(heading: &str) -> Vec<(&'static str, Vec<&'static str>)> {
+    let cells = |line: &'static str| line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>();
+    let rows = section(heading).lines().filter(|line| line.starts_with("| `")).map(cells);
+    rows.map(|cells| (cells[0].trim_matches('`'), cells[1..].to_vec())).collect()
+}
+
+/// What a text has in backticks.
+fn named(text: &str) -> Vec<&str> {
+    text.split('`').skip(1).step_by(2).collect()
+}
+
+/// All that the tables of a section name in backticks.
+fn fields_of(heading: &str) -> BTreeSet<&'static str> {
+    section(heading).lines().filter(|line| line.starts_with("| ")).flat_map(named).collect()
+}
+
+/// All names of the maps in a message.
+fn keys(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(map) => map.iter().for_each(|(name, value)| {
+            found.insert(name.clone());
+            keys(value, found);
+        }),
+        Value::Array(values) => values.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
 #[test]
-fn every_op_has_its_row_with_who_and_all_fields() {
-    for request in samples::requests() {
-        let row = row("## Ops", request.op.name());
-        let who = match request.op.who() {
+fn the_table_of_ops_is_that_of_the_page() {
+    let rows = rows("## Ops");
+    assert_eq!(rows.iter().map(|(op, _)| *op).collect::<Vec<_>>(), OpName::ALL.map(OpName::as_str));
+    for (op, (_, cells)) in OpName::ALL.into_iter().zip(&rows) {
+        let row = op.row();
+        let who = match row.who {
             Who::First => "first",
             Who::Any => "any",
             Who::Holder => "holder",
         };
-        assert!(row.contains(&format!("` | {who} |")), "{row}");
-        let fields = match &request.op {
-            Op::Set { .. } => vec!["effect".to_owned()],
-            op => object(op).keys().filter(|key| *key != "op").cloned().collect(),
-        };
-        for field in fields {
-            assert!(row.contains(&format!("`{field}`")), "{field} is missing: {row}");
+        assert_eq!(cells[0], who, "{op}");
+        let fields = row
+            .fields
+            .iter()
+            .map(|field| format!("`{}`{}", field.name, if field.optional { "?" } else { "" }));
+        let fields: Vec<String> = fields.collect();
+        for field in &fields {
+            assert!(cells[1].contains(field), "docs/api.md, {op}: {field} is missing in {}", cells[1]);
+        }
+        let marked = |text: &str| text.matches("`?").count();
+        assert_eq!(
+            marked(cells[1]),
+            marked(&fields.concat()),
+            "docs/api.md, {op}: fields that may be left out"
+        );
+        let names: Vec<&str> = named(cells[1]).into_iter().filter(|name| !name.starts_with('"')).collect();
+        assert_eq!(names, row.fields.iter().map(|field| field.name).collect::<Vec<_>>(), "{op}");
+        assert_eq!(cells[1].contains("At least one parameter"), row.parameters, "{op}");
+    }
+}
+
+#[test]
+fn what_ops_weigh_may_be_and_do_is_on_the_page() {
+    let names = |which: fn(&OpRow) -> bool| {
+        let ops = OpName::ALL.into_iter().filter(|op| which(op.row()));
+        let names: Vec<String> = ops.map(|op| format!("`{op}`")).collect();
+        let (last, others) = names.split_last().expect("at least one");
+        if others.is_empty() { last.clone() } else { format!("{} and {last}", others.join(", ")) }
+    };
+    for sentence in [
+        format!(
+            "{} counts as 500, {} as 250",
+            names(|row| row.weight == 500),
+            names(|row| row.weight == 250)
+        ),
+        format!("{} as 100;", names(|row| row.weight == 100)),
+        format!("{} are for sending again and again", names(|row| row.stream)),
+        format!("Only {} from the holder", names(|row| row.long)),
+        format!(
+            "An {} of the same client that waits before a stop",
+            names(|row| row.rearms).replace("and", "or")
+        ),
+        format!("the value {}", Stop::ALL.map(|stop| format!("`{stop}`")).join(" or ")),
+    ] {
+        let page = PAGE.replace('\n', " ");
+        assert!(page.contains(&sentence), "docs/api.md: {sentence}");
+    }
+    let weights: BTreeSet<u32> = OpName::ALL.into_iter().map(|op| op.row().weight).collect();
+    assert_eq!(weights, [1, 100, 250, 500].into(), "the sentences above name them all");
+}
+
+#[test]
+fn the_rows_hold_the_fields_that_are_sent() {
+    for request in samples::requests() {
+        let row = request.op.name().row();
+        for field in object(&request.op).keys().filter(|key| *key != "op") {
+            let known = row.fields.iter().any(|known| known.name == field);
+            assert!(known || row.parameters, "{field} of {}", request.op.name());
         }
     }
+}
+
+#[test]
+fn every_field_of_info_and_stats_is_there() {
+    let mut told = BTreeSet::new();
+    keys(&serde_json::to_value(samples::info()).unwrap(), &mut told);
+    let page = fields_of("### info");
+    for field in &told {
+        assert!(page.contains(field.as_str()), "docs/api.md, info: {field} is missing");
+    }
+    for policy in ClientLostPolicy::ALL {
+        assert!(page.contains(policy.as_str()), "docs/api.md, info: {policy} is missing");
+    }
+    let mut told = BTreeSet::new();
+    let Value::Object(mut stats) = serde_json::to_value(StatsOk::default()).unwrap() else { panic!("a map") };
+    stats["faults"] = Value::Null;
+    stats["refused"] = Value::Null;
+    keys(&Value::Object(stats), &mut told);
+    let page: BTreeSet<String> = fields_of("### stats").into_iter().map(str::to_owned).collect();
+    assert_eq!(page, told, "docs/api.md, stats");
 }
 
 #[test]
@@ -62,8 +165,11 @@ fn every_event_field_and_name_is_there() {
     for fault in Fault::ALL {
         assert!(row("### state", "fault").contains(&format!("`{fault}`")), "{fault}");
     }
-    for code in ErrorCode::ALL {
-        row("## Errors", code.as_str());
+    let first = |heading| rows(heading).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+    assert_eq!(first("## Errors"), ErrorCode::ALL.map(ErrorCode::as_str));
+    assert_eq!(first("## Events"), EventName::ALL.map(EventName::as_str));
+    for cause in LeaseCause::ALL {
+        assert!(row("## Events", "lease").contains(&format!("`{cause}`")), "{cause}");
     }
 }
 

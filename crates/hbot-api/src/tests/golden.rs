@@ -1,8 +1,11 @@
 //! Every message against the bytes that an independent encoder made of it.
 
 use super::{encoded, samples, unframed};
-use crate::{Encoding, ErrorCode, Event, Fault, Mode, Op, Request, Response, ServerMessage, StateEvent};
+use crate::*;
+use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
+use std::fmt::Debug;
+use std::str::FromStr;
 
 /// Lines of JSON and frames of MessagePack.
 fn golden() -> Vec<(String, Vec<u8>)> {
@@ -53,8 +56,8 @@ fn every_answer_and_event_is_on_the_wire_as_documented() {
 
 #[test]
 fn the_samples_leave_out_no_op() {
-    let sampled: BTreeSet<&str> = samples::requests().iter().map(|request| request.op.name()).collect();
-    assert_eq!(sampled, Op::names().collect());
+    let sampled: BTreeSet<OpName> = samples::requests().iter().map(|request| request.op.name()).collect();
+    assert_eq!(sampled, OpName::ALL.into());
     for request in samples::requests() {
         let line = String::from_utf8(encoded(Encoding::Json, &request)).unwrap();
         assert!(line.contains(&format!("\"op\":\"{}\"", request.op.name())), "{line}");
@@ -63,18 +66,58 @@ fn the_samples_leave_out_no_op() {
 
 #[test]
 fn names_in_text_are_those_on_the_wire() {
-    for mode in Mode::ALL {
-        assert_eq!(serde_json::to_value(mode).unwrap(), mode.as_str());
+    fn check<N: Name + DeserializeOwned + FromStr + Debug>() {
+        for name in N::NAMES {
+            let value = serde_json::to_value(name).unwrap();
+            assert_eq!(value, name.as_str());
+            assert_eq!(serde_json::from_value::<N>(value).unwrap(), *name);
+            assert_eq!(name.as_str().parse().ok(), Some(*name));
+        }
     }
-    for fault in Fault::ALL {
-        assert_eq!(serde_json::to_value(fault).unwrap(), fault.as_str());
+    check::<Mode>();
+    check::<Fault>();
+    check::<ErrorCode>();
+    check::<LeaseCause>();
+    check::<Encoding>();
+    check::<ClientLostPolicy>();
+    check::<OpName>();
+    check::<EventName>();
+    check::<Stop>();
+}
+
+#[test]
+fn the_name_of_an_event_is_that_on_the_wire() {
+    let mut sampled = BTreeSet::new();
+    for message in samples::events() {
+        let ServerMessage::Event(event) = message else { panic!("event") };
+        let name = event.name().expect("a known event");
+        assert_eq!(serde_json::to_value(&event).unwrap()["event"], name.as_str());
+        sampled.insert(name);
     }
-    for code in ErrorCode::ALL {
-        assert_eq!(serde_json::to_value(code).unwrap(), code.as_str());
-    }
-    for encoding in Encoding::ALL {
-        assert_eq!(serde_json::to_value(encoding).unwrap(), encoding.as_str());
-    }
+    assert_eq!(sampled, EventName::ALL.into());
+}
+
+#[test]
+fn the_answer_of_an_older_or_later_server_is_read() {
+    let older: StatsOk = serde_json::from_str(r#"{"ticks": 7, "faults": {"slip": 2}}"#).unwrap();
+    assert_eq!((older.ticks, older.late_ticks, older.faults.of(Fault::Slip)), (7, 0, 2));
+    assert_eq!(older.refused, Counts::default());
+    let later: StatsOk =
+        serde_json::from_str(r#"{"faults": {"eclipse": 1, "slip": 1}, "moons": 4}"#).unwrap();
+    assert_eq!(later.faults.total(), 1, "a cause that is not known is passed over");
+    let older: InfoOk = serde_json::from_str(r#"{"rig": {"rate_hz": 1000}, "render": null}"#).unwrap();
+    assert_eq!((older.rig.rate_hz, older.lease, older.render, older.capability), (1000, None, None, None));
+}
+
+#[test]
+fn every_count_is_told_in_the_order_of_the_documentation() {
+    let mut counts = Counts::<LeaseCause>::default();
+    counts.add(LeaseCause::Stolen);
+    counts.add(LeaseCause::Stolen);
+    let json = serde_json::to_string(&counts).unwrap();
+    assert_eq!(json, r#"{"acquired":0,"released":0,"stolen":2,"disconnected":0}"#);
+    assert_eq!((counts.of(LeaseCause::Stolen), counts.total()), (2, 2));
+    assert_eq!(serde_json::from_str::<Counts<LeaseCause>>(&json).unwrap(), counts);
 }
 
 #[test]

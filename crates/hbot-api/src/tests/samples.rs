@@ -147,3 +147,21 @@ pub(super) fn events() -> Vec<ServerMessage> {
     .map(ServerMessage::Event)
     .into()
 }
+
+/// An answer to `info` in which nothing is left out.
+pub(super) fn info() -> InfoOk {
+    let kind = KindInfo { name: "spring".into(), description: "a spring".into(), schema: Value::Null };
+    InfoOk {
+        rig: RigInfo { wheels: vec![WheelInfo::default()], ..RigInfo::default() },
+        limits: LimitsInfo {
+            energy: Some(EnergyInfo::default()),
+            traction: Some(TractionInfo::default()),
+            ..LimitsInfo::default()
+        },
+        render: Some(RenderInfo::default()),
+        effects: vec![kind.clone()],
+        phenomena: Some(vec![kind]),
+        lease: Some(LeaseInfo::default()),
+        ..InfoOk::default()
+    }
+}

@@ -3,7 +3,6 @@
 mod fit;
 mod histogram;
 mod history;
-pub(crate) mod info;
 mod messages;
 pub(crate) mod sample;
 mod scene;
@@ -11,12 +10,11 @@ pub(crate) mod words;
 
 use std::time::{Duration, Instant};
 
-use hbot_api::{FaultEvent, HelloOk, LeaseCause, Mode, StateEvent};
+use hbot_api::{FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, StateEvent, StatsOk};
 
 pub(crate) use fit::{Fit, fit};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
-use info::{Info, Stats};
 pub(crate) use messages::{Messages, Weight};
 pub(crate) use sample::Sample;
 pub(crate) use scene::{Effect, Scene};
@@ -52,8 +50,8 @@ pub(crate) struct Model {
     heard: Option<Instant>,
     pub(crate) history: History,
     pub(crate) lateness: Histogram,
-    pub(crate) info: Info,
-    pub(crate) stats: Option<Stats>,
+    pub(crate) info: InfoOk,
+    pub(crate) stats: Option<StatsOk>,
     pub(crate) scene: Scene,
     /// What the server said of the fault or stop that lasts.
     pub(crate) fault: Option<FaultEvent>,
@@ -74,7 +72,7 @@ impl Model {
             heard: None,
             history: History::default(),
             lateness: Histogram::default(),
-            info: Info::default(),
+            info: InfoOk::default(),
             stats: None,
             scene: Scene::default(),
             fault: None,
@@ -161,17 +159,11 @@ impl Model {
                 self.stats = None;
                 self.scene.forget_pending();
             }
-            News::Info(info) => match serde_json::from_value::<Info>(*info) {
-                Ok(info) => {
-                    self.scene.take(&info.scene);
-                    self.info = info;
-                }
-                Err(error) => self.messages.add(Weight::Bad, format!("info cannot be read: {error}")),
-            },
-            News::Stats(stats) => match serde_json::from_value(*stats) {
-                Ok(stats) => self.stats = Some(stats),
-                Err(error) => self.messages.add(Weight::Bad, format!("stats cannot be read: {error}")),
-            },
+            News::Info(info) => {
+                self.scene.take(&info.scene);
+                self.info = *info;
+            }
+            News::Stats(stats) => self.stats = Some(*stats),
             News::Lease { lease, cause } => self.lease(lease, cause),
             News::Fault(fault) => {
                 let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);

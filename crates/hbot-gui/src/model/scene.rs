@@ -2,10 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use hbot_api::EffectCost;
+use hbot_api::{EffectCost, InfoOk};
 use serde_json::{Map, Value};
-
-use super::info::Info;
 
 /// A parameter: the effect's id and its name.
 type Place = (String, String);
@@ -123,7 +121,7 @@ impl Scene {
     }
 
     /// The effects that have a stiffness to set.
-    pub(crate) fn springs<'a>(&'a self, info: &'a Info) -> impl Iterator<Item = &'a Effect> {
+    pub(crate) fn springs<'a>(&'a self, info: &'a InfoOk) -> impl Iterator<Item = &'a Effect> {
         self.effects.iter().filter(|effect| {
             let kind = info.kind(&effect.kind);
             kind.is_some_and(|kind| kind.schema["properties"].get("stiffness").is_some())

@@ -143,6 +143,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hbot_api::StatsOk;
     use serde_json::json;
     use std::sync::Arc;
 
@@ -186,7 +187,7 @@ mod tests {
         for tick in 0..2 * MAX_SAMPLES as u64 {
             mailbox.sample(StateEvent { tick, ..StateEvent::default() });
             mailbox.post(News::Note(Ok(tick.to_string())));
-            mailbox.post(News::Stats(Box::new(json!(tick))));
+            mailbox.post(News::Stats(Box::new(StatsOk { ticks: tick, ..StatsOk::default() })));
         }
         let mut delivery = Delivery::default();
         mailbox.take(&mut delivery);

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use hbot_api::{DroppedEvent, FaultEvent, HelloOk, LeaseCause, SceneEvent, Token, Trust};
+use hbot_api::{DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, StatsOk, Token, Trust};
 use serde_json::Value;
 
 use mailbox::Outgoing;
@@ -127,8 +127,8 @@ pub(crate) enum News {
         absent: bool,
         again_in: Duration,
     },
-    Info(Box<Value>),
-    Stats(Box<Value>),
+    Info(Box<InfoOk>),
+    Stats(Box<StatsOk>),
     Lease {
         lease: Lease,
         cause: Option<LeaseCause>,

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, LeaseEvent};
-use serde_json::{Map, Value};
+use hbot_api::{Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, LeaseEvent, LeaseInfo};
+use serde_json::Map;
 
 use super::mailbox::{Mailbox, Outgoing};
 use super::{ANSWER_TIMEOUT, Intent, Lease, News, Options};
@@ -247,10 +247,8 @@ impl<'a> Session<'a> {
                 Ok(info) => {
                     // Who commands is told when it changes; one that only watches has not been told yet.
                     if self.lease == Lease::Unknown
-                        && let Some(lease) = info["lease"].as_object()
+                        && let Some(LeaseInfo { holder, session }) = info.lease.clone()
                     {
-                        let holder = lease.get("holder").and_then(Value::as_str).map(str::to_owned);
-                        let session = lease.get("session").and_then(Value::as_u64);
                         self.tell_lease(self.lease_of(holder, session));
                     }
                     self.mailbox.post(News::Info(Box::new(info)));

@@ -3,8 +3,8 @@
 use eframe::egui::{self, Align2, FontId, Grid, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
 use super::theme::{Palette, heading, weak};
-use crate::model::info::{Distribution, Stats};
 use crate::model::{BINS, Histogram, Model};
+use hbot_api::{Distribution, StatsOk};
 
 pub(crate) fn show(ui: &mut Ui, model: &Model) {
     let Some(stats) = &model.stats else {
@@ -61,7 +61,7 @@ fn histogram(ui: &mut Ui, lateness: &Histogram) {
 }
 
 /// Distributions over all ticks of the server.
-fn times(ui: &mut Ui, stats: &Stats) {
+fn times(ui: &mut Ui, stats: &StatsOk) {
     let rows: [(&str, &Distribution, &str); 4] = [
         ("late", &stats.lateness_us, "from a tick's deadline to its start"),
         ("compute", &stats.compute_us, "in the controller"),
@@ -92,7 +92,7 @@ fn figure(us: f64) -> String {
     }
 }
 
-fn counts(ui: &mut Ui, model: &Model, stats: &Stats) {
+fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
     let palette = Palette::of(ui);
     let ticks = stats.ticks.max(1) as f64;
     let answered = 100.0 * (1.0 - stats.missed_ticks as f64 / ticks).max(0.0);
@@ -132,10 +132,11 @@ fn counts(ui: &mut Ui, model: &Model, stats: &Stats) {
 }
 
 /// What the methods in use cost of each tick.
-fn accuracy(ui: &mut Ui, model: &Model, stats: &Stats) {
-    let period_us = if model.info.rig.rate_hz > 0.0 { 1e6 / model.info.rig.rate_hz } else { f64::INFINITY };
+fn accuracy(ui: &mut Ui, model: &Model, stats: &StatsOk) {
+    // Infinite as long as the server has not told its rate.
+    let period_us = 1e6 / f64::from(model.info.rig.rate_hz);
     let share = |us: f64| 100.0 * us / period_us;
-    ui.add(egui::Label::new(RichText::new(model.info.accuracy()).strong()).wrap());
+    ui.add(egui::Label::new(RichText::new(accuracy_in_words(&model.info.accuracy)).strong()).wrap());
     weak(
         ui,
         format!(
@@ -147,9 +148,13 @@ fn accuracy(ui: &mut Ui, model: &Model, stats: &Stats) {
     );
 }
 
-fn faults(ui: &mut Ui, stats: &Stats) {
+fn accuracy_in_words(preset: &str) -> &str {
+    if preset.is_empty() { "not told" } else { preset }
+}
+
+fn faults(ui: &mut Ui, stats: &StatsOk) {
     let mut any = false;
-    for (cause, count) in stats.faults.iter().filter(|(_, count)| **count > 0) {
+    for (cause, count) in stats.faults.iter().filter(|(_, count)| *count > 0) {
         any = true;
         ui.label(format!("{cause}: {count}"));
     }

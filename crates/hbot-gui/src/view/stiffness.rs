@@ -42,7 +42,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         axes_apart(ui, model, effect, intents);
     });
     let stiffest = stiffest(model);
-    let stable = model.info.render.stiffness_stable;
+    let stable = stable(model);
     let names = ["Stiffness", "Stiffness n1", "Stiffness n2", "Stiffness n3"];
     impedance(ui, model, effect, "stiffness", names, stiffest, stable, intents);
     limits(ui, model, effect, stable);
@@ -50,11 +50,16 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, None, intents);
 }
 
+/// Up to which stiffness the rig is expected to stay stable, N m/rad; `None` if the server does not say.
+fn stable(model: &Model) -> Option<f64> {
+    model.info.render.map(|render| render.stiffness_stable).filter(|stable| *stable > 0.0)
+}
+
 /// The end of the slider, N m/rad: a round number.
 fn stiffest(model: &Model) -> f64 {
     let limit = model.info.limits.torque;
     let by_torque = if limit > 0.0 { limit / STIFFEST_AT } else { 10.0 };
-    round_up(by_torque.max(1.5 * model.info.render.stiffness_stable.unwrap_or(0.0)))
+    round_up(by_torque.max(1.5 * stable(model).unwrap_or(0.0)))
 }
 
 fn law(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
@@ -240,7 +245,7 @@ mod tests {
         let told = json!({"stiffness_stable": 5.2});
         assert!(said(2.0, &told).contains("expected to be stable up to 5.20 N m/rad"));
         assert!(said(7.0, &told).contains("beyond 5.20 N m/rad"));
-        for nothing in [json!({}), json!({"stiffness_stable": null})] {
+        for nothing in [json!({}), Value::Null] {
             let said = said(7.0, &nothing);
             assert!(
                 said.contains("reaches the rig's 0.9 N m at 0.13 rad") && !said.contains("stable"),

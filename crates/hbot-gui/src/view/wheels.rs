@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::model::info::{Rig, Wheel};
+use hbot_api::{RigInfo, WheelInfo};
 
 /// A wheel at a steering angle, in radii of the sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub(crate) struct Contact {
 
 impl Contact {
     /// A wheel of `rig` at steering angle `steer`, rad; `None` where the rig has told no geometry.
-    pub(crate) fn of(rig: &Rig, wheel: &Wheel, steer: f64) -> Option<Self> {
+    pub(crate) fn of(rig: &RigInfo, wheel: &WheelInfo, steer: f64) -> Option<Self> {
         let axis = DVec3::from(wheel.axis).try_normalize()?;
         if !(rig.sphere.radius > 0.0) {
             return None;
@@ -47,13 +47,17 @@ impl Contact {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::info::Sphere;
+    use hbot_api::SphereInfo;
+
+    fn rig(radius: f64) -> RigInfo {
+        RigInfo { sphere: SphereInfo { radius, mass: 1.0 }, ..RigInfo::default() }
+    }
 
     #[test]
     fn the_contact_keeps_its_angles_whatever_the_steering() {
-        let rig = Rig { sphere: Sphere { radius: 0.1 }, ..Rig::default() };
+        let rig = rig(0.1);
         for axis in [[1.0, 0.0, -1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]] {
-            let wheel = Wheel { axis, cone: 0.3, toe: 0.2, radius: 0.01, ..Wheel::default() };
+            let wheel = WheelInfo { axis, cone: 0.3, toe: 0.2, radius: 0.01, ..WheelInfo::default() };
             for steer in [0.0, 1.0, 4.0] {
                 let contact = Contact::of(&rig, &wheel, steer).expect("geometry");
                 // l.c2 = sin a cos b and l.c3 = cos a, to rounding.
@@ -65,8 +69,8 @@ mod tests {
 
     #[test]
     fn the_first_contact_of_the_prototype_is_where_the_rig_file_says() {
-        let rig = Rig { sphere: Sphere { radius: 0.102 }, ..Rig::default() };
-        let wheel = Wheel { axis: [0.0, 0.0, 1.0], cone: 0.1745, radius: 0.0155, ..Wheel::default() };
+        let rig = rig(0.102);
+        let wheel = WheelInfo { axis: [0.0, 0.0, 1.0], cone: 0.1745, radius: 0.0155, ..WheelInfo::default() };
         let contact = Contact::of(&rig, &wheel, 0.0).expect("geometry");
         // Rx(a) n3 = (0, -sin a, cos a)
         let expected = DVec3::new(0.0, -0.1745_f64.sin(), 0.1745_f64.cos());

@@ -207,12 +207,12 @@ impl Witness {
     /// The parameter of an effect that the server runs now.
     pub(crate) fn parameter(&mut self, effect: &str, key: &str) -> serde_json::Value {
         let info = self.0.info().expect("info");
-        let effects = info["scene"]["effect"].as_array().expect("effects");
+        let effects = info.scene["effect"].as_array().expect("effects");
         let effect = effects.iter().find(|e| e["id"] == effect).expect("the effect");
         effect[key].clone()
     }
 
-    pub(crate) fn info(&mut self) -> serde_json::Value {
+    pub(crate) fn info(&mut self) -> hbot_api::InfoOk {
         self.0.info().expect("info")
     }
 }

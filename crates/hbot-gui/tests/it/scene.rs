@@ -16,7 +16,7 @@ fn a_scene_is_chosen_loaded_and_shown() {
     seat.click("Load");
     seat.until_text("Uneven spring");
     seat.until("the effects", |harness| harness.query_by_label("air on").is_some());
-    assert_eq!(witness.info()["scene"]["name"], "Uneven spring");
+    assert_eq!(witness.info().scene["name"], "Uneven spring");
     assert!(seat.shows("ns a tick"), "what the effects cost");
     assert!(seat.shows("rad from its reference"), "the spring pulls somewhere");
     // Its stiffness is a matrix: a slider for each axis.
@@ -72,7 +72,7 @@ fn a_scene_is_saved_as_it_runs() {
     seat.until_text("saved as");
     let path = seat.out.path().join("scenes/mine.toml");
     let saved = SceneFile::from_path(&path).expect("a legal scene");
-    assert_eq!(saved.to_json(), witness.info()["scene"]);
+    assert_eq!(saved.to_json(), witness.info().scene);
     // The same name again is asked about.
     assert!(seat.harness.query_by_label("Overwrite").is_some());
 }

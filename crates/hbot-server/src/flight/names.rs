@@ -6,15 +6,13 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use hbot_core::mode::Cause;
-
-use crate::service::convert;
+use hbot_api::{Fault, Mode};
 
 /// The most logs kept in the folder.
 pub const MAX_FILES: usize = 20;
 
 /// What the log of an emergency stop is called.
-const ESTOP: &str = "estop";
+const ESTOP: &str = Mode::Estop.as_str();
 /// The form of the time in a name; a 0 stands for a digit.
 const TIME: &str = "00000000T000000.000Z";
 
@@ -48,7 +46,7 @@ impl Name {
         let read = Self { time: time.to_owned(), process, number, what: what.to_owned(), part };
         let like = |(a, b): (u8, u8)| if b == b'0' { a.is_ascii_digit() } else { a == b };
         let is_time = time.len() == TIME.len() && time.bytes().zip(TIME.bytes()).all(like);
-        let known = what == ESTOP || Cause::ALL.iter().any(|cause| convert::fault(*cause).as_str() == what);
+        let known = what == ESTOP || what.parse::<Fault>().is_ok();
         // Leading zeros, signs, and fields too many show in how it is written again.
         (is_time && known && read.to_string() == name).then_some(read)
     }

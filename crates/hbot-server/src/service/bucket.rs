@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use hbot_api::Op;
+use hbot_api::OpName;
 use tokio::time::Instant;
 
 /// Bytes of a request that weigh nothing: ordinary ones have fewer.
@@ -10,17 +10,10 @@ const FREE_BYTES: usize = 256;
 /// Bytes beyond these that weigh as much as an ordinary request.
 const BYTES_A_REQUEST: usize = 16;
 
-/// The time of the hub that a request takes, in ordinary requests: by what it asks (`None` if it could not be read) and by its
-/// bytes, read or skipped.
-pub(super) fn weight(op: Option<&Op>, bytes: usize) -> u32 {
-    let asked = match op {
-        Some(Op::Info) => 500,
-        Some(Op::LoadScene { .. }) => 250,
-        // The lease is told to all.
-        Some(Op::Stats | Op::Set { .. } | Op::Acquire { .. } | Op::Release) => 100,
-        _ => 1,
-    };
-    asked + weight_of(bytes)
+/// The time of the hub that a request takes, in ordinary requests: by its op (`None` if it could not be read) and by its bytes, read
+/// or skipped.
+pub(super) fn weight(op: Option<OpName>, bytes: usize) -> u32 {
+    op.map_or(1, |op| op.row().weight) + weight_of(bytes)
 }
 
 /// The part of it that bytes make up.
@@ -95,11 +88,10 @@ mod tests {
 
     #[test]
     fn bytes_weigh_too() {
-        let ping = Op::Ping { data: serde_json::Value::Null };
-        assert_eq!(weight(Some(&ping), 256), 1);
-        assert_eq!(weight(Some(&ping), 2048), 113);
+        assert_eq!(weight(Some(OpName::Ping), 256), 1);
+        assert_eq!(weight(Some(OpName::Ping), 2048), 113);
         assert_eq!(weight(None, 65_536), 4081, "one that is refused unread as well");
-        assert_eq!(weight(Some(&Op::Info), 20), 500);
+        assert_eq!(weight(Some(OpName::Info), 20), 500);
     }
 
     #[test]

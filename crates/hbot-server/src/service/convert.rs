@@ -1,6 +1,6 @@
 //! From the core's types to those of the TCP messages.
 
-use hbot_api::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, Timing};
 use hbot_config::rig::OnClientLost;
 use hbot_core::inputs;
 use hbot_core::mode;
@@ -40,6 +40,14 @@ pub(crate) fn client_lost(policy: OnClientLost) -> inputs::OnClientLost {
         OnClientLost::Ramp => inputs::OnClientLost::Ramp,
         OnClientLost::Keep => inputs::OnClientLost::Keep,
         OnClientLost::Fault => inputs::OnClientLost::Fault,
+    }
+}
+
+pub(super) fn client_lost_policy(policy: OnClientLost) -> ClientLostPolicy {
+    match policy {
+        OnClientLost::Ramp => ClientLostPolicy::Ramp,
+        OnClientLost::Keep => ClientLostPolicy::Keep,
+        OnClientLost::Fault => ClientLostPolicy::Fault,
     }
 }
 

@@ -1,26 +1,50 @@
-//! What clients share, in one place. Whoever has something for it to do comes to its `desk`.
+//! What clients share, in one place: the hub connects the parts that each own a piece of it. Whoever has something for it to do comes
+//! to its `desk`.
+//!
+//! | part | what it owns |
+//! |---|---|
+//! | [`Publisher`] | clients, their subscriptions, what is on its way to them |
+//! | [`Lease`] | which client may command |
+//! | [`Orders`] | orders on their way to the loop, and who waits for the answers |
+//! | [`Scenes`] | the scene that runs, and those on their way to the loop |
+//! | [`Incidents`] | faults and stops as samples show them |
+//! | [`Flights`] | flight logs |
+//! | [`Stats`] | histograms and counters |
 
-use std::collections::{BTreeMap, VecDeque};
-use std::io;
+mod greeting;
+mod requests;
+
 use std::sync::Arc;
+use std::task::{Context, Poll};
 
-use hbot_api::{Event, StoppingEvent};
-use hbot_core::inputs::Command;
+use hbot_api::{
+    AlignOk, ErrorBody, ErrorCode, Event, Id, LeaseCause, ModeOk, OpName, Response, StatsOk, StoppingEvent,
+};
+use hbot_config::RigConfig;
+use hbot_core::inputs::{Command, OnClientLost};
+use hbot_core::outputs::Reply;
+use serde::Serialize;
 use tokio::sync::{Notify, watch};
-use tokio::task::JoinSet;
+use tokio::task::JoinError;
 use tokio::time::Instant;
 
 use super::bucket::LongMessages;
+use super::convert;
+use super::desk::Gone;
+use super::flights::{Flights, Written};
+use super::incidents::Incidents;
 use super::info::Info;
-use super::orders::{Asker, Orders};
-use super::peer::{Frames, Peer};
-use super::samples::{Publisher, Watch};
-use super::scenes::{Loading, Measured};
-use super::stats::{Stats, Summary};
+use super::lease::Lease;
+use super::orders::{Asker, OrderKind, Orders};
+use super::peer::Peer;
+use super::publisher::Publisher;
+use super::refusals::refusal;
+use super::scenes::{Loaded, Measured, Scenes};
+use super::stats::Stats;
 use super::strangers::WrongTokens;
 use super::{Bounds, Setup, Status};
-use crate::flight::{Flight, FlightRecorder};
-use hbot_host::bridge::ServiceEnd;
+use crate::tls::Encryption;
+use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::sample::Sample;
 
 /// Samples taken before others have their turn again.
@@ -28,72 +52,91 @@ const SAMPLES_A_TURN: usize = 512;
 
 /// What clients share.
 pub(super) struct Hub {
-    pub(super) bounds: Bounds,
-    pub(super) setup: Setup,
-    pub(super) end: ServiceEnd,
-    pub(super) info: Info,
-    pub(super) stats: Stats,
-    pub(super) peers: BTreeMap<u64, Peer>,
-    /// The session that holds the lease.
-    pub(super) holder: Option<u64>,
-    pub(super) orders: Orders,
-    pub(super) loading: VecDeque<Loading>,
-    pub(super) measuring: JoinSet<Measured>,
-    pub(super) recorder: Option<FlightRecorder>,
-    pub(super) writing: JoinSet<(Flight, io::Result<()>)>,
-    /// Told when what the service's task waits for has changed: works on other threads have begun, or others watch.
-    pub(super) changed: Arc<Notify>,
-    pub(super) publisher: Publisher,
-    pub(super) watch: Watch,
-    pub(super) latest: Option<Sample>,
-    pub(super) frames: Frames,
-    /// Clients to be cut at the end of the turn.
-    pub(super) doomed: Vec<u64>,
+    bounds: Bounds,
+    rig: RigConfig,
+    token: Option<String>,
+    encryption: Option<Encryption>,
+    /// The way to the loop.
+    end: ServiceEnd,
+    info: Info,
+    stats: Stats,
+    publisher: Publisher,
+    lease: Lease,
+    orders: Orders,
+    scenes: Scenes,
+    incidents: Incidents,
+    flights: Flights,
+    latest: Option<Sample>,
     /// When the next message that takes long may be read.
-    pub(super) long_messages: LongMessages,
-    /// Who has stopped the rig last.
-    pub(super) stopper: Option<String>,
-    pub(super) wrong_tokens: WrongTokens,
+    long_messages: LongMessages,
+    wrong_tokens: WrongTokens,
+    /// Connections taken so far.
     sessions: u64,
     status: watch::Sender<Status>,
+    /// Notified when what the service's task waits for has changed: works on other threads have begun, or others watch.
+    changed: Arc<Notify>,
 }
 
 impl Hub {
     pub(super) fn new(bounds: Bounds, end: ServiceEnd, setup: Setup, status: watch::Sender<Status>) -> Self {
-        let period_ns = setup.rig.rig.timing.period_ns;
-        let simulated = setup.phenomena.is_some();
+        let Setup { rig, scene, phenomena, token, encryption, flight_dir, accuracy } = setup;
+        let changed = Arc::new(Notify::new());
+        let simulated = phenomena.is_some();
         Self {
             bounds,
+            token,
+            encryption,
             end,
-            info: Info::new(&setup.rig, &setup.accuracy, simulated),
+            info: Info::new(&rig, &accuracy, simulated),
             stats: Stats::new(),
-            peers: BTreeMap::new(),
-            holder: None,
+            publisher: Publisher::new(Arc::clone(&changed)),
+            lease: Lease::default(),
             orders: Orders::default(),
-            loading: VecDeque::new(),
-            measuring: JoinSet::new(),
-            recorder: setup.flight_dir.clone().map(|dir| FlightRecorder::new(dir, period_ns)),
-            writing: JoinSet::new(),
-            changed: Arc::new(Notify::new()),
-            publisher: Publisher::new(),
-            watch: Watch::default(),
+            scenes: Scenes::new(scene, phenomena, rig.rig, Arc::clone(&changed)),
+            incidents: Incidents::new(rig.rig),
+            flights: Flights::new(flight_dir, rig.rig.timing.period_ns, Arc::clone(&changed)),
             latest: None,
-            frames: Frames::default(),
-            doomed: Vec::new(),
             long_messages: LongMessages::default(),
-            stopper: None,
             wrong_tokens: WrongTokens::default(),
             sessions: 0,
             status,
-            setup,
+            changed,
+            rig,
         }
     }
+}
 
-    /// The number of one more connection.
-    pub(super) fn next_session(&mut self) -> u64 {
-        self.stats.events.connections += 1;
-        self.sessions += 1;
-        self.sessions
+/// What the service's task and the connections ask.
+impl Hub {
+    pub(super) fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    pub(super) fn encryption(&self) -> Option<&Encryption> {
+        self.encryption.as_ref()
+    }
+
+    /// Notified when what the service's task waits for has changed.
+    pub(super) fn changed(&self) -> Arc<Notify> {
+        Arc::clone(&self.changed)
+    }
+
+    pub(super) fn bell(&self) -> Bell {
+        self.end.bell()
+    }
+
+    pub(super) fn emergency_stop(&self) -> EmergencyStop {
+        self.end.emergency_stop()
+    }
+
+    /// Whether there are samples to be taken.
+    pub(super) fn has_samples(&self) -> bool {
+        self.end.has_samples()
+    }
+
+    /// Whether the loop has ended and all samples are taken.
+    pub(super) fn is_over(&self) -> bool {
+        self.end.is_over()
     }
 
     /// Whether anybody wants states as they come. Where nobody does, samples wait until something notable happens.
@@ -101,12 +144,119 @@ impl Hub {
         self.publisher.is_watched()
     }
 
-    /// How the run goes until now.
-    pub(super) fn summary(&mut self) -> Summary {
-        self.drain();
-        self.stats.summary()
+    pub(super) fn long_messages(&mut self) -> &mut LongMessages {
+        &mut self.long_messages
     }
 
+    /// Clients that have not said hello.
+    pub(super) fn strangers(&self) -> usize {
+        self.publisher.strangers()
+    }
+
+    /// The number of one more connection.
+    pub(super) fn next_session(&mut self) -> u64 {
+        self.stats.counts.connections += 1;
+        self.sessions += 1;
+        self.sessions
+    }
+
+    /// Takes in the client of a connection.
+    pub(super) fn admit(&mut self, session: u64, peer: Peer) {
+        self.publisher.admit(session, peer);
+    }
+
+    /// Counts a connection for which there was no place.
+    pub(super) fn turned_away(&mut self) {
+        self.stats.counts.connections_turned_away += 1;
+    }
+
+    /// Counts a refusal.
+    pub(super) fn refused(&mut self, code: ErrorCode) {
+        self.stats.counts.refused.add(code);
+    }
+
+    /// Lets go of the connection that has waited longest to be told of its wrong token, so that its place is another's. False if
+    /// there is none.
+    pub(super) fn cut_a_guess(&mut self) -> bool {
+        self.publisher.cut_a_guess()
+    }
+
+    /// How the run goes until now.
+    pub(super) fn summary(&mut self) -> StatsOk {
+        self.drain();
+        self.stats.summary(&self.flights)
+    }
+
+    /// How the run went, with the flight logs that have been written since [`farewell`](Self::farewell).
+    pub(super) fn last_summary(&self, flights: &Flights) -> StatsOk {
+        self.stats.summary(flights)
+    }
+
+    /// Looks at what nobody else brings up.
+    pub(super) fn heartbeat(&mut self) {
+        let now = Instant::now();
+        self.publisher.tell_losses(now);
+        self.wrong_tokens.tell(now);
+        self.status.send_modify(|status| status.sample = self.latest);
+    }
+
+    pub(super) fn tell_status(&self) {
+        self.status.send_modify(|status| {
+            status.sample = self.latest;
+            status.clients = self.publisher.listeners();
+            status.holder = self.lease.name().map(str::to_owned);
+            self.scenes.file().name().clone_into(&mut status.scene);
+        });
+    }
+
+    /// Cuts the connections of those who do not read. Each may set off events that doom others.
+    pub(super) fn bury(&mut self) {
+        while let Some(session) = self.publisher.cut_next() {
+            self.stats.counts.connections_cut += 1;
+            self.gone(session);
+        }
+    }
+
+    /// A connection has ended, or its client says no more.
+    pub(super) fn leave(&mut self, session: u64, why: Gone) {
+        match why {
+            Gone::Ended => {}
+            Gone::Stuck => {
+                self.stats.counts.connections_cut += 1;
+                tracing::warn!(session, "cut: the client has read nothing for {:?}", self.bounds.stuck);
+            }
+            Gone::NoHandshake => {
+                self.stats.counts.handshakes_failed += 1;
+                tracing::debug!(session, "no encrypted connection came about");
+            }
+        }
+        self.gone(session);
+    }
+
+    /// The client says no more. It stays as long as answers are owed to it.
+    pub(super) fn gone(&mut self, session: u64) {
+        if !self.publisher.gone(session) {
+            return;
+        }
+        if self.lease.is_held_by(session) {
+            let policy = convert::client_lost(self.rig.api.on_client_lost);
+            self.order_internally("client lost", Command::ClientLost(policy));
+            self.lease.free(session);
+            self.lease_changed(LeaseCause::Disconnected);
+        }
+        self.tell_status();
+    }
+
+    /// Says goodbye. Connections end once all that waits for their clients has been sent. Returns the flight logs in the making.
+    pub(super) fn farewell(&mut self, why: &str) -> Flights {
+        self.publisher.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
+        self.publisher.dismiss_all();
+        std::mem::take(&mut self.flights)
+    }
+}
+
+/// What the loop does, and works on other threads.
+impl Hub {
     /// Takes the samples that are there, at most so many a turn.
     pub(super) fn drain(&mut self) {
         for _ in 0..SAMPLES_A_TURN {
@@ -116,37 +266,177 @@ impl Hub {
         self.orders.retry(&mut self.end);
     }
 
+    /// Takes a sample in. This runs for every tick, and in virtual time as fast as the loop goes.
+    #[inline]
+    fn take(&mut self, sample: &Sample) {
+        self.stats.record(sample);
+        self.latest = Some(*sample);
+        if !self.orders.is_empty() {
+            self.answered(sample);
+        }
+        if self.scenes.is_loading() {
+            self.scenes.rendered(sample);
+            self.loaded();
+        }
+        self.flights.record(sample);
+        let incident = self.incidents.look(sample, &self.end, &mut self.flights, &mut self.stats.counts);
+        if let Some(event) = incident {
+            self.publisher.broadcast(&Event::Fault(event));
+        }
+        if self.publisher.is_watched() {
+            self.stats.counts.dropped_states += self.publisher.publish(sample);
+        }
+    }
+
+    /// Passes on the answers that a sample brings.
+    fn answered(&mut self, sample: &Sample) {
+        for answer in sample.answers.iter().flatten() {
+            while let Some((asker, reply)) = self.orders.answered(answer) {
+                self.pass_on(asker, reply, sample);
+            }
+        }
+    }
+
+    /// Answers one order; `None` where its answer was in a sample that found no place.
+    fn pass_on(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
+        let (session, id, op, kind) = match asker {
+            Asker::Client { session, id, op, kind } => (session, id, op, kind),
+            Asker::Service(what) => {
+                match reply {
+                    Some(Reply::Refused(refused)) => {
+                        let effect = |slot| self.scenes.id_at(slot);
+                        let reason = refusal(what, refused, &self.rig.rig, effect).message;
+                        tracing::warn!("{what}: refused: {reason}");
+                    }
+                    _ => tracing::info!(tick = sample.state.tick, "{what}: done"),
+                }
+                return;
+            }
+        };
+        match reply {
+            Some(Reply::Refused(refused)) => {
+                let effect = |slot| self.scenes.id_at(slot);
+                let error = refusal(op.as_str(), refused, &self.rig.rig, effect);
+                self.refuse(session, id, Some(op), error);
+            }
+            // A stream without an id is not answered.
+            _ if kind == OrderKind::Stream && id.is_none() => {}
+            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle }),
+            Some(Reply::Done) if kind == OrderKind::Stream => self.respond(session, &Response::done(id)),
+            Some(Reply::Done) => {
+                self.answer(session, id, ModeOk { mode: convert::mode(sample.state.mode) });
+            }
+            None => {
+                let message = format!(
+                    "op {op}: the loop's answer was lost because the server fell behind; see the state"
+                );
+                self.refuse(session, id, Some(op), ErrorBody::new(ErrorCode::Busy, message));
+            }
+        }
+        self.publisher.paid(session);
+    }
+
+    /// The end of the next measurement of a scene; pending while there is none.
+    pub(super) fn poll_measured(&mut self, context: &mut Context<'_>) -> Poll<Result<Measured, JoinError>> {
+        self.scenes.poll_measured(context)
+    }
+
+    /// Notes what effects cost.
+    pub(super) fn measured(&mut self, measured: Result<Measured, JoinError>) {
+        self.scenes.measured(measured);
+        self.loaded();
+    }
+
+    /// Answers the loads that are complete, in their order.
+    fn loaded(&mut self) {
+        while let Some(Loaded { session, id, answer, event }) = self.scenes.next_loaded() {
+            self.answer(session, id, answer);
+            self.publisher.broadcast(&Event::Scene(event));
+            self.publisher.paid(session);
+        }
+    }
+
+    /// The end of the next flight log that is being written; pending while there is none.
+    pub(super) fn poll_written(&mut self, context: &mut Context<'_>) -> Poll<Written> {
+        self.flights.poll_written(context)
+    }
+
+    /// Notes how writing a flight log went.
+    pub(super) fn written(&mut self, written: Written) {
+        self.flights.written(written);
+    }
+}
+
+/// What requests have in common.
+impl Hub {
+    /// Sends a client's order to the loop; the answer comes with a sample.
+    fn order(
+        &mut self,
+        session: u64,
+        id: Option<Id>,
+        op: OpName,
+        kind: OrderKind,
+        command: Command,
+    ) -> Result<(), ErrorBody> {
+        let asker = Asker::Client { session, id, op, kind };
+        self.orders.place(&mut self.end, asker, kind, command).map_err(|_| {
+            ErrorBody::new(
+                ErrorCode::Busy,
+                format!("op {op}: the loop has not yet taken what it was given before"),
+            )
+        })?;
+        self.publisher.owe(session);
+        Ok(())
+    }
+
     pub(super) fn order_internally(&mut self, what: &'static str, command: Command) {
         self.orders.insist(&mut self.end, Asker::Service(what), command);
     }
 
-    /// Looks at what nobody else brings up.
-    pub(super) fn heartbeat(&mut self) {
-        let now = Instant::now();
-        let mut events = Vec::new();
-        for (session, peer) in self.peers.iter_mut().filter(|(_, peer)| peer.listens()) {
-            events.extend(peer.dropped_event().map(|event| (*session, event)));
-            events.extend(peer.refused_event(now).map(|event| (*session, event)));
+    /// Tells all that the lease has changed hands.
+    fn lease_changed(&mut self, cause: LeaseCause) {
+        // The stream of who loses the lease must not go on under the next holder, or under nobody.
+        match cause {
+            LeaseCause::Stolen => {
+                self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
+            }
+            LeaseCause::Released => {
+                self.order_internally("lease released", Command::ClientLost(OnClientLost::Ramp));
+            }
+            // What the rig file says has been ordered already.
+            LeaseCause::Acquired | LeaseCause::Disconnected => {}
         }
-        for (session, event) in events {
-            self.tell(session, &event);
-        }
-        self.wrong_tokens.tell(now);
-        self.status.send_modify(|status| status.sample = self.latest);
+        tracing::info!(holder = self.lease.name().unwrap_or("nobody"), ?cause, "lease");
+        self.publisher.broadcast(&Event::Lease(self.lease.event(cause)));
+        self.tell_status();
     }
 
-    pub(super) fn tell_status(&self) {
-        self.status.send_modify(|status| {
-            status.sample = self.latest;
-            status.clients = self.peers.values().filter(|peer| peer.listens()).count();
-            status.holder = self.holder_name();
-            self.setup.scene.file().name().clone_into(&mut status.scene);
-        });
+    /// Sends an answer.
+    fn respond(&mut self, session: u64, response: &Response) {
+        if let Err(error) = &response.result {
+            self.stats.counts.refused.add(error.code);
+        }
+        self.publisher.send(session, response);
     }
 
-    /// Says goodbye. Connections end once all that waits for their clients has been sent.
-    pub(super) fn farewell(&mut self, why: &str) {
-        self.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
-        self.peers.clear();
+    /// Answers a request with a body.
+    fn answer(&mut self, session: u64, id: Option<Id>, body: impl Serialize) {
+        let answer = Response::ok(id, body);
+        if let Err(error) = self.publisher.try_send(session, &answer) {
+            let error = ErrorBody::new(ErrorCode::OutOfRange, format!("no answer: {error}"));
+            self.respond(session, &Response::error(answer.id, error));
+        }
+    }
+
+    /// Refuses a request: with an answer, or for a stream message without an id in a count.
+    fn refuse(&mut self, session: u64, id: Option<Id>, op: Option<OpName>, error: ErrorBody) {
+        let stream = op.is_some_and(|op| op.row().stream);
+        self.stats.counts.refused_streams += u64::from(stream);
+        if !stream || id.is_some() {
+            self.respond(session, &Response::error(id, error));
+            return;
+        }
+        self.stats.counts.refused.add(error.code);
+        self.publisher.refuse_stream(session, op, error);
     }
 }

@@ -1,106 +1,50 @@
 //! What `info` answers: the rig, what it can render and at what limits, and what runs.
 
-use hbot_config::rig::OnClientLost;
-use hbot_config::{RigConfig, RunningScene};
+use hbot_api::{
+    EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo, SphereInfo,
+    TractionInfo, WheelInfo,
+};
+use hbot_config::RigConfig;
+use hbot_config::scene::Listed;
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
 use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use super::convert;
 use hbot_host::sample::Sample;
 use hbot_host::stiffness::{Expected, USUAL_DAMPING};
 
-/// What stiffness to expect of the loop; null where the inertias of a wheel contradict each other.
-fn render(config: &RigConfig) -> Option<Value> {
-    let expected = Expected::of(config)?;
-    let [most, _] = expected.most();
-    Some(json!({
-        "inertia": expected.inertia,
-        "damping": USUAL_DAMPING,
-        "stiffness_stable": expected.stable(USUAL_DAMPING),
-        "stiffness_most": most,
-    }))
-}
-
 /// The parts that do not change while the server runs.
 pub(super) struct Info {
-    fixed: Value,
+    fixed: InfoOk,
     limits: JointLimits,
 }
 
 impl Info {
     pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool) -> Self {
-        let rig = &config.rig;
-        let device = &rig.device;
-        let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-        for (i, wheel) in device.wheels().iter().enumerate() {
-            let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
-            for (j, weight) in weights.into_iter().enumerate() {
-                limits.weight[2 * i + j] = weight;
-                limits.peak[2 * i + j] = rig.joints[2 * i + j].peak;
-            }
-        }
-        let joint = |j: usize| json!({"peak": rig.joints[j].peak, "continuous": rig.joints[j].continuous});
-        let wheels: Vec<Value> = device
-            .wheels()
-            .iter()
-            .enumerate()
-            .map(|(i, wheel)| {
-                let spec = wheel.spec();
-                json!({
-                    "name": config.wheels.get(i),
-                    "axis": spec.axis.to_array(),
-                    "cone": spec.cone,
-                    "toe": spec.toe,
-                    "radius": spec.radius,
-                    "steer": joint(2 * i),
-                    "drive": joint(2 * i + 1),
-                })
-            })
-            .collect();
-        let limit = &rig.limits;
-        let traction = limit.traction.map(|t| json!({"mu": t.mu, "normal_force": t.normal_force}));
-        let mut fixed = json!({
-            "rig": {
-                "name": config.name,
-                "simulated": simulated,
-                "rate_hz": config.rate_hz,
-                "sphere": {"radius": device.sphere_radius(), "mass": device.sphere_mass()},
-                "wheels": wheels,
-            },
-            "limits": {
-                "torque": limit.torque,
-                "torque_rate": limit.torque_rate,
-                "speed": limit.speed,
-                "slip": limit.slip,
-                "energy": limit.energy.map(|e| json!({"burst": e.burst, "power": e.power})),
-                "traction": traction,
-                "enable_max_angle": limit.enable_max_angle,
-                "align_rate": limit.align_rate,
-                "reference_rate": limit.reference_rate,
-                "max_age_ticks": limit.max_age_ticks,
-            },
-            "render": render(config),
-            "accuracy": accuracy,
-            "on_client_lost": match config.api.on_client_lost {
-                OnClientLost::Ramp => "ramp",
-                OnClientLost::Keep => "keep",
-                OnClientLost::Fault => "fault",
-            },
-            "effects": hbot_config::scene::kinds(),
-        });
-        if simulated {
-            fixed["phenomena"] = json!(hbot_config::scene::phenomena());
-        }
-        Self { fixed, limits }
+        let fixed = InfoOk {
+            rig: rig(config, simulated),
+            limits: limits(config),
+            render: render(config),
+            accuracy: accuracy.to_owned(),
+            on_client_lost: convert::client_lost_policy(config.api.on_client_lost),
+            effects: listed(hbot_config::scene::kinds()),
+            phenomena: simulated.then(|| listed(hbot_config::scene::phenomena())),
+            ..InfoOk::default()
+        };
+        Self { fixed, limits: joint_limits(config) }
     }
 
-    /// The whole answer. `capability` is the largest torque along n1, n2 and n3 at the posture of `sample`, N m; null
-    /// before the first.
-    pub(super) fn answer(&self, config: &RigConfig, scene: &RunningScene, sample: Option<&Sample>) -> Value {
-        let mut answer = self.fixed.clone();
-        answer["scene"] = scene.file().to_json();
-        answer["capability"] = json!(sample.map(|sample| {
+    /// The whole answer. The capability is that at the posture of `sample`.
+    pub(super) fn answer(
+        &self,
+        config: &RigConfig,
+        scene: Value,
+        sample: Option<&Sample>,
+        lease: LeaseInfo,
+    ) -> InfoOk {
+        let capability = sample.map(|sample| {
             let device = &config.rig.device;
             let mut steering = [0.0; MAX_WHEELS];
             for (i, th) in steering.iter_mut().enumerate() {
@@ -108,7 +52,85 @@ impl Info {
             }
             let posture = Posture::new(device, &steering[..device.wheels().len()]);
             Vec3::AXES.map(|axis| capability(posture.rows(), &self.limits, axis))
-        }));
-        answer
+        });
+        InfoOk { scene, capability, lease: Some(lease), ..self.fixed.clone() }
     }
+}
+
+fn rig(config: &RigConfig, simulated: bool) -> RigInfo {
+    let device = &config.rig.device;
+    let joint = |j: usize| {
+        let joint = &config.rig.joints[j];
+        JointInfo { peak: joint.peak, continuous: joint.continuous }
+    };
+    let wheels = device.wheels().iter().enumerate().map(|(i, wheel)| {
+        let spec = wheel.spec();
+        WheelInfo {
+            name: config.wheels.get(i).cloned(),
+            axis: spec.axis.to_array(),
+            cone: spec.cone,
+            toe: spec.toe,
+            radius: spec.radius,
+            steer: joint(2 * i),
+            drive: joint(2 * i + 1),
+        }
+    });
+    RigInfo {
+        name: config.name.clone(),
+        simulated,
+        rate_hz: config.rate_hz,
+        sphere: SphereInfo { radius: device.sphere_radius(), mass: device.sphere_mass() },
+        wheels: wheels.collect(),
+    }
+}
+
+fn limits(config: &RigConfig) -> LimitsInfo {
+    let limits = &config.rig.limits;
+    LimitsInfo {
+        torque: limits.torque,
+        torque_rate: limits.torque_rate,
+        speed: limits.speed,
+        slip: limits.slip,
+        energy: limits.energy.map(|energy| EnergyInfo { burst: energy.burst, power: energy.power }),
+        traction: limits
+            .traction
+            .map(|traction| TractionInfo { mu: traction.mu, normal_force: traction.normal_force }),
+        enable_max_angle: limits.enable_max_angle,
+        align_rate: limits.align_rate,
+        reference_rate: limits.reference_rate,
+        max_age_ticks: limits.max_age_ticks,
+    }
+}
+
+/// What stiffness to expect of the loop; `None` if the inertias of a wheel contradict each other.
+fn render(config: &RigConfig) -> Option<RenderInfo> {
+    let expected = Expected::of(config)?;
+    let [stiffness_most, _] = expected.most();
+    Some(RenderInfo {
+        inertia: expected.inertia,
+        damping: USUAL_DAMPING,
+        stiffness_stable: expected.stable(USUAL_DAMPING),
+        stiffness_most,
+    })
+}
+
+fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {
+    let kinds = kinds.into_iter();
+    kinds
+        .map(|Listed { name, description, schema }| KindInfo { name: name.to_owned(), description, schema })
+        .collect()
+}
+
+/// What each joint may have, weighted as the torques are allocated.
+fn joint_limits(config: &RigConfig) -> JointLimits {
+    let (rig, device) = (&config.rig, &config.rig.device);
+    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
+    for (i, wheel) in device.wheels().iter().enumerate() {
+        let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
+        for (j, weight) in weights.into_iter().enumerate() {
+            limits.weight[2 * i + j] = weight;
+            limits.peak[2 * i + j] = rig.joints[2 * i + j].peak;
+        }
+    }
+    limits
 }

@@ -24,28 +24,32 @@ mod connection;
 pub(crate) mod convert;
 mod cost;
 mod desk;
-mod greeting;
+mod flights;
 mod hub;
+mod incidents;
 mod info;
+mod lease;
 mod orders;
 mod outbox;
 mod peer;
-mod peers;
+mod publisher;
 mod reader;
-mod requests;
+mod refusals;
 mod run;
-mod samples;
 mod scenes;
 mod stats;
 mod strangers;
 mod writer;
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
 
 use std::future::Future;
 use std::path::PathBuf;
 use std::time::Duration;
+
+/// How a run went: what `stats` answers.
+pub use hbot_api::StatsOk as Summary;
 
 use hbot_api::ErrorCode;
 use hbot_config::scene::Simulate;
@@ -53,7 +57,6 @@ use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
-pub use self::stats::{Distribution, Events, Summary};
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::tls::Encryption;
 use hbot_host::bridge::ServiceEnd;
@@ -87,9 +90,6 @@ pub enum Control {
     Summarize(oneshot::Sender<Box<Summary>>),
     /// Count a refusal of somebody's who is no client of the API.
     Refused(ErrorCode),
-    /// Fail, so that a test sees what becomes of the motors.
-    #[cfg(test)]
-    Fail,
 }
 
 /// What is going on, for a line in a terminal.
@@ -119,23 +119,23 @@ impl Status {
 
 /// How much of everything a service bears.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
+struct Bounds {
     /// Connections at a time.
-    pub(crate) connections: usize,
+    connections: usize,
     /// Of these, places that only programs on this machine may take.
-    pub(crate) local: usize,
+    local: usize,
     /// Connections at a time that have not said hello. Of these, too, `local` are for programs on this machine.
-    pub(crate) strangers: usize,
+    strangers: usize,
     /// How long a client may take to say hello.
-    pub(crate) hello: Duration,
+    hello: Duration,
     /// How long the answer to a wrong token takes.
-    pub(crate) wrong_token: Duration,
+    wrong_token: Duration,
     /// How long a client may take no byte before it counts as gone.
-    pub(crate) stuck: Duration,
+    stuck: Duration,
     /// Messages on their way to one client.
-    pub(crate) outgoing: usize,
+    outgoing: usize,
     /// Ordinary requests a second of one client; those that take longer count as several.
-    pub(crate) requests_per_s: u32,
+    requests_per_s: u32,
 }
 
 impl Default for Bounds {
@@ -166,8 +166,8 @@ pub async fn serve(
     serve_within(Bounds::default(), listener, end, setup, control, status, shutdown).await
 }
 
-/// The same within other bounds.
-pub(crate) async fn serve_within(
+/// Serves likewise, within other bounds.
+async fn serve_within(
     bounds: Bounds,
     listener: TcpListener,
     end: ServiceEnd,

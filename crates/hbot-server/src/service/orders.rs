@@ -2,15 +2,12 @@
 
 use std::collections::VecDeque;
 
-use hbot_api::{AlignOk, ErrorBody, ErrorCode, Id, ModeOk, Response};
+use hbot_api::{Id, OpName};
 use hbot_core::inputs::Command;
-use hbot_core::mode::Obstacle;
-use hbot_core::outputs::{Refusal, Reply};
+use hbot_core::outputs::Reply;
 
-use super::convert;
-use super::hub::Hub;
 use hbot_host::bridge::{Busy, ServiceEnd};
-use hbot_host::sample::Sample;
+use hbot_host::sample::Answer;
 
 /// The loop takes 7 orders a tick, in their order. So many may be on their way before a further one is refused, so that there is
 /// always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
@@ -35,7 +32,7 @@ pub(super) enum Asker {
     Client {
         session: u64,
         id: Option<Id>,
-        op: &'static str,
+        op: OpName,
         kind: OrderKind,
     },
     /// The service itself; what for.
@@ -54,8 +51,11 @@ pub(super) enum OrderKind {
 }
 
 impl Orders {
-    /// Sends a client's order to the loop.
-    fn place(
+    /// Sends a client's order to the loop; the answer comes with a sample.
+    ///
+    /// # Errors
+    /// So many are on their way that those of this kind have no place.
+    pub(super) fn place(
         &mut self,
         end: &mut ServiceEnd,
         asker: Asker,
@@ -103,6 +103,13 @@ impl Orders {
         }
     }
 
+    /// The next order that `answer` settles, and its reply; `None` for a reply that was in a sample which found no place. Orders are
+    /// answered in sequence, so ask again until there is none.
+    pub(super) fn answered(&mut self, answer: &Answer) -> Option<(Asker, Option<Reply>)> {
+        let (asker, lost) = self.take(answer.ticket)?;
+        Some((asker, (!lost).then_some(answer.reply)))
+    }
+
     /// Who asked under this ticket, and whether older tickets were answered in samples that nobody saw.
     fn take(&mut self, ticket: u64) -> Option<(Asker, bool)> {
         let (front, _) = self.pending.front()?;
@@ -115,147 +122,6 @@ impl Orders {
 
     pub(super) fn is_empty(&self) -> bool {
         self.pending.is_empty()
-    }
-}
-
-impl Hub {
-    /// Sends a client's order to the loop; the answer comes with a sample.
-    pub(super) fn order(
-        &mut self,
-        session: u64,
-        id: Option<Id>,
-        op: &'static str,
-        kind: OrderKind,
-        command: Command,
-    ) -> Result<(), ErrorBody> {
-        let asker = Asker::Client { session, id, op, kind };
-        self.orders.place(&mut self.end, asker, kind, command).map_err(|_| {
-            ErrorBody::new(
-                ErrorCode::Busy,
-                format!("op {op}: the loop has not yet taken what it was given before"),
-            )
-        })?;
-        if let Some(peer) = self.peers.get_mut(&session) {
-            peer.owed += 1;
-        }
-        Ok(())
-    }
-
-    /// Passes on the answers that a sample brings.
-    pub(super) fn answers(&mut self, sample: &Sample) {
-        for answer in sample.answers.iter().flatten() {
-            while let Some((asker, lost)) = self.orders.take(answer.ticket) {
-                if lost {
-                    self.answer(asker, None, sample);
-                } else {
-                    self.answer(asker, Some(answer.reply), sample);
-                    break;
-                }
-            }
-        }
-    }
-
-    /// Answers one order; `None` where its answer was in a sample that found no place.
-    fn answer(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
-        let (session, id, op, kind) = match asker {
-            Asker::Client { session, id, op, kind } => (session, id, op, kind),
-            Asker::Service(what) => {
-                match reply {
-                    Some(Reply::Refused(refusal)) => {
-                        let reason = self.refusal(what, refusal).message;
-                        tracing::warn!("{what}: refused: {reason}");
-                    }
-                    _ => tracing::info!(tick = sample.state.tick, "{what}: done"),
-                }
-                return;
-            }
-        };
-        self.paid_after(session, |hub| match reply {
-            Some(Reply::Refused(refusal)) => {
-                let error = hub.refusal(op, refusal);
-                hub.refuse(session, id, op, error);
-            }
-            // A stream without an id is not answered.
-            _ if kind == OrderKind::Stream && id.is_none() => {}
-            Some(Reply::Aligned { angle }) => hub.answer_with(session, id, AlignOk { angle }),
-            Some(Reply::Done) if kind == OrderKind::Stream => hub.respond(session, &Response::done(id)),
-            Some(Reply::Done) => {
-                hub.answer_with(session, id, ModeOk { mode: convert::mode(sample.state.mode) })
-            }
-            None => {
-                let message = format!(
-                    "op {op}: the loop's answer was lost because the server fell behind; see the state"
-                );
-                hub.refuse(session, id, op, ErrorBody::new(ErrorCode::Busy, message));
-            }
-        });
-    }
-
-    /// Gives an answer that was owed.
-    pub(super) fn paid_after(&mut self, session: u64, answer: impl FnOnce(&mut Self)) {
-        answer(self);
-        self.paid(session);
-    }
-
-    /// A refusal of the loop as clients see it.
-    fn refusal(&self, op: &str, refusal: Refusal) -> ErrorBody {
-        let rig = &self.setup.rig.rig;
-        let (code, message) = match refusal {
-            Refusal::Mode(Obstacle::Faulted(cause)) => {
-                let cause = convert::fault(cause);
-                let message = if op == "reset" {
-                    format!("op reset: the cause of fault {cause} is still there: remove it first")
-                } else {
-                    format!("op {op}: the rig is in fault {cause}: remove its cause and reset first")
-                };
-                (ErrorCode::Faulted, message)
-            }
-            Refusal::Mode(Obstacle::Stopped) => {
-                (ErrorCode::Faulted, format!("op {op}: the rig was stopped: reset first"))
-            }
-            Refusal::Mode(Obstacle::Unreferenced) => (
-                ErrorCode::Faulted,
-                format!(
-                    "op {op}: a steering zero is not known: turn the wheels past their index, or calibrate"
-                ),
-            ),
-            Refusal::TooFar { slot, angle } => {
-                let id = self.setup.scene.id_at(slot).unwrap_or("?");
-                let message = format!(
-                    "op {op}: the reference of effect {id:?} is {angle:.3} rad from the sphere's orientation; legal: at \
-                     most {} rad (limits.enable_max_angle). Turn the sphere, or set anchor = \"here\"",
-                    rig.limits.enable_max_angle
-                );
-                return ErrorBody { angle: Some(angle), ..ErrorBody::new(ErrorCode::OutOfRange, message) };
-            }
-            Refusal::NoReference => (
-                ErrorCode::UnknownEffect,
-                format!("op {op}: the effect is no longer there, or has no reference"),
-            ),
-            Refusal::TooOld { age_ticks } => (
-                ErrorCode::OutOfRange,
-                format!(
-                    "field \"tick\" is {age_ticks} ticks ago; legal: at most {} (limits.max_age_ticks)",
-                    rig.limits.max_age_ticks
-                ),
-            ),
-            Refusal::Ahead { ticks } => (
-                ErrorCode::OutOfRange,
-                format!(
-                    "field \"tick\" is {ticks} ticks in the future; legal: the tick of a state that was sent"
-                ),
-            ),
-            Refusal::NotInHistory => (
-                ErrorCode::OutOfRange,
-                "field \"t\" is not (or no longer) in the history; legal: a moment of about the last second"
-                    .to_owned(),
-            ),
-            Refusal::NotFinite => (
-                ErrorCode::BadRequest,
-                format!("op {op}: a number is not finite, or a quaternion not of unit norm"),
-            ),
-        };
-        ErrorBody::new(code, message)
     }
 }
 
@@ -276,7 +142,7 @@ mod tests {
         }
         assert_eq!((orders.pending.len(), orders.insisted.len()), (1, 0));
         // After an order of a client's it is another; and so it is once it has been answered.
-        let client = Asker::Client { session: 1, id: None, op: "enable", kind: OrderKind::Mode };
+        let client = Asker::Client { session: 1, id: None, op: OpName::Enable, kind: OrderKind::Mode };
         orders.place(&mut end, client, OrderKind::Mode, Command::Enable).unwrap();
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
@@ -295,5 +161,36 @@ mod tests {
             orders.insist(&mut end, Asker::Service("a signal"), command);
         }
         assert_eq!(orders.insisted.len(), 2);
+    }
+
+    #[tokio::test]
+    async fn an_answer_settles_the_orders_before_it_as_lost() {
+        let (_inner, mut end) = bridge().unwrap();
+        let mut orders = Orders::default();
+        for session in 1..=3 {
+            let asker = Asker::Client { session, id: None, op: OpName::Enable, kind: OrderKind::Mode };
+            orders.place(&mut end, asker, OrderKind::Mode, Command::Enable).unwrap();
+        }
+        let answer = Answer { ticket: 2, reply: Reply::Done };
+        let mut settled = Vec::new();
+        while let Some((Asker::Client { session, .. }, reply)) = orders.answered(&answer) {
+            settled.push((session, reply.is_some()));
+        }
+        assert_eq!(settled, [(1, false), (2, true)]);
+        assert!(!orders.is_empty());
+    }
+
+    #[tokio::test]
+    async fn a_stop_finds_a_place_that_streams_and_modes_do_not() {
+        let (_inner, mut end) = bridge().unwrap();
+        let mut orders = Orders::default();
+        let mut place = |kind, op, command| {
+            let asker = || Asker::Client { session: 1, id: None, op, kind };
+            (0..1000).take_while(|_| orders.place(&mut end, asker(), kind, command).is_ok()).count()
+        };
+        assert_eq!(place(OrderKind::Stream, OpName::Torque, Command::Reset), MAX_STREAMS);
+        assert_eq!(place(OrderKind::Mode, OpName::Enable, Command::Enable), MAX_ORDERS - MAX_STREAMS);
+        assert_eq!(place(OrderKind::Stop, OpName::Disable, Command::Disable), MAX_DISABLES - MAX_ORDERS);
+        assert!(place(OrderKind::Stop, OpName::Estop, hbot_host::bridge::CONFIRMED) > 0);
     }
 }

@@ -3,7 +3,7 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
-use hbot_api::{DroppedEvent, EncodeError, Encoding, ErrorBody, Event, RefusedEvent};
+use hbot_api::{DroppedEvent, EncodeError, Encoding, ErrorBody, Event, OpName, RefusedEvent};
 use serde::Serialize;
 use tokio::task::AbortHandle;
 use tokio::time::Instant;
@@ -38,7 +38,7 @@ pub(super) struct Peer {
 
 /// The last refusal that has not been told.
 struct Refused {
-    op: Option<&'static str>,
+    op: Option<OpName>,
     error: ErrorBody,
 }
 
@@ -99,7 +99,7 @@ impl Peer {
     }
 
     /// Counts a stream message refused.
-    pub(super) fn refuse(&mut self, op: Option<&'static str>, error: ErrorBody) {
+    pub(super) fn refuse(&mut self, op: Option<OpName>, error: ErrorBody) {
         self.refused.add();
         self.last_refused = Some(Refused { op, error });
     }
@@ -114,7 +114,7 @@ impl Peer {
         Some(Event::Refused(RefusedEvent {
             count: std::mem::take(&mut self.refused.untold),
             total: self.refused.total,
-            op: op.map(str::to_owned),
+            op: op.map(|op| op.to_string()),
             code: error.code,
             message: error.message,
         }))
@@ -185,10 +185,10 @@ mod tests {
         };
         let start = Instant::now();
         assert_eq!(counts(peer.refused_event(start)), None, "nothing to tell");
-        peer.refuse(Some("torque"), error());
+        peer.refuse(Some(OpName::Torque), error());
         assert_eq!(counts(peer.refused_event(start)), Some((1, 1)));
-        peer.refuse(Some("torque"), error());
-        peer.refuse(Some("torque"), error());
+        peer.refuse(Some(OpName::Torque), error());
+        peer.refuse(Some(OpName::Torque), error());
         assert_eq!(counts(peer.refused_event(start + REFUSED_EVERY / 2)), None);
         assert_eq!(counts(peer.refused_event(start + REFUSED_EVERY)), Some((2, 3)));
         assert_eq!(counts(peer.refused_event(start + 2 * REFUSED_EVERY)), None, "told already");

@@ -76,7 +76,7 @@ impl<S: AsyncRead> Reader<S> {
         desk: Desk,
         bounds: &Bounds,
     ) -> Self {
-        let stop = desk.hub().end.emergency_stop();
+        let stop = desk.hub().emergency_stop();
         Self {
             half,
             splitter: Splitter::with_limit(Encoding::Json, MAX_SHORT_REQUEST_BYTES),
@@ -140,7 +140,7 @@ impl<S: AsyncRead> Reader<S> {
                 }
             }
             let bytes = before - self.splitter.pending();
-            self.charge(weight(request.as_ref().ok().map(|request| &request.op), bytes));
+            self.charge(weight(request.as_ref().ok().map(|request| request.op.name()), bytes));
             let request = request.and_then(|request| self.unless_stopped(request));
             let goes_on = match request {
                 Ok(Request { id, .. }) if found => self.desk.stopped(self.session, id),
@@ -156,14 +156,14 @@ impl<S: AsyncRead> Reader<S> {
     /// Has the hub do what a long message asks, once it is time for one.
     fn read_long(&mut self) -> Result<Pause, Ended> {
         let start = Instant::now();
-        if let Some(at) = self.desk.hub().long_messages.not_before(start) {
+        if let Some(at) = self.desk.hub().long_messages().not_before(start) {
             return Ok(Pause::Until(at));
         }
         let Some(message) = self.long.take() else { return Ok(Pause::Yield) };
         let request = Request::read(self.splitter.encoding(), &message);
-        self.charge(weight(request.as_ref().ok().map(|request| &request.op), 0));
+        self.charge(weight(request.as_ref().ok().map(|request| request.op.name()), 0));
         let goes_on = self.desk.message(self.session, request);
-        self.desk.hub().long_messages.took(start, Instant::now());
+        self.desk.hub().long_messages().took(start, Instant::now());
         if goes_on { Ok(Pause::Yield) } else { Err(Ended::ByServer) }
     }
 
@@ -175,7 +175,7 @@ impl<S: AsyncRead> Reader<S> {
     /// Refuses what would give the motors torque again if a stop of the same client came after it.
     fn unless_stopped(&self, request: Request) -> Result<Request, Refusal> {
         let done = self.read - self.splitter.pending() as u64;
-        if done >= self.stop_at || !matches!(request.op, Op::Enable | Op::Reset) {
+        if done >= self.stop_at || !request.op.name().row().rearms {
             return Ok(request);
         }
         let op = request.op.name();

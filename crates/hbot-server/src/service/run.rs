@@ -5,8 +5,7 @@ use std::future::{Future, poll_fn};
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
-use std::sync::Arc;
-use std::task::Poll;
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use hbot_api::{ErrorBody, ErrorCode};
@@ -17,14 +16,13 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
 
 use super::bell::Ringing;
 use super::desk::Desk;
+use super::flights::Written;
 use super::hub::Hub;
 use super::outbox::outbox;
 use super::peer::Peer;
 use super::scenes::Measured;
-use super::stats::Summary;
 use super::strangers::Taken;
-use super::{Control, connection};
-use crate::flight::{Flight, FlightRecorder};
+use super::{Control, Summary, connection};
 
 /// How often what nobody else brings up is looked at.
 const HEARTBEAT: Duration = Duration::from_millis(50);
@@ -57,7 +55,7 @@ enum Wake {
     Ended(Option<Result<(Id, ()), JoinError>>),
     TurnedAway,
     Measured(Result<Measured, JoinError>),
-    Written(Result<(Flight, io::Result<()>), JoinError>),
+    Written(Written),
     Changed,
     Rung(io::Result<()>),
     Heartbeat,
@@ -77,14 +75,14 @@ pub(super) async fn run(
     let mut accept_after = None;
     let (bell, changed) = desk.turn(|hub| {
         hub.tell_status();
-        (hub.end.bell(), Arc::clone(&hub.changed))
+        (hub.bell(), hub.changed())
     });
     let mut connections = Connections::new(desk.clone());
     let Ok(bell) = Ringing::of(bell) else { return close(desk, connections, "the loop is not heard").await };
     let why = loop {
         let (more, over) = desk.turn(|hub| {
             hub.drain();
-            (hub.end.has_samples(), hub.end.is_over())
+            (hub.has_samples(), hub.is_over())
         });
         if over {
             break "the loop has ended";
@@ -99,8 +97,8 @@ pub(super) async fn run(
             accepted = accept(&listener, accept_after) => Wake::Accepted(accepted),
             ended = connections.serving.join_next_with_id(), if !connections.serving.is_empty() => Wake::Ended(ended),
             _ = connections.turned_away.join_next(), if !connections.turned_away.is_empty() => Wake::TurnedAway,
-            measured = next_of(&desk, |hub| &mut hub.measuring) => Wake::Measured(measured),
-            written = next_of(&desk, |hub| &mut hub.writing) => Wake::Written(written),
+            measured = next_of(&desk, Hub::poll_measured) => Wake::Measured(measured),
+            written = next_of(&desk, Hub::poll_written) => Wake::Written(written),
             () = changed.notified() => Wake::Changed,
             _ = heartbeat.tick() => Wake::Heartbeat,
             rung = samples(&desk, &bell) => Wake::Rung(rung),
@@ -112,9 +110,7 @@ pub(super) async fn run(
                 // Who no longer waits for it needs none.
                 let _ = wanted.send(Box::new(desk.turn(Hub::summary)));
             }
-            Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.stats.refused(code)),
-            #[cfg(test)]
-            Wake::Control(Some(Control::Fail)) => panic!("as a test asks"),
+            Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.refused(code)),
             Wake::Control(None) => controlled = false,
             Wake::Accepted(Ok((stream, address))) => {
                 accept_after = None;
@@ -127,7 +123,7 @@ pub(super) async fn run(
             }
             Wake::Ended(ended) => connections.ended(ended),
             Wake::Measured(measured) => desk.turn(|hub| hub.measured(measured)),
-            Wake::Written(written) => desk.turn(|hub| hub.stats.written(written)),
+            Wake::Written(written) => desk.turn(|hub| hub.written(written)),
             Wake::Heartbeat => desk.turn(Hub::heartbeat),
             // The next turn takes the samples, and what is waited for is another.
             Wake::Rung(Ok(())) | Wake::TurnedAway | Wake::Changed => {}
@@ -140,7 +136,7 @@ pub(super) async fn run(
 async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
     let there = || {
         let hub = desk.hub();
-        hub.end.has_samples() || hub.end.is_over()
+        hub.has_samples() || hub.is_over()
     };
     while !there() {
         let every = desk.hub().is_watched();
@@ -154,12 +150,8 @@ async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
 }
 
 /// The end of the next of the hub's works on other threads; never where there are none. Cancel safe.
-async fn next_of<T: 'static>(desk: &Desk, set: fn(&mut Hub) -> &mut JoinSet<T>) -> Result<T, JoinError> {
-    poll_fn(|context| match set(&mut desk.hub()).poll_join_next(context) {
-        Poll::Ready(Some(ended)) => Poll::Ready(ended),
-        Poll::Ready(None) | Poll::Pending => Poll::Pending,
-    })
-    .await
+async fn next_of<T>(desk: &Desk, poll: fn(&mut Hub, &mut Context<'_>) -> Poll<T>) -> T {
+    poll_fn(|context| poll(&mut desk.hub(), context)).await
 }
 
 /// The next connection, not before `after`. Cancel safe.
@@ -172,22 +164,11 @@ async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(T
 
 /// Says goodbye and lets everything go.
 async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
-    let (mut recorder, mut writing) = desk.turn(|hub| {
-        hub.farewell(why);
-        (hub.recorder.take(), std::mem::take(&mut hub.writing))
-    });
+    let flights = desk.turn(|hub| hub.farewell(why));
     let _ = timeout(FLUSH, async { while connections.serving.join_next().await.is_some() {} }).await;
     connections.serving.shutdown().await;
-    while let Some(flight) = recorder.as_mut().and_then(FlightRecorder::finish) {
-        writing.spawn_blocking(move || {
-            let result = flight.write();
-            (flight, result)
-        });
-    }
-    while let Some(written) = writing.join_next().await {
-        desk.hub().stats.written(written);
-    }
-    desk.hub().stats.summary()
+    let flights = flights.finish().await;
+    desk.hub().last_summary(&flights)
 }
 
 impl Connections {
@@ -199,15 +180,15 @@ impl Connections {
     fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
         let mut hub = self.desk.hub();
         let local = address.ip().to_canonical().is_loopback();
-        let mut placed = self.taken(&hub).place(&hub.bounds, local);
-        if placed.is_err() && hub.drop_a_guess() {
-            placed = self.taken(&hub).place(&hub.bounds, local);
+        let mut placed = self.taken(&hub).place(hub.bounds(), local);
+        if placed.is_err() && hub.cut_a_guess() {
+            placed = self.taken(&hub).place(hub.bounds(), local);
         }
         if let Err(full) = placed {
-            hub.stats.events.turned_away += 1;
+            hub.turned_away();
             tracing::warn!(%address, "turned away: {full}");
             // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
-            if hub.setup.encryption.is_none() && self.turned_away.len() < hub.bounds.connections {
+            if hub.encryption().is_none() && self.turned_away.len() < hub.bounds().connections {
                 let error = ErrorBody::new(ErrorCode::Busy, format!("{full}; try again later"));
                 self.turned_away.spawn(connection::turn_away(stream, error));
             }
@@ -221,19 +202,19 @@ impl Connections {
         }
         let session = hub.next_session();
         tracing::debug!(session, %address, "connected");
-        let (outbox, inbox) = outbox(hub.bounds.outgoing);
+        let (outbox, inbox) = outbox(hub.bounds().outgoing);
         let task = self.serving.spawn(connection::serve(
             stream,
-            hub.setup.encryption.clone(),
+            hub.encryption().cloned(),
             session,
             self.desk.clone(),
             inbox,
-            hub.bounds,
+            *hub.bounds(),
         ));
         self.sessions.insert(task.id(), Session { number: session, local });
         let mut peer = Peer::new(outbox, task);
         peer.address = Some(address.ip());
-        hub.peers.insert(session, peer);
+        hub.admit(session, peer);
     }
 
     /// The places that are taken.
@@ -242,7 +223,7 @@ impl Connections {
             // Tasks rather than clients: one that has been refused may still be on its way out.
             all: self.serving.len(),
             remote: self.sessions.values().filter(|session| !session.local).count(),
-            strangers: hub.peers.values().filter(|peer| peer.name.is_none()).count(),
+            strangers: hub.strangers(),
         }
     }
 

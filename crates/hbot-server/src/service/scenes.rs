@@ -1,13 +1,19 @@
-//! Loading and changing the scene.
+//! The scene that runs: loading and changing it, and what its effects cost.
 
-use hbot_api::{EffectCost, ErrorBody, ErrorCode, Event, Id, LoadSceneOk, SceneEvent};
-use hbot_config::SceneFile;
-use hbot_config::scene::SetError;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, SceneEvent};
+use hbot_config::scene::{EffectPlace, SetError};
+use hbot_config::{RunningScene, SceneFile};
+use hbot_core::Rig;
 use serde_json::{Map, Value, json};
-use tokio::task::JoinError;
+use tokio::sync::Notify;
+use tokio::task::{JoinError, JoinSet};
 
-use super::cost;
-use super::hub::Hub;
+use super::{SetPhenomena, cost};
+use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
 /// Scenes that may be on their way at a time.
@@ -15,8 +21,22 @@ const MAX_LOADING: usize = 4;
 /// The longest message of an error, bytes.
 const MAX_MESSAGE: usize = 8192;
 
+/// The scene that runs, and those on their way to the loop.
+pub(super) struct Scenes {
+    running: RunningScene,
+    /// Gives the simulated rig other phenomena; `None` with a real one.
+    phenomena: Option<SetPhenomena>,
+    /// Effects are measured on it.
+    rig: Rig,
+    /// In the order in which they were handed to the loop.
+    loading: VecDeque<Loading>,
+    measuring: JoinSet<Measured>,
+    /// Notified when a measurement begins.
+    changed: Arc<Notify>,
+}
+
 /// A scene that has been handed to the loop and not been answered.
-pub(super) struct Loading {
+struct Loading {
     revision: u64,
     session: u64,
     id: Option<Id>,
@@ -34,17 +54,72 @@ pub(super) struct Measured {
     costs: Vec<u64>,
 }
 
-impl Hub {
-    /// Renders another scene; answered once the loop has it and its effects are measured.
+/// A scene that is rendered and measured: what to answer, and what to tell all clients.
+pub(super) struct Loaded {
+    pub(super) session: u64,
+    pub(super) id: Option<Id>,
+    pub(super) answer: LoadSceneOk,
+    pub(super) event: SceneEvent,
+}
+
+impl Scenes {
+    pub(super) fn new(
+        running: RunningScene,
+        phenomena: Option<SetPhenomena>,
+        rig: Rig,
+        changed: Arc<Notify>,
+    ) -> Self {
+        Self { running, phenomena, rig, loading: VecDeque::new(), measuring: JoinSet::new(), changed }
+    }
+
+    /// The scene that runs, or is about to.
+    pub(super) fn file(&self) -> &SceneFile {
+        self.running.file()
+    }
+
+    /// The id of the effect in this slot.
+    pub(super) fn id_at(&self, slot: u8) -> Option<&str> {
+        self.running.id_at(slot)
+    }
+
+    /// Where the reference of an effect is.
+    ///
+    /// # Errors
+    /// The scene has no such effect, or it has no reference.
+    #[inline(never)]
+    pub(super) fn reference(&self, id: &str) -> Result<EffectPlace, ErrorBody> {
+        let place = self.running.slot_of(id);
+        if let Some(place) = place.filter(|place| place.has_reference) {
+            return Ok(place);
+        }
+        let ids = self.file().effects().iter().map(|effect| effect.id());
+        let legal: Vec<&str> =
+            ids.filter(|id| self.running.slot_of(id).is_some_and(|place| place.has_reference)).collect();
+        let what = if place.is_some() { "has no reference" } else { "is not in the scene" };
+        let legal = if legal.is_empty() { "none, no effect has one".to_owned() } else { legal.join(", ") };
+        Err(ErrorBody::new(ErrorCode::UnknownEffect, format!("effect {id:?} {what}; legal: {legal}")))
+    }
+
+    /// Hands another scene to the loop for a client, and has its effects measured. It is answered once both are done
+    /// ([`next_loaded`](Self::next_loaded)).
+    ///
+    /// # Errors
+    /// The scene is not legal, or too many are on their way.
     // A scene takes some 20 KB of stack, several times over; so it does in `set`.
     #[inline(never)]
-    pub(super) fn load_scene(&mut self, session: u64, id: Option<Id>, scene: Value) -> Result<(), ErrorBody> {
-        if self.loading.len() >= MAX_LOADING || !self.end.can_install() {
-            return Err(busy("load_scene"));
+    pub(super) fn load(
+        &mut self,
+        end: &mut ServiceEnd,
+        session: u64,
+        id: Option<Id>,
+        scene: Value,
+    ) -> Result<(), ErrorBody> {
+        if self.loading.len() >= MAX_LOADING || !end.can_install() {
+            return Err(busy(OpName::LoadScene));
         }
         let file = SceneFile::from_json(scene)
             .map_err(|mistakes| ErrorBody::new(ErrorCode::BadRequest, shortened(mistakes.to_string())))?;
-        let ignored = match (file.simulate(), &mut self.setup.phenomena) {
+        let ignored = match (file.simulate(), &mut self.phenomena) {
             (None, _) => Vec::new(),
             (Some(simulate), None) => names(&json!(simulate)),
             (Some(simulate), Some(set)) => {
@@ -52,11 +127,11 @@ impl Hub {
                 Vec::new()
             }
         };
-        let compiled = self.setup.scene.load(file);
-        let (rig, parts) = (self.setup.rig.rig, compiled.clone());
-        self.end.install(Box::new(compiled)).map_err(|_| busy("load_scene"))?;
+        let compiled = self.running.load(file);
+        let (rig, parts) = (self.rig, compiled.clone());
+        end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
 
-        let (file, revision) = (self.setup.scene.file(), self.setup.scene.revision());
+        let (file, revision) = (self.running.file(), self.running.revision());
         let effects = file.effects().iter().map(|effect| EffectCost {
             id: effect.id().to_owned(),
             kind: effect.kind_name().to_owned(),
@@ -76,20 +151,24 @@ impl Hub {
         });
         self.measuring.spawn_blocking(move || Measured { revision, costs: cost::measure(&rig, &parts) });
         self.changed.notify_one();
-        if let Some(peer) = self.peers.get_mut(&session) {
-            peer.owed += 1;
-        }
-        self.tell_status();
         Ok(())
     }
 
     /// Changes parameters of an effect.
+    ///
+    /// # Errors
+    /// The effect or a parameter does not exist, a value is not legal, or too many scenes are on their way.
     #[inline(never)]
-    pub(super) fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<(), ErrorBody> {
-        if !self.end.can_install() {
-            return Err(busy("set"));
+    pub(super) fn set(
+        &mut self,
+        end: &mut ServiceEnd,
+        effect: &str,
+        parameters: &Map<String, Value>,
+    ) -> Result<(), ErrorBody> {
+        if !end.can_install() {
+            return Err(busy(OpName::Set));
         }
-        let compiled = self.setup.scene.set(effect, parameters).map_err(|error| {
+        let compiled = self.running.set(effect, parameters).map_err(|error| {
             let code = match &error {
                 SetError::UnknownEffect { .. } => ErrorCode::UnknownEffect,
                 SetError::Invalid(_) if self.knows(effect, parameters) => ErrorCode::OutOfRange,
@@ -97,18 +176,23 @@ impl Hub {
             };
             ErrorBody::new(code, shortened(error.to_string()))
         })?;
-        self.end.install(Box::new(compiled)).map_err(|_| busy("set"))
+        end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
     }
 
     /// Whether an effect has parameters of these names.
     fn knows(&self, effect: &str, parameters: &Map<String, Value>) -> bool {
-        let effects = self.setup.scene.file().effects();
+        let effects = self.file().effects();
         let Some(effect) = effects.iter().find(|e| e.id() == effect) else { return false };
         let kinds = hbot_config::scene::kinds();
         kinds
             .iter()
             .find(|kind| kind.name == effect.kind_name())
             .is_some_and(|kind| parameters.keys().all(|name| kind.schema["properties"].get(name).is_some()))
+    }
+
+    /// Whether a scene is on its way.
+    pub(super) fn is_loading(&self) -> bool {
+        !self.loading.is_empty()
     }
 
     /// Notes which scene a sample was rendered with.
@@ -118,10 +202,17 @@ impl Hub {
                 loading.tick = Some(sample.state.tick);
             }
         }
-        self.loaded();
     }
 
-    /// Notes what effects cost. Where the measurement has failed they are said to cost nothing.
+    /// The end of the next measurement; pending while there is none.
+    pub(super) fn poll_measured(&mut self, context: &mut Context<'_>) -> Poll<Result<Measured, JoinError>> {
+        match self.measuring.poll_join_next(context) {
+            Poll::Ready(Some(measured)) => Poll::Ready(measured),
+            Poll::Ready(None) | Poll::Pending => Poll::Pending,
+        }
+    }
+
+    /// Notes what effects cost. If the measurement has failed, they are said to cost nothing.
     pub(super) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         match measured {
             Ok(Measured { revision, costs }) => {
@@ -139,27 +230,19 @@ impl Hub {
                 }
             }
         }
-        self.loaded();
     }
 
-    /// Answers the loads that are complete, in their order.
-    fn loaded(&mut self) {
-        while let Some((tick, Loading { session, id, name, effects, ignored, .. })) = self.next_loaded() {
-            self.paid_after(session, |hub| {
-                hub.answer_with(session, id, LoadSceneOk { effects: effects.clone(), ignored });
-                hub.broadcast(&Event::Scene(SceneEvent { tick, name, effects }));
-            });
-        }
-    }
-
-    fn next_loaded(&mut self) -> Option<(u64, Loading)> {
+    /// The oldest scene on its way, if it is rendered and measured.
+    pub(super) fn next_loaded(&mut self) -> Option<Loaded> {
         let front = self.loading.front()?;
         let tick = front.tick.filter(|_| front.measured)?;
-        self.loading.pop_front().map(|loading| (tick, loading))
+        let Loading { session, id, name, effects, ignored, .. } = self.loading.pop_front()?;
+        let answer = LoadSceneOk { effects: effects.clone(), ignored };
+        Some(Loaded { session, id, answer, event: SceneEvent { tick, name, effects } })
     }
 }
 
-fn busy(op: &str) -> ErrorBody {
+fn busy(op: OpName) -> ErrorBody {
     ErrorBody::new(
         ErrorCode::Busy,
         format!("op {op}: the loop has not yet taken the scenes it was given before"),
@@ -177,4 +260,33 @@ fn shortened(mut message: String) -> String {
         message.push_str("\n... and more");
     }
     message
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_config::RigConfig;
+
+    use super::*;
+    use hbot_host::bridge::bridge;
+
+    #[tokio::test]
+    async fn a_scene_is_answered_once_it_is_rendered_and_measured() {
+        let (_loop_end, mut end) = bridge().unwrap();
+        let mut running = RunningScene::new();
+        let _ = running.load(SceneFile::default_scene());
+        let mut scenes = Scenes::new(running, None, RigConfig::prototype().rig, Arc::default());
+        let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
+        scenes.load(&mut end, 3, None, scene).unwrap();
+        let revision = scenes.running.revision();
+        let measured = |costs| Ok(Measured { revision, costs });
+        scenes.rendered(&Sample { scene: revision - 1, ..crate::still::still(6) });
+        scenes.measured(measured(vec![42]));
+        assert!(scenes.next_loaded().is_none() && scenes.is_loading(), "measured and not rendered");
+        for tick in [7, 8] {
+            scenes.rendered(&Sample { scene: revision, ..crate::still::still(tick) });
+        }
+        let loaded = scenes.next_loaded().expect("both");
+        assert_eq!((loaded.session, loaded.event.tick, loaded.answer.effects[0].cost_ns), (3, 7, 42));
+        assert!(scenes.next_loaded().is_none() && !scenes.is_loading());
+    }
 }

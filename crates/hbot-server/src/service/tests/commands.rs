@@ -1,6 +1,6 @@
 //! What each op does and to whom it is allowed; the table of states, over the wire.
 
-use hbot_api::{Align, ErrorCode, ReferenceCommand, TorqueCommand};
+use hbot_api::{Align, ErrorCode, LeaseInfo, OpName, ReferenceCommand, TorqueCommand, TractionInfo, Who};
 
 use super::*;
 
@@ -65,7 +65,7 @@ fn the_table_of_states_over_the_wire() {
     bench.wait_ticks(5);
     assert_eq!(mode(client.call(Op::Reset)), "idle");
     let summary = bench.finish();
-    assert_eq!((summary.events.estops, summary.events.faults.iter().sum::<u64>()), (2, 1));
+    assert_eq!((summary.estops, summary.faults.total()), (2, 1));
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn a_signal_stops_the_rig() {
     let told = fault_event(&mut client);
     assert_eq!((told.mode, told.fault), (Mode::Estop, None));
     assert!(told.message.starts_with("stopped by SIGUSR1; reset"), "{told:?}");
-    assert_eq!(bench.finish().events.estops, 1);
+    assert_eq!(bench.finish().estops, 1);
 }
 
 #[test]
@@ -115,41 +115,55 @@ fn others_than_clients_can_ask_how_it_goes() {
     assert!(summary.ticks >= 10 && summary.compute_us.count == summary.ticks);
 }
 
+/// A legal request of each op.
+fn request(op: OpName) -> Op {
+    match op {
+        OpName::Hello => unreachable!("the client has said hello"),
+        OpName::Info => Op::Info,
+        OpName::Subscribe => Op::Subscribe { every: 100 },
+        OpName::Unsubscribe => Op::Unsubscribe,
+        OpName::Stats => Op::Stats,
+        OpName::Acquire => Op::Acquire { steal: false },
+        OpName::Release => Op::Release,
+        OpName::LoadScene => scene(json!({})),
+        OpName::Set => {
+            let parameters = json!({"gain": 0}).as_object().unwrap().clone();
+            Op::Set { effect: "spring".to_owned(), parameters }
+        }
+        OpName::Torque => Op::Torque(torque([0.0; 3], 10)),
+        OpName::Reference => Op::Reference(reference("spring")),
+        OpName::Align => align([1.0, 0.0, 0.0, 0.0], 0.0, None),
+        OpName::Enable => Op::Enable,
+        OpName::Disable => Op::Disable,
+        OpName::Reset => Op::Reset,
+        OpName::Estop => Op::Estop,
+        OpName::Ping => Op::Ping { data: Value::Null },
+    }
+}
+
 #[test]
 fn what_moves_the_rig_needs_the_lease_and_what_stops_it_does_not() {
     let bench = bench();
     let mut holder = bench.holder();
     let mut other = bench.client("other");
-    for op in [
-        Op::Enable,
-        Op::Reset,
-        Op::Torque(torque([0.0; 3], 10)),
-        Op::Reference(reference("spring")),
-        align([1.0, 0.0, 0.0, 0.0], 0.0, None),
-        scene(json!({})),
-        Op::Set { effect: "spring".to_owned(), parameters: json!({"gain": 0}).as_object().unwrap().clone() },
-    ] {
-        let what = op.name();
-        let error = refused(other.call(op));
-        assert_eq!((error.code, error.holder.as_deref()), (ErrorCode::NotHolder, Some("holder")), "{what}");
+    for op in OpName::ALL.into_iter().filter(|op| op.row().who == Who::Holder) {
+        let error = refused(other.call(request(op)));
+        assert_eq!((error.code, error.holder.as_deref()), (ErrorCode::NotHolder, Some("holder")), "{op}");
     }
-    for op in [
-        Op::Info,
-        Op::Stats,
-        Op::Subscribe { every: 100 },
-        Op::Unsubscribe,
-        Op::Release,
-        Op::Disable,
-        Op::Estop,
-        Op::Ping { data: Value::Null },
-    ] {
-        other.call(op).unwrap();
+    for op in OpName::ALL.into_iter().filter(|op| op.row().who == Who::Any) {
+        match other.call(request(op)) {
+            Err(ClientError::Server(error)) => {
+                assert_eq!((op, error.code), (OpName::Acquire, ErrorCode::Busy), "{error}");
+            }
+            answer => drop(answer.unwrap_or_else(|error| panic!("{op}: {error}"))),
+        }
     }
     // The release of one who does not hold it takes nothing from the holder.
     assert_eq!(mode(holder.call(Op::Reset)), "idle");
     let summary = bench.finish();
-    assert_eq!(summary.events.refused_streams, 3);
-    assert_eq!(summary.events.refused.iter().sum::<u64>(), 7);
+    assert_eq!(summary.refused_streams, 3);
+    assert_eq!((summary.refused.of(ErrorCode::NotHolder), summary.refused.of(ErrorCode::Busy)), (7, 1));
+    assert_eq!(summary.refused.total(), 8);
 }
 
 #[test]
@@ -223,7 +237,7 @@ fn a_stream_that_is_refused_is_counted_and_told_once_a_second() {
     assert_eq!((&told["event"], &told["code"]), (&json!("refused"), &json!("bad_request")));
     let answer = raw.ask(r#"{"id": 5, "op": "torque", "torque": [1, 2], "valid_ms": 10}"#);
     assert_eq!((&answer["id"], &answer["error"]["code"]), (&json!(5), &json!("bad_request")));
-    assert_eq!(bench.finish().events.refused_streams, 52);
+    assert_eq!(bench.finish().refused_streams, 52);
 }
 
 #[test]
@@ -304,23 +318,23 @@ fn info_and_stats_have_their_shape() {
     bench.wait_for(Mode::Idle);
     let mut client = bench.client("c");
     let info = client.info().unwrap();
-    assert_eq!(info["rig"]["wheels"].as_array().unwrap().len(), 2);
-    assert_eq!((&info["rig"]["simulated"], &info["accuracy"]), (&json!(false), &json!("balanced")));
-    assert_eq!(info["limits"]["traction"], json!({"mu": 0.8, "normal_force": 10.0}));
-    assert!(info["capability"].as_array().unwrap().iter().all(|t| t.as_f64().unwrap() > 0.0), "{info}");
+    assert_eq!(info.rig.wheels.len(), 2);
+    assert_eq!((info.rig.simulated, info.accuracy.as_str()), (false, "balanced"));
+    assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
+    assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
     // 0.02 N m s/rad over 1.5 ticks of 1 ms, and the quarter of the least apparent inertia over a tick squared.
-    let render = |key: &str| info["render"][key].as_f64().unwrap();
-    assert!((render("stiffness_stable") - render("damping") / 1.5e-3).abs() < 1e-9, "{info}");
-    assert!((render("stiffness_most") - 0.25e6 * render("inertia")).abs() < 1e-9, "{info}");
-    assert!(info["effects"].as_array().unwrap().iter().any(|kind| kind["name"] == "spring"));
-    assert_eq!(info["scene"]["name"], "Spring");
-    assert_eq!(info["lease"], json!({"holder": null, "session": null}));
+    let render = info.render.unwrap();
+    assert!((render.stiffness_stable - render.damping / 1.5e-3).abs() < 1e-9, "{render:?}");
+    assert!((render.stiffness_most - 0.25e6 * render.inertia).abs() < 1e-9, "{render:?}");
+    assert!(info.kind("spring").is_some() && info.phenomena.is_none());
+    assert_eq!(info.scene["name"], "Spring");
+    assert_eq!(info.lease, Some(LeaseInfo::default()));
     client.acquire(false).unwrap();
-    let session = client.hello().session;
-    assert_eq!(bench.client("d").info().unwrap()["lease"], json!({"holder": "c", "session": session}));
+    let lease = LeaseInfo { holder: Some("c".to_owned()), session: Some(client.hello().session) };
+    assert_eq!(bench.client("d").info().unwrap().lease, Some(lease));
     let stats = client.stats().unwrap();
-    assert!(stats["ticks"].as_u64().unwrap() > 0);
-    assert_eq!(stats["compute_us"]["count"], stats["ticks"]);
-    assert!(stats["compute_us"]["p50"].as_f64().unwrap() <= stats["compute_us"]["max"].as_f64().unwrap());
-    assert_eq!((&stats["faults"]["slip"], &stats["dropped_samples"]), (&json!(0), &json!(0)));
+    assert!(stats.ticks > 0);
+    assert_eq!(stats.compute_us.count, stats.ticks);
+    assert!(stats.compute_us.p50 <= stats.compute_us.max);
+    assert_eq!((stats.faults.total(), stats.dropped_samples), (0, 0));
 }

@@ -1,5 +1,6 @@
 //! Connections over pipes in memory, with a hub that no loop runs behind.
 
+use hbot_api::{Encoding, Request};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
 use tokio::task::yield_now;
 use tokio::time::{sleep, timeout};
@@ -49,8 +50,8 @@ async fn connected(desk: &Desk, pipe: usize, fields: &[u8]) -> (DuplexStream, u6
         let mut hub = desk.hub();
         let session = hub.next_session();
         let (out, inbox) = outbox(8192);
-        hub.peers.insert(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
-        (session, inbox, hub.bounds)
+        hub.admit(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
+        (session, inbox, *hub.bounds())
     };
     let deadline = tokio::time::Instant::now() + PATIENCE;
     tokio::spawn(converse(server, deadline, session, desk.clone(), inbox, bounds));
@@ -107,17 +108,22 @@ fn requests_that_swell_are_read_one_after_the_other() {
 async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
     let (_loop_end, desk) = still();
     let (mut client, session) = greeted(&desk).await;
-    // More than the pipe takes.
-    assert!(desk.hub().peers[&session].outbox.send(&[0; 4 * PIPE]));
+    // Answers that are more than the pipe takes.
+    let ping = Request { id: None, op: Op::Ping { data: json!("x".repeat(1900)) } };
+    let mut pings = Vec::new();
+    while pings.len() < 4 * PIPE {
+        Encoding::Msgpack.encode(&ping, &mut pings).unwrap();
+    }
+    client.write_all(&pings).await.unwrap();
     client.shutdown().await.unwrap();
     timeout(PATIENCE, async {
-        while desk.hub().stats.events.cut == 0 {
+        while desk.hub().summary().connections_cut == 0 {
             sleep(Duration::from_millis(5)).await;
         }
     })
     .await
     .unwrap();
-    assert!(desk.hub().peers.is_empty());
+    assert!(!desk.message(session, Ok(ping)), "it is no client any more");
 }
 
 #[tokio::test]
@@ -134,7 +140,7 @@ async fn one_that_asks_without_end_leaves_the_others_their_turn() {
             from.read_exact(&mut vec![0; length as usize]).await.unwrap();
         }
     });
-    let done = || desk.hub().stats.events.requests;
+    let done = || desk.hub().summary().requests;
     let (mut most, mut before) = (0, done());
     while !reading.is_finished() {
         // Every other task has its turn meanwhile.

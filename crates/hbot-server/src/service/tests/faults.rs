@@ -22,7 +22,7 @@ fn a_fault_leaves_a_log_of_the_second_before_and_a_tenth_after() {
     assert_eq!(told.fault, Some(hbot_api::Fault::Thermal));
     bench.wait_ticks(150);
     let summary = bench.finish();
-    assert_eq!((summary.events.flight_logs, summary.counters.dropped_samples), (1, 0));
+    assert_eq!((summary.flight_logs, summary.dropped_samples), (1, 0));
 
     let [log] = &logs(&path)[..] else { panic!("{:?}", logs(&path)) };
     assert!(
@@ -70,7 +70,7 @@ fn a_folder_that_cannot_be_written_is_counted() {
     bench.client("c").call(Op::Estop).unwrap();
     bench.wait_ticks(150);
     let summary = bench.finish();
-    assert_eq!((summary.events.flight_logs, summary.events.flight_logs_failed), (0, 1));
+    assert_eq!((summary.flight_logs, summary.flight_logs_failed), (0, 1));
 }
 
 #[test]
@@ -112,6 +112,6 @@ fn the_service_ends_with_the_loop() {
     // Nobody asks for it.
     let shutdown = bench.shutdown.take();
     let summary = bench.end().unwrap();
-    assert_eq!((summary.ticks, summary.counters.dropped_samples), (5000, 0));
+    assert_eq!((summary.ticks, summary.dropped_samples), (5000, 0));
     drop(shutdown);
 }

@@ -1,5 +1,7 @@
 //! The page of metrics, asked by those who may not, cannot, or do not go on.
 
+use hbot_api::ErrorCode;
+
 use super::*;
 
 fn served(bench: &Bench, token: &str) -> SocketAddr {
@@ -29,8 +31,8 @@ fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
     let get = |token: &str| format!("GET /metrics HTTP/1.1\r\nAuthorization: Bearer {token}\r\n\r\n");
     assert!(ask(&get("open sesame")).starts_with("HTTP/1.1 200 OK"));
     let mut client = bench.client("c");
-    let refused = |client: &mut Client| client.stats().unwrap()["refused"].clone();
-    assert_eq!(refused(&mut client)["unauthorized"], 0);
+    let refused = |client: &mut Client| client.stats().unwrap().refused;
+    assert_eq!(refused(&mut client).of(ErrorCode::Unauthorized), 0);
     // More than may be served at a time, one after another.
     for _ in 0..20 {
         assert!(ask(&get("open says me")).starts_with("HTTP/1.1 401"));
@@ -39,13 +41,13 @@ fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
     ask(&format!("GET /metrics HTTP/1.1\r\nX: {}", "x".repeat(9000)));
     let counts = refused(&mut client);
     assert_eq!(
-        (&counts["unauthorized"], &counts["bad_request"], &counts["too_large"]),
-        (&json!(20), &json!(1), &json!(1))
+        [ErrorCode::Unauthorized, ErrorCode::BadRequest, ErrorCode::TooLarge].map(|code| counts.of(code)),
+        [20, 1, 1]
     );
     // One that begins a request and does not go on.
     let mut slow = Raw::new(address);
     slow.bytes(b"GET /met");
     assert_eq!(slow.rest(), "");
-    eventually("one more", || refused(&mut bench.client("d"))["bad_request"] == 2);
+    eventually("one more", || refused(&mut bench.client("d")).of(ErrorCode::BadRequest) == 2);
     assert!(ask(&get("open sesame")).contains("hbot_refused_total{code=\"unauthorized\"} 20\n"));
 }

@@ -11,6 +11,7 @@ mod lease;
 mod metrics;
 mod overload;
 mod scenes;
+mod shape;
 mod stops;
 mod strangers;
 mod tls;
@@ -41,9 +42,6 @@ use hbot_host::run_loop::{StopFlag, lockstep};
 
 /// How long a test waits for what must come. It never says how fast anything is.
 const PATIENCE: Duration = Duration::from_secs(30);
-
-/// The hub panics where a client calls itself so.
-pub(crate) const PANICS: &str = "panic";
 
 /// What a bench is to be.
 struct Options {

@@ -27,7 +27,7 @@ fn swallow(mut from: tokio::io::ReadHalf<DuplexStream>) {
 }
 
 fn requests(desk: &Desk) -> u64 {
-    desk.hub().stats.events.requests
+    desk.hub().summary().requests
 }
 
 /// Times that other tasks run until the loop is told to stop.
@@ -145,7 +145,7 @@ async fn a_disable_behind_requests_that_wait_is_done_before_them() {
 #[tokio::test]
 async fn a_signal_needs_nothing_of_the_service() {
     let (loop_end, desk) = still();
-    let stop = desk.hub().end.emergency_stop();
+    let stop = desk.hub().emergency_stop();
     // As in the midst of a turn that never ends.
     let busy = desk.hub();
     std::thread::spawn(move || stop.stop_by_signal()).join().unwrap();

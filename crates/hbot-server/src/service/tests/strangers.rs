@@ -32,7 +32,7 @@ fn a_stranger_stops_nothing_however_the_bytes_come() {
     raw.bytes(b"\x81\xa2op\xa5estop\n{\"op\":\"estop\"}\n");
     assert_eq!(raw.line()["error"]["code"], "bad_request");
     bench.wait_ticks(50);
-    assert_eq!(bench.finish().events.estops, 0);
+    assert_eq!(bench.finish().estops, 0);
 }
 
 #[test]

@@ -1,31 +1,24 @@
 //! The first message of a connection: who is there, and whether it may be.
 
-use hbot_api::{ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, PROTOCOL_VERSION, Refusal, Request, Response};
+use hbot_api::{
+    ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Refusal, Request, Response,
+};
 use subtle::ConstantTimeEq as _;
 
-use super::desk::First;
-use super::hub::Hub;
+use super::super::desk::First;
+use super::Hub;
 
 impl Hub {
     /// Takes the first message of a connection: how it goes on, if it does.
-    pub(super) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> First {
-        self.stats.events.requests += 1;
-        #[cfg(test)]
-        if let Ok(Request { op: Op::Hello(hello), .. }) = &message {
-            assert_ne!(hello.name, super::tests::PANICS, "as a test asks");
-        }
+    pub(in crate::service) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> First {
+        self.stats.counts.requests += 1;
         let refusal = match message {
             Ok(Request { id, op: Op::Hello(hello) }) => match self.authorize(&hello) {
                 Ok(()) => return self.greet(session, id, hello),
                 Err(error) => {
-                    let refusal = Refusal { id, op: Some("hello"), error };
+                    let refusal = Refusal { id, op: Some(OpName::Hello), error };
                     if hello.token.is_some() {
-                        let peer = self.peers.get_mut(&session);
-                        let address = peer.and_then(|peer| {
-                            peer.guessed = true;
-                            peer.address
-                        });
-                        self.wrong_tokens.add(address);
+                        self.wrong_tokens.add(self.publisher.guessed(session));
                         return First::WrongToken(refusal);
                     }
                     refusal
@@ -42,31 +35,32 @@ impl Hub {
     }
 
     /// Refuses the first message of a connection, which ends once the answer has left.
-    pub(super) fn refuse_first(&mut self, session: u64, Refusal { id, error, .. }: Refusal) {
+    pub(in crate::service) fn refuse_first(&mut self, session: u64, Refusal { id, error, .. }: Refusal) {
         tracing::info!(session, code = %error.code, "no hello");
         self.respond(session, &Response::error(id, error));
-        self.peers.remove(&session);
+        self.publisher.dismiss(session);
     }
 
     fn greet(&mut self, session: u64, id: Option<Id>, hello: Hello) -> First {
         let answer = HelloOk {
             server: concat!("hbot ", env!("CARGO_PKG_VERSION")).to_owned(),
             version: PROTOCOL_VERSION,
-            rig: self.setup.rig.name.clone(),
-            rate_hz: f64::from(self.setup.rig.rate_hz),
+            rig: self.rig.name.clone(),
+            rate_hz: f64::from(self.rig.rate_hz),
             session,
         };
-        self.answer_with(session, id, answer);
-        let Some(peer) = self.peers.get_mut(&session) else { return First::Refused };
-        peer.encoding = hello.encoding;
-        tracing::info!(session, name = hello.name, encoding = %hello.encoding, "hello");
-        peer.name = Some(hello.name);
+        self.answer(session, id, answer);
+        let Hello { name, encoding, .. } = hello;
+        tracing::info!(session, name, %encoding, "hello");
+        if !self.publisher.greet(session, name, encoding) {
+            return First::Refused;
+        }
         self.tell_status();
-        First::Greeted(hello.encoding)
+        First::Greeted(encoding)
     }
 
     fn authorize(&self, hello: &Hello) -> Result<(), ErrorBody> {
-        let Some(secret) = &self.setup.token else { return Ok(()) };
+        let Some(secret) = &self.token else { return Ok(()) };
         let shown = hello.token.as_ref().map_or("", |token| token.reveal());
         // How long it takes tells the token's length at most.
         if bool::from(secret.as_bytes().ct_eq(shown.as_bytes())) {
@@ -77,18 +71,5 @@ impl Hub {
             ErrorCode::Unauthorized,
             format!("field \"token\" {what}; see the server's token file"),
         ))
-    }
-
-    /// Lets go of the connection that has waited longest to be told of its wrong token, so that its place is another's. False if
-    /// there is none.
-    pub(super) fn drop_a_guess(&mut self) -> bool {
-        let Some(session) = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session)
-        else {
-            return false;
-        };
-        if let Some(peer) = self.peers.remove(&session) {
-            peer.task.abort();
-        }
-        true
     }
 }

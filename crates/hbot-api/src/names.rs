@@ -1,0 +1,67 @@
+//! Closed lists of names: an enum whose variants, order and text on the wire are written down once.
+
+/// Defines an enum of names. `ALL`, `as_str`, `Display`, `FromStr` and serde all come from the one list, so none can miss a name.
+macro_rules! names {
+    (
+        $(#[$meta:meta])*
+        pub enum $Type:ident { $($(#[$doc:meta])* $Variant:ident = $name:tt,)+ }
+    ) => {
+        $(#[$meta])*
+        #[derive(
+            Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+        )]
+        pub enum $Type {
+            $($(#[$doc])* #[serde(rename = $name)] $Variant,)+
+        }
+
+        impl $Type {
+            /// All of them, in the order of the documentation.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$Variant),+];
+
+            /// The name as it is sent.
+            #[must_use]
+            pub const fn as_str(self) -> &'static str {
+                match self {
+                    $(Self::$Variant => $name,)+
+                }
+            }
+        }
+
+        impl std::fmt::Display for $Type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+
+        impl std::str::FromStr for $Type {
+            type Err = ();
+
+            fn from_str(text: &str) -> Result<Self, ()> {
+                match text {
+                    $($name => Ok(Self::$Variant),)+
+                    _ => Err(()),
+                }
+            }
+        }
+
+        impl crate::names::Name for $Type {
+            const NAMES: &'static [Self] = &Self::ALL;
+
+            fn as_str(self) -> &'static str {
+                self.as_str()
+            }
+        }
+    };
+}
+
+pub(crate) use names;
+
+/// A name of a closed list, as [`Fault`](crate::Fault) and [`ErrorCode`](crate::ErrorCode) are.
+pub trait Name: Copy + Eq + serde::Serialize + 'static {
+    /// All names of the list, in the order of the documentation.
+    const NAMES: &'static [Self];
+
+    /// The name as it is sent.
+    #[must_use]
+    fn as_str(self) -> &'static str;
+}

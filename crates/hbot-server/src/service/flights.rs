@@ -1,0 +1,139 @@
+//! Flight logs: the last second of samples, and the logs that other threads write of it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Instant;
+
+use tokio::sync::Notify;
+use tokio::task::{JoinError, JoinSet};
+
+use crate::flight::{Failures, Flight, FlightRecorder};
+use hbot_host::sample::Sample;
+
+/// Flight logs being written at a time; a further one is given up.
+const MAX_WRITING: usize = 2;
+
+/// How writing a log ended.
+pub(super) type Written = Result<(Flight, io::Result<()>), JoinError>;
+
+/// Flight logs in the making. The default records nothing.
+#[derive(Default)]
+pub(super) struct Flights {
+    recorder: Option<FlightRecorder>,
+    writing: JoinSet<(Flight, io::Result<()>)>,
+    failures: Failures,
+    /// Logs written, and those that could not be.
+    logs: u64,
+    failed: u64,
+    /// Notified when a log begins to be written.
+    changed: Arc<Notify>,
+}
+
+impl Flights {
+    /// Logs go into `dir`, or nowhere if there is none.
+    pub(super) fn new(dir: Option<PathBuf>, period_ns: u64, changed: Arc<Notify>) -> Self {
+        let recorder = dir.map(|dir| FlightRecorder::new(dir, period_ns));
+        Self { recorder, changed, ..Self::default() }
+    }
+
+    /// Takes the next sample. Has the log that it completes written on another thread.
+    #[inline]
+    pub(super) fn record(&mut self, sample: &Sample) {
+        let Some(flight) = self.recorder.as_mut().and_then(|recorder| recorder.push(sample)) else { return };
+        if self.writing.len() < MAX_WRITING {
+            self.write(flight);
+            self.changed.notify_one();
+        } else {
+            let error = io::Error::other(format!("{MAX_WRITING} are still being written"));
+            self.written(Ok((flight, Err(error))));
+        }
+    }
+
+    /// Begins a log of what has happened in `tick`, and says where it will be; `None` if logs go nowhere.
+    pub(super) fn trigger(&mut self, tick: u64, what: &str) -> Option<&Path> {
+        self.recorder.as_mut().map(|recorder| recorder.trigger(tick, what))
+    }
+
+    /// The end of the next log that is being written; pending while there is none.
+    pub(super) fn poll_written(&mut self, context: &mut Context<'_>) -> Poll<Written> {
+        match self.writing.poll_join_next(context) {
+            Poll::Ready(Some(written)) => Poll::Ready(written),
+            Poll::Ready(None) | Poll::Pending => Poll::Pending,
+        }
+    }
+
+    /// Notes how writing a log went.
+    pub(super) fn written(&mut self, written: Written) {
+        match written {
+            Ok((flight, Ok(()))) => {
+                self.logs += 1;
+                tracing::info!(path = %flight.path.display(), ticks = flight.samples.len(), "flight log written");
+            }
+            Ok((flight, Err(error))) => {
+                self.failed += 1;
+                if let Some(count) = self.failures.failed(Instant::now()) {
+                    tracing::warn!(path = %flight.path.display(), %error, count, "flight logs could not be written");
+                }
+            }
+            Err(error) => {
+                self.failed += 1;
+                tracing::error!(%error, "the flight log could not be written");
+            }
+        }
+    }
+
+    /// Logs written.
+    pub(super) fn logs(&self) -> u64 {
+        self.logs
+    }
+
+    /// Logs that could not be written.
+    pub(super) fn failed(&self) -> u64 {
+        self.failed
+    }
+
+    /// Writes what has been begun, and waits for it.
+    pub(super) async fn finish(mut self) -> Self {
+        while let Some(flight) = self.recorder.as_mut().and_then(FlightRecorder::finish) {
+            self.write(flight);
+        }
+        while let Some(written) = self.writing.join_next().await {
+            self.written(written);
+        }
+        self
+    }
+
+    fn write(&mut self, flight: Flight) {
+        self.writing.spawn_blocking(move || {
+            let result = flight.write();
+            (flight, result)
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn what_has_been_begun_is_written_at_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut flights = Flights::new(Some(folder.path().to_owned()), 1_000_000, Arc::default());
+        flights.record(&crate::still::still(1));
+        let path = flights.trigger(1, "estop").expect("logs are kept").to_owned();
+        assert_eq!(flights.logs(), 0);
+        let flights = flights.finish().await;
+        assert_eq!((flights.logs(), flights.failed(), path.exists()), (1, 0, true));
+    }
+
+    #[tokio::test]
+    async fn without_a_folder_nothing_is_written() {
+        let mut flights = Flights::new(None, 1_000_000, Arc::default());
+        flights.record(&crate::still::still(1));
+        assert_eq!(flights.trigger(1, "estop"), None);
+        let flights = flights.finish().await;
+        assert_eq!((flights.logs(), flights.failed()), (0, 0));
+    }
+}

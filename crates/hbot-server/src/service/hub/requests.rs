@@ -1,0 +1,229 @@
+//! What each request does.
+
+use hbot_api::{
+    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
+    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+};
+use hbot_core::Vec3;
+use hbot_core::inputs::{Command, Stamp};
+use serde_json::Value;
+
+use super::super::convert;
+use super::super::orders::OrderKind;
+use super::Hub;
+use hbot_host::bridge::CONFIRMED;
+
+impl Hub {
+    /// Takes a later message; false where the client is none any more.
+    pub(in crate::service) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
+        if !self.publisher.knows(session) {
+            return false;
+        }
+        self.stats.counts.requests += 1;
+        let (id, op, result) = match message {
+            Ok(Request { id, op }) => {
+                let name = op.name();
+                let done = self.allowed(session, &op).and_then(|()| self.obey(session, id.clone(), op));
+                (id, Some(name), done)
+            }
+            Err(Refusal { id, op, error }) => (id, op, Err(error)),
+        };
+        if let Err(error) = result {
+            self.refuse(session, id, op, error);
+        }
+        true
+    }
+
+    /// Takes an `estop` whose bytes have stopped the loop already; false if the client is none any more.
+    pub(in crate::service) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
+        let there = self.publisher.knows(session);
+        if there {
+            self.stats.counts.requests += 1;
+            self.confirm_estop(session, id);
+        }
+        there
+    }
+
+    /// Whether a message longer than ordinary ones may be read. It is looked at and not parsed.
+    ///
+    /// # Errors
+    /// Its client does not hold the lease, or it is none that may be long.
+    pub(in crate::service) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
+        if !may_be_long(message) {
+            let message = format!(
+                "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of {}",
+                message.len(),
+                long_ops().join(" and ")
+            );
+            return Err(ErrorBody::new(ErrorCode::TooLarge, message));
+        }
+        if self.lease.is_held_by(session) {
+            return Ok(());
+        }
+        self.lease.require(session, &format!("{} of this length", long_ops().join(" or ")))
+    }
+
+    /// Notes who stops the rig, for what is told of it.
+    pub(in crate::service) fn stopped_by(&mut self, session: u64) {
+        let name = self.publisher.name(session);
+        self.incidents.stopped_by(name.map(|name| format!("client {name:?} (session {session})")));
+    }
+
+    fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
+        match op.name().row().who {
+            Who::Any => Ok(()),
+            Who::First => {
+                Err(ErrorBody::new(ErrorCode::BadRequest, "op hello a second time; legal: once, first"))
+            }
+            Who::Holder => self.lease.require(session, op.name().as_str()),
+        }
+    }
+
+    /// Does what is asked and answers, or has it answered later. What takes much room on the stack is apart from it: it would be touched
+    /// for each request.
+    fn obey(&mut self, session: u64, id: Option<Id>, op: Op) -> Result<(), ErrorBody> {
+        let name = op.name();
+        match op {
+            Op::Hello(_) => {}
+            Op::Info => self.tell_info(session, id),
+            Op::Stats => self.tell_stats(session, id),
+            Op::Subscribe { every } => {
+                self.publisher.subscribe(session, every);
+                self.answer(session, id, SubscribeOk { every });
+            }
+            Op::Unsubscribe => {
+                self.publisher.subscribe(session, 0);
+                self.respond(session, &Response::done(id));
+            }
+            Op::Acquire { steal } => {
+                self.acquire(session, steal)?;
+                self.respond(session, &Response::done(id));
+            }
+            Op::Release => {
+                self.release(session);
+                self.respond(session, &Response::done(id));
+            }
+            Op::LoadScene { scene } => self.load_scene(session, id, scene)?,
+            Op::Set { effect, parameters } => {
+                self.scenes.set(&mut self.end, &effect, &parameters)?;
+                self.respond(session, &Response::done(id));
+            }
+            Op::Torque(torque) => {
+                let command = self.torque(&torque);
+                self.order(session, id, name, OrderKind::Stream, command)?;
+            }
+            Op::Reference(reference) => {
+                let command = self.reference(&reference)?;
+                self.order(session, id, name, OrderKind::Stream, command)?;
+            }
+            Op::Align(align) => {
+                let command = self.align(&align);
+                self.order(session, id, name, OrderKind::Stream, command)?;
+            }
+            Op::Enable => self.order(session, id, name, OrderKind::Mode, Command::Enable)?,
+            Op::Reset => self.order(session, id, name, OrderKind::Mode, Command::Reset)?,
+            Op::Disable => self.order(session, id, name, OrderKind::Stop, Command::Disable)?,
+            Op::Estop => self.estop(session, id),
+            Op::Ping { data } => {
+                let tick = self.end.tick();
+                let t = convert::seconds(tick * self.rig.rig.timing.period_ns);
+                self.answer(session, id, PingOk { data, tick, t });
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn tell_info(&mut self, session: u64, id: Option<Id>) {
+        self.drain();
+        let scene = self.scenes.file().to_json();
+        let answer = self.info.answer(&self.rig, scene, self.latest.as_ref(), self.lease.info());
+        self.answer(session, id, answer);
+    }
+
+    #[inline(never)]
+    fn tell_stats(&mut self, session: u64, id: Option<Id>) {
+        let summary = self.summary();
+        self.answer(session, id, summary);
+    }
+
+    /// Stops the rig for a client whose stop was not found in its bytes.
+    #[inline(never)]
+    fn estop(&mut self, session: u64, id: Option<Id>) {
+        self.end.emergency_stop().stop();
+        self.stopped_by(session);
+        self.confirm_estop(session, id);
+    }
+
+    /// Answers an `estop`: the loop was stopped when its bytes came, and is not stopped a second time.
+    fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
+        tracing::warn!(session, name = self.publisher.name(session), "estop");
+        if self.order(session, id.clone(), OpName::Estop, OrderKind::Stop, CONFIRMED).is_err() {
+            // There is no place for it among those that are answered, but the loop does it in its next tick.
+            self.answer(session, id, ModeOk { mode: Mode::Estop });
+        }
+    }
+
+    fn load_scene(&mut self, session: u64, id: Option<Id>, scene: Value) -> Result<(), ErrorBody> {
+        self.scenes.load(&mut self.end, session, id, scene)?;
+        self.publisher.owe(session);
+        self.tell_status();
+        Ok(())
+    }
+
+    fn release(&mut self, session: u64) {
+        if self.lease.free(session) {
+            self.lease_changed(LeaseCause::Released);
+        }
+    }
+
+    #[inline(never)]
+    fn acquire(&mut self, session: u64, steal: bool) -> Result<(), ErrorBody> {
+        let name = self.publisher.name(session).unwrap_or_default();
+        if let Some(cause) = self.lease.acquire(session, name, steal)? {
+            self.lease_changed(cause);
+        }
+        Ok(())
+    }
+
+    fn torque(&self, torque: &TorqueCommand) -> Command {
+        Command::Stream {
+            torque: convert::vector(torque.torque),
+            valid_ticks: self.ticks(torque.valid_ms),
+            stamp: Stamp { seq: torque.seq, tick: torque.tick },
+        }
+    }
+
+    fn reference(&self, reference: &ReferenceCommand) -> Result<Command, ErrorBody> {
+        let place = self.scenes.reference(&reference.effect)?;
+        Ok(Command::Reference {
+            slot: place.slot,
+            epoch: place.epoch,
+            q: convert::quaternion(reference.q),
+            omega: reference.omega.map_or(Vec3::ZERO, convert::vector),
+            valid_ticks: self.ticks(reference.valid_ms),
+            stamp: Stamp { seq: reference.seq, tick: reference.tick },
+        })
+    }
+
+    fn align(&self, align: &Align) -> Command {
+        let period_ns = self.rig.rig.timing.period_ns;
+        let tick = match align.t {
+            // To the nearest tick; what is beyond all ticks ends up at the last one and is not in the history.
+            Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
+            None => self.end.tick(),
+        };
+        Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
+    }
+
+    /// A time in ticks, at least one.
+    fn ticks(&self, ms: u64) -> u32 {
+        let ticks = (ms * u64::from(self.rig.rate_hz)).div_ceil(1000).max(1);
+        u32::try_from(ticks).unwrap_or(u32::MAX)
+    }
+}
+
+/// The names of the ops that may be long.
+fn long_ops() -> Vec<&'static str> {
+    OpName::ALL.into_iter().filter(|op| op.row().long).map(OpName::as_str).collect()
+}

@@ -1,0 +1,225 @@
+//! What of a sample concerns everybody: the rig stops, by a fault or by somebody, or is reset.
+
+use hbot_api::{FaultEvent, Mode as ApiMode, StatsOk};
+use hbot_core::Rig;
+use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
+use hbot_core::mode::{Cause, Mode};
+
+use super::convert;
+use super::flights::Flights;
+use hbot_host::bridge::ServiceEnd;
+use hbot_host::sample::Sample;
+
+/// Looks for incidents in samples.
+pub(super) struct Incidents {
+    rig: Rig,
+    /// Of the last sample.
+    situation: Option<(Mode, Option<Cause>)>,
+    /// Ticks skipped until the last sample, and just before it.
+    skipped: u64,
+    skipped_before: u64,
+    /// Who has stopped the rig last, in words.
+    stopper: Option<String>,
+}
+
+impl Incidents {
+    pub(super) fn new(rig: Rig) -> Self {
+        Self { rig, situation: None, skipped: 0, skipped_before: 0, stopper: None }
+    }
+
+    /// Notes who stops the rig.
+    pub(super) fn stopped_by(&mut self, who: Option<String>) {
+        self.stopper = who;
+    }
+
+    /// Looks at a sample. Returns what to tell all clients if there is an incident, which is then counted, logged, and begins a flight log.
+    #[inline]
+    pub(super) fn look(
+        &mut self,
+        sample: &Sample,
+        end: &ServiceEnd,
+        flights: &mut Flights,
+        counts: &mut StatsOk,
+    ) -> Option<FaultEvent> {
+        let skipped = std::mem::replace(&mut self.skipped, sample.counters.skipped);
+        // Before the first sample nothing is known to have been skipped.
+        self.skipped_before = self.situation.map_or(0, |_| sample.counters.skipped - skipped);
+        let situation = (sample.state.mode, sample.state.cause);
+        if self.situation == Some(situation) {
+            return None;
+        }
+        let before = self.situation.replace(situation).map(|(mode, _)| mode);
+        self.changed(before, sample, end, flights, counts)
+    }
+
+    fn changed(
+        &mut self,
+        before: Option<Mode>,
+        sample: &Sample,
+        end: &ServiceEnd,
+        flights: &mut Flights,
+        counts: &mut StatsOk,
+    ) -> Option<FaultEvent> {
+        let state = &sample.state;
+        let tick = state.tick;
+        let mut message = match (state.mode, state.cause) {
+            (Mode::Fault, Some(cause)) => {
+                counts.faults.add(convert::fault(cause));
+                explain(cause, sample, self.skipped_before, &self.rig)
+            }
+            (Mode::Fault, None) => "a fault of unknown cause".to_owned(),
+            (Mode::Estop, _) => {
+                counts.estops += 1;
+                let by_signal = end.take_signalled().then(|| "SIGUSR1".to_owned());
+                let by = self.stopper.take().filter(|_| by_signal.is_none()).or(by_signal);
+                let by = by.map(|by| format!(" by {by}")).unwrap_or_default();
+                format!("stopped{by}; reset to go on")
+            }
+            (mode, _) if matches!(before, Some(Mode::Fault | Mode::Estop)) => {
+                tracing::info!(tick, mode = %convert::mode(mode), "reset");
+                // One that found the rig stopped already is not told of.
+                let _ = end.take_signalled();
+                return Some(event(sample, "reset".to_owned()));
+            }
+            _ => return None,
+        };
+        let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
+        if let Some(path) = flights.trigger(tick, what) {
+            message = format!("{message}; flight log: {}", path.display());
+        }
+        tracing::warn!(tick, "{what}: {message}");
+        Some(event(sample, message))
+    }
+}
+
+fn event(sample: &Sample, message: String) -> FaultEvent {
+    let state = &sample.state;
+    FaultEvent {
+        tick: state.tick,
+        t: convert::seconds(sample.t_ns),
+        mode: convert::mode(state.mode),
+        fault: state.cause.map(convert::fault),
+        message,
+    }
+}
+
+/// What was seen, against which limit, and what to do.
+fn explain(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
+    let state = &sample.state;
+    match cause {
+        Cause::LinkLost => format!(
+            "the motor controllers have not answered for {} ticks (link.timeout_ticks), their answers come later than that \
+             or are mostly missing, or they ran out of their watchdog time: check power and cable",
+            rig.timing.timeout_ticks
+        ),
+        Cause::LinkCorrupt => format!(
+            "too many frames on the serial line are damaged ({} so far): check cable, shield and baud rate",
+            sample.counters.corrupt_frames
+        ),
+        Cause::ControllerFault => {
+            "a motor controller reports a fault, has rebooted, is another than the rig file's, or says for 20 ms that its motors \
+             are off although they are switched on, or on although they are off: see its own display, and the motors' supply"
+                .to_owned()
+        }
+        Cause::Overspeed => {
+            let limit = rig.limits.speed;
+            match state.omega.length() {
+                speed if speed > limit => {
+                    format!("the sphere turned at {speed:.3} rad/s; the limit is {limit} (limits.speed)")
+                }
+                _ => format!(
+                    "by its encoders' counts the sphere turned faster than {limit} rad/s (limits.speed) over 25 ms; the rates that \
+                     the controllers report do not show it: check how they are measured"
+                ),
+            }
+        }
+        Cause::Overtorque => match rig.limits.energy {
+            None => "a motor controller reports more current than its motor may have".to_owned(),
+            Some(limit) => format!(
+                "more than {} J went into the hand beyond {} W (limits.energy), or a motor controller reports more current \
+                 than its motor may have",
+                limit.burst, limit.power
+            ),
+        },
+        Cause::Slip => {
+            let limit = rig.limits.slip;
+            let what = match state.slip {
+                slip if slip > limit => format!("a wheel slipped at {slip:.3} m/s"),
+                _ => "by its encoder's counts a wheel slipped faster than that over 25 ms".to_owned(),
+            };
+            format!(
+                "{what}; the limit is {limit} (limits.slip): less torque, or more normal force. A gear that crosses its play looks \
+                 the same"
+            )
+        }
+        Cause::NonFinite => "a number is not finite, in what the controllers report or in a torque".to_owned(),
+        Cause::ImplausibleFeedback => {
+            "a joint moved further between two readings than it can, or its counts and the rate that its controller reports \
+             disagreed for 50 ms: check its encoder"
+                .to_owned()
+        }
+        Cause::Deadline => deadline(sample.timing.lateness_ns, skipped),
+        Cause::ClientLost => {
+            "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
+        }
+        Cause::Thermal => "a motor or its controller is too hot: let it cool".to_owned(),
+    }
+}
+
+/// Which deadline was not kept: a tick that came too late, or ticks that were left out because the one before them took too long.
+fn deadline(lateness_ns: u64, skipped: u64) -> String {
+    let late_ms = convert::seconds(lateness_ns) * 1.0e3;
+    let what = if lateness_ns > LATE_FAULT_NS {
+        format!("a tick came {late_ms:.1} ms late (more than {} is a fault)", LATE_FAULT_NS / 1_000_000)
+    } else {
+        format!(
+            "{skipped} ticks in a row were skipped because the one before them took too long ({SKIPPED_FAULT} are a fault)"
+        )
+    };
+    format!(
+        "{what}: other work on this machine, no real-time priority, or a rate too high for it; mend that, then reset and enable"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_config::RigConfig;
+
+    use super::*;
+    use hbot_host::bridge::bridge;
+
+    #[test]
+    fn a_missed_deadline_is_named_by_what_was_missed() {
+        let late = deadline(23_400_000, 0);
+        assert!(late.starts_with("a tick came 23.4 ms late (more than 20 is a fault): "), "{late}");
+        let skipped = deadline(400_000, 12);
+        assert!(skipped.starts_with("12 ticks in a row were skipped because"), "{skipped}");
+        assert!(!skipped.contains("ms late"), "its lateness is not what is wrong: {skipped}");
+        // Both: the tick itself is named.
+        assert!(deadline(20_000_001, 40).starts_with("a tick came 20.0 ms late"));
+    }
+
+    #[tokio::test]
+    async fn a_stop_is_told_once_with_who_did_it_and_so_is_the_reset() {
+        let (_loop_end, end) = bridge().unwrap();
+        let (mut flights, mut counts) = (Flights::default(), StatsOk::default());
+        let mut incidents = Incidents::new(RigConfig::prototype().rig);
+        let sample = |tick, mode| {
+            let mut sample = crate::still::still(tick);
+            sample.state.mode = mode;
+            sample
+        };
+        let mut told = |incidents: &mut Incidents, tick, mode| {
+            let event = incidents.look(&sample(tick, mode), &end, &mut flights, &mut counts);
+            event.map(|event| event.message)
+        };
+        assert_eq!(told(&mut incidents, 1, Mode::Idle), None);
+        incidents.stopped_by(Some("client \"ann\" (session 1)".to_owned()));
+        let stopped = "stopped by client \"ann\" (session 1); reset to go on";
+        assert_eq!(told(&mut incidents, 2, Mode::Estop).as_deref(), Some(stopped));
+        assert_eq!(told(&mut incidents, 3, Mode::Estop), None, "once");
+        assert_eq!(told(&mut incidents, 4, Mode::Idle).as_deref(), Some("reset"));
+        assert_eq!(told(&mut incidents, 5, Mode::Estop).as_deref(), Some("stopped; reset to go on"));
+        assert_eq!(counts.estops, 2);
+    }
+}

@@ -1,0 +1,310 @@
+//! What clients are sent: answers, events, and the states that they have subscribed to.
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+use std::sync::Arc;
+
+use hbot_api::{EncodeError, Encoding, ErrorBody, Event, OpName, StateEvent};
+use serde::Serialize;
+use tokio::sync::Notify;
+use tokio::time::Instant;
+
+use super::convert;
+use super::peer::{Frames, Peer};
+use hbot_host::sample::Sample;
+
+/// All clients, and what is on its way to them.
+pub(super) struct Publisher {
+    peers: BTreeMap<u64, Peer>,
+    /// Clients that want states.
+    subscribers: usize,
+    /// Of the sample that is published. Reused, so that a sample takes no memory but that of its messages.
+    state: Event,
+    frames: Frames,
+    /// Clients for which a message found no place, to be cut at the end of the turn.
+    doomed: Vec<u64>,
+    /// Notified when the number of subscribers may have changed.
+    changed: Arc<Notify>,
+}
+
+impl Publisher {
+    pub(super) fn new(changed: Arc<Notify>) -> Self {
+        Self {
+            peers: BTreeMap::new(),
+            subscribers: 0,
+            state: Event::State(StateEvent::default()),
+            frames: Frames::default(),
+            doomed: Vec::new(),
+            changed,
+        }
+    }
+
+    /// Takes in a client that has not said hello.
+    pub(super) fn admit(&mut self, session: u64, peer: Peer) {
+        self.peers.insert(session, peer);
+    }
+
+    /// Notes the name and encoding of a client that has said hello: false if there is none of this session.
+    pub(super) fn greet(&mut self, session: u64, name: String, encoding: Encoding) -> bool {
+        let Some(peer) = self.peers.get_mut(&session) else { return false };
+        peer.encoding = encoding;
+        peer.name = Some(name);
+        true
+    }
+
+    /// Lets go of a client that has not said hello. Its connection ends once what waits for it has been sent.
+    pub(super) fn dismiss(&mut self, session: u64) {
+        self.peers.remove(&session);
+    }
+
+    /// Lets go of all clients. Their connections end once what waits for them has been sent.
+    pub(super) fn dismiss_all(&mut self) {
+        self.peers.clear();
+    }
+
+    /// Notes that a client has shown a wrong token. Returns where it connects from.
+    pub(super) fn guessed(&mut self, session: u64) -> Option<IpAddr> {
+        let peer = self.peers.get_mut(&session)?;
+        peer.guessed = true;
+        peer.address
+    }
+
+    /// Cuts the connection that has waited longest for the answer to a wrong token: false if there is none.
+    pub(super) fn cut_a_guess(&mut self) -> bool {
+        let guess = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session);
+        let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
+        peer.task.abort();
+        true
+    }
+
+    pub(super) fn knows(&self, session: u64) -> bool {
+        self.peers.contains_key(&session)
+    }
+
+    /// What a client calls itself.
+    pub(super) fn name(&self, session: u64) -> Option<&str> {
+        self.peers.get(&session)?.name.as_deref()
+    }
+
+    /// Clients that have not said hello.
+    pub(super) fn strangers(&self) -> usize {
+        self.peers.values().filter(|peer| peer.name.is_none()).count()
+    }
+
+    /// Clients that have said hello and still listen.
+    pub(super) fn listeners(&self) -> usize {
+        self.peers.values().filter(|peer| peer.listens()).count()
+    }
+
+    /// Has a client get a state every so many ticks; 0 for none.
+    pub(super) fn subscribe(&mut self, session: u64, every: u64) {
+        if let Some(peer) = self.peers.get_mut(&session) {
+            peer.every = every;
+        }
+        self.count_subscribers();
+    }
+
+    fn count_subscribers(&mut self) {
+        self.subscribers = self.peers.values().filter(|peer| peer.every != 0).count();
+        self.changed.notify_one();
+    }
+
+    /// Whether anybody wants states as they come.
+    pub(super) fn is_watched(&self) -> bool {
+        self.subscribers > 0
+    }
+
+    /// Sends a state to those who want one of this tick. Returns how many did not get theirs because they read too slowly.
+    pub(super) fn publish(&mut self, sample: &Sample) -> u64 {
+        let (mut filled, mut dropped) = (false, 0);
+        let Self { peers, state, frames, .. } = self;
+        frames.clear();
+        for peer in peers.values_mut().filter(|peer| peer.wants(sample.state.tick)) {
+            if !peer.outbox.takes_samples() {
+                peer.drop_state();
+                dropped += 1;
+                continue;
+            }
+            if !filled {
+                filled = true;
+                if let Event::State(event) = state {
+                    convert::fill(event, sample);
+                }
+            }
+            if let Some(event) = peer.dropped_event() {
+                // There is room for samples, so there is for this.
+                let _ = peer.send(&event);
+            }
+            // The same; and one whose connection has just broken will say so itself.
+            let _ = peer.outbox.send(frames.of(peer.encoding, state));
+        }
+        dropped
+    }
+
+    /// Sends a message to one client.
+    pub(super) fn send(&mut self, session: u64, message: &impl Serialize) {
+        let Some(peer) = self.peers.get(&session) else { return };
+        if !peer.send(message) {
+            self.doomed.push(session);
+        }
+    }
+
+    /// Sends a message to one client.
+    ///
+    /// # Errors
+    /// The message holds a number that is not finite; it is not sent then.
+    pub(super) fn try_send(&mut self, session: u64, message: &impl Serialize) -> Result<(), EncodeError> {
+        let Some(peer) = self.peers.get(&session) else { return Ok(()) };
+        if !peer.try_send(message)? {
+            self.doomed.push(session);
+        }
+        Ok(())
+    }
+
+    /// Sends an event to all who have said hello.
+    pub(super) fn broadcast(&mut self, event: &Event) {
+        self.frames.clear();
+        for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
+            if !peer.outbox.send(self.frames.of(peer.encoding, event)) {
+                self.doomed.push(*session);
+            }
+        }
+    }
+
+    /// Counts a stream message that is refused without an answer, and tells its client, at most once a second.
+    pub(super) fn refuse_stream(&mut self, session: u64, op: Option<OpName>, error: ErrorBody) {
+        let Some(peer) = self.peers.get_mut(&session) else { return };
+        peer.refuse(op, error);
+        if let Some(event) = peer.refused_event(Instant::now()) {
+            self.send(session, &event);
+        }
+    }
+
+    /// Tells clients of states and stream messages that were lost since they were told last.
+    pub(super) fn tell_losses(&mut self, now: Instant) {
+        let mut events = Vec::new();
+        for (session, peer) in self.peers.iter_mut().filter(|(_, peer)| peer.listens()) {
+            events.extend(peer.dropped_event().map(|event| (*session, event)));
+            events.extend(peer.refused_event(now).map(|event| (*session, event)));
+        }
+        for (session, event) in events {
+            self.send(session, &event);
+        }
+    }
+
+    /// Notes that a client is owed an answer, which keeps it until [`paid`](Self::paid).
+    pub(super) fn owe(&mut self, session: u64) {
+        if let Some(peer) = self.peers.get_mut(&session) {
+            peer.owed += 1;
+        }
+    }
+
+    /// Notes that an answer that was owed has been given.
+    pub(super) fn paid(&mut self, session: u64) {
+        if let Some(peer) = self.peers.get_mut(&session) {
+            peer.owed = peer.owed.saturating_sub(1);
+            if peer.gone && peer.owed == 0 {
+                self.peers.remove(&session);
+            }
+        }
+    }
+
+    /// Notes that a client says no more. It stays as long as answers are owed to it. Returns whether that is news.
+    pub(super) fn gone(&mut self, session: u64) -> bool {
+        let Some(peer) = self.peers.get_mut(&session) else { return false };
+        let again = std::mem::replace(&mut peer.gone, true);
+        let name = peer.name.clone().filter(|_| !again);
+        peer.every = 0;
+        if peer.owed == 0 {
+            self.peers.remove(&session);
+        }
+        if again {
+            return false;
+        }
+        self.count_subscribers();
+        if let Some(name) = &name {
+            tracing::info!(session, name, "disconnected");
+        }
+        true
+    }
+
+    /// Cuts the next connection whose client does not read. Returns its session; its client is gone, which is still to be noted.
+    pub(super) fn cut_next(&mut self) -> Option<u64> {
+        while let Some(session) = self.doomed.pop() {
+            let Some(peer) = self.peers.get_mut(&session) else { continue };
+            if peer.outbox.is_closed() {
+                // It has ended by itself and is about to say so.
+                continue;
+            }
+            tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
+            peer.task.abort();
+            peer.owed = 0;
+            return Some(session);
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_api::{Response, StoppingEvent};
+
+    use super::super::outbox::{Inbox, outbox};
+    use super::*;
+
+    fn publisher() -> Publisher {
+        Publisher::new(Arc::default())
+    }
+
+    /// A client with room for so many messages.
+    fn admit(publisher: &mut Publisher, session: u64, messages: usize) -> Inbox {
+        let (out, inbox) = outbox(messages);
+        publisher.admit(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
+        inbox
+    }
+
+    #[tokio::test]
+    async fn a_client_that_is_owed_an_answer_stays_until_it_has_it() {
+        let mut publisher = publisher();
+        let _inboxes = [admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 8)];
+        publisher.owe(1);
+        assert!(publisher.gone(1) && publisher.knows(1));
+        assert!(!publisher.gone(1), "once");
+        publisher.paid(1);
+        assert!(!publisher.knows(1) && publisher.knows(2));
+        publisher.paid(2);
+        assert!(publisher.knows(2), "it is still there");
+    }
+
+    #[tokio::test]
+    async fn states_go_to_those_who_want_this_tick() {
+        let mut publisher = publisher();
+        let _inboxes = [admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 2)];
+        assert!(!publisher.is_watched());
+        publisher.subscribe(1, 2);
+        publisher.subscribe(2, 1);
+        assert!(publisher.is_watched());
+        // The second has room for two messages and reads none.
+        let dropped: Vec<u64> = (1..=3).map(|tick| publisher.publish(&crate::still::still(tick))).collect();
+        assert_eq!(dropped, [0, 0, 1]);
+        publisher.subscribe(2, 0);
+        assert_eq!(publisher.publish(&crate::still::still(4)), 0);
+        publisher.gone(1);
+        assert!(!publisher.is_watched());
+    }
+
+    #[tokio::test]
+    async fn only_those_who_have_said_hello_hear_events_and_those_who_do_not_read_are_cut() {
+        let mut publisher = publisher();
+        let _inboxes = [admit(&mut publisher, 1, 1), admit(&mut publisher, 2, 1)];
+        assert!(publisher.greet(1, "ann".to_owned(), Encoding::Json));
+        assert_eq!((publisher.strangers(), publisher.listeners(), publisher.name(1)), (1, 1, Some("ann")));
+        let event = Event::Stopping(StoppingEvent { message: "x".to_owned() });
+        publisher.broadcast(&event);
+        assert_eq!(publisher.cut_next(), None);
+        publisher.broadcast(&event);
+        assert_eq!((publisher.cut_next(), publisher.cut_next()), (Some(1), None));
+        publisher.send(2, &Response::done(None));
+        assert_eq!(publisher.cut_next(), None, "nothing was sent to it before");
+    }
+}

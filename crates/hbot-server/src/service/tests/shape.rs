@@ -1,0 +1,93 @@
+//! What `info` and `stats` look like on the wire: names, their order, and whether a number is whole.
+
+use super::*;
+
+/// The shape of a message: names in their order, of a list its first entry, of everything else its type. Schemas and scenes, which
+/// have their own tests, are not looked into.
+fn shape(name: &str, value: &Value) -> String {
+    match value {
+        Value::Null => "null".to_owned(),
+        Value::Bool(_) => "bool".to_owned(),
+        Value::Number(number) if number.is_f64() => "real".to_owned(),
+        Value::Number(_) => "whole".to_owned(),
+        Value::String(_) => "text".to_owned(),
+        Value::Array(entries) => {
+            format!("[{}]", entries.first().map_or_else(String::new, |entry| shape("", entry)))
+        }
+        Value::Object(_) if matches!(name, "scene" | "schema") => "map".to_owned(),
+        Value::Object(map) => {
+            let fields: Vec<_> =
+                map.iter().map(|(name, value)| format!("{name}: {}", shape(name, value))).collect();
+            format!("{{{}}}", fields.join(", "))
+        }
+    }
+}
+
+fn ask(bench: &Bench, op: &str) -> String {
+    let mut raw = Raw::greeted(bench);
+    shape("", &raw.ask(&format!(r#"{{"id": 1, "op": "{op}"}}"#))["ok"])
+}
+
+/// The shape that a text over several lines says.
+fn said(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ").replace("{ ", "{").replace(" }", "}")
+}
+
+#[test]
+fn info_keeps_its_names_their_order_and_types() {
+    let real = bench();
+    real.wait_for(Mode::Idle);
+    let joint = "{peak: real, continuous: real}";
+    let info = |traction: &str, phenomena: &str| {
+        said(&format!(
+            "{{
+                rig: {{
+                    name: text, simulated: bool, rate_hz: whole, sphere: {{radius: real, mass: real}},
+                    wheels: [{{
+                        name: text, axis: [real], cone: real, toe: real, radius: real, steer: {joint}, drive: {joint}
+                    }}]
+                }},
+                limits: {{
+                    torque: real, torque_rate: real, speed: real, slip: real, energy: null, traction: {traction},
+                    enable_max_angle: real, align_rate: real, reference_rate: real, max_age_ticks: whole
+                }},
+                render: {{inertia: real, damping: real, stiffness_stable: real, stiffness_most: real}},
+                accuracy: text, on_client_lost: text,
+                effects: [{{name: text, description: text, schema: map}}],
+                {phenomena} scene: map, capability: [real], lease: {{holder: null, session: null}}
+            }}"
+        ))
+    };
+    assert_eq!(ask(&real, "info"), info("{mu: real, normal_force: real}", ""));
+    let mut rig = RigConfig::prototype();
+    rig.rig.limits.traction = None;
+    let simulated = Bench::start(Options { rig, phenomena: Some(Box::new(|_| ())), ..Options::default() });
+    simulated.wait_for(Mode::Idle);
+    let phenomena = "phenomena: [{name: text, description: text, schema: map}],";
+    assert_eq!(ask(&simulated, "info"), info("null", phenomena));
+}
+
+#[test]
+fn stats_keeps_its_names_their_order_and_types() {
+    let bench = bench();
+    let times = "{p50: real, p90: real, p99: real, p99_9: real, p99_99: real, max: real, count: whole}";
+    let stats = said(&format!(
+        "{{
+            ticks: whole, awake_us: {times}, lateness_us: {times}, compute_us: {times}, link_us: {times}, age_us: {times},
+            late_ticks: whole, skipped_ticks: whole, missed_ticks: whole, corrupt_frames: whole, foreign_frames: whole,
+            send_failures: whole, reopened_ports: whole, dropped_samples: whole,
+            faults: {{
+                link_lost: whole, link_corrupt: whole, controller_fault: whole, overspeed: whole, overtorque: whole, slip: whole,
+                non_finite: whole, implausible_feedback: whole, deadline: whole, client_lost: whole, thermal: whole
+            }},
+            estops: whole, requests: whole,
+            refused: {{
+                bad_request: whole, unsupported_version: whole, unauthorized: whole, not_holder: whole, busy: whole,
+                unknown_effect: whole, out_of_range: whole, faulted: whole, too_large: whole
+            }},
+            refused_streams: whole, dropped_states: whole, connections: whole, connections_turned_away: whole,
+            handshakes_failed: whole, connections_cut: whole, flight_logs: whole, flight_logs_failed: whole
+        }}"
+    ));
+    assert_eq!(ask(&bench, "stats"), stats);
+}
