@@ -67,7 +67,7 @@ fn serve(cable: &Cable) -> (String, tokio::sync::oneshot::Sender<()>, std::threa
     rig.link.port = Port::Devices(vec!["toy".to_owned()]);
     // A busy machine does not step on these.
     rig.link.watchdog_ms = 1000;
-    rig.rig.timing.timeout_ticks = 1000;
+    rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let expected = Expected::new("toy", &rig.rig, &Layout::of(&rig), 0);
     let mut line = cable.clone();
     Toy.meet(&mut line, &expected).expect("the motors answer");

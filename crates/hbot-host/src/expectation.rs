@@ -6,12 +6,11 @@
 //! that 10 s are more than 20,000 ticks is followed for so many of them, and its error is that of the time that they take: no
 //! rule would make the error of 10 s of it, since a method's grows with the time and that of counts does not.
 
-use core::f64::consts::TAU;
 use std::time::Instant;
 
 use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
 use hbot_core::kinematics::Posture;
-use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, Zero};
+use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
 use hbot_sim::motion::{LEAD, MOTIONS, Motion};
 
@@ -135,9 +134,9 @@ fn follow<const N: usize>(
     choices: &[(OdometryMethod, PathFit)],
     time_ns: u64,
 ) -> Vec<Expectation> {
-    let mut rig = *rig;
     // Where the wheels stand is not in question, only how far they turn.
-    rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
+    let assume = |parts: &mut RigParts| parts.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
+    let rig = rig.with(assume).unwrap_or(*rig);
     let mut runs: Vec<Run> = choices.iter().map(|choice| Run::new(rig, *choice)).collect();
     let period = rig.timing.period_ns;
     let h = period as f64 * 1.0e-9;
@@ -187,11 +186,9 @@ fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inpu
     let mut counts = [0; MAX_JOINTS];
     for j in 0..n {
         let joint = &rig.joints[j];
-        let sign = if joint.reversed { -1.0 } else { 1.0 };
-        let unit = sign * f64::from(joint.counts_per_turn) * joint.gear / TAU;
         // They wrap as the controllers' do.
-        counts[j] = (y[4 + j] * unit).round() as i64 as i32;
-        rates[j] *= sign;
+        counts[j] = (y[4 + j] / joint.radians_per_count()).round() as i64 as i32;
+        rates[j] = if joint.reversed { -rates[j] } else { rates[j] };
     }
     let feedback = JointFeedback {
         sequence: tick as u32,
@@ -204,10 +201,10 @@ fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inpu
 }
 
 impl Run {
-    fn new(mut rig: Rig, (odometry, path): (OdometryMethod, PathFit)) -> Self {
-        rig.methods.odometry = odometry;
-        rig.methods.path = path;
-        let controller = Controller::new(rig);
+    fn new(rig: Rig, (odometry, path): (OdometryMethod, PathFit)) -> Self {
+        // A rig is legal with any of them.
+        let chosen = rig.with(|parts| (parts.methods.odometry, parts.methods.path) = (odometry, path));
+        let controller = Controller::new(chosen.unwrap_or(rig));
         Self { controller, zero: None, error: 0.0, samples: Vec::new(), q: Vec::with_capacity(CHUNK) }
     }
 
@@ -259,16 +256,22 @@ mod tests {
         assert_eq!(pick(&[euler, magnus], 1e-1), Ok(euler));
     }
 
-    /// With encoders a million times as fine, what is left are the method and the path: each in its place.
+    fn prototype(alter: impl FnOnce(&mut RigParts)) -> Rig {
+        hbot_config::RigConfig::prototype().rig.with(alter).unwrap()
+    }
+
+    /// With encoders ten thousand times as fine, what is left are the method and the path: each in its place.
     #[test]
     fn fine_encoders_leave_the_methods_error() {
-        let mut rig = hbot_config::RigConfig::prototype().rig;
-        rig.joints.iter_mut().for_each(|joint| joint.gear *= 1.0e6);
-        // Counts are 32 bits: half a turn a tick is still told.
-        rig.joints.iter_mut().for_each(|joint| joint.counts_per_turn = 256);
         let error = |odometry, path| {
-            let mut rig = rig;
-            (rig.methods.odometry, rig.methods.path) = (odometry, path);
+            let rig = prototype(|parts| {
+                // Counts are 32 bits: half a turn a tick is still told.
+                parts
+                    .joints
+                    .iter_mut()
+                    .for_each(|joint| (joint.gear, joint.counts_per_turn) = (1.0, 1 << 30));
+                (parts.methods.odometry, parts.methods.path) = (odometry, path);
+            });
             of(&rig).error
         };
         let euler = error(OdometryMethod::Euler, PathFit::Straight);
@@ -280,9 +283,8 @@ mod tests {
 
     #[test]
     fn a_loop_too_slow_for_the_motion_is_told() {
-        let mut rig = hbot_config::RigConfig::prototype().rig;
         // Steering turns with 20 rad/s and more.
-        rig.timing.period_ns = 400_000_000;
+        let rig = prototype(|parts| parts.timing.period_ns = 400_000_000);
         assert_eq!(of(&rig).error, f64::INFINITY);
     }
 
@@ -290,11 +292,7 @@ mod tests {
     /// target is told of 10 s.
     #[test]
     fn a_quick_loop_is_followed_for_a_shorter_time() {
-        let at = |hz: u64| {
-            let mut rig = hbot_config::RigConfig::prototype().rig;
-            rig.timing.period_ns = 1_000_000_000 / hz;
-            of(&rig)
-        };
+        let at = |hz: u64| of(&prototype(|parts| parts.timing.period_ns = 1_000_000_000 / hz));
         for (hz, time_s, words) in
             [(1000, 10.0, "10 s"), (2000, 10.0, "10 s"), (8000, 2.5, "2.5 s"), (20_000, 1.0, "1 s")]
         {
@@ -303,8 +301,7 @@ mod tests {
             assert_eq!(expected.motion(), format!("{words} of brisk motion (3 rad/s)"));
             assert!(expected.error > 0.0 && expected.error < 1.0e-3, "{hz} Hz: {expected:?}");
         }
-        let mut rig = hbot_config::RigConfig::prototype().rig;
-        rig.timing.period_ns = 250_000;
+        let rig = prototype(|parts| parts.timing.period_ns = 250_000);
         let whole = measured(&rig, &[(rig.methods.odometry, rig.methods.path)], TIME_NS)[0];
         // The largest of a part is not above the largest of the whole, which begins with it.
         assert!(of(&rig).time_s == 5.0 && of(&rig).error <= whole.error);

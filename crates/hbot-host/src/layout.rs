@@ -30,11 +30,9 @@ impl Layout {
     pub fn of(rig: &RigConfig) -> Self {
         let mut offsets = [0; MAX_JOINTS];
         for (j, offset) in offsets.iter_mut().enumerate().take(rig.rig.device.joints()).step_by(2) {
-            let joint = &rig.rig.joints[j];
-            let counts =
-                rig.zero_offsets[j] / std::f64::consts::TAU * f64::from(joint.counts_per_turn) * joint.gear;
+            let counts = rig.zero_offsets[j] / rig.rig.joints[j].radians_per_count();
             // Wraps as the controllers' own counter does.
-            *offset = (if joint.reversed { -counts } else { counts }).round() as i64 as i32;
+            *offset = counts.round() as i64 as i32;
         }
         if rig.link.port == Port::Sim {
             // The simulated controllers stand on one bus in the order of the joints.

@@ -36,8 +36,7 @@ impl Expected {
         let posture = Posture::new(&rig.device, &State::default().steer[..rig.device.wheels().len()]);
         let turn = |j: usize| {
             let mut rates = [0.0; MAX_JOINTS];
-            rates[j] =
-                core::f64::consts::TAU / (f64::from(rig.joints[j].counts_per_turn) * rig.joints[j].gear);
+            rates[j] = rig.joints[j].radians_per_count().abs();
             posture.forward(&rig.device, &rates).omega.length()
         };
         Some(Self {

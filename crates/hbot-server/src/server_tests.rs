@@ -59,7 +59,7 @@ fn ended(
     rig.link.port = Port::Devices(vec![far.path.clone()]);
     // A busy machine does not step on these.
     rig.link.watchdog_ms = 1000;
-    rig.rig.timing.timeout_ticks = 1000;
+    rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let (ready, started) = mpsc::channel();
     let (shutdown, stopped) = oneshot::channel();
     let (abandon, abandoned) = oneshot::channel::<()>();

@@ -161,8 +161,7 @@ impl Bench {
     /// The turn of a joint in its controller's sense for so many counts, rad.
     #[must_use]
     pub fn turned(&self, joint: usize, counts: i32) -> f64 {
-        let joint = &self.rig.joints[joint];
-        f64::from(counts) * std::f64::consts::TAU / (f64::from(joint.counts_per_turn) * joint.gear)
+        f64::from(counts) * self.rig.joints[joint].radians_per_count().abs()
     }
 }
 

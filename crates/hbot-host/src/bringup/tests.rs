@@ -195,13 +195,16 @@ fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
 
 /// The prototype with a third wheel, its axis a quarter turn about the vertical from the others'.
 fn three_wheels() -> hbot_core::Rig {
-    let mut rig = RigConfig::prototype().rig;
+    let rig = RigConfig::prototype().rig;
     let mut specs: Vec<_> = rig.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
     specs.push(hbot_core::device::WheelSpec { axis: hbot_core::Vec3::new(0.0, 1.0, -1.0), ..specs[0] });
-    rig.device =
+    let device =
         hbot_core::Device::new(rig.device.sphere_radius(), rig.device.sphere_mass(), &specs).unwrap();
-    (rig.joints[4], rig.joints[5]) = (rig.joints[0], rig.joints[1]);
-    rig
+    rig.with(|parts| {
+        parts.device = device;
+        (parts.joints[4], parts.joints[5]) = (parts.joints[0], parts.joints[1]);
+    })
+    .unwrap()
 }
 
 #[test]

@@ -271,7 +271,7 @@ fn temperatures_and_currents_that_cannot_be_are_faults() {
 #[test]
 fn the_age_of_a_reading_is_right_or_absent() {
     let mut rig = RigConfig::prototype();
-    rig.rig.timing.timeout_ticks = 1000;
+    rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let fake = Fake::new(4);
     let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
     bench.ticks(5);
@@ -306,7 +306,8 @@ fn the_age_of_a_reading_is_right_or_absent() {
 fn a_rig_that_was_stopped_before_it_was_ready_does_not_enable_itself() {
     for stop in [None, Some(Order::Estop), Some(Order::Disable)] {
         let mut rig = RigConfig::prototype();
-        rig.rig.joints.iter_mut().for_each(|joint| joint.zero = hbot_core::rig::Zero::Index);
+        let index = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Index;
+        rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
         let fake = Fake::new(4);
         let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
         bench.engine = bench.engine.enabling(true);

@@ -29,7 +29,7 @@ fn unplug(pty: PtyRig, link: &Path) -> SimulatedRig {
 fn plugged(link: &Path) -> (Bench, PtyRig) {
     // A busy machine may hold the bytes of a pseudo-terminal up for longer than the 20 ticks of the prototype.
     let mut patient = RigConfig::prototype();
-    patient.rig.timing.timeout_ticks = 1000;
+    patient.rig = patient.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     plugged_in(patient, link)
 }
 
@@ -90,9 +90,7 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
 fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
-    let mut patient = RigConfig::prototype();
-    patient.rig.timing.timeout_ticks = 1_000_000;
-    let (mut bench, pty) = plugged_in(patient, &link);
+    let (mut bench, pty) = plugged(&link);
     let rig = unplug(pty, &link);
     until(&mut bench, "gone", |sample| sample.counters.send_failures > 0);
     let _pty = plug(rig, &link);

@@ -12,7 +12,8 @@ const MODES: [Mode; 6] =
 fn bench_in(mode: Mode) -> (Bench, Fake) {
     let mut rig = RigConfig::prototype();
     if mode == Mode::Unreferenced {
-        rig.rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Index);
+        let index = |joint: &mut hbot_core::rig::Joint| joint.zero = Zero::Index;
+        rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
     }
     let fake = Fake::new(4);
     let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
 use hbot_core::kinematics::Posture;
-use hbot_core::rig::Zero;
-use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Real, Rig, Vec3};
+use hbot_core::rig::{RigParts, Zero, legal};
+use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Rig, Vec3};
 
 /// Ticks before those that are timed: zeros taken, enabled, caches warm.
 const WARM_UP: usize = 40;
@@ -52,16 +52,16 @@ fn median(mut times: Vec<u64>) -> u64 {
     *times.select_nth_unstable(middle).1
 }
 
-/// The same rig with nothing that could keep it from rendering: zeros known at once, no limit that ends in a fault.
+/// The same rig with as little as possible that could keep it from rendering: zeros known at once,
+/// the widest limits that end in a fault.
 fn tolerant(rig: &Rig) -> Rig {
-    let mut rig = *rig;
-    for joint in &mut rig.joints {
-        joint.zero = Zero::Assume;
-    }
-    rig.limits.speed = Real::INFINITY;
-    rig.limits.slip = Real::INFINITY;
-    rig.limits.enable_max_angle = Real::INFINITY;
-    rig
+    let alter = |parts: &mut RigParts| {
+        parts.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
+        parts.limits.speed = legal::SPEED.most;
+        parts.limits.slip = legal::SLIP.most;
+        parts.limits.enable_max_angle = legal::ENABLE_MAX_ANGLE.most;
+    };
+    rig.with(alter).unwrap_or(*rig)
 }
 
 /// A sphere that turns at [`OMEGA`] without slip, as its encoders see it.
@@ -85,11 +85,8 @@ fn inputs(rig: &Rig) -> Vec<Inputs> {
             for j in 0..joints {
                 angles[j] += rates[j] * rig.timing.period_s();
                 let joint = &rig.joints[j];
-                let sign = if joint.reversed { -1.0 } else { 1.0 };
-                let counts =
-                    angles[j] * joint.gear * Real::from(joint.counts_per_turn) / std::f64::consts::TAU;
-                feedback.counts[j] = (sign * counts) as i32;
-                feedback.rates[j] = sign * rates[j];
+                feedback.counts[j] = (angles[j] / joint.radians_per_count()) as i32;
+                feedback.rates[j] = if joint.reversed { -rates[j] } else { rates[j] };
             }
             let mut inputs = Inputs { feedback: Some(feedback), ..Inputs::quiet(i as u64) };
             let command = match i {

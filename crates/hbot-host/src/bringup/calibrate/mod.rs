@@ -105,13 +105,7 @@ pub fn calibrate(rig: &Rig, counts: &[Counts]) -> Option<Calibration> {
 impl<'a> Fit<'a> {
     fn new(rig: &'a Rig, counts: &[Counts]) -> Option<Self> {
         let joints = rig.device.joints();
-        let radians: Vec<f64> = rig.joints[..joints]
-            .iter()
-            .map(|j| {
-                let turn = std::f64::consts::TAU / (f64::from(j.counts_per_turn) * j.gear);
-                if j.reversed { -turn } else { turn }
-            })
-            .collect();
+        let radians: Vec<f64> = rig.joints[..joints].iter().map(|joint| joint.radians_per_count()).collect();
         let steps: Vec<Step> = counts
             .windows(2)
             .map(|pair| {

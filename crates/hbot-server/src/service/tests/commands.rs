@@ -71,9 +71,8 @@ fn the_table_of_states_over_the_wire() {
 #[test]
 fn a_rig_without_its_zeros_cannot_be_enabled() {
     let mut rig = RigConfig::prototype();
-    for joint in &mut rig.rig.joints {
-        joint.zero = hbot_core::rig::Zero::Calibrate;
-    }
+    let unknown = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Calibrate;
+    rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(unknown)).unwrap();
     let bench = Bench::start(Options { rig, enable_at_start: true, ..Options::default() });
     let mut client = bench.holder();
     bench.wait_ticks(50);

@@ -60,7 +60,7 @@ fn info_keeps_its_names_their_order_and_types() {
     };
     assert_eq!(ask(&real, "info"), info("{mu: real, normal_force: real}", ""));
     let mut rig = RigConfig::prototype();
-    rig.rig.limits.traction = None;
+    rig.rig = rig.rig.with(|parts| parts.limits.traction = None).unwrap();
     let simulated = Bench::start(Options { rig, phenomena: Some(Box::new(|_| ())), ..Options::default() });
     simulated.wait_for(Mode::Idle);
     let phenomena = "phenomena: [{name: text, description: text, schema: map}],";
