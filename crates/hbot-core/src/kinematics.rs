@@ -5,7 +5,8 @@
 //! explain (`forward`), and the torque on the sphere of joint torques (`torque_on_sphere`).
 
 use crate::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
-use crate::real::{Mat3, Real, Vec3, sincos};
+use crate::linear::Sym3;
+use crate::real::{Real, Vec3, sincos};
 
 /// A wheel's contact frame in N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -141,28 +142,11 @@ pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive:
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
     let mut b = Vec3::ZERO;
-    let (mut xx, mut yy, mut zz, mut xy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut planes = Sym3::ZERO;
     for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {
         let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
         b += frame.c2 * u - frame.c1 * v;
-        let n = frame.c3;
-        // I - n nᵀ; the diagonal without cancellation: 1 - x² = y² + z² for a unit n.
-        xx += n.y * n.y + n.z * n.z;
-        yy += n.x * n.x + n.z * n.z;
-        zz += n.x * n.x + n.y * n.y;
-        xy -= n.x * n.y;
-        xz -= n.x * n.z;
-        yz -= n.y * n.z;
+        planes.add_plane(frame.c3);
     }
-    solve_symmetric(xx, yy, zz, xy, xz, yz, b) / device.sphere_radius()
-}
-
-/// x with A x = b for a symmetric positive definite A, by cofactors.
-#[inline]
-#[must_use]
-pub(crate) fn solve_symmetric(xx: Real, yy: Real, zz: Real, xy: Real, xz: Real, yz: Real, b: Vec3) -> Vec3 {
-    let (a, c, d) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
-    let (e, f, g) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
-    let inverse = Mat3::from_cols(Vec3::new(a, c, d), Vec3::new(c, e, f), Vec3::new(d, f, g));
-    inverse * b / (xx * a + xy * c + xz * d)
+    planes.adjugate().solve_by_division(b) / device.sphere_radius()
 }

@@ -5,8 +5,12 @@ use crate::real::{Quat, Real, Vec3};
 use crate::rotation::{self, renormalized};
 use crate::shaping::limited;
 
-/// Orientations remembered for outside references that arrive late: a second at 1 kHz.
-const HISTORY: usize = 1024;
+/// Orientations that a controller remembers, one a tick, so that [`Command::Align`](crate::inputs::Command::Align) can be
+/// given as late as that: a second at 1 kHz. A later one is refused.
+///
+/// Each takes a tick's number and a quaternion, 40 bytes with f64 and 24 with f32: the largest part of a controller. A power of two,
+/// so that its place is found without a division.
+pub const ALIGN_HISTORY: usize = 1024;
 
 /// Where the sphere is.
 ///
@@ -20,7 +24,7 @@ pub(crate) struct Orientation {
     correction: Quat,
     /// What is still to be corrected, rad in N.
     pending: Vec3,
-    history: [(u64, Quat); HISTORY],
+    history: [(u64, Quat); ALIGN_HISTORY],
 }
 
 impl Orientation {
@@ -44,7 +48,7 @@ impl Orientation {
     /// Moves the correction on by at most `step` rad and settles `q` for this tick.
     #[inline]
     pub(crate) fn settle(&mut self, tick: u64, step: Real) {
-        self.history[tick as usize % HISTORY] = (tick, self.integral);
+        self.history[tick as usize % ALIGN_HISTORY] = (tick, self.integral);
         if self.pending != Vec3::ZERO {
             let turn = limited(self.pending, step);
             self.pending -= turn;
@@ -60,7 +64,7 @@ impl Orientation {
 
     /// The orientation at `tick`, by what is known now.
     pub(crate) fn at(&self, tick: u64) -> Option<Quat> {
-        let (when, integral) = self.history[tick as usize % HISTORY];
+        let (when, integral) = self.history[tick as usize % ALIGN_HISTORY];
         (when == tick).then(|| self.correction * integral)
     }
 

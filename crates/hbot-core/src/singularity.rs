@@ -2,6 +2,7 @@
 
 use crate::device::{Device, MAX_JOINTS, Wheel};
 use crate::kinematics::Posture;
+use crate::linear;
 use crate::real::{PI, Real, Vec3, acos, cos, fabs, sincos, sqrt};
 
 /// How two contact points come to lie on one line through the sphere's centre.
@@ -172,52 +173,5 @@ impl Indices {
 /// accurate even for the least one (Demmel and Veselic 1992). At most [`MAX_JOINTS`] rows.
 #[must_use]
 pub fn singular_values(rows: &[Vec3]) -> [Real; 3] {
-    let m = rows.len().min(MAX_JOINTS);
-    let mut s = orthogonalise(&rows[..m], &mut [Vec3::X, Vec3::Y, Vec3::Z]);
-    s.sort_unstable_by(|a, b| b.total_cmp(a));
-    s
-}
-
-/// Turns `axes`, orthonormal, until the columns that they make of the rows (row . axis) are at right angles to each other; returns
-/// the lengths of these, in the axes' order. At most [`MAX_JOINTS`] rows.
-pub(crate) fn orthogonalise(rows: &[Vec3], axes: &mut [Vec3; 3]) -> [Real; 3] {
-    let m = rows.len();
-    let mut columns = [[0.0; MAX_JOINTS]; 3];
-    for (k, row) in rows.iter().enumerate() {
-        for (column, axis) in columns.iter_mut().zip(*axes) {
-            column[k] = row.dot(axis);
-        }
-    }
-    let dot = |a: &[Real; MAX_JOINTS], b: &[Real; MAX_JOINTS]| -> Real {
-        a.iter().zip(b).map(|(x, y)| x * y).sum()
-    };
-    // Converges quadratically: 3 columns need 4 to 6 sweeps.
-    for _ in 0..12 {
-        let mut largest: Real = 0.0;
-        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
-            let (aa, bb) = (dot(&columns[i], &columns[i]), dot(&columns[j], &columns[j]));
-            let ab = dot(&columns[i], &columns[j]);
-            let scale = sqrt(aa * bb);
-            if !(fabs(ab) > Real::EPSILON * scale) {
-                continue;
-            }
-            largest = largest.max(fabs(ab) / scale);
-            let zeta = (bb - aa) / (2.0 * ab);
-            let sign = if zeta < 0.0 { -1.0 } else { 1.0 };
-            let t = sign / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
-            let c = 1.0 / sqrt(1.0 + t * t);
-            for k in 0..m {
-                let (x, y) = (columns[i][k], columns[j][k]);
-                columns[i][k] = c * (x - t * y);
-                columns[j][k] = c * (y + t * x);
-            }
-            let (x, y) = (axes[i], axes[j]);
-            axes[i] = (x - y * t) * c;
-            axes[j] = (y + x * t) * c;
-        }
-        if largest < 4.0 * Real::EPSILON {
-            break;
-        }
-    }
-    columns.map(|c| sqrt(dot(&c, &c)))
+    linear::principal(&rows[..rows.len().min(MAX_JOINTS)], [Vec3::X, Vec3::Y, Vec3::Z]).0
 }

@@ -6,8 +6,8 @@
 //! border of the reach y is not unique (it may go to infinity along the facet's normal), but x is.
 
 use super::reach::Problem;
-use super::sym::Sym3;
 use crate::device::MAX_JOINTS;
+use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
 /// Random problems take 2 to 9, degenerate ones up to 20. Where that is not enough, the best so far gets its last steps.

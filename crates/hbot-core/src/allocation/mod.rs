@@ -18,7 +18,6 @@ mod facets;
 mod nearest;
 mod pair;
 mod reach;
-mod sym;
 mod traction;
 mod weak;
 
@@ -26,10 +25,10 @@ pub(crate) use nearest::{Bounds, nearest};
 pub use traction::{ContactArms, traction};
 
 use crate::device::{Device, MAX_JOINTS};
+use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 use crate::rig::Rig;
 use reach::Reach;
-use sym::Sym3;
 use weak::Share;
 
 /// A singular value of the peak-scaled driven rows (rows t_j g_j) beside what it is held against, from which on its direction is

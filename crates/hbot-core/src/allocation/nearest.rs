@@ -1,8 +1,8 @@
 //! The joint torques that come nearest to a torque which motors and contacts cannot hold.
 
-use super::sym::Sym3;
 use super::{ContactArms, JointLimits, traction};
 use crate::device::MAX_JOINTS;
+use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
 /// Rounds of the search. A direction that is weak by a hundred needs about ten.

@@ -2,11 +2,10 @@
 //! that they reach is as easy as another.
 
 use super::facets::{self, Facet};
-use super::sym::Sym3;
 use super::{JointLimits, LOST, dual};
 use crate::device::MAX_JOINTS;
+use crate::linear::{Sym3, principal};
 use crate::real::{Real, Vec3, fabs, sqrt};
-use crate::singularity::orthogonalise;
 
 /// Times what a wheel gives in both directions of its contact: a direction of that strength is as strong as motors are meant to be.
 /// The strongest direction of the prototype gives six to eight times it, so there both measures are about the same.
@@ -218,14 +217,6 @@ impl Reach {
         let along = |k: usize| if self.sigma[k] > 0.0 { parts[k] / self.sigma[k] } else { 0.0 };
         Vec3::new(along(0), along(1), along(2))
     }
-}
-
-/// Singular values of `rows`, largest first, with their axes; `axes` are about these.
-fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3; 3]) {
-    let lengths = orthogonalise(rows, &mut axes);
-    let mut order = [0, 1, 2];
-    order.sort_unstable_by(|&i, &j| lengths[j].total_cmp(&lengths[i]));
-    (order.map(|i| lengths[i]), order.map(|i| axes[i]))
 }
 
 /// The most that a wheel with both motors gives in each of the two directions of its contact; infinite where there is none.

@@ -27,6 +27,8 @@ use crate::scene::CompiledScene;
 use crate::shaping::{Blend, Stream};
 
 use self::faults::Silence;
+pub use crate::orientation::ALIGN_HISTORY;
+
 pub use self::faults::{
     CORRUPT_FAULT, CORRUPT_FORGIVEN_TICKS, DISOBEDIENCE_S, LATE_FAULT_NS, MISSED_FAULT, MISSED_FORGIVEN,
     SKIPPED_FAULT,
@@ -257,5 +259,26 @@ impl Controller {
             client,
             fresh,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    /// The docs of the crate name the sizes. They are those of this machine's word.
+    #[test]
+    #[cfg(target_pointer_width = "64")]
+    fn a_controller_takes_as_much_memory_as_the_docs_say() {
+        let width = if size_of::<Real>() == 8 { "f64" } else { "f32" };
+        let row = std::format!(
+            "//! | {width} | {} | {} | {} |",
+            size_of::<Controller>(),
+            size_of::<Orientation>(),
+            size_of::<CompiledScene>()
+        );
+        assert!(include_str!("../lib.rs").contains(&row), "{row}");
     }
 }

@@ -1,10 +1,12 @@
-//! Symmetric 3x3 matrices: sums of outer products, their solves and their eigenvectors.
+//! The linear algebra that the core needs beyond glam: symmetric 3x3 matrices with their solves and eigenvectors, and the
+//! singular values of rows.
 
+use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs, sqrt};
 
 /// A symmetric 3x3 matrix.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sym3 {
+pub(crate) struct Sym3 {
     xx: Real,
     yy: Real,
     zz: Real,
@@ -13,9 +15,9 @@ pub(super) struct Sym3 {
     yz: Real,
 }
 
-/// The adjugate of a [`Sym3`] with its invariants: solves by three dot products and one division.
+/// The adjugate of a [`Sym3`] with its invariants: solves by three dot products and a division.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Adjugate {
+pub(crate) struct Adjugate {
     adjugate: Sym3,
     /// Product of the eigenvalues.
     det: Real,
@@ -26,11 +28,22 @@ pub(super) struct Adjugate {
 }
 
 impl Sym3 {
-    pub(super) const ZERO: Self = Self { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 };
+    pub(crate) const ZERO: Self = Self { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 };
+
+    /// Adds I - n nᵀ for the unit vector `n`; its diagonal without cancellation, as 1 - x² = y² + z².
+    #[inline]
+    pub(crate) fn add_plane(&mut self, n: Vec3) {
+        self.xx += n.y * n.y + n.z * n.z;
+        self.yy += n.x * n.x + n.z * n.z;
+        self.zz += n.x * n.x + n.y * n.y;
+        self.xy -= n.x * n.y;
+        self.xz -= n.x * n.z;
+        self.yz -= n.y * n.z;
+    }
 
     /// Adds `weight` times the outer product of `g` with itself.
     #[inline]
-    pub(super) fn add(&mut self, g: Vec3, weight: Real) {
+    pub(crate) fn add(&mut self, g: Vec3, weight: Real) {
         let h = g * weight;
         self.xx += g.x * h.x;
         self.yy += g.y * h.y;
@@ -40,7 +53,7 @@ impl Sym3 {
         self.yz += g.y * h.z;
     }
 
-    pub(super) fn trace(&self) -> Real {
+    pub(crate) fn trace(&self) -> Real {
         self.xx + self.yy + self.zz
     }
 
@@ -54,7 +67,7 @@ impl Sym3 {
     }
 
     #[inline]
-    pub(super) fn adjugate(&self) -> Adjugate {
+    pub(crate) fn adjugate(&self) -> Adjugate {
         let a = Self {
             xx: self.yy * self.zz - self.yz * self.yz,
             yy: self.xx * self.zz - self.xz * self.xz,
@@ -71,7 +84,7 @@ impl Sym3 {
     /// The solution of M x = v by LDLᵀ, with pivots of at least `floor`: for a positive definite M accurate to the
     /// condition number, where the adjugate loses its square when two eigenvalues are small; for a singular one the
     /// solution for a positive definite matrix that differs from M by about `floor`.
-    pub(super) fn solve(&self, v: Vec3, floor: Real) -> Vec3 {
+    pub(crate) fn solve(&self, v: Vec3, floor: Real) -> Vec3 {
         let d1 = self.xx.max(floor);
         let (l21, l31) = (self.xy / d1, self.xz / d1);
         let d2 = (self.yy - l21 * self.xy).max(floor);
@@ -86,7 +99,7 @@ impl Sym3 {
     }
 
     /// Eigenvalues, largest first, and their unit eigenvectors, by cyclic Jacobi rotations.
-    pub(super) fn eigen(&self) -> ([Real; 3], [Vec3; 3]) {
+    pub(crate) fn eigen(&self) -> ([Real; 3], [Vec3; 3]) {
         let mut a = [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]];
         let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         // Converges quadratically: 3 to 5 sweeps leave nothing off the diagonal.
@@ -112,14 +125,20 @@ impl Adjugate {
     /// ratio / 9; and the rounding of det, some units of sum³, is below what is asked of det only where it is above the
     /// second bound.
     #[inline]
-    pub(super) fn rank_above(&self, ratio: Real) -> bool {
+    pub(crate) fn rank_above(&self, ratio: Real) -> bool {
         let flat = Real::max(ratio / 9.0, 8.0 * Real::EPSILON / ratio);
         self.det > ratio * self.pairs * self.sum && self.pairs > flat * self.sum * self.sum
     }
 
-    /// The solution of M x = v.
+    /// The solution of M x = v, each component rounded by a division of its own.
     #[inline]
-    pub(super) fn solve(&self, v: Vec3) -> Vec3 {
+    pub(crate) fn solve_by_division(&self, v: Vec3) -> Vec3 {
+        self.adjugate.times(v) / self.det
+    }
+
+    /// The solution of M x = v by one division.
+    #[inline]
+    pub(crate) fn solve(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) * (1.0 / self.det)
     }
 }
@@ -150,6 +169,59 @@ fn rotate(a: &mut [[Real; 3]; 3], v: &mut [[Real; 3]; 3], p: usize, q: usize) {
         row[p] = c * x - s * y;
         row[q] = s * x + c * y;
     }
+}
+
+/// Singular values of `rows` (at most [`MAX_JOINTS`]), largest first, with their axes; `axes` are about these. By one-sided
+/// Jacobi rotations, which are accurate even for the least value (Demmel and Veselic 1992).
+pub(crate) fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3; 3]) {
+    let lengths = orthogonalise(rows, &mut axes);
+    let mut order = [0, 1, 2];
+    order.sort_unstable_by(|&i, &j| lengths[j].total_cmp(&lengths[i]));
+    (order.map(|i| lengths[i]), order.map(|i| axes[i]))
+}
+
+/// Turns `axes`, orthonormal, until the columns that they make of the rows (row . axis) are at right angles to each other; returns
+/// the lengths of these, in the axes' order. At most [`MAX_JOINTS`] rows.
+fn orthogonalise(rows: &[Vec3], axes: &mut [Vec3; 3]) -> [Real; 3] {
+    let m = rows.len();
+    let mut columns = [[0.0; MAX_JOINTS]; 3];
+    for (k, row) in rows.iter().enumerate() {
+        for (column, axis) in columns.iter_mut().zip(*axes) {
+            column[k] = row.dot(axis);
+        }
+    }
+    let dot = |a: &[Real; MAX_JOINTS], b: &[Real; MAX_JOINTS]| -> Real {
+        a.iter().zip(b).map(|(x, y)| x * y).sum()
+    };
+    // Converges quadratically: 3 columns need 4 to 6 sweeps.
+    for _ in 0..12 {
+        let mut largest: Real = 0.0;
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            let (aa, bb) = (dot(&columns[i], &columns[i]), dot(&columns[j], &columns[j]));
+            let ab = dot(&columns[i], &columns[j]);
+            let scale = sqrt(aa * bb);
+            if !(fabs(ab) > Real::EPSILON * scale) {
+                continue;
+            }
+            largest = largest.max(fabs(ab) / scale);
+            let zeta = (bb - aa) / (2.0 * ab);
+            let sign = if zeta < 0.0 { -1.0 } else { 1.0 };
+            let t = sign / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
+            let c = 1.0 / sqrt(1.0 + t * t);
+            for k in 0..m {
+                let (x, y) = (columns[i][k], columns[j][k]);
+                columns[i][k] = c * (x - t * y);
+                columns[j][k] = c * (y + t * x);
+            }
+            let (x, y) = (axes[i], axes[j]);
+            axes[i] = (x - y * t) * c;
+            axes[j] = (y + x * t) * c;
+        }
+        if largest < 4.0 * Real::EPSILON {
+            break;
+        }
+    }
+    columns.map(|c| sqrt(dot(&c, &c)))
 }
 
 #[cfg(test)]
