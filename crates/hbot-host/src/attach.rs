@@ -11,10 +11,11 @@ use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
 use thiserror::Error;
 
-use crate::bus::{Expected, MeetError, MotorBus, driver};
+use crate::bus::hbot::HbotLink;
+use crate::bus::{Expected, MeetError, MotorBus, Protocol as _, driver};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
-use crate::line::serial::{Controllers, LatencyTimer, OpenError, Serial, unguarded};
+use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
 use crate::line::{Line, Memory, SimulatorCall};
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 use crate::run_loop::Time;
@@ -99,16 +100,16 @@ pub(crate) fn simulated(
     Ok((bus, simulator))
 }
 
-/// The bus on a line to a simulated rig.
+/// The bus on a line to a simulated rig, which speaks hbot's own link whatever `link.protocol` says of
+/// the real one.
 pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,
     mut line: Box<dyn Line>,
 ) -> Result<Box<dyn MotorBus>, AttachError> {
-    let protocol = driver(rig.link.protocol);
     let expected = Expected::new(&Port::Sim.to_string(), &rig.rig, layout, 0);
-    protocol.meet(line.as_mut(), &expected)?;
-    Ok(protocol.bus(line, expected))
+    HbotLink.meet(line.as_mut(), &expected)?;
+    Ok(HbotLink.bus(line, expected))
 }
 
 fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
@@ -142,8 +143,8 @@ pub(crate) fn serial(
             notices.push(unguarded(device, &error));
         }
         if reopened {
-            let controllers = Controllers { protocol, expected: expected.clone() };
-            line.keep_open(device, rig.link.baud, controllers, helper.cloned())?;
+            let peer = Peer { protocol, expected: expected.clone() };
+            line.keep_open(device, rig.link.baud, peer, helper.cloned())?;
         }
         notices.extend(held_back(device));
         Ok(protocol.bus(Box::new(line), expected))

@@ -16,7 +16,7 @@ use crate::sample::{Answer, Counters, Sample, Timing};
 
 /// Commands whose send time is remembered to tell the age of a reading; an older one has no age.
 const SENT: usize = 1024;
-/// How often the last command is said.
+/// How many times the final zero-torque command is sent, in case a frame is lost.
 const STOPS: u32 = 3;
 
 /// Everything that a tick touches. Nothing here allocates, frees or waits once it runs.

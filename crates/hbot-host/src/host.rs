@@ -47,6 +47,14 @@ pub enum StartError {
     /// The motors.
     #[error(transparent)]
     Attach(#[from] AttachError),
+    /// Motor buses of another number than the rig file's ports.
+    #[error("{given} motor buses were given, the rig file has joints on {ours}")]
+    Buses {
+        /// Given.
+        given: usize,
+        /// In the rig file.
+        ours: usize,
+    },
     /// The processor that the loop is to stay on.
     #[error(transparent)]
     Processor(#[from] NoProcessor),
@@ -58,8 +66,8 @@ pub enum StartError {
     System(#[from] std::io::Error),
 }
 
-/// A rig whose loop runs. Whoever lets go of it has stopped the loop, so that no motor goes on
-/// without anybody who could stop it.
+/// A rig whose loop runs. Dropping it stops the loop, so that no motor runs without an owner that can
+/// stop it.
 pub struct Host {
     stop: StopFlag,
     thread: Option<JoinHandle<Ended>>,
@@ -84,7 +92,13 @@ impl Host {
         }
         let layout = Layout::of(&rig);
         let (buses, simulator) = match (buses, &rig.link.port) {
-            (Some(buses), _) => (buses, None),
+            (Some(buses), _) => {
+                let ours = layout.buses();
+                if buses.len() != ours {
+                    return Err(StartError::Buses { given: buses.len(), ours });
+                }
+                (buses, None)
+            }
             (None, Port::Devices(_)) if time == Time::Virtual => {
                 return Err(StartError::VirtualHardware(rig.link.port.to_string()));
             }

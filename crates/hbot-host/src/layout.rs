@@ -49,6 +49,12 @@ impl Layout {
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 
+    /// How many buses there are.
+    #[must_use]
+    pub fn buses(&self) -> usize {
+        self.places.iter().map(|place| place.bus + 1).max().unwrap_or(0)
+    }
+
     /// The joints of the rig on one bus, each with its place there.
     pub fn joints(&self, bus: usize) -> impl Iterator<Item = (usize, usize)> {
         let all = self.places.iter().enumerate();

@@ -44,7 +44,8 @@ struct Attached {
     joints: Vec<(usize, usize)>,
     /// The tick of the command that its newest reading answers.
     answers: Option<u32>,
-    /// Its line was gone; said with the next reading, so that no torque comes back unasked.
+    /// The line was reopened. Reported as an expired watchdog with the next reading, so that torque
+    /// needs `reset` and `enable`.
     lost: bool,
 }
 
@@ -53,8 +54,8 @@ struct Attached {
 pub struct News {
     /// The readings of all joints, as old as the oldest of them; `None` where nothing is new.
     pub feedback: Option<JointFeedback>,
-    /// Buses that have brought a reading.
-    pub heard: usize,
+    /// How many buses have brought a reading.
+    pub buses_with_reading: usize,
     /// Damaged frames.
     pub damaged: u16,
     /// Frames that are not from these controllers.
@@ -111,7 +112,7 @@ impl Motors {
             news.reopened += u64::from(heard.reopened);
             complaints = complaints.or(attached.complaints(&heard));
             if let Some(reading) = heard.reading {
-                news.heard += 1;
+                news.buses_with_reading += 1;
                 attached.answers = Some(reading.answers);
                 attached.place(&reading, &self.offsets, &mut self.readings);
             }
@@ -122,7 +123,9 @@ impl Motors {
         let oldest = self.buses.iter().try_fold(tick, |oldest, attached| {
             attached.answers.map(|answers| if age(answers) > age(oldest) { answers } else { oldest })
         });
-        if let Some(sequence) = oldest.filter(|_| news.heard > 0 || complaints != Complaints::default()) {
+        if let Some(sequence) =
+            oldest.filter(|_| news.buses_with_reading > 0 || complaints != Complaints::default())
+        {
             self.readings.sequence = sequence;
             news.feedback = Some(JointFeedback { complaints, ..self.readings });
         }

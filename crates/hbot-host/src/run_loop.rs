@@ -21,7 +21,7 @@ impl StopFlag {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// The flag itself, for who can do nothing but set it.
+    /// The flag itself, for signal handlers, which can only set it.
     pub(crate) fn shared(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.0)
     }

@@ -56,7 +56,7 @@ pub struct Counters {
     pub missed: u64,
     /// Damaged frames.
     pub corrupt_frames: u64,
-    /// Whole frames that were not from these controllers: a wrong number of joints.
+    /// Whole frames from other controllers, or that answer a command that was never sent.
     pub foreign_frames: u64,
     /// Commands that the serial line did not take whole.
     pub send_failures: u64,

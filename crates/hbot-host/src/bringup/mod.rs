@@ -146,7 +146,7 @@ impl Bench {
                 std::thread::sleep(self.period);
             }
             let news = self.motors.receive(now_ns, self.tick);
-            if let Some(feedback) = news.feedback.filter(|_| news.heard == self.motors.buses()) {
+            if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
                 return Ok(feedback);
             }
         }

@@ -86,10 +86,10 @@ struct HbotBus {
     answered: Option<u32>,
     /// The line took only a part of the last frame.
     cut: bool,
-    /// Those who have said last who they are, are not those of the rig.
+    /// The last description received is not that of the rig's controllers.
     stranger: bool,
-    /// The newest readings come from controllers that nobody has asked who they are, or that are
-    /// others.
+    /// The newest readings come from controllers that have restarted since they were met, or from
+    /// other controllers.
     undescribed: bool,
 }
 
@@ -100,11 +100,11 @@ impl MotorBus for HbotBus {
             heard.reopened = true;
             heard.zeros_lost = renewed.rebooted;
             self.decoder.reset();
-            // Who they are has been asked before the line was given back.
+            // The thread that reopens lines has met these controllers already.
             (self.cut, self.stranger) = (false, false);
         }
         self.undescribed = self.stranger;
-        // A line that babbles faster than it is read is read on in the next tick.
+        // At most 4 x 4096 bytes; the rest waits for the next tick.
         for _ in 0..4 {
             let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
             let Self { decoder, expected, obedience, answered, stranger, undescribed, received, .. } = self;
@@ -225,7 +225,9 @@ fn difference(expected: &Expected, there: &Description) -> Option<Difference> {
     if there.joints.len() != expected.joints() {
         return Some(Difference::Joints);
     }
-    expected.odd_counts(there.joints.iter().map(|joint| joint.counts_per_turn)).map(Difference::Counts)
+    expected
+        .first_wrong_counts(there.joints.iter().map(|joint| joint.counts_per_turn))
+        .map(Difference::Counts)
 }
 
 /// The command that switches the motors of the line off.

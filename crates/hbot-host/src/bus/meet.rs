@@ -84,8 +84,19 @@ pub enum MeetError {
 pub struct Expected {
     /// The port, for messages.
     port: String,
-    /// In the order of the bus: each joint's number in the rig, and its counts a turn.
-    joints: Vec<(usize, u32)>,
+    /// In the order of the bus.
+    joints: Vec<ExpectedJoint>,
+}
+
+/// A joint as the rig file describes it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExpectedJoint {
+    /// Its number in the rig, from 0: steer, drive of each wheel.
+    pub number: usize,
+    /// Counts of its encoder in one turn of the encoder.
+    pub counts_per_turn: u32,
+    /// Turns of the encoder in one turn of the joint.
+    pub gear: f64,
 }
 
 impl Expected {
@@ -94,9 +105,11 @@ impl Expected {
     pub fn new(port: &str, rig: &Rig, layout: &Layout, bus: usize) -> Self {
         let mut joints: Vec<_> = layout.joints(bus).collect();
         joints.sort_by_key(|(_, at)| *at);
-        let joints =
-            joints.into_iter().map(|(joint, _)| (joint, rig.joints[joint].counts_per_turn)).collect();
-        Self { port: port.to_owned(), joints }
+        let expected = |(number, _): (usize, usize)| {
+            let joint = &rig.joints[number];
+            ExpectedJoint { number, counts_per_turn: joint.counts_per_turn, gear: joint.gear }
+        };
+        Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect() }
     }
 
     /// The name of the port.
@@ -111,6 +124,13 @@ impl Expected {
         self.joints.len()
     }
 
+    /// The joint at place `at` of the bus, from 0. A driver whose controllers speak of turns, or of the
+    /// motor's shaft, converts by it.
+    #[must_use]
+    pub fn joint(&self, at: usize) -> Option<&ExpectedJoint> {
+        self.joints.get(at)
+    }
+
     /// A rig with one joint fewer, for tests of drivers.
     #[must_use]
     pub fn without_last(&self) -> Self {
@@ -121,18 +141,18 @@ impl Expected {
 
     /// A rig whose last encoder counts one more a turn, for tests of drivers.
     #[must_use]
-    pub fn finer(&self) -> Self {
+    pub fn with_other_counts(&self) -> Self {
         let mut other = self.clone();
-        if let Some((_, counts)) = other.joints.last_mut() {
-            *counts += 1;
+        if let Some(joint) = other.joints.last_mut() {
+            joint.counts_per_turn += 1;
         }
         other
     }
 
     /// The first joint whose counts a turn are not `theirs` (in the order of the bus): its place.
     /// Does not allocate.
-    pub fn odd_counts(&self, theirs: impl IntoIterator<Item = u32>) -> Option<usize> {
-        theirs.into_iter().zip(&self.joints).position(|(theirs, (_, ours))| theirs != *ours)
+    pub fn first_wrong_counts(&self, theirs: impl IntoIterator<Item = u32>) -> Option<usize> {
+        theirs.into_iter().zip(&self.joints).position(|(theirs, joint)| theirs != joint.counts_per_turn)
     }
 
     /// The error where the line carries another number of joints.
@@ -144,8 +164,8 @@ impl Expected {
     /// The error where the joint at place `at` counts `theirs` a turn.
     #[must_use]
     pub fn wrong_counts(&self, at: usize, theirs: u32) -> MeetError {
-        let (joint, ours) = self.joints[at];
-        MeetError::Counts { joint: joint + 1, field: field(joint), theirs, ours }
+        let ExpectedJoint { number, counts_per_turn: ours, .. } = self.joints[at];
+        MeetError::Counts { joint: number + 1, field: field(number), theirs, ours }
     }
 }
 

@@ -18,11 +18,11 @@ use hbot_config::rig as config;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 
-pub use self::meet::{Expected, MeetError, converse, field};
+pub use self::meet::{Expected, ExpectedJoint, MeetError, converse, field};
 pub use self::obedience::Obedience;
 use crate::line::Line;
 
-/// What the motor controllers of one bus have said since they were asked last.
+/// What one bus has received since the previous call of [`MotorBus::receive`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Heard {
     /// The newest reading. `None` where no new one has come.
@@ -31,7 +31,7 @@ pub struct Heard {
     pub complaints: Complaints,
     /// Damaged frames.
     pub damaged: u16,
-    /// Whole frames that are not from these controllers, or answer a command that was never sent.
+    /// Whole frames from other controllers, or that answer a command that was never sent.
     pub foreign: u32,
     /// The controllers may have lost their zeros: they have lost power, or they are others.
     pub zeros_lost: bool,
@@ -42,10 +42,10 @@ pub struct Heard {
 /// What the encoders of one bus read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// The tick of the command that this reading answers. Where the protocol leaves that open, the
-    /// older candidate: the age of a reading then errs on the safe side.
+    /// The tick of the command that this reading answers. If the protocol does not say which, the
+    /// oldest tick that is possible: the age of a reading is then too long, never too short.
     pub answers: u32,
-    /// In the order of the bus; what is beyond its joints is not looked at.
+    /// In the order of the bus. Entries beyond the bus's joints are ignored.
     pub joints: [JointReading; MAX_JOINTS],
 }
 
@@ -63,7 +63,7 @@ pub struct JointReading {
 /// What the motors of one bus are to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusCommand {
-    /// The tick that this command belongs to. A protocol that can has it sent back.
+    /// The tick that this command belongs to. If the protocol can echo a number, send this one.
     pub tick: u32,
     /// Motors on.
     pub enable: bool,
@@ -123,7 +123,8 @@ pub struct Traffic {
     pub commands: usize,
     /// Bytes from the controllers.
     pub feedback: usize,
-    /// Time that the controllers need beyond that of the bytes, us.
+    /// Time that the controllers need beyond that of the bytes, us. `rig check` adds it to the time of
+    /// the feedback.
     pub turnaround_us: u32,
 }
 

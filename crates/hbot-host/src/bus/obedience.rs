@@ -1,4 +1,4 @@
-//! Whether motors are on or off as they were told.
+//! Checks that motors are on or off as commanded.
 
 /// Commands that are remembered.
 const COMMANDS: usize = 64;
@@ -24,8 +24,9 @@ impl Obedience {
     }
 
     /// Whether a reading that answers the command of tick `answers` says that motors are on although
-    /// that command switched them off, or off although it switched them on. `explained`: the
-    /// controllers say why their motors are off. False where the command is not remembered.
+    /// that command switched them off, or off although it switched them on. `explained`: the reading
+    /// gives a reason for motors that are off (watchdog, fault, restart). False where the command is
+    /// not remembered.
     #[must_use]
     pub fn is_broken(&self, answers: u32, motors_on: bool, explained: bool) -> bool {
         let (tick, enable) = self.commands[answers as usize % COMMANDS];

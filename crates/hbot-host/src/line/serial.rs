@@ -51,7 +51,7 @@ struct Held {
 
 /// Who must be on a line, and what they speak.
 #[derive(Debug, Clone)]
-pub struct Controllers {
+pub struct Peer {
     /// What they speak.
     pub protocol: &'static dyn Protocol,
     /// Who they are.
@@ -111,7 +111,7 @@ impl Serial {
     }
 
     /// From now on, has the line opened anew where it vanishes, once its
-    /// `controllers` are on it again, and guarded anew by `helper`.
+    /// `peer` is on it again, and guarded anew by `helper`.
     ///
     /// # Errors
     /// The system gives no thread.
@@ -119,10 +119,10 @@ impl Serial {
         &mut self,
         port: &str,
         baud: u32,
-        controllers: Controllers,
+        peer: Peer,
         helper: Option<Program>,
     ) -> io::Result<()> {
-        let kept = Kept { path: port.into(), baud, controllers, helper };
+        let kept = Kept { path: port.into(), baud, peer, helper };
         self.reopening = Some(keeper::keep(kept, self.watched())?);
         Ok(())
     }

@@ -8,7 +8,7 @@ use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 
 use super::*;
-use crate::line::serial::{Controllers, Serial};
+use crate::line::serial::{Peer, Serial};
 
 /// A rig behind a pseudo-terminal that a link in a folder leads to, as udev makes one for a USB device.
 fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
@@ -40,8 +40,8 @@ fn plugged_in(rig: RigConfig, link: &Path) -> (Bench, PtyRig) {
     let mut line = Serial::open(port, rig.link.baud).expect("it opens");
     let expected = Expected::new(port, &rig.rig, &layout, 0);
     HbotLink.meet(&mut line, &expected).expect("it answers");
-    let controllers = Controllers { protocol: &HbotLink, expected };
-    line.keep_open(port, rig.link.baud, controllers, None).expect("a thread");
+    let peer = Peer { protocol: &HbotLink, expected };
+    line.keep_open(port, rig.link.baud, peer, None).expect("a thread");
     let mut bench = Bench::new(&rig, vec![line], &layout);
     until(&mut bench, "idle", |sample| sample.state.mode == Mode::Idle);
     bench.order(Order::Enable);

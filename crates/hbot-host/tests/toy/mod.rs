@@ -28,6 +28,8 @@ pub const ON: u32 = 1;
 pub const EXPIRED: u32 = 2;
 /// Flag of a reading: the controllers have started since somebody asked who they are.
 pub const STARTED: u32 = 4;
+/// The line that asks who is there.
+const ASK: &[u8] = b"D *44\n";
 /// The longest line, bytes.
 pub const LONGEST: usize = 512;
 
@@ -45,7 +47,7 @@ impl Protocol for Toy {
         if counts.len() != expected.joints() {
             return Err(expected.wrong_joints(counts.len()));
         }
-        let odd = expected.odd_counts(counts.iter().copied());
+        let odd = expected.first_wrong_counts(counts.iter().copied());
         odd.map_or(Ok(()), |at| Err(expected.wrong_counts(at, counts[at])))
     }
 
@@ -64,7 +66,16 @@ impl Protocol for Toy {
     fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus> {
         let obedience = Obedience::default();
         let (inbox, outbox) = (Inbox::default(), [0; LONGEST]);
-        Box::new(ToyBus { line, expected, inbox, outbox, obedience, answered: None, cut: false })
+        Box::new(ToyBus {
+            line,
+            expected,
+            inbox,
+            outbox,
+            obedience,
+            answered: None,
+            cut: false,
+            started: false,
+        })
     }
 
     fn traffic(&self, joints: usize) -> Traffic {
@@ -84,6 +95,8 @@ struct ToyBus {
     answered: Option<u32>,
     /// The line took only a part of the last command.
     cut: bool,
+    /// The controllers have started since somebody asked who they are.
+    started: bool,
 }
 
 impl MotorBus for ToyBus {
@@ -97,11 +110,20 @@ impl MotorBus for ToyBus {
         let n = self.line.read(now_ns, &mut received).unwrap_or(0);
         for byte in &received[..n] {
             let Some(line) = self.inbox.take(*byte) else { continue };
-            let Some((flags, reading)) = line.and_then(|text| parse(text, self.expected.joints())) else {
+            let Some(text) = line else {
                 heard.damaged = heard.damaged.saturating_add(1);
                 continue;
             };
-            heard.zeros_lost |= flags & STARTED != 0;
+            if text.starts_with("D ") {
+                // They have been asked anew; `started` falls with their next reading.
+                continue;
+            }
+            let Some((flags, reading)) = parse(text, self.expected.joints()) else {
+                heard.foreign += 1;
+                continue;
+            };
+            self.started = flags & STARTED != 0;
+            heard.zeros_lost |= self.started;
             let explained = flags & (EXPIRED | STARTED) != 0;
             heard.complaints = heard.complaints.or(Complaints {
                 watchdog: flags & EXPIRED != 0,
@@ -126,6 +148,10 @@ impl MotorBus for ToyBus {
         if self.cut {
             // Ends the half line that the controllers have.
             let _ = rest.write_all(b"\n");
+        }
+        if self.started && command.tick.is_multiple_of(100) {
+            // Asks who is there now.
+            let _ = rest.write_all(ASK);
         }
         let room = rest.len();
         let _ = write!(rest, "C {} {} {}", command.tick, u8::from(command.enable), command.watchdog_ms);

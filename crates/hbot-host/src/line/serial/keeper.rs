@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Controllers, Held, LOOK, Serial, open, unguarded};
+use super::{Held, LOOK, Peer, Serial, open, unguarded};
 use crate::last_word::{LastWord, Program, Watched};
 use crate::line::Renewed;
 
@@ -37,7 +37,7 @@ impl Drop for Reopening {
 pub(super) struct Kept {
     pub(super) path: PathBuf,
     pub(super) baud: u32,
-    pub(super) controllers: Controllers,
+    pub(super) peer: Peer,
     pub(super) helper: Option<Program>,
 }
 
@@ -114,7 +114,7 @@ impl Keeper {
     /// Notes in `rebooted` whether the controllers have lost power, even where the line is not to be had yet: they say so only until they
     /// are asked who they are, and the next try would not hear of it.
     fn try_once(&self, rebooted: &mut bool) -> Result<Held, String> {
-        let Kept { path, baud, controllers: Controllers { protocol, expected }, helper } = &self.kept;
+        let Kept { path, baud, peer: Peer { protocol, expected }, helper } = &self.kept;
         let port = open(path, *baud).map_err(|errno| errno.to_string())?;
         let mut line = Serial::of(port);
         // Off first.
@@ -189,9 +189,9 @@ mod tests {
         let (_lost, to_reopen) = RingBuffer::new(1);
         let (back, _back) = RingBuffer::new(1);
         let expected = Expected::new(&path, &rig.rig, &Layout::single(0..4), 0);
-        let controllers = Controllers { protocol: &HbotLink, expected };
+        let peer = Peer { protocol: &HbotLink, expected };
         let over_too = Arc::clone(&over);
-        let kept = Kept { path: path.into(), baud: rig.link.baud, controllers, helper: None };
+        let kept = Kept { path: path.into(), baud: rig.link.baud, peer, helper: None };
         let keeper = Keeper { kept, watched: None, lost: to_reopen, back, over: over_too };
         let (_, renewed) = keeper.find().unwrap();
         assert_eq!(renewed, Renewed { rebooted: true });
