@@ -170,7 +170,7 @@ pub enum Command {
         q: Quat,
         /// Part of the difference to take over, 0 to 1; 0 records only.
         weight: Real,
-        /// The tick at which it was seen.
+        /// The tick at which it was seen, one of the last [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY).
         tick: u64,
     },
     /// The holder of the lease is gone.

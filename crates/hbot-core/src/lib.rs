@@ -23,7 +23,8 @@
 //! # A tick
 //!
 //! A program owns a [`Controller`] and calls it once a period with what has come in. It sends [`Outputs::drive`] to the motor
-//! controllers. `examples/embedded_tick.rs` is a whole one; tests/no_std in the repository has nothing underneath at all.
+//! controllers. tests/no_std in the repository is a whole program without a standard library, and examples/own_effect.rs one
+//! with a simulated rig and a law of its own.
 //!
 //! ```
 //! use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};

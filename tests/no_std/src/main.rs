@@ -1,7 +1,17 @@
-//! A rig of one spring, in a program with nothing underneath: no standard library, no allocator, no C library.
+//! The example of an embedded program: a controller that renders a spring, with nothing underneath. No standard library, no
+//! allocator, no C library.
 //!
-//! Half a second of ticks goes through the frames of the serial line in both directions. Exits with 0 where every
-//! result is right, with the number of the first that is not (see [`rig::run`]), or with 101 from a panic.
+//! ```text
+//! .ci/no_std.sh                                    # builds it, runs it, and searches it for an allocator
+//! cd tests/no_std && cargo run --release; echo $?  # runs it alone: 0 if every result is right
+//! ```
+//!
+//! Read `rig.rs`: what stands there is what firmware or a small computer would have, apart from its end of the line. It states a
+//! rig and a scene, then ticks: a reading in, [`hbot_core::Controller::tick`], a command out as a frame of hbot-link.
+//! `memory.rs` and the start below are only there because this program has no C library; on a microcontroller a runtime such
+//! as cortex-m-rt has both.
+//!
+//! It exits with the number of the first result that is wrong (see [`rig::run`]), or with 101 from a panic.
 #![no_std]
 #![no_main]
 

@@ -1,5 +1,7 @@
-//! A rig on a line: the prototype with a spring wound up by a quarter of a radian, and motor controllers that read a
-//! sphere which is held still.
+//! The loop of an embedded program: the prototype with a spring wound up by a quarter of a radian, for 600 ticks.
+//!
+//! [`run`] is the loop; [`rig`] and [`scene`] state what it controls and what that feels like. [`Controllers`] stands for the
+//! other end of the line: motor controllers that read a sphere which is held still. There a real program has its port.
 
 use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
@@ -18,7 +20,7 @@ const STIFFNESS: f64 = 2.0;
 /// rad about n1.
 const WOUND: f64 = 0.25;
 
-/// Runs it: the number of the first thing that is wrong, if any.
+/// Runs the loop. Fails with the number of the first thing that is wrong.
 pub fn run() -> Result<(), i32> {
     let scene = scene().ok_or(1)?;
     let mut controller = Controller::new(rig().ok_or(2)?);
@@ -31,6 +33,7 @@ pub fn run() -> Result<(), i32> {
         }
         let outputs = controller.tick(&scene, &inputs);
 
+        // The command as it goes out on the line; its sequence number is the tick, by which the answer names it.
         let mut torque = heapless::Vec::new();
         for j in 0..JOINTS {
             torque.push(outputs.drive.torque[j] as f32).map_err(|_| 4)?;
@@ -39,6 +42,7 @@ pub fn run() -> Result<(), i32> {
         let command = hbot_link::Command { sequence: tick as u32, enable, watchdog_ms: 20, torque };
         heard = Some(controllers.answer(&command)?);
 
+        // What must have come of it.
         let state = &outputs.state;
         match tick {
             1 if state.mode != Mode::Unreferenced => return Err(10),

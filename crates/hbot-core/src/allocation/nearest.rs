@@ -110,6 +110,7 @@ impl Bounds<'_> {
 }
 
 #[cfg(test)]
+#[allow(clippy::excessive_precision, reason = "an f32 rounds the figures that were found with f64")]
 mod tests {
     use super::*;
     use crate::device::MAX_WHEELS;

@@ -1,0 +1,98 @@
+//! Shows an effect of one's own: a ratchet, which no scene has. It lets the sphere turn forwards about n3 and holds it against
+//! turning back over the last tooth.
+//!
+//! ```text
+//! cargo run --example own_effect
+//! ```
+//!
+//! The kinds of a scene are closed, because every one is checked for all that a hand may do. A law of one's own is a stream instead:
+//! it takes the state of a tick, and its torque enters the next one within all limits of the rig. Here it runs in one process with the
+//! controller and a simulated rig in which a hand turns the sphere to and fro; over TCP, `stream_torque` does likewise.
+
+use std::error::Error;
+
+use hbot_config::RigConfig;
+use hbot_core::inputs::{Command, Inputs, Stamp};
+use hbot_core::outputs::State;
+use hbot_core::rig::Rig;
+use hbot_core::{CompiledScene, Controller, Vec3};
+use hbot_sim::exchange::Exchange;
+use hbot_sim::phenomena::Hand;
+use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+
+/// From tooth to tooth, rad.
+const TOOTH: f64 = 0.1;
+/// How stiff a tooth holds, N m/rad, and its damping, N m s/rad.
+const STIFFNESS: f64 = 8.0;
+const DAMPING: f64 = 0.02;
+/// Ticks of a run: 10 s.
+const TICKS: u64 = 10_000;
+
+/// A ratchet about n3, with what it remembers.
+#[derive(Default)]
+struct Ratchet {
+    /// The sphere's turn about n3 so far, rad.
+    angle: f64,
+    /// The last tooth passed, rad.
+    held: f64,
+}
+
+impl Ratchet {
+    /// Moves on by `dt` seconds to `state`. Returns the torque on the sphere in N, N m.
+    fn render(&mut self, state: &State, dt: f64) -> Vec3 {
+        self.angle += state.omega.z * dt;
+        self.held = self.held.max((self.angle / TOOTH).floor() * TOOTH);
+        let depth = self.held - self.angle;
+        if depth > 0.0 { Vec3::Z * (STIFFNESS * depth - DAMPING * state.omega.z) } else { Vec3::ZERO }
+    }
+}
+
+/// How far the sphere turned about n3 and came back from there, rad.
+fn run(rig: &Rig, mut ratchet: Option<Ratchet>) -> Result<[f64; 2], Box<dyn Error>> {
+    let mut simulated = SimulatedRig::new(&SimulatedConfig::new(rig))?;
+    simulated.set_hand(Some(Hand { stiffness: 1.0, ..Hand::default() }));
+    let mut line = Exchange::new(simulated, rig.device.joints());
+    let mut controller = Controller::new(*rig);
+    let scene = CompiledScene::empty();
+    let dt = rig.timing.period_s();
+
+    let (mut heard, mut torque) = (None, Vec3::ZERO);
+    let (mut angle, mut most, mut back) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for tick in 1..=TICKS {
+        let mut inputs = Inputs { feedback: heard, ..Inputs::quiet(tick) };
+        let command = if tick == 3 {
+            Command::Enable
+        } else {
+            // It holds for this tick and the next: if the law stopped, so would its torque.
+            let stamp = Stamp { seq: None, tick: Some(tick - 1) };
+            Command::Stream { torque, valid_ticks: 2, stamp }
+        };
+        inputs.commands.push(command).map_err(|_| "no room for a command")?;
+        let outputs = controller.tick(&scene, &inputs);
+        heard = line.tick(tick * rig.timing.period_ns, tick as u32, &outputs.drive);
+
+        let state = &outputs.state;
+        if let Some(cause) = state.cause {
+            return Err(format!("a fault in tick {tick}: {cause:?}").into());
+        }
+        torque = ratchet.as_mut().map_or(Vec3::ZERO, |ratchet| ratchet.render(state, dt));
+        angle += state.omega.z * dt;
+        most = most.max(angle);
+        back = back.max(most - angle);
+    }
+    Ok([most, back])
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let rig = RigConfig::prototype().rig;
+    let [free, free_back] = run(&rig, None)?;
+    let [most, back] = run(&rig, Some(Ratchet::default()))?;
+    println!("without: the hand turns the sphere by {free:.3} rad and brings it back by {free_back:.3} rad");
+    println!("with it: by {most:.3} rad, and back by {back:.3} rad; a tooth is {TOOTH} rad");
+    // Back to the tooth, and as far into it as the hand can push.
+    if back < TOOTH + 0.6 / STIFFNESS && free_back > 2.0 * back {
+        Ok(())
+    } else {
+        Err("the ratchet does not hold".into())
+    }
+}

@@ -1,0 +1,66 @@
+//! Shows how a client renders for itself: it reads each state and streams back the torque of a spring, which the server adds
+//! to its scene. The spring pulls to where the sphere stood when the program began.
+//!
+//! ```text
+//! cargo run server                                           # in one terminal: a simulated rig
+//! cargo run --example stream_torque -- [ADDRESS] [SECONDS]   # in another; 127.0.0.1:4268 and 5 s unless told
+//! ```
+//!
+//! A torque that a client renders is some milliseconds old before it acts, so such a spring must be softer than one of a scene, which
+//! the loop renders itself. Each message says how long it holds: when the program ends or hangs, its torque goes to zero.
+
+use std::error::Error;
+use std::time::{Duration, Instant};
+
+use hbot_api::{Client, Event, TorqueCommand};
+use hbot_core::{Vec3, rotation};
+
+/// Stiffness, N m/rad, and damping, N m s/rad.
+const STIFFNESS: f64 = 0.3;
+const DAMPING: f64 = 0.005;
+/// How long a torque holds that no other follows, ms.
+const VALID_MS: u64 = 50;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = std::env::args().skip(1);
+    let address = args.next().unwrap_or_else(|| "127.0.0.1:4268".to_owned());
+    let seconds: f64 = args.next().map_or(Ok(5.0), |seconds| seconds.parse())?;
+
+    let mut client = Client::connect(&address, "stream_torque")?;
+    // Only who holds the lease may stream. It is given back when the connection ends.
+    client.acquire(false)?;
+    client.enable()?;
+    client.subscribe(1)?;
+
+    let (start, mut reference, mut largest, mut oldest) = (Instant::now(), None, 0.0_f64, 0);
+    while start.elapsed().as_secs_f64() < seconds {
+        let Some(event) = client.next_event(Duration::from_secs(5))? else {
+            return Err("no state for 5 s: does the server's loop run?".into());
+        };
+        let state = match event {
+            Event::State(state) => state,
+            // A stream is not answered: what the server refuses of it comes as an event.
+            Event::Refused(refused) => return Err(format!("{refused:?}").into()),
+            _ => continue,
+        };
+        let q = rotation::from_wxyz(state.q).ok_or("an orientation that is none")?;
+        let reference = *reference.get_or_insert(q);
+        // The turn in N that would bring the sphere back, rad.
+        let back = rotation::difference(reference, q);
+        let torque = back * STIFFNESS - Vec3::from_array(state.omega) * DAMPING;
+        client.torque(TorqueCommand {
+            torque: torque.to_array(),
+            valid_ms: VALID_MS,
+            // Names the state that it was computed from, so that the server can refuse it if it is too old.
+            tick: Some(state.tick),
+            seq: Some(state.tick),
+        })?;
+        largest = largest.max(torque.length());
+        oldest = oldest.max(state.client.map_or(0, |client| client.age_ticks));
+    }
+    println!(
+        "streamed for {seconds} s: at most {largest:.3} N m, in use up to {oldest} ticks after their state"
+    );
+    client.disable()?;
+    Ok(())
+}
