@@ -1,6 +1,6 @@
 //! From the core's types to those of the TCP messages.
 
-use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 use hbot_config::rig::OnClientLost;
 use hbot_core::inputs;
 use hbot_core::mode;
@@ -87,7 +87,7 @@ pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
     event.traction = state.traction;
     event.energy = state.energy;
     event.client = state.client.map(|client| ClientStream { seq: client.seq, age_ticks: client.age_ticks });
-    event.timing = Timing {
+    event.timing = StateTiming {
         lateness_us: microseconds(sample.timing.lateness_ns),
         compute_us: microseconds(sample.timing.compute_ns),
         link_us: microseconds(sample.timing.link_ns),

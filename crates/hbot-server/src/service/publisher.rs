@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::Arc;
 
-use hbot_api::{EncodeError, Encoding, ErrorBody, Event, OpName, StateEvent};
+use hbot_api::{Encoding, ErrorBody, Event, MessageEncodeError, OpName, StateEvent};
 use serde::Serialize;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -66,7 +66,7 @@ impl Publisher {
     pub(super) fn guessed(&mut self, session: u64) -> Option<IpAddr> {
         let peer = self.peers.get_mut(&session)?;
         peer.guessed = true;
-        peer.address
+        Some(peer.address)
     }
 
     /// Cuts the connection that has waited longest for the answer to a wrong token: false if there is none.
@@ -153,7 +153,11 @@ impl Publisher {
     ///
     /// # Errors
     /// The message holds a number that is not finite; it is not sent then.
-    pub(super) fn try_send(&mut self, session: u64, message: &impl Serialize) -> Result<(), EncodeError> {
+    pub(super) fn try_send(
+        &mut self,
+        session: u64,
+        message: &impl Serialize,
+    ) -> Result<(), MessageEncodeError> {
         let Some(peer) = self.peers.get(&session) else { return Ok(()) };
         if !peer.try_send(message)? {
             self.doomed.push(session);
@@ -171,7 +175,7 @@ impl Publisher {
         }
     }
 
-    /// Counts a stream message that is refused without an answer, and tells its client, at most once a second.
+    /// CountsByName a stream message that is refused without an answer, and tells its client, at most once a second.
     pub(super) fn refuse_stream(&mut self, session: u64, op: Option<OpName>, error: ErrorBody) {
         let Some(peer) = self.peers.get_mut(&session) else { return };
         peer.refuse(op, error);
@@ -247,6 +251,8 @@ impl Publisher {
 
 #[cfg(test)]
 mod tests {
+    use std::net::Ipv4Addr;
+
     use hbot_api::{Response, StoppingEvent};
 
     use super::super::outbox::{Inbox, outbox};
@@ -259,7 +265,10 @@ mod tests {
     /// A client with room for so many messages.
     fn admit(publisher: &mut Publisher, session: u64, messages: usize) -> Inbox {
         let (out, inbox) = outbox(messages);
-        publisher.admit(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
+        publisher.admit(
+            session,
+            Peer::new(out, tokio::spawn(async {}).abort_handle(), Ipv4Addr::LOCALHOST.into()),
+        );
         inbox
     }
 
