@@ -95,3 +95,13 @@ pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
         age_us: sample.timing.age_ns.map_or(0.0, microseconds),
     };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_causes_of_the_core_are_the_faults_of_the_messages() {
+        assert_eq!(mode::Cause::ALL.map(fault), Fault::ALL);
+    }
+}
