@@ -252,8 +252,9 @@ impl Publisher {
 #[cfg(test)]
 mod tests {
     use std::net::Ipv4Addr;
+    use std::task::{Context, Waker};
 
-    use hbot_api::{Response, StoppingEvent};
+    use hbot_api::{Response, ServerMessage, StoppingEvent};
 
     use super::super::outbox::{Inbox, outbox};
     use super::*;
@@ -288,7 +289,7 @@ mod tests {
     #[tokio::test]
     async fn states_go_to_those_who_want_this_tick() {
         let mut publisher = publisher();
-        let _inboxes = [admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 2)];
+        let (mut first, _second) = (admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 2));
         assert!(!publisher.is_watched());
         publisher.subscribe(1, 2);
         publisher.subscribe(2, 1);
@@ -298,6 +299,17 @@ mod tests {
         assert_eq!(dropped, [0, 0, 1]);
         publisher.subscribe(2, 0);
         assert_eq!(publisher.publish(&Sample::still(4)), 0);
+        let mut sent = Vec::new();
+        assert!(first.poll_take(&Context::from_waker(Waker::noop()), &mut sent).is_ready());
+        let states =
+            sent.split_inclusive(|byte| *byte == b'\n').map(|line| ServerMessage::read(Encoding::Json, line));
+        let ticks: Vec<_> = states
+            .map(|state| match state {
+                Ok(ServerMessage::Event(Event::State(state))) => state.tick,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!(ticks, [2, 4]);
         publisher.gone(1);
         assert!(!publisher.is_watched());
     }
