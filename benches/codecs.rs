@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use hbot_api::{ClientStream, Encoding, Event, JointState, Mode, Request, StateEvent, Timing};
+use hbot_api::{ClientStream, Encoding, Event, JointState, Mode, Request, StateEvent, StateTiming};
 use hbot_link::{
     Command, Decoder, Feedback, FromController, JointReading, MAX_COMMAND_FRAME, MAX_FEEDBACK_FRAME,
     ToController, encode,
@@ -64,7 +64,7 @@ fn state() -> Event {
         traction: 0.234_5,
         energy: -0.012_34,
         client: Some(ClientStream { seq: Some(77), age_ticks: 2 }),
-        timing: Timing { lateness_us: 12.3, compute_us: 0.9, link_us: 8.7, age_us: 1003.4 },
+        timing: StateTiming { lateness_us: 12.3, compute_us: 0.9, link_us: 8.7, age_us: 1003.4 },
     })
 }
 

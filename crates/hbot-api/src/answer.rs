@@ -41,8 +41,8 @@ impl Response {
     }
 }
 
-impl From<crate::Refusal> for Response {
-    fn from(refusal: crate::Refusal) -> Self {
+impl From<crate::RequestRefusal> for Response {
+    fn from(refusal: crate::RequestRefusal) -> Self {
         Self::error(refusal.id, refusal.error)
     }
 }

@@ -6,16 +6,16 @@ use std::collections::BTreeMap;
 
 /// A count of each name of a list, on the wire a map. Every name is in it, with 0 if it has not come about. Counting takes no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Counts<N>(Vec<(N, u64)>);
+pub struct CountsByName<N>(Vec<(N, u64)>);
 
-impl<N: Name> Default for Counts<N> {
+impl<N: Name> Default for CountsByName<N> {
     fn default() -> Self {
         Self(N::NAMES.iter().map(|name| (*name, 0)).collect())
     }
 }
 
-impl<N: Name> Counts<N> {
-    /// Counts `name` once more.
+impl<N: Name> CountsByName<N> {
+    /// CountsByName `name` once more.
     pub fn add(&mut self, name: N) {
         if let Some((_, count)) = self.0.iter_mut().find(|(other, _)| *other == name) {
             *count += 1;
@@ -40,14 +40,14 @@ impl<N: Name> Counts<N> {
     }
 }
 
-impl<N: Name> Serialize for Counts<N> {
+impl<N: Name> Serialize for CountsByName<N> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.iter())
     }
 }
 
 /// Names that a later server may add are passed over.
-impl<'de, N: Name> Deserialize<'de> for Counts<N> {
+impl<'de, N: Name> Deserialize<'de> for CountsByName<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let told = BTreeMap::<String, u64>::deserialize(deserializer)?;
         let mut counts = Self::default();

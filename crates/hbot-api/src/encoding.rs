@@ -25,8 +25,12 @@ impl Encoding {
     ///
     /// # Errors
     ///
-    /// [`EncodeError`] where a number of the message is not finite; `out` is then as it was before.
-    pub fn encode<T: Serialize + ?Sized>(self, message: &T, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+    /// [`MessageEncodeError`] where a number of the message is not finite; `out` is then as it was before.
+    pub fn encode<T: Serialize + ?Sized>(
+        self,
+        message: &T,
+        out: &mut Vec<u8>,
+    ) -> Result<(), MessageEncodeError> {
         let start = out.len();
         let result = match self {
             Self::Json => json(message, out),
@@ -39,18 +43,18 @@ impl Encoding {
     }
 }
 
-fn json<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), EncodeError> {
-    serde_json::to_writer(&mut *out, message).map_err(EncodeError::new)?;
+fn json<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), MessageEncodeError> {
+    serde_json::to_writer(&mut *out, message).map_err(MessageEncodeError::new)?;
     out.push(b'\n');
     Ok(())
 }
 
-fn msgpack<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+fn msgpack<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), MessageEncodeError> {
     let start = out.len();
     out.extend_from_slice(&[0; LENGTH_BYTES]);
     let mut serializer = rmp_serde::Serializer::new(&mut *out).with_struct_map();
-    message.serialize(&mut serializer).map_err(EncodeError::new)?;
-    let length = u32::try_from(out.len() - start - LENGTH_BYTES).map_err(EncodeError::new)?;
+    message.serialize(&mut serializer).map_err(MessageEncodeError::new)?;
+    let length = u32::try_from(out.len() - start - LENGTH_BYTES).map_err(MessageEncodeError::new)?;
     out[start..start + LENGTH_BYTES].copy_from_slice(&length.to_be_bytes());
     Ok(())
 }
@@ -58,11 +62,11 @@ fn msgpack<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), 
 /// A message that cannot be sent.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("message not sent: {reason}")]
-pub struct EncodeError {
+pub struct MessageEncodeError {
     reason: String,
 }
 
-impl EncodeError {
+impl MessageEncodeError {
     fn new(error: impl fmt::Display) -> Self {
         Self { reason: error.to_string() }
     }

@@ -1,7 +1,7 @@
 //! What the server answers where it does not do what it was asked.
 
 use crate::names::names;
-use crate::{FrameError, Id, OpName};
+use crate::{Id, OpName, SplitError};
 use serde::{Deserialize, Serialize};
 
 names! {
@@ -54,7 +54,7 @@ impl ErrorBody {
 /// A request that could not be read: what to answer, and to whom.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{error}")]
-pub struct Refusal {
+pub struct RequestRefusal {
     /// The request's id; `None` where even that could not be read.
     pub id: Option<Id>,
     /// The request's op where it is one that exists, so that a refused stream message without an id can be counted.
@@ -63,19 +63,19 @@ pub struct Refusal {
     pub error: ErrorBody,
 }
 
-impl From<FrameError> for ErrorBody {
-    fn from(error: FrameError) -> Self {
+impl From<SplitError> for ErrorBody {
+    fn from(error: SplitError) -> Self {
         let code = match error {
-            FrameError::TooLarge { .. } => ErrorCode::TooLarge,
-            FrameError::LooksLikeJson | FrameError::NotUtf8 { .. } => ErrorCode::BadRequest,
+            SplitError::TooLarge { .. } => ErrorCode::TooLarge,
+            SplitError::LooksLikeJson | SplitError::NotUtf8 { .. } => ErrorCode::BadRequest,
         };
         Self::new(code, error.to_string())
     }
 }
 
 /// A frame refused has no id that could be read.
-impl From<FrameError> for Refusal {
-    fn from(error: FrameError) -> Self {
+impl From<SplitError> for RequestRefusal {
+    fn from(error: SplitError) -> Self {
         Self { id: None, op: None, error: error.into() }
     }
 }

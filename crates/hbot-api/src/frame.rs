@@ -88,7 +88,7 @@ impl Splitter {
     }
 
     /// The next message without newline or length, or why one was refused; `None` where more bytes are needed.
-    pub fn next_message(&mut self) -> Option<Result<&[u8], FrameError>> {
+    pub fn next_message(&mut self) -> Option<Result<&[u8], SplitError>> {
         loop {
             self.skip();
             if self.skipping != Skipping::Nothing {
@@ -120,7 +120,7 @@ impl Splitter {
     }
 
     /// Where in `bytes` the next line is, without the blanks around it.
-    fn next_line(&mut self) -> Option<Result<(usize, usize), FrameError>> {
+    fn next_line(&mut self) -> Option<Result<(usize, usize), SplitError>> {
         let waiting = &self.bytes[self.start..];
         // A line may have its newline at the last byte allowed, and no later.
         let within = &waiting[..waiting.len().min(self.limit)];
@@ -131,7 +131,7 @@ impl Splitter {
             }
             self.searched = 0;
             self.skipping = Skipping::ToNewline;
-            return Some(Err(FrameError::TooLarge { limit: self.limit, length: None }));
+            return Some(Err(SplitError::TooLarge { limit: self.limit, length: None }));
         };
         let from = self.start;
         self.start += length + 1;
@@ -143,14 +143,14 @@ impl Splitter {
             // A stop is one in whatever company.
             && !asks_estop(line)
         {
-            return Some(Err(FrameError::NotUtf8 { at: error.valid_up_to() }));
+            return Some(Err(SplitError::NotUtf8 { at: error.valid_up_to() }));
         }
         let blanks = length - line.trim_ascii_start().len();
         Some(Ok((from + blanks, from + blanks + line.trim_ascii().len())))
     }
 
     /// Where in `bytes` the next map is.
-    fn next_map(&mut self) -> Option<Result<(usize, usize), FrameError>> {
+    fn next_map(&mut self) -> Option<Result<(usize, usize), SplitError>> {
         let length = *self.bytes[self.start..].first_chunk::<LENGTH_BYTES>()?;
         let (length, text) = (u32::from_be_bytes(length) as usize, length.starts_with(b"{"));
         let from = self.start + LENGTH_BYTES;
@@ -158,9 +158,9 @@ impl Splitter {
             self.start = from;
             self.skipping = Skipping::Bytes(length);
             return Some(Err(if text {
-                FrameError::LooksLikeJson
+                SplitError::LooksLikeJson
             } else {
-                FrameError::TooLarge { limit: self.limit, length: Some(length) }
+                SplitError::TooLarge { limit: self.limit, length: Some(length) }
             }));
         }
         if self.bytes.len() - from < length {
@@ -198,7 +198,7 @@ fn newline(bytes: &[u8]) -> Option<usize> {
 
 /// Why a message was refused before its contents were looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
-pub enum FrameError {
+pub enum SplitError {
     /// More bytes than the limit. Told once; the rest of the message is skipped as it comes.
     #[error("message of {} bytes; at most {limit} are taken", Length(*length, *limit))]
     TooLarge {

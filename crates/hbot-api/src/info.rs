@@ -203,7 +203,7 @@ names! {
         /// The stream ramps out, the scene stays.
         #[default]
         Ramp = "ramp",
-        /// The stream holds for as long as it is valid, the scene stays.
+        /// Stream and scene stay as they are.
         Keep = "keep",
         /// The rig goes into a fault.
         Fault = "fault",

@@ -23,7 +23,7 @@
 //! # What is refused, and how
 //!
 //! Requests come from strangers and are read strictly: an unknown field, a field given twice, a number that is not
-//! finite, or text where a number belongs makes the whole request a [`Refusal`], whose message names the field, what
+//! finite, or text where a number belongs makes the whole request a [`RequestRefusal`], whose message names the field, what
 //! was found there and what is legal. What the server sends is read leniently: fields that a later server may add are
 //! passed over, and an event of an unknown name is [`Event::Unknown`].
 //!
@@ -67,14 +67,14 @@ pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
 };
 pub use client::{Client, ClientError, ConnectOptions, Trust};
-pub use counts::Counts;
-pub use encoding::{EncodeError, Encoding};
-pub use error::{ErrorBody, ErrorCode, Refusal};
+pub use counts::CountsByName;
+pub use encoding::{Encoding, MessageEncodeError};
+pub use error::{ErrorBody, ErrorCode, RequestRefusal};
 pub use event::{
     DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, SceneEvent,
     StoppingEvent,
 };
-pub use frame::{FrameError, Splitter};
+pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
     ClientLostPolicy, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo,
@@ -82,7 +82,7 @@ pub use info::{
 };
 pub use names::Name;
 pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};
-pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 pub use stats::{Distribution, StatsOk};
 pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
 pub use stream::{

@@ -47,7 +47,7 @@ pub struct StateEvent {
     /// The last stream message that was taken; `None` before the first.
     pub client: Option<ClientStream>,
     /// How punctual the tick was.
-    pub timing: Timing,
+    pub timing: StateTiming,
 }
 
 /// A rig of which nothing is known yet: unreferenced, at the identity, at rest, with nothing cut by a limit.
@@ -68,7 +68,7 @@ impl Default for StateEvent {
             traction: 0.0,
             energy: 0.0,
             client: None,
-            timing: Timing::default(),
+            timing: StateTiming::default(),
         }
     }
 }
@@ -98,7 +98,7 @@ pub struct ClientStream {
 
 /// How punctual a tick was, in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Timing {
+pub struct StateTiming {
     /// From the deadline of the tick to its start.
     #[serde(serialize_with = "finite::scalar")]
     pub lateness_us: f64,

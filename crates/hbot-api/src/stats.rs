@@ -1,6 +1,6 @@
 //! What `stats` answers.
 
-use crate::{Counts, ErrorCode, Fault, finite};
+use crate::{CountsByName, ErrorCode, Fault, finite};
 use serde::{Deserialize, Serialize};
 
 /// The answer to `stats`: how long things took and how often something came about, since the server began. What a server does not
@@ -37,13 +37,13 @@ pub struct StatsOk {
     /// Samples of the loop that the service did not fetch in time.
     pub dropped_samples: u64,
     /// Faults by cause.
-    pub faults: Counts<Fault>,
+    pub faults: CountsByName<Fault>,
     /// Emergency stops.
     pub estops: u64,
     /// Requests read, refused ones included.
     pub requests: u64,
     /// Requests refused, by code; stream messages are among them.
-    pub refused: Counts<ErrorCode>,
+    pub refused: CountsByName<ErrorCode>,
     /// Stream messages refused.
     pub refused_streams: u64,
     /// States that slow readers did not get.

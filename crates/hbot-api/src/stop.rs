@@ -67,7 +67,7 @@ pub fn asks_estop(message: &[u8]) -> bool {
     asks
 }
 
-/// Whether a message may be one of those that may be long ([`OpRow::long`](crate::OpRow::long)). Nothing is parsed.
+/// Whether a message may be one of those that may be long ([`OpRow::long`](field@crate::OpRow::long)). Nothing is parsed.
 #[must_use]
 pub fn may_be_long(message: &[u8]) -> bool {
     let mut may = false;

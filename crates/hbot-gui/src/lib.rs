@@ -17,6 +17,6 @@ mod panel;
 mod picture;
 mod view;
 
-pub use net::{DEFAULT_SAMPLES_PER_S, Options};
+pub use net::{DEFAULT_SAMPLES_PER_S, PanelOptions};
 pub use panel::{Folders, Panel};
 pub use picture::Picture;

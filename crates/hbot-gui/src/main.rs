@@ -8,7 +8,7 @@ use anyhow::{Context as _, anyhow, bail};
 use clap::{Parser, ValueEnum};
 use eframe::egui;
 use hbot_api::Trust;
-use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Options, Panel, Picture};
+use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Panel, PanelOptions, Picture};
 
 /// The panel of an Hbot: see the sphere, set its stiffness, stop it
 #[derive(Debug, Parser)]
@@ -119,12 +119,12 @@ fn run(args: Args) -> anyhow::Result<()> {
         }
         None => None,
     };
-    let options = Options {
+    let options = PanelOptions {
         token,
         trust,
         observe: args.observe,
         samples_per_s: args.samples,
-        ..Options::new(&args.server)
+        ..PanelOptions::new(&args.server)
     };
     let folders = Folders { scenes: args.scenes, out: args.out };
     let picture = args.picture.map(|path| Picture::new(path, Duration::from_secs(args.picture_after)));

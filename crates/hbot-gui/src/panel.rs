@@ -7,7 +7,7 @@ use eframe::egui::{self, Event, Key, Ui};
 
 use crate::files;
 use crate::model::Model;
-use crate::net::{Delivery, Intent, Network, News, Options};
+use crate::net::{Delivery, Intent, Network, News, PanelOptions};
 use crate::view::{self, Act, Desk, theme};
 
 /// The longest pause between two frames: clocks and countdowns are never more than this behind.
@@ -40,7 +40,7 @@ impl Panel {
     ///
     /// # Errors
     /// The system gives no threads.
-    pub fn new(ctx: &egui::Context, options: Options, folders: Folders) -> std::io::Result<Self> {
+    pub fn new(ctx: &egui::Context, options: PanelOptions, folders: Folders) -> std::io::Result<Self> {
         theme::install(ctx);
         let model = Model::new(&options.server, options.samples_per_s);
         let desk = Desk::new(folders.scenes, &options.server);

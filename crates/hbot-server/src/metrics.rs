@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hbot_api::{Counts, Distribution, ErrorCode, Name};
+use hbot_api::{CountsByName, Distribution, ErrorCode, Name};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric as _};
@@ -234,7 +234,7 @@ fn family<N: Name>(
     name: &str,
     help: &str,
     label: &str,
-    counts: &Counts<N>,
+    counts: &CountsByName<N>,
 ) -> Result<(), std::fmt::Error> {
     let none = ConstCounter::new(0_u64);
     let mut counter = encoder.encode_descriptor(name, help, None, none.metric_type())?;

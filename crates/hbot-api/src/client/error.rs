@@ -1,6 +1,6 @@
 //! What can go wrong for a client.
 
-use crate::{EncodeError, ErrorBody, ErrorCode};
+use crate::{ErrorBody, ErrorCode, MessageEncodeError};
 use std::io::{self, ErrorKind};
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ pub enum ClientError {
     Tls(String),
     /// The request cannot be sent.
     #[error(transparent)]
-    Encode(#[from] EncodeError),
+    Encode(#[from] MessageEncodeError),
 }
 
 impl ClientError {

@@ -4,7 +4,7 @@ use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
     Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
-    MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand, Refusal, TorqueCommand, asks_estop, untyped,
+    MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;
@@ -18,9 +18,9 @@ impl Request {
     ///
     /// # Errors
     ///
-    /// A [`Refusal`] where it is no legal request. It carries the id wherever that could be read, so the client learns
+    /// A [`RequestRefusal`] where it is no legal request. It carries the id wherever that could be read, so the client learns
     /// which of its requests is meant.
-    pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, Refusal> {
+    pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, RequestRefusal> {
         Self::read_within(encoding, bytes, MAX_DEPTH)
     }
 
@@ -30,11 +30,11 @@ impl Request {
     /// # Errors
     ///
     /// As [`read`](Self::read).
-    pub fn read_first(line: &[u8]) -> Result<Self, Refusal> {
+    pub fn read_first(line: &[u8]) -> Result<Self, RequestRefusal> {
         Self::read_within(Encoding::Json, line, 1)
     }
 
-    fn read_within(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Self, Refusal> {
+    fn read_within(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Self, RequestRefusal> {
         // Before anything is parsed: a message that cannot be is obeyed as well.
         if asks_estop(bytes) {
             return Ok(Self { id: id_of(encoding, bytes), op: Op::Estop });
@@ -44,7 +44,7 @@ impl Request {
             return parse(few.op.map(Ok), Fields(few.others), problem);
         }
         // What is wrong with it, if it does not merely have many fields.
-        let untyped = untyped::read(encoding, bytes, depth).map_err(|message| Refusal {
+        let untyped = untyped::read(encoding, bytes, depth).map_err(|message| RequestRefusal {
             id: None,
             op: None,
             error: bad(message),
@@ -59,7 +59,7 @@ impl Request {
     /// # Errors
     ///
     /// As [`read`](Self::read).
-    pub fn from_value(value: Value) -> Result<Self, Refusal> {
+    pub fn from_value(value: Value) -> Result<Self, RequestRefusal> {
         let (op, fields) = split(value)?;
         parse(op, fields, None)
     }
@@ -79,10 +79,10 @@ fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
 type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
 
 /// The op of a message, and its other fields.
-fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), Refusal> {
+fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), RequestRefusal> {
     let Value::Object(map) = value else {
         let error = bad(format!("the message is {}; legal: a map with \"op\"", Shown(&value)));
-        return Err(Refusal { id: None, op: None, error });
+        return Err(RequestRefusal { id: None, op: None, error });
     };
     let mut fields = Fields(map.into_iter().map(|(name, value)| (Cow::Owned(name), value)).collect());
     let op = fields.take("op").map(|op| match op {
@@ -92,17 +92,21 @@ fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), Refusal> {
     Ok((op, fields))
 }
 
-fn parse(found: Found<'_>, mut fields: Fields<'_>, problem: Option<String>) -> Result<Request, Refusal> {
+fn parse(
+    found: Found<'_>,
+    mut fields: Fields<'_>,
+    problem: Option<String>,
+) -> Result<Request, RequestRefusal> {
     let id = fields.take("id").map(Id::from_value).transpose();
     // Written with escapes, so that it was not found in the bytes.
     if matches!(&found, Some(Ok(op)) if *op == OpName::Estop.as_str()) {
         return Ok(Request { id: id.unwrap_or_default(), op: Op::Estop });
     }
-    let id = id.map_err(|id| Refusal { id: None, op: None, error: illegal("id", &id, Id::LEGAL) })?;
+    let id = id.map_err(|id| RequestRefusal { id: None, op: None, error: illegal("id", &id, Id::LEGAL) })?;
     let mut known = None;
     match op(found, &mut fields, problem, &mut known) {
         Ok(op) => Ok(Request { id, op }),
-        Err(error) => Err(Refusal { id, op: known, error }),
+        Err(error) => Err(RequestRefusal { id, op: known, error }),
     }
 }
 
@@ -233,10 +237,10 @@ impl Fields<'_> {
             },
             encoding: match self.take("encoding") {
                 None => Encoding::Json,
-                Some(value) => value
-                    .as_str()
-                    .and_then(|text| text.parse().ok())
-                    .ok_or_else(|| illegal("encoding", &value, "\"json\" or \"msgpack\""))?,
+                Some(value) => value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| {
+                    let legal = Encoding::ALL.map(|encoding| format!("\"{encoding}\"")).join(" or ");
+                    illegal("encoding", &value, legal)
+                })?,
             },
         }))
     }

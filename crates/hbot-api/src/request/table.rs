@@ -1,5 +1,6 @@
 //! The table of ops. Whatever treats ops differently (the parser, the server, the search for stops, the tests of `docs/api.md`) asks it.
 
+use crate::Stop;
 use crate::names::names;
 
 /// Who may ask an op.
@@ -37,13 +38,24 @@ pub struct OpRow {
     pub weight: u32,
     /// Whether the holder of the lease may send up to [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) of it.
     pub long: bool,
+    /// Which stop it is, if it is one: found in the bytes before they are split or parsed.
+    pub stop: Option<Stop>,
     /// Whether it may bring torque back. Such a request is refused if a stop of the same client has come after it.
     pub rearms: bool,
 }
 
 impl OpRow {
     const fn new(who: Who, fields: &'static [Field]) -> Self {
-        Self { who, fields, parameters: false, stream: false, weight: 1, long: false, rearms: false }
+        Self {
+            who,
+            fields,
+            parameters: false,
+            stream: false,
+            weight: 1,
+            long: false,
+            stop: None,
+            rearms: false,
+        }
     }
 
     const fn with_parameters(self) -> Self {
@@ -60,6 +72,10 @@ impl OpRow {
 
     const fn long(self) -> Self {
         Self { long: true, ..self }
+    }
+
+    const fn stopping(self, stop: Stop) -> Self {
+        Self { stop: Some(stop), ..self }
     }
 
     const fn rearming(self) -> Self {
@@ -121,11 +137,11 @@ ops! {
     /// See [`Op::Enable`](crate::Op::Enable).
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
     /// See [`Op::Disable`](crate::Op::Disable).
-    Disable = "disable": OpRow::new(Who::Any, &[]),
+    Disable = "disable": OpRow::new(Who::Any, &[]).stopping(Stop::Disable),
     /// See [`Op::Reset`](crate::Op::Reset).
     Reset = "reset": OpRow::new(Who::Holder, &[]).rearming(),
     /// See [`Op::Estop`](crate::Op::Estop).
-    Estop = "estop": OpRow::new(Who::Any, &[]),
+    Estop = "estop": OpRow::new(Who::Any, &[]).stopping(Stop::Estop),
     /// See [`Op::Ping`](crate::Op::Ping).
     Ping = "ping": OpRow::new(Who::Any, &[may("data")]),
 }

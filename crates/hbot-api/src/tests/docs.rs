@@ -113,6 +113,9 @@ fn what_ops_weigh_may_be_and_do_is_on_the_page() {
         let page = PAGE.replace('\n', " ");
         assert!(page.contains(&sentence), "docs/api.md: {sentence}");
     }
+    for op in OpName::ALL {
+        assert_eq!(op.row().stop, op.as_str().parse().ok(), "{op}");
+    }
     let weights: BTreeSet<u32> = OpName::ALL.into_iter().map(|op| op.row().weight).collect();
     assert_eq!(weights, [1, 100, 250, 500].into(), "the sentences above name them all");
 }

@@ -101,7 +101,7 @@ fn the_name_of_an_event_is_that_on_the_wire() {
 fn the_answer_of_an_older_or_later_server_is_read() {
     let older: StatsOk = serde_json::from_str(r#"{"ticks": 7, "faults": {"slip": 2}}"#).unwrap();
     assert_eq!((older.ticks, older.late_ticks, older.faults.of(Fault::Slip)), (7, 0, 2));
-    assert_eq!(older.refused, Counts::default());
+    assert_eq!(older.refused, CountsByName::default());
     let later: StatsOk =
         serde_json::from_str(r#"{"faults": {"eclipse": 1, "slip": 1}, "moons": 4}"#).unwrap();
     assert_eq!(later.faults.total(), 1, "a cause that is not known is passed over");
@@ -111,13 +111,13 @@ fn the_answer_of_an_older_or_later_server_is_read() {
 
 #[test]
 fn every_count_is_told_in_the_order_of_the_documentation() {
-    let mut counts = Counts::<LeaseCause>::default();
+    let mut counts = CountsByName::<LeaseCause>::default();
     counts.add(LeaseCause::Stolen);
     counts.add(LeaseCause::Stolen);
     let json = serde_json::to_string(&counts).unwrap();
     assert_eq!(json, r#"{"acquired":0,"released":0,"stolen":2,"disconnected":0}"#);
     assert_eq!((counts.of(LeaseCause::Stolen), counts.total()), (2, 2));
-    assert_eq!(serde_json::from_str::<Counts<LeaseCause>>(&json).unwrap(), counts);
+    assert_eq!(serde_json::from_str::<CountsByName<LeaseCause>>(&json).unwrap(), counts);
 }
 
 #[test]

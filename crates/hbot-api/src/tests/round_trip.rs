@@ -135,7 +135,7 @@ proptest! {
             joints: joints.iter().map(|&[angle, rate, torque]| JointState { angle, rate, torque }).collect(),
             slip: n(7), scale: n(8), traction: n(9), energy: n(10),
             client: client.map(|(seq, age_ticks)| ClientStream { seq, age_ticks }),
-            timing: Timing { lateness_us: n(11), ..samples::state().timing },
+            timing: StateTiming { lateness_us: n(11), ..samples::state().timing },
         });
         for encoding in Encoding::ALL {
             let bytes = unframed(encoding, &encoded(encoding, &event));

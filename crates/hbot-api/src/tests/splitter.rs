@@ -1,10 +1,10 @@
 //! Messages out of bytes in any pieces.
 
 use super::{encoded, samples, unframed};
-use crate::{Encoding, FrameError, MAX_REQUEST_BYTES, Splitter};
+use crate::{Encoding, MAX_REQUEST_BYTES, SplitError, Splitter};
 
 /// All that comes out of `bytes` pushed in pieces that end at `cuts`.
-fn split(encoding: Encoding, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Vec<u8>, FrameError>> {
+fn split(encoding: Encoding, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Vec<u8>, SplitError>> {
     let mut splitter = Splitter::new(encoding);
     let mut messages = Vec::new();
     let mut from = 0;
@@ -47,7 +47,7 @@ fn a_line_may_have_exactly_the_limit() {
     let longest = line(MAX_REQUEST_BYTES);
     assert_eq!(split(Encoding::Json, &longest, &[]), [Ok(longest[..MAX_REQUEST_BYTES - 1].to_vec())]);
     let too_long = [line(MAX_REQUEST_BYTES + 1), line(3)].concat();
-    let expected = [Err(FrameError::TooLarge { limit: MAX_REQUEST_BYTES, length: None }), Ok(b"xx".to_vec())];
+    let expected = [Err(SplitError::TooLarge { limit: MAX_REQUEST_BYTES, length: None }), Ok(b"xx".to_vec())];
     for cuts in
         [&[][..], &[MAX_REQUEST_BYTES - 1], &[MAX_REQUEST_BYTES], &[MAX_REQUEST_BYTES + 1], &[5, 40_000]]
     {
@@ -63,7 +63,7 @@ fn a_map_may_have_exactly_the_limit() {
     let length = MAX_REQUEST_BYTES + 1;
     let too_long = [frame(length), frame(2)].concat();
     let expected =
-        [Err(FrameError::TooLarge { limit: MAX_REQUEST_BYTES, length: Some(length) }), Ok(vec![7, 7])];
+        [Err(SplitError::TooLarge { limit: MAX_REQUEST_BYTES, length: Some(length) }), Ok(vec![7, 7])];
     for cuts in [&[][..], &[3], &[4], &[5, 40_000], &[length + 3], &[length + 4]] {
         assert_eq!(split(Encoding::Msgpack, &too_long, cuts), expected, "cut at {cuts:?}");
     }
@@ -74,7 +74,7 @@ fn an_announced_length_takes_no_memory() {
     let mut splitter = Splitter::new(Encoding::Msgpack);
     splitter.push(&[0xFF; 4]);
     let took = allocation_counter::measure(|| {
-        assert!(matches!(splitter.next_message(), Some(Err(FrameError::TooLarge { .. }))));
+        assert!(matches!(splitter.next_message(), Some(Err(SplitError::TooLarge { .. }))));
         for _ in 0..1000 {
             splitter.push(&[0]);
             assert!(splitter.next_message().is_none());
@@ -86,7 +86,7 @@ fn an_announced_length_takes_no_memory() {
 #[test]
 fn a_line_that_is_not_utf8_is_refused_alone() {
     let messages = split(Encoding::Json, b"{}\n{\"a\":\"\xff\"}\n{}\n", &[]);
-    assert_eq!(messages, [Ok(b"{}".to_vec()), Err(FrameError::NotUtf8 { at: 6 }), Ok(b"{}".to_vec())]);
+    assert_eq!(messages, [Ok(b"{}".to_vec()), Err(SplitError::NotUtf8 { at: 6 }), Ok(b"{}".to_vec())]);
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn json_after_a_change_to_msgpack_is_told_apart() {
     splitter.push(b"{\"hello\":1}\n{\"id\": 2}\n");
     assert!(matches!(splitter.next_message(), Some(Ok(_))));
     splitter.set_encoding(Encoding::Msgpack);
-    assert_eq!(splitter.next_message(), Some(Err(FrameError::LooksLikeJson)));
+    assert_eq!(splitter.next_message(), Some(Err(SplitError::LooksLikeJson)));
 }
 
 #[test]

@@ -31,7 +31,7 @@ const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Where the server is and how the panel meets it.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct PanelOptions {
     /// `HOST:PORT` or `HOST`.
     pub server: String,
     /// What the server asks for, where it does.
@@ -44,7 +44,7 @@ pub struct Options {
     pub samples_per_s: u32,
 }
 
-impl Options {
+impl PanelOptions {
     /// A server at `server` without a token or encryption; the lease is taken where it is free.
     #[must_use]
     pub fn new(server: &str) -> Self {
@@ -164,7 +164,7 @@ pub(crate) struct Network {
 
 impl Network {
     /// Starts the threads.
-    pub(crate) fn start(options: Options, wake: Wake) -> std::io::Result<Self> {
+    pub(crate) fn start(options: PanelOptions, wake: Wake) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::new(wake));
         let outgoing = Arc::new(Outgoing::default());
         let stop = stop_line::StopLine::start(&options, Arc::clone(&mailbox), Arc::clone(&outgoing))?;

@@ -6,7 +6,7 @@ use hbot_api::{Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, 
 use serde_json::Map;
 
 use super::mailbox::{Mailbox, Outgoing};
-use super::{ANSWER_TIMEOUT, Intent, Lease, News, Options};
+use super::{ANSWER_TIMEOUT, Intent, Lease, News, PanelOptions};
 
 /// The pause after the first failure to connect; it doubles up to the longest.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
@@ -30,7 +30,7 @@ enum Over {
     Absent,
 }
 
-pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) {
+pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) {
     let mut pause = FIRST_PAUSE;
     loop {
         mailbox.post(News::Connecting);
@@ -61,7 +61,7 @@ pub(super) fn run(mut options: Options, outgoing: &Outgoing, mailbox: &Mailbox) 
 }
 
 /// A connection that has said hello.
-pub(super) fn connect(options: &Options, name: &str) -> Result<Client, ClientError> {
+pub(super) fn connect(options: &PanelOptions, name: &str) -> Result<Client, ClientError> {
     let connect = ConnectOptions {
         token: options.token.clone(),
         encoding: Encoding::Msgpack,
@@ -81,7 +81,7 @@ pub(super) fn in_words(error: &ClientError) -> String {
 }
 
 /// Waits without a connection; false where the window is gone.
-fn wait(pause: Duration, options: &mut Options, outgoing: &Outgoing, mailbox: &Mailbox) -> bool {
+fn wait(pause: Duration, options: &mut PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) -> bool {
     let until = Instant::now() + pause;
     while Instant::now() < until {
         if outgoing.is_closed() {
@@ -105,7 +105,7 @@ fn wait(pause: Duration, options: &mut Options, outgoing: &Outgoing, mailbox: &M
 
 struct Session<'a> {
     client: Client,
-    options: &'a mut Options,
+    options: &'a mut PanelOptions,
     outgoing: &'a Outgoing,
     mailbox: &'a Mailbox,
     lease: Lease,
@@ -114,7 +114,12 @@ struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
-    fn new(client: Client, options: &'a mut Options, outgoing: &'a Outgoing, mailbox: &'a Mailbox) -> Self {
+    fn new(
+        client: Client,
+        options: &'a mut PanelOptions,
+        outgoing: &'a Outgoing,
+        mailbox: &'a Mailbox,
+    ) -> Self {
         let now = Instant::now();
         mailbox.post(News::Connected(client.hello().clone()));
         Self { client, options, outgoing, mailbox, lease: Lease::Unknown, stats_due: now, info_due: now }

@@ -8,7 +8,7 @@ use hbot_api::{Client, ClientError};
 
 use super::mailbox::{Mailbox, Outgoing};
 use super::session::{connect, in_words};
-use super::{Intent, News, Options};
+use super::{Intent, News, PanelOptions};
 
 /// How often events are read away, and a lost connection is made again.
 const IDLE: Duration = Duration::from_millis(200);
@@ -26,7 +26,7 @@ pub(super) struct StopLine {
 
 impl StopLine {
     pub(super) fn start(
-        options: &Options,
+        options: &PanelOptions,
         mailbox: Arc<Mailbox>,
         outgoing: Arc<Outgoing>,
     ) -> std::io::Result<Self> {
@@ -49,7 +49,7 @@ impl StopLine {
     }
 }
 
-fn run(mut options: Options, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoing: &Outgoing) {
+fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoing: &Outgoing) {
     let mut client = None;
     loop {
         match inbox.recv_timeout(IDLE) {
@@ -89,14 +89,14 @@ fn run(mut options: Options, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoin
     }
 }
 
-fn open(options: &Options) -> Result<Client, ClientError> {
+fn open(options: &PanelOptions) -> Result<Client, ClientError> {
     let mut client = connect(options, "hbot panel: stop")?;
     client.set_timeout(TIMEOUT);
     Ok(client)
 }
 
 /// Stops over the connection that is there; where that is broken, over a new one.
-fn estop(client: &mut Option<Client>, options: &Options) -> Result<(), ClientError> {
+fn estop(client: &mut Option<Client>, options: &PanelOptions) -> Result<(), ClientError> {
     if let Some(client) = client.as_mut() {
         match client.estop() {
             Err(ClientError::Closed | ClientError::Io(_)) => {}

@@ -14,7 +14,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Client, ConnectOptions, Event, StateEvent, Trust};
 use hbot_config::{RigConfig, SceneFile};
-use hbot_gui::{Folders, Options, Panel};
+use hbot_gui::{Folders, Panel, PanelOptions};
 use hbot_server::server::{Options as ServerOptions, Server, Time};
 use hbot_server::service::Status;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
@@ -40,7 +40,7 @@ hand = { stiffness = 50, damping = 1, amplitude = 0 }
 "#;
 
 /// A server in virtual time.
-pub(crate) struct Bench {
+pub(crate) struct TestServer {
     pub(crate) address: SocketAddr,
     shutdown: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -81,7 +81,7 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Bench {
+impl TestServer {
     pub(crate) fn start(setup: &Setup<'_>) -> Self {
         let alone = alone();
         let mut bench = Self::beside(setup);
@@ -165,7 +165,7 @@ impl Bench {
     }
 }
 
-impl Drop for Bench {
+impl Drop for TestServer {
     fn drop(&mut self) {
         self.end();
     }
@@ -175,7 +175,7 @@ impl Drop for Bench {
 pub(crate) struct Witness(Client);
 
 impl Witness {
-    pub(crate) fn new(bench: &Bench) -> Self {
+    pub(crate) fn new(bench: &TestServer) -> Self {
         let mut client = bench.client("a witness");
         client.subscribe(500).expect("subscribed");
         Self(client)
@@ -234,10 +234,10 @@ pub(crate) struct Seat {
 
 impl Seat {
     pub(crate) fn at(server: impl ToString) -> Self {
-        Self::with(Options { samples_per_s: 2, ..Options::new(&server.to_string()) })
+        Self::with(PanelOptions { samples_per_s: 2, ..PanelOptions::new(&server.to_string()) })
     }
 
-    pub(crate) fn with(options: Options) -> Self {
+    pub(crate) fn with(options: PanelOptions) -> Self {
         let out = tempfile::tempdir().expect("a folder");
         let scenes = out.path().join("scenes");
         let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use eframe::egui::Key;
 use hbot_api::{Event, Mode};
-use hbot_gui::Options;
+use hbot_gui::PanelOptions;
 
-use crate::bench::{Bench, Seat, Setup, Wire, Witness, alone};
+use crate::bench::{Seat, Setup, TestServer, Wire, Witness, alone};
 use crate::controls::seated;
 use crate::identity::Identity;
 
@@ -22,7 +22,7 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
     seat.harness.check_accessibility();
     let setup = Setup { address: free, ..Setup::default() };
     for _ in 0..2 {
-        let bench = Bench::beside(&setup);
+        let bench = TestServer::beside(&setup);
         seat.until_text("ACTIVE");
         seat.until_text("you command");
         bench.stop();
@@ -32,12 +32,12 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
 
 #[test]
 fn a_server_that_refuses_says_why() {
-    let bench = Bench::start(&Setup { token: Some("a token of some length"), ..Setup::default() });
+    let bench = TestServer::start(&Setup { token: Some("a token of some length"), ..Setup::default() });
     let mut seat = Seat::at(bench.address);
     seat.until_text("No connection to");
     assert!(seat.shows("see the server's token file"));
     let token = Some("a token of some length".to_owned().into());
-    let mut seat = Seat::with(Options { token, ..Options::new(&bench.address.to_string()) });
+    let mut seat = Seat::with(PanelOptions { token, ..PanelOptions::new(&bench.address.to_string()) });
     seat.until_text("you command");
 }
 
@@ -47,11 +47,12 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
     let ours = Identity::new();
     let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
     let setup = Setup { address: free, tls: Some(&ours), ..Setup::default() };
-    let options = Options { samples_per_s: 2, trust: Some(ours.trust()), ..Options::new(&free.to_string()) };
+    let options =
+        PanelOptions { samples_per_s: 2, trust: Some(ours.trust()), ..PanelOptions::new(&free.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("No server at");
     for _ in 0..2 {
-        let bench = Bench::beside(&setup);
+        let bench = TestServer::beside(&setup);
         seat.until_text("ACTIVE");
         seat.until_text("you command");
         // The stop has a connection of its own, which must be encrypted as well.
@@ -66,14 +67,14 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
     }
     // In its place another with a certificate of its own, of the same name.
     let stranger = Identity::new();
-    let bench = Bench::beside(&Setup { tls: Some(&stranger), ..setup });
+    let bench = TestServer::beside(&Setup { tls: Some(&stranger), ..setup });
     seat.until_text("hbot-gui --ca FILE names whom to trust");
     assert!(seat.shows("No connection to") && seat.shows("is not trusted"), "{}", seat.texts());
     assert!(seat.shows("name the server's own, or the authority's that signed it"), "{}", seat.texts());
     assert!(!seat.shows("OtherError") && !seat.is_enabled("Enable"), "{}", seat.texts());
     bench.stop();
     // And one that does not encrypt.
-    let bench = Bench::beside(&Setup { tls: None, ..setup });
+    let bench = TestServer::beside(&Setup { tls: None, ..setup });
     seat.until_text("the server does not encrypt: leave out the certificate");
     bench.stop();
 }
@@ -81,7 +82,7 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
 #[test]
 fn a_server_that_encrypts_says_so_to_a_panel_without_a_certificate() {
     let ours = Identity::new();
-    let bench = Bench::start(&Setup { tls: Some(&ours), ..Setup::default() });
+    let bench = TestServer::start(&Setup { tls: Some(&ours), ..Setup::default() });
     let mut seat = Seat::at(bench.address);
     seat.until_text("hbot-gui --ca FILE names whom to trust");
     assert!(seat.shows("the server encrypts: name its certificate"), "{}", seat.texts());
@@ -110,7 +111,7 @@ fn a_certificate_that_cannot_be_used_is_told_before_there_is_a_window() {
 
 #[test]
 fn another_address_can_be_typed() {
-    let bench = Bench::start(&Setup::default());
+    let bench = TestServer::start(&Setup::default());
     let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
     let mut seat = Seat::at(free);
     seat.until_text("No server at");
@@ -133,7 +134,7 @@ fn another_address_can_be_typed() {
 
 #[test]
 fn an_observer_says_who_commands_may_stop_and_may_take_over() {
-    let bench = Bench::start(&Setup::default());
+    let bench = TestServer::start(&Setup::default());
     let mut other = bench.client("the experiment");
     other.acquire(false).expect("free");
     let mut witness = Witness::new(&bench);
@@ -164,8 +165,9 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
 
 #[test]
 fn who_only_watches_takes_nothing() {
-    let bench = Bench::start(&Setup::default());
-    let options = Options { observe: true, samples_per_s: 2, ..Options::new(&bench.address.to_string()) };
+    let bench = TestServer::start(&Setup::default());
+    let options =
+        PanelOptions { observe: true, samples_per_s: 2, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
     seat.until_text("nobody commands");
@@ -174,16 +176,17 @@ fn who_only_watches_takes_nothing() {
 
 #[test]
 fn who_only_watches_knows_who_commanded_before() {
-    let bench = Bench::start(&Setup::default());
+    let bench = TestServer::start(&Setup::default());
     let mut other = bench.client("the experiment");
     other.acquire(false).expect("free");
-    let mut seat = Seat::with(Options { observe: true, ..Options::new(&bench.address.to_string()) });
+    let mut seat =
+        Seat::with(PanelOptions { observe: true, ..PanelOptions::new(&bench.address.to_string()) });
     seat.until_text("observer: the experiment commands");
 }
 
 #[test]
 fn a_server_that_hangs_does_not_hang_the_window() {
-    let bench = Bench::start(&Setup::default());
+    let bench = TestServer::start(&Setup::default());
     let wire = Wire::to(bench.address);
     let mut witness = Witness::new(&bench);
     let mut seat = Seat::at(wire.address);
@@ -205,9 +208,9 @@ fn a_server_that_hangs_does_not_hang_the_window() {
 
 #[test]
 fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
-    let bench = Bench::start(&Setup::default());
+    let bench = TestServer::start(&Setup::default());
     // Every tick of a loop that runs as fast as the machine goes.
-    let options = Options { samples_per_s: 100_000, ..Options::new(&bench.address.to_string()) };
+    let options = PanelOptions { samples_per_s: 100_000, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
     seat.until_text("you command");
@@ -245,7 +248,7 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
 fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
     // Even where the loss of the commander is a fault: a window that is closed says goodbye.
     let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
-    let bench = Bench::start(&Setup { rig: &rig, ..Setup::default() });
+    let bench = TestServer::start(&Setup { rig: &rig, ..Setup::default() });
     let (seat, mut witness) = seated(&bench);
     drop(seat);
     let state = witness.later(50.0);

@@ -1,9 +1,9 @@
 //! Plots: what they show, paused, exported.
 
 use egui_kittest::kittest::Queryable as _;
-use hbot_gui::Options;
+use hbot_gui::PanelOptions;
 
-use crate::bench::{Bench, Seat, Setup};
+use crate::bench::{Seat, Setup, TestServer};
 
 /// A hand that turns the sphere about against a spring of 2 N m/rad and 0.02 N m s/rad.
 const MOVED: &str = r#"
@@ -17,9 +17,9 @@ damping = 0.02
 hand = { amplitude = 0.2 }
 "#;
 
-fn moved() -> (Bench, Seat) {
-    let bench = Bench::start(&Setup { scene: MOVED, ..Setup::default() });
-    let options = Options { samples_per_s: 60, ..Options::new(&bench.address.to_string()) };
+fn moved() -> (TestServer, Seat) {
+    let bench = TestServer::start(&Setup { scene: MOVED, ..Setup::default() });
+    let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
     (bench, seat)

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::bench::{Bench, PATIENCE, Setup, alone};
+use crate::bench::{PATIENCE, Setup, TestServer, alone};
 use crate::identity::Identity;
 
 /// A display without a screen.
@@ -121,7 +121,7 @@ fn pictures_of_seven_situations() {
     let _alone = alone();
     let Some(display) = Display::start() else { return };
     let bench = |scene: &str, rig: &[(&str, &str)]| {
-        Bench::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
+        TestServer::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
     };
     let spring = include_str!("../../../../scenes/spring.toml");
     // Stiffer than the rig has torque for: 10 N m/rad reaches its 0.9 N m at 0.09 rad.
@@ -151,7 +151,7 @@ fn pictures_of_seven_situations() {
 
     let ours = Identity::new();
     let encrypted =
-        Bench::beside(&Setup { scene: spring, paced: true, tls: Some(&ours), ..Setup::default() });
+        TestServer::beside(&Setup { scene: spring, paced: true, tls: Some(&ours), ..Setup::default() });
     let address = encrypted.address.to_string();
     let (ca, other) = (folder().join("ours.pem"), folder().join("other.pem"));
     std::fs::write(&ca, &ours.certificate).expect("written");

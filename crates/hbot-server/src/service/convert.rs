@@ -1,6 +1,6 @@
 //! From the core's types to those of the TCP messages.
 
-use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, Timing};
+use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 use hbot_config::rig::OnClientLost;
 use hbot_core::inputs;
 use hbot_core::mode;
@@ -87,11 +87,21 @@ pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
     event.traction = state.traction;
     event.energy = state.energy;
     event.client = state.client.map(|client| ClientStream { seq: client.seq, age_ticks: client.age_ticks });
-    event.timing = Timing {
+    event.timing = StateTiming {
         lateness_us: microseconds(sample.timing.lateness_ns),
         compute_us: microseconds(sample.timing.compute_ns),
         link_us: microseconds(sample.timing.link_ns),
         // Nothing has been read before the first reading, so nothing is old.
         age_us: sample.timing.age_ns.map_or(0.0, microseconds),
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_causes_of_the_core_are_the_faults_of_the_messages() {
+        assert_eq!(mode::Cause::ALL.map(fault), Fault::ALL);
+    }
 }

@@ -3,7 +3,7 @@
 use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use hbot_api::{Encoding, Id, Refusal, Request};
+use hbot_api::{Encoding, Id, Request, RequestRefusal};
 
 use super::hub::Hub;
 
@@ -31,7 +31,7 @@ pub(super) enum First {
     /// It has been answered, and nothing more will be.
     Refused,
     /// It is to be answered so, but not at once: who guesses a token shall wait.
-    WrongToken(Refusal),
+    WrongToken(RequestRefusal),
 }
 
 impl Desk {
@@ -62,17 +62,17 @@ impl Desk {
     }
 
     /// The first message of a connection, hello or not.
-    pub(super) fn first(&self, session: u64, message: Result<Request, Refusal>) -> First {
+    pub(super) fn first(&self, session: u64, message: Result<Request, RequestRefusal>) -> First {
         self.turn(|hub| hub.first(session, message))
     }
 
     /// The first message of a connection is refused at last.
-    pub(super) fn refuse_first(&self, session: u64, refusal: Refusal) {
+    pub(super) fn refuse_first(&self, session: u64, refusal: RequestRefusal) {
         self.turn(|hub| hub.refuse_first(session, refusal));
     }
 
     /// A later message: whether the hub takes others of this connection.
-    pub(super) fn message(&self, session: u64, message: Result<Request, Refusal>) -> bool {
+    pub(super) fn message(&self, session: u64, message: Result<Request, RequestRefusal>) -> bool {
         self.turn(|hub| hub.message(session, message))
     }
 

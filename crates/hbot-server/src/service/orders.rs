@@ -2,15 +2,15 @@
 
 use std::collections::VecDeque;
 
-use hbot_api::{Id, OpName};
+use hbot_api::{Id, OpName, OpRow, Stop};
 use hbot_core::inputs::Command;
 use hbot_core::outputs::Reply;
 
 use hbot_host::bridge::{Busy, ServiceEnd};
 use hbot_host::sample::Answer;
 
-/// The loop takes 7 orders a tick, in their order. So many may be on their way before a further one is refused, so that there is
-/// always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
+/// The loop takes 7 orders a tick, in their sequence. So many may be on their way when a stream message, another op or a `disable`
+/// comes, so that there is always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
 const MAX_STREAMS: usize = 32;
 const MAX_ORDERS: usize = 64;
 const MAX_DISABLES: usize = 128;
@@ -33,46 +33,40 @@ pub(super) enum Asker {
         session: u64,
         id: Option<Id>,
         op: OpName,
-        kind: OrderKind,
     },
     /// The service itself; what for.
     Service(&'static str),
 }
 
-/// What sort of order a client gives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum OrderKind {
-    /// One of many; answered only where there is an id.
-    Stream,
-    /// One that is answered with the mode.
-    Mode,
-    /// One that makes the rig safe, not refused for want of a place that streams have taken.
-    Stop,
+/// How many orders may be on their way when one for `op` is given. One that makes the rig safe is not refused for want of a place that
+/// others have taken.
+fn places(op: OpName) -> usize {
+    match op.row() {
+        OpRow { stop: Some(Stop::Estop), .. } => usize::MAX,
+        OpRow { stop: Some(Stop::Disable), .. } => MAX_DISABLES,
+        OpRow { stream: true, .. } => MAX_STREAMS,
+        _ => MAX_ORDERS,
+    }
 }
 
 impl Orders {
     /// Sends a client's order to the loop; the answer comes with a sample.
     ///
     /// # Errors
-    /// So many are on their way that those of this kind have no place.
+    /// So many are on their way that one for `op` has no place.
     pub(super) fn place(
         &mut self,
         end: &mut ServiceEnd,
-        asker: Asker,
-        kind: OrderKind,
+        session: u64,
+        id: Option<Id>,
+        op: OpName,
         command: Command,
     ) -> Result<(), Busy> {
-        let most = match kind {
-            OrderKind::Stream => MAX_STREAMS,
-            OrderKind::Mode => MAX_ORDERS,
-            OrderKind::Stop if command == Command::Disable => MAX_DISABLES,
-            OrderKind::Stop => usize::MAX,
-        };
-        if self.pending.len() >= most {
+        if self.pending.len() >= places(op) {
             return Err(Busy);
         }
         let ticket = end.order(command)?;
-        self.pending.push_back((ticket, asker));
+        self.pending.push_back((ticket, Asker::Client { session, id, op }));
         self.newest = None;
         Ok(())
     }
@@ -142,8 +136,7 @@ mod tests {
         }
         assert_eq!((orders.pending.len(), orders.insisted.len()), (1, 0));
         // After an order of a client's it is another; and so it is once it has been answered.
-        let client = Asker::Client { session: 1, id: None, op: OpName::Enable, kind: OrderKind::Mode };
-        orders.place(&mut end, client, OrderKind::Mode, Command::Enable).unwrap();
+        orders.place(&mut end, 1, None, OpName::Enable, Command::Enable).unwrap();
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         assert_eq!(orders.pending.len(), 3);
@@ -168,8 +161,7 @@ mod tests {
         let (_inner, mut end) = bridge().unwrap();
         let mut orders = Orders::default();
         for session in 1..=3 {
-            let asker = Asker::Client { session, id: None, op: OpName::Enable, kind: OrderKind::Mode };
-            orders.place(&mut end, asker, OrderKind::Mode, Command::Enable).unwrap();
+            orders.place(&mut end, session, None, OpName::Enable, Command::Enable).unwrap();
         }
         let answer = Answer { ticket: 2, reply: Reply::Done };
         let mut settled = Vec::new();
@@ -184,13 +176,13 @@ mod tests {
     async fn a_stop_finds_a_place_that_streams_and_modes_do_not() {
         let (_inner, mut end) = bridge().unwrap();
         let mut orders = Orders::default();
-        let mut place = |kind, op, command| {
-            let asker = || Asker::Client { session: 1, id: None, op, kind };
-            (0..1000).take_while(|_| orders.place(&mut end, asker(), kind, command).is_ok()).count()
+        let mut place = |op, command| {
+            (0..1000).take_while(|_| orders.place(&mut end, 1, None, op, command).is_ok()).count()
         };
-        assert_eq!(place(OrderKind::Stream, OpName::Torque, Command::Reset), MAX_STREAMS);
-        assert_eq!(place(OrderKind::Mode, OpName::Enable, Command::Enable), MAX_ORDERS - MAX_STREAMS);
-        assert_eq!(place(OrderKind::Stop, OpName::Disable, Command::Disable), MAX_DISABLES - MAX_ORDERS);
-        assert!(place(OrderKind::Stop, OpName::Estop, hbot_host::bridge::CONFIRMED) > 0);
+        assert_eq!(place(OpName::Align, Command::Reset), MAX_STREAMS);
+        assert_eq!(place(OpName::Torque, Command::Reset), 0);
+        assert_eq!(place(OpName::Enable, Command::Enable), MAX_ORDERS - MAX_STREAMS);
+        assert_eq!(place(OpName::Disable, Command::Disable), MAX_DISABLES - MAX_ORDERS);
+        assert!(place(OpName::Estop, hbot_host::bridge::CONFIRMED) > 0);
     }
 }

@@ -3,7 +3,7 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
-use hbot_api::{DroppedEvent, EncodeError, Encoding, ErrorBody, Event, OpName, RefusedEvent};
+use hbot_api::{DroppedEvent, Encoding, ErrorBody, Event, MessageEncodeError, OpName, RefusedEvent};
 use serde::Serialize;
 use tokio::task::AbortHandle;
 use tokio::time::Instant;
@@ -17,8 +17,8 @@ const REFUSED_EVERY: Duration = Duration::from_secs(1);
 pub(super) struct Peer {
     /// What it calls itself; `None` until it has said hello.
     pub(super) name: Option<String>,
-    /// Where it connects from; `None` in tests without sockets.
-    pub(super) address: Option<IpAddr>,
+    /// Where it connects from.
+    pub(super) address: IpAddr,
     /// It has shown a wrong token and waits to be told.
     pub(super) guessed: bool,
     pub(super) encoding: Encoding,
@@ -57,10 +57,10 @@ impl Tally {
 }
 
 impl Peer {
-    pub(super) fn new(outbox: Outbox, task: AbortHandle) -> Self {
+    pub(super) fn new(outbox: Outbox, task: AbortHandle, address: IpAddr) -> Self {
         Self {
             name: None,
-            address: None,
+            address,
             guessed: false,
             encoding: Encoding::Json,
             outbox,
@@ -84,7 +84,7 @@ impl Peer {
         self.every != 0 && tick.is_multiple_of(self.every)
     }
 
-    /// Counts a state that it does not get.
+    /// CountsByName a state that it does not get.
     pub(super) fn drop_state(&mut self) {
         self.dropped.add();
     }
@@ -98,7 +98,7 @@ impl Peer {
         Some(Event::Dropped(DroppedEvent { count, total: self.dropped.total }))
     }
 
-    /// Counts a stream message refused.
+    /// CountsByName a stream message refused.
     pub(super) fn refuse(&mut self, op: Option<OpName>, error: ErrorBody) {
         self.refused.add();
         self.last_refused = Some(Refused { op, error });
@@ -124,7 +124,7 @@ impl Peer {
     ///
     /// # Errors
     /// The message holds a number that is not finite.
-    pub(super) fn try_send(&self, message: &impl Serialize) -> Result<bool, EncodeError> {
+    pub(super) fn try_send(&self, message: &impl Serialize) -> Result<bool, MessageEncodeError> {
         self.outbox.send_with(|out| self.encoding.encode(message, out))
     }
 
@@ -161,12 +161,13 @@ impl Frames {
     }
 }
 
-fn unsaid(error: &EncodeError) {
+fn unsaid(error: &MessageEncodeError) {
     tracing::debug!(%error, "a message was not sent");
 }
 
 #[cfg(test)]
 mod tests {
+    use std::net::Ipv4Addr;
     use std::task::{Context, Poll, Waker};
 
     use hbot_api::ErrorCode;
@@ -177,7 +178,7 @@ mod tests {
     #[tokio::test]
     async fn refusals_are_told_at_most_once_a_second() {
         let (out, _inbox) = outbox(8);
-        let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle());
+        let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle(), Ipv4Addr::LOCALHOST.into());
         let error = || ErrorBody::new(ErrorCode::NotHolder, "no");
         let counts = |event: Option<Event>| match event {
             Some(Event::Refused(refused)) => Some((refused.count, refused.total)),
@@ -201,7 +202,7 @@ mod tests {
             while inbox.poll_take(&Context::from_waker(Waker::noop()), &mut Vec::new()) == Poll::Ready(true) {
             }
         };
-        let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle());
+        let mut peer = Peer::new(out, tokio::spawn(async {}).abort_handle(), Ipv4Addr::LOCALHOST.into());
         while peer.outbox.takes_samples() {
             assert!(peer.outbox.send(&[0]));
         }

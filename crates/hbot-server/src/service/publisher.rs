@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::Arc;
 
-use hbot_api::{EncodeError, Encoding, ErrorBody, Event, OpName, StateEvent};
+use hbot_api::{Encoding, ErrorBody, Event, MessageEncodeError, OpName, StateEvent};
 use serde::Serialize;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -66,7 +66,7 @@ impl Publisher {
     pub(super) fn guessed(&mut self, session: u64) -> Option<IpAddr> {
         let peer = self.peers.get_mut(&session)?;
         peer.guessed = true;
-        peer.address
+        Some(peer.address)
     }
 
     /// Cuts the connection that has waited longest for the answer to a wrong token: false if there is none.
@@ -153,7 +153,11 @@ impl Publisher {
     ///
     /// # Errors
     /// The message holds a number that is not finite; it is not sent then.
-    pub(super) fn try_send(&mut self, session: u64, message: &impl Serialize) -> Result<(), EncodeError> {
+    pub(super) fn try_send(
+        &mut self,
+        session: u64,
+        message: &impl Serialize,
+    ) -> Result<(), MessageEncodeError> {
         let Some(peer) = self.peers.get(&session) else { return Ok(()) };
         if !peer.try_send(message)? {
             self.doomed.push(session);
@@ -171,7 +175,7 @@ impl Publisher {
         }
     }
 
-    /// Counts a stream message that is refused without an answer, and tells its client, at most once a second.
+    /// CountsByName a stream message that is refused without an answer, and tells its client, at most once a second.
     pub(super) fn refuse_stream(&mut self, session: u64, op: Option<OpName>, error: ErrorBody) {
         let Some(peer) = self.peers.get_mut(&session) else { return };
         peer.refuse(op, error);
@@ -247,7 +251,10 @@ impl Publisher {
 
 #[cfg(test)]
 mod tests {
-    use hbot_api::{Response, StoppingEvent};
+    use std::net::Ipv4Addr;
+    use std::task::{Context, Waker};
+
+    use hbot_api::{Response, ServerMessage, StoppingEvent};
 
     use super::super::outbox::{Inbox, outbox};
     use super::*;
@@ -259,7 +266,10 @@ mod tests {
     /// A client with room for so many messages.
     fn admit(publisher: &mut Publisher, session: u64, messages: usize) -> Inbox {
         let (out, inbox) = outbox(messages);
-        publisher.admit(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
+        publisher.admit(
+            session,
+            Peer::new(out, tokio::spawn(async {}).abort_handle(), Ipv4Addr::LOCALHOST.into()),
+        );
         inbox
     }
 
@@ -279,7 +289,7 @@ mod tests {
     #[tokio::test]
     async fn states_go_to_those_who_want_this_tick() {
         let mut publisher = publisher();
-        let _inboxes = [admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 2)];
+        let (mut first, _second) = (admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 2));
         assert!(!publisher.is_watched());
         publisher.subscribe(1, 2);
         publisher.subscribe(2, 1);
@@ -289,6 +299,17 @@ mod tests {
         assert_eq!(dropped, [0, 0, 1]);
         publisher.subscribe(2, 0);
         assert_eq!(publisher.publish(&crate::still::still(4)), 0);
+        let mut sent = Vec::new();
+        assert!(first.poll_take(&Context::from_waker(Waker::noop()), &mut sent).is_ready());
+        let states =
+            sent.split_inclusive(|byte| *byte == b'\n').map(|line| ServerMessage::read(Encoding::Json, line));
+        let ticks: Vec<_> = states
+            .map(|state| match state {
+                Ok(ServerMessage::Event(Event::State(state))) => state.tick,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!(ticks, [2, 4]);
         publisher.gone(1);
         assert!(!publisher.is_watched());
     }

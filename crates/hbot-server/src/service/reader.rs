@@ -9,8 +9,8 @@ use std::task::Poll;
 use std::time::Duration;
 
 use hbot_api::{
-    Encoding, ErrorBody, ErrorCode, FrameError, MAX_REQUEST_BYTES, MAX_SHORT_REQUEST_BYTES, Op, Refusal,
-    Request, Splitter, Stop, StopFinder, asks_estop,
+    Encoding, ErrorBody, ErrorCode, MAX_REQUEST_BYTES, MAX_SHORT_REQUEST_BYTES, Op, Request, RequestRefusal,
+    SplitError, Splitter, Stop, StopFinder, asks_estop,
 };
 use hbot_core::inputs::Command;
 use tokio::io::{AsyncRead, AsyncReadExt as _, ReadHalf};
@@ -65,7 +65,7 @@ pub(super) enum Pause {
     /// The time at which a long message may be read.
     Until(Instant),
     /// The answer to a wrong token.
-    Refuse(Refusal),
+    Refuse(RequestRefusal),
 }
 
 impl<S: AsyncRead> Reader<S> {
@@ -127,11 +127,11 @@ impl<S: AsyncRead> Reader<S> {
                             self.charge(weight_of(before - self.splitter.pending()));
                             return self.read_long();
                         }
-                        Err(error) => (Err(Refusal { id: None, op: None, error }), false),
+                        Err(error) => (Err(RequestRefusal { id: None, op: None, error }), false),
                     }
                 }
                 // A line or map too long is skipped to its end; JSON taken for a length of a gigabyte has none.
-                Some(Err(error)) => (Err(error.into()), error == FrameError::LooksLikeJson),
+                Some(Err(error)) => (Err(error.into()), error == SplitError::LooksLikeJson),
             };
             if self.hello.is_some() {
                 match self.first(request)? {
@@ -173,18 +173,22 @@ impl<S: AsyncRead> Reader<S> {
     }
 
     /// Refuses what would give the motors torque again if a stop of the same client came after it.
-    fn unless_stopped(&self, request: Request) -> Result<Request, Refusal> {
+    fn unless_stopped(&self, request: Request) -> Result<Request, RequestRefusal> {
         let done = self.read - self.splitter.pending() as u64;
         if done >= self.stop_at || !request.op.name().row().rearms {
             return Ok(request);
         }
         let op = request.op.name();
         let message = format!("op {op}: a stop of the same client came after it");
-        Err(Refusal { id: request.id, op: Some(op), error: ErrorBody::new(ErrorCode::Faulted, message) })
+        Err(RequestRefusal {
+            id: request.id,
+            op: Some(op),
+            error: ErrorBody::new(ErrorCode::Faulted, message),
+        })
     }
 
     /// The first message, hello or not, decides whether there will be others, and in which encoding.
-    fn first(&mut self, message: Result<Request, Refusal>) -> Result<Option<Pause>, Ended> {
+    fn first(&mut self, message: Result<Request, RequestRefusal>) -> Result<Option<Pause>, Ended> {
         match self.desk.first(self.session, message) {
             First::Greeted(encoding) => {
                 self.splitter.set_encoding(encoding);
@@ -213,7 +217,7 @@ impl<S: AsyncRead> Reader<S> {
                     Err(_) => {
                         let message = format!("no hello within {} s", time.as_secs_f64());
                         let error = ErrorBody::new(ErrorCode::BadRequest, message);
-                        self.first(Err(Refusal { id: None, op: None, error })).map(drop)
+                        self.first(Err(RequestRefusal { id: None, op: None, error })).map(drop)
                     }
                 },
             },
@@ -344,7 +348,7 @@ impl<S: AsyncRead> Reader<S> {
     }
 }
 
-fn is_estop(request: &Result<Request, Refusal>) -> bool {
+fn is_estop(request: &Result<Request, RequestRefusal>) -> bool {
     matches!(request, Ok(Request { op: Op::Estop, .. }))
 }
 

@@ -212,9 +212,7 @@ impl Connections {
             *hub.bounds(),
         ));
         self.sessions.insert(task.id(), Session { number: session, local });
-        let mut peer = Peer::new(outbox, task);
-        peer.address = Some(address.ip());
-        hub.admit(session, peer);
+        hub.admit(session, Peer::new(outbox, task, address.ip()));
     }
 
     /// The places that are taken.

@@ -276,17 +276,22 @@ mod tests {
         let _ = running.load(SceneFile::default_scene());
         let mut scenes = Scenes::new(running, None, RigConfig::prototype().rig, Arc::default());
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
-        scenes.load(&mut end, 3, None, scene).unwrap();
-        let revision = scenes.running.revision();
-        let measured = |costs| Ok(Measured { revision, costs });
-        scenes.rendered(&Sample { scene: revision - 1, ..crate::still::still(6) });
-        scenes.measured(measured(vec![42]));
-        assert!(scenes.next_loaded().is_none() && scenes.is_loading(), "measured and not rendered");
-        for tick in [7, 8] {
-            scenes.rendered(&Sample { scene: revision, ..crate::still::still(tick) });
-        }
+        scenes.load(&mut end, 3, None, scene.clone()).unwrap();
+        let first = scenes.running.revision();
+        scenes.load(&mut end, 4, None, scene).unwrap();
+        let second = scenes.running.revision();
+        let measured = |revision, cost| Ok(Measured { revision, costs: vec![cost] });
+        scenes.rendered(&Sample { scene: first - 1, ..crate::still::still(6) });
+        scenes.measured(measured(first, 42));
+        assert!(scenes.next_loaded().is_none(), "measured and not rendered");
+        scenes.rendered(&Sample { scene: first, ..crate::still::still(7) });
+        scenes.rendered(&Sample { scene: second, ..crate::still::still(8) });
         let loaded = scenes.next_loaded().expect("both");
         assert_eq!((loaded.session, loaded.event.tick, loaded.answer.effects[0].cost_ns), (3, 7, 42));
-        assert!(scenes.next_loaded().is_none() && !scenes.is_loading());
+        assert!(scenes.next_loaded().is_none() && scenes.is_loading(), "rendered and not measured");
+        scenes.measured(measured(second, 43));
+        let loaded = scenes.next_loaded().expect("both");
+        assert_eq!((loaded.session, loaded.event.tick, loaded.answer.effects[0].cost_ns), (4, 8, 43));
+        assert!(!scenes.is_loading());
     }
 }

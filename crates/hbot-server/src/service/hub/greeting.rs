@@ -1,7 +1,7 @@
 //! The first message of a connection: who is there, and whether it may be.
 
 use hbot_api::{
-    ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Refusal, Request, Response,
+    ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Request, RequestRefusal, Response,
 };
 use subtle::ConstantTimeEq as _;
 
@@ -10,13 +10,17 @@ use super::Hub;
 
 impl Hub {
     /// Takes the first message of a connection: how it goes on, if it does.
-    pub(in crate::service) fn first(&mut self, session: u64, message: Result<Request, Refusal>) -> First {
+    pub(in crate::service) fn first(
+        &mut self,
+        session: u64,
+        message: Result<Request, RequestRefusal>,
+    ) -> First {
         self.stats.counts.requests += 1;
         let refusal = match message {
             Ok(Request { id, op: Op::Hello(hello) }) => match self.authorize(&hello) {
                 Ok(()) => return self.greet(session, id, hello),
                 Err(error) => {
-                    let refusal = Refusal { id, op: Some(OpName::Hello), error };
+                    let refusal = RequestRefusal { id, op: Some(OpName::Hello), error };
                     if hello.token.is_some() {
                         self.wrong_tokens.add(self.publisher.guessed(session));
                         return First::WrongToken(refusal);
@@ -26,7 +30,7 @@ impl Hub {
             },
             Ok(Request { id, op }) => {
                 let message = format!("op {} before hello; legal: hello first", op.name());
-                Refusal { id, op: None, error: ErrorBody::new(ErrorCode::BadRequest, message) }
+                RequestRefusal { id, op: None, error: ErrorBody::new(ErrorCode::BadRequest, message) }
             }
             Err(refusal) => refusal,
         };
@@ -35,7 +39,11 @@ impl Hub {
     }
 
     /// Refuses the first message of a connection, which ends once the answer has left.
-    pub(in crate::service) fn refuse_first(&mut self, session: u64, Refusal { id, error, .. }: Refusal) {
+    pub(in crate::service) fn refuse_first(
+        &mut self,
+        session: u64,
+        RequestRefusal { id, error, .. }: RequestRefusal,
+    ) {
         tracing::info!(session, code = %error.code, "no hello");
         self.respond(session, &Response::error(id, error));
         self.publisher.dismiss(session);

@@ -2,20 +2,23 @@
 
 use hbot_api::{
     Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
-    ReferenceCommand, Refusal, Request, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+    ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde_json::Value;
 
 use super::super::convert;
-use super::super::orders::OrderKind;
 use super::Hub;
 use hbot_host::bridge::CONFIRMED;
 
 impl Hub {
     /// Takes a later message; false where the client is none any more.
-    pub(in crate::service) fn message(&mut self, session: u64, message: Result<Request, Refusal>) -> bool {
+    pub(in crate::service) fn message(
+        &mut self,
+        session: u64,
+        message: Result<Request, RequestRefusal>,
+    ) -> bool {
         if !self.publisher.knows(session) {
             return false;
         }
@@ -26,7 +29,7 @@ impl Hub {
                 let done = self.allowed(session, &op).and_then(|()| self.obey(session, id.clone(), op));
                 (id, Some(name), done)
             }
-            Err(Refusal { id, op, error }) => (id, op, Err(error)),
+            Err(RequestRefusal { id, op, error }) => (id, op, Err(error)),
         };
         if let Err(error) = result {
             self.refuse(session, id, op, error);
@@ -110,19 +113,19 @@ impl Hub {
             }
             Op::Torque(torque) => {
                 let command = self.torque(&torque);
-                self.order(session, id, name, OrderKind::Stream, command)?;
+                self.order(session, id, name, command)?;
             }
             Op::Reference(reference) => {
                 let command = self.reference(&reference)?;
-                self.order(session, id, name, OrderKind::Stream, command)?;
+                self.order(session, id, name, command)?;
             }
             Op::Align(align) => {
                 let command = self.align(&align);
-                self.order(session, id, name, OrderKind::Stream, command)?;
+                self.order(session, id, name, command)?;
             }
-            Op::Enable => self.order(session, id, name, OrderKind::Mode, Command::Enable)?,
-            Op::Reset => self.order(session, id, name, OrderKind::Mode, Command::Reset)?,
-            Op::Disable => self.order(session, id, name, OrderKind::Stop, Command::Disable)?,
+            Op::Enable => self.order(session, id, name, Command::Enable)?,
+            Op::Reset => self.order(session, id, name, Command::Reset)?,
+            Op::Disable => self.order(session, id, name, Command::Disable)?,
             Op::Estop => self.estop(session, id),
             Op::Ping { data } => {
                 let tick = self.end.tick();
@@ -158,7 +161,7 @@ impl Hub {
     /// Answers an `estop`: the loop was stopped when its bytes came, and is not stopped a second time.
     fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
         tracing::warn!(session, name = self.publisher.name(session), "estop");
-        if self.order(session, id.clone(), OpName::Estop, OrderKind::Stop, CONFIRMED).is_err() {
+        if self.order(session, id.clone(), OpName::Estop, CONFIRMED).is_err() {
             // There is no place for it among those that are answered, but the loop does it in its next tick.
             self.answer(session, id, ModeOk { mode: Mode::Estop });
         }

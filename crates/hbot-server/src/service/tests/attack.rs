@@ -39,7 +39,7 @@ fn a_thousand_connections_are_turned_away_and_the_first_are_served() {
 #[test]
 fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
     let bounds = Bounds { hello: Duration::from_millis(300), ..Bounds::default() };
-    let bench = Bench::start(Options { bounds, ..Options::default() });
+    let bench = TestService::start(TestOptions { bounds, ..TestOptions::default() });
     let mut slow = bench.raw();
     let mut writer = slow.stream.try_clone().unwrap();
     let trickle = std::thread::spawn(move || {
@@ -128,8 +128,12 @@ fn one_that_connects_again_and_again_is_served_and_counted_each_time() {
 #[test]
 fn an_estop_is_never_refused_however_many_come() {
     // A loop so slow that they find no place in the ring.
-    let bounds = Bounds { outgoing: 4096, ..Options::default().bounds };
-    let bench = Bench::start(Options { bounds, breath: Duration::from_millis(5), ..Options::default() });
+    let bounds = Bounds { outgoing: 4096, ..TestOptions::default().bounds };
+    let bench = TestService::start(TestOptions {
+        bounds,
+        breath: Duration::from_millis(5),
+        ..TestOptions::default()
+    });
     let mut raw = Raw::greeted(&bench);
     raw.bytes(&b"{\"id\": 1, \"op\": \"estop\"}\n".repeat(1000));
     for _ in 0..1000 {

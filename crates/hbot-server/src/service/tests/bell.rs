@@ -73,7 +73,8 @@ async fn many_samples_ring_before_they_find_no_place() {
 
 #[test]
 fn what_is_asked_for_is_of_now_though_nobody_watches() {
-    let bench = Bench::start(Options { breath: Duration::from_millis(1), ..Options::default() });
+    let bench =
+        TestService::start(TestOptions { breath: Duration::from_millis(1), ..TestOptions::default() });
     let mut client = bench.client("c");
     for _ in 0..20 {
         std::thread::sleep(Duration::from_millis(11));

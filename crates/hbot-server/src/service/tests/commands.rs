@@ -73,7 +73,7 @@ fn a_rig_without_its_zeros_cannot_be_enabled() {
     let mut rig = RigConfig::prototype();
     let unknown = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Calibrate;
     rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(unknown)).unwrap();
-    let bench = Bench::start(Options { rig, enable_at_start: true, ..Options::default() });
+    let bench = TestService::start(TestOptions { rig, enable_at_start: true, ..TestOptions::default() });
     let mut client = bench.holder();
     bench.wait_ticks(50);
     let error = refused(client.call(Op::Enable));
@@ -84,7 +84,7 @@ fn a_rig_without_its_zeros_cannot_be_enabled() {
 
 #[test]
 fn a_rig_that_is_to_be_enabled_at_the_start_is() {
-    let bench = Bench::start(Options { enable_at_start: true, ..Options::default() });
+    let bench = TestService::start(TestOptions { enable_at_start: true, ..TestOptions::default() });
     bench.wait_for(Mode::Active);
     // Once: who disables it finds it idle.
     let mut client = bench.client("anybody");

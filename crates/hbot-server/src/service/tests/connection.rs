@@ -6,7 +6,7 @@ use tokio::task::yield_now;
 use tokio::time::{sleep, timeout};
 
 use super::super::connection::converse;
-use super::super::desk::Desk;
+use super::super::desk::{Desk, First};
 use super::super::hub::Hub;
 use super::super::outbox::outbox;
 use super::super::peer::Peer;
@@ -50,7 +50,10 @@ async fn connected(desk: &Desk, pipe: usize, fields: &[u8]) -> (DuplexStream, u6
         let mut hub = desk.hub();
         let session = hub.next_session();
         let (out, inbox) = outbox(8192);
-        hub.admit(session, Peer::new(out, tokio::spawn(async {}).abort_handle()));
+        hub.admit(
+            session,
+            Peer::new(out, tokio::spawn(async {}).abort_handle(), std::net::Ipv4Addr::LOCALHOST.into()),
+        );
         (session, inbox, *hub.bounds())
     };
     let deadline = tokio::time::Instant::now() + PATIENCE;
@@ -102,6 +105,33 @@ fn requests_that_swell_are_read_one_after_the_other() {
     let most = (CLIENTS * (2 * PIPE + 128 * 1024)) as u64;
     assert!(swollen.bytes_max > most, "{} bytes", swollen.bytes_max);
     assert!(used.bytes_max < most, "{} KiB of {}", used.bytes_max >> 10, most >> 10);
+}
+
+/// A request takes no memory but that of its answer.
+#[tokio::test]
+async fn a_ping_is_answered_without_an_allocation() {
+    const PINGS: usize = 100;
+    let (_loop_end, desk) = still();
+    let (out, mut inbox) = outbox(8192);
+    let session = desk.hub().next_session();
+    let task = tokio::spawn(async {}).abort_handle();
+    desk.hub().admit(session, Peer::new(out, task, std::net::Ipv4Addr::LOCALHOST.into()));
+    let hello = br#"{"op": "hello", "version": 1, "name": "x", "encoding": "msgpack"}"#;
+    assert_eq!(desk.first(session, Request::read_first(hello)), First::Greeted(Encoding::Msgpack));
+    let context = std::task::Context::from_waker(std::task::Waker::noop());
+    // The room for answers to come.
+    let mut bytes = Vec::with_capacity(64 * 1024);
+    assert!(inbox.poll_take(&context, &mut bytes).is_ready());
+    let mut pings: Vec<_> =
+        (0..PINGS).map(|_| Ok(Request { id: None, op: Op::Ping { data: Value::Null } })).collect();
+    let used = allocation_counter::measure(|| {
+        for ping in pings.drain(..) {
+            assert!(desk.message(session, ping));
+        }
+    });
+    assert_eq!(used.count_total, 0);
+    assert!(inbox.poll_take(&context, &mut bytes).is_ready());
+    assert!(bytes.len() > 20 * PINGS, "{} bytes of answers", bytes.len());
 }
 
 #[tokio::test]

@@ -14,7 +14,7 @@ fn logs(dir: &std::path::Path) -> Vec<std::path::PathBuf> {
 fn a_fault_leaves_a_log_of_the_second_before_and_a_tenth_after() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("flights");
-    let bench = Bench::start(Options { flight_dir: Some(path.clone()), ..Options::default() });
+    let bench = TestService::start(TestOptions { flight_dir: Some(path.clone()), ..TestOptions::default() });
     let mut client = bench.active();
     bench.wait_ticks(1200);
     bench.with_rig(|rig| rig.inject(Trouble::Hot { joint: 1, on: true }));
@@ -50,11 +50,11 @@ fn a_fault_leaves_a_log_of_the_second_before_and_a_tenth_after() {
 #[test]
 fn a_log_that_is_not_complete_is_written_at_the_end() {
     let dir = tempfile::tempdir().unwrap();
-    let bench = Bench::start(Options {
+    let bench = TestService::start(TestOptions {
         flight_dir: Some(dir.path().to_owned()),
         // So slow that the end comes before 100 ticks have passed.
         breath: Duration::from_millis(5),
-        ..Options::default()
+        ..TestOptions::default()
     });
     bench.client("c").call(Op::Estop).unwrap();
     bench.finish();
@@ -66,7 +66,8 @@ fn a_folder_that_cannot_be_written_is_counted() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("file");
     std::fs::write(&file, "in the way").unwrap();
-    let bench = Bench::start(Options { flight_dir: Some(file.join("flights")), ..Options::default() });
+    let bench =
+        TestService::start(TestOptions { flight_dir: Some(file.join("flights")), ..TestOptions::default() });
     bench.client("c").call(Op::Estop).unwrap();
     bench.wait_ticks(150);
     let summary = bench.finish();
@@ -81,7 +82,8 @@ fn old_logs_go() {
             .unwrap();
     }
     std::fs::write(dir.path().join("notes.csv"), "").unwrap();
-    let bench = Bench::start(Options { flight_dir: Some(dir.path().to_owned()), ..Options::default() });
+    let bench =
+        TestService::start(TestOptions { flight_dir: Some(dir.path().to_owned()), ..TestOptions::default() });
     bench.client("c").call(Op::Estop).unwrap();
     bench.finish();
     let left = logs(dir.path());
@@ -107,7 +109,11 @@ fn the_end_is_told() {
 
 #[test]
 fn the_service_ends_with_the_loop() {
-    let bench = Bench::start(Options { ticks: Some(5000), breath: Duration::ZERO, ..Options::default() });
+    let bench = TestService::start(TestOptions {
+        ticks: Some(5000),
+        breath: Duration::ZERO,
+        ..TestOptions::default()
+    });
     let mut bench = bench;
     // Nobody asks for it.
     let shutdown = bench.shutdown.take();

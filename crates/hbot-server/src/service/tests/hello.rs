@@ -60,7 +60,7 @@ fn the_first_bad_line_is_answered_and_ends_the_connection() {
 #[test]
 fn silence_is_not_waited_for() {
     let bounds = Bounds { hello: Duration::from_millis(50), ..Bounds::default() };
-    let bench = Bench::start(Options { bounds, ..Options::default() });
+    let bench = TestService::start(TestOptions { bounds, ..TestOptions::default() });
     let mut raw = bench.raw();
     // Half a line is no hello either.
     raw.bytes(b"{\"id\": 1, \"op\": \"hel");
@@ -70,7 +70,8 @@ fn silence_is_not_waited_for() {
 
 #[test]
 fn a_token_is_asked_for_and_compared() {
-    let bench = Bench::start(Options { token: Some("open sesame".to_owned()), ..Options::default() });
+    let bench =
+        TestService::start(TestOptions { token: Some("open sesame".to_owned()), ..TestOptions::default() });
     let connect = |token: Option<&str>| {
         let token = token.map(|token| Token::from(token.to_owned()));
         let options = ConnectOptions { token, ..ConnectOptions::new("t") };
@@ -118,8 +119,8 @@ fn both_encodings_say_the_same() {
 
 #[test]
 fn too_many_connections_are_turned_away() {
-    let bounds = Bounds { connections: 3, ..Options::default().bounds };
-    let bench = Bench::start(Options { bounds, ..Options::default() });
+    let bounds = Bounds { connections: 3, ..TestOptions::default().bounds };
+    let bench = TestService::start(TestOptions { bounds, ..TestOptions::default() });
     let mut clients: Vec<_> = ["a", "b", "c"].into_iter().map(|name| bench.client(name)).collect();
     let mut raw = bench.raw();
     assert_eq!(raw.line()["error"]["code"], "busy");

@@ -44,10 +44,10 @@ fn the_lease_has_one_holder_and_everybody_knows() {
 }
 
 /// A rig under a holder's torque of a second, whose holder is then lost: the client that watches.
-fn lost(policy: OnClientLost) -> (Bench, Client) {
+fn lost(policy: OnClientLost) -> (TestService, Client) {
     let mut rig = RigConfig::prototype();
     rig.api.on_client_lost = policy;
-    let bench = Bench::start(Options { rig, ..Options::default() });
+    let bench = TestService::start(TestOptions { rig, ..TestOptions::default() });
     let mut holder = bench.active();
     let mut watcher = bench.client("watcher");
     watcher.subscribe(1).unwrap();

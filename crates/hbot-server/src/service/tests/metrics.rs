@@ -4,7 +4,7 @@ use hbot_api::ErrorCode;
 
 use super::*;
 
-fn served(bench: &Bench, token: &str) -> SocketAddr {
+fn served(bench: &TestService, token: &str) -> SocketAddr {
     let (control, token) = (bench.control.clone(), token.to_owned());
     let (ready, started) = blocking::channel();
     // It ends with the test.

@@ -43,8 +43,8 @@ use hbot_host::run_loop::{StopFlag, lockstep};
 /// How long a test waits for what must come. It never says how fast anything is.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// What a bench is to be.
-struct Options {
+/// What a test asks of its service.
+struct TestOptions {
     rig: RigConfig,
     scene: SceneFile,
     token: Option<String>,
@@ -59,7 +59,7 @@ struct Options {
     breath: Duration,
 }
 
-impl Default for Options {
+impl Default for TestOptions {
     fn default() -> Self {
         Self {
             rig: RigConfig::prototype(),
@@ -78,7 +78,7 @@ impl Default for Options {
 }
 
 /// A service with its loop and its simulated rig.
-struct Bench {
+struct TestService {
     address: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,
     control: mpsc::Sender<Control>,
@@ -105,12 +105,12 @@ impl Line for Breathing {
     }
 }
 
-fn bench() -> Bench {
-    Bench::start(Options::default())
+fn bench() -> TestService {
+    TestService::start(TestOptions::default())
 }
 
-impl Bench {
-    fn start(options: Options) -> Self {
+impl TestService {
+    fn start(options: TestOptions) -> Self {
         let (rig, calls) = blocking::channel();
         let (control, controlled) = mpsc::channel(4);
         let (status, watched) = watch::channel(Status::default());
@@ -121,7 +121,7 @@ impl Bench {
         let service = std::thread::spawn(move || {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
             runtime.block_on(async move {
-                let Options {
+                let TestOptions {
                     rig,
                     scene,
                     token,
@@ -228,7 +228,7 @@ impl Bench {
     }
 }
 
-impl Drop for Bench {
+impl Drop for TestService {
     fn drop(&mut self) {
         self.end();
     }
@@ -258,7 +258,7 @@ impl Raw {
     }
 
     /// A connection that has said hello.
-    fn greeted(bench: &Bench) -> Self {
+    fn greeted(bench: &TestService) -> Self {
         let mut raw = bench.raw();
         raw.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "raw"}"#);
         assert_eq!(raw.line()["id"], 0);

@@ -5,12 +5,16 @@ use hbot_api::DroppedEvent;
 use super::*;
 
 fn bounds() -> Bounds {
-    Bounds { outgoing: 32, stuck: Duration::from_secs(3600), ..Options::default().bounds }
+    Bounds { outgoing: 32, stuck: Duration::from_secs(3600), ..TestOptions::default().bounds }
 }
 
 #[test]
 fn a_slow_reader_loses_states_and_is_told_how_many() {
-    let bench = Bench::start(Options { bounds: bounds(), breath: Duration::ZERO, ..Options::default() });
+    let bench = TestService::start(TestOptions {
+        bounds: bounds(),
+        breath: Duration::ZERO,
+        ..TestOptions::default()
+    });
     let mut slow = Raw::greeted(&bench);
     slow.send(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     let mut other = bench.client("other");
@@ -52,7 +56,7 @@ fn a_slow_reader_loses_states_and_is_told_how_many() {
 
 #[test]
 fn one_that_reads_no_answers_is_cut_and_others_are_not() {
-    let bench = Bench::start(Options { bounds: bounds(), ..Options::default() });
+    let bench = TestService::start(TestOptions { bounds: bounds(), ..TestOptions::default() });
     let mut other = bench.client("other");
     let mut deaf = Raw::greeted(&bench);
     deaf.stream.set_write_timeout(Some(PATIENCE)).unwrap();
@@ -67,7 +71,7 @@ fn one_that_reads_no_answers_is_cut_and_others_are_not() {
 #[test]
 fn one_that_is_stuck_is_cut() {
     let bounds = Bounds { stuck: Duration::from_millis(200), ..bounds() };
-    let bench = Bench::start(Options { bounds, breath: Duration::ZERO, ..Options::default() });
+    let bench = TestService::start(TestOptions { bounds, breath: Duration::ZERO, ..TestOptions::default() });
     let mut stuck = Raw::greeted(&bench);
     stuck.send(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     bench.wait_until("the client", |status| status.clients == 1);
@@ -104,7 +108,8 @@ fn a_flood_of_commands_does_not_keep_an_estop_back() {
 
 #[test]
 fn eight_subscribers_of_every_tick_all_get_every_tick() {
-    let bench = Bench::start(Options { breath: Duration::from_millis(1), ..Options::default() });
+    let bench =
+        TestService::start(TestOptions { breath: Duration::from_millis(1), ..TestOptions::default() });
     let mut clients: Vec<_> = (0..8).map(|i| bench.client(&format!("c{i}"))).collect();
     for client in &mut clients {
         client.subscribe(1).unwrap();

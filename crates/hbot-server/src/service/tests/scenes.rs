@@ -83,7 +83,7 @@ fn phenomena_go_to_the_simulated_rig_and_a_real_one_has_its_own() {
     let seen = Arc::new(Mutex::new(Vec::new()));
     let called = Arc::clone(&seen);
     let phenomena: SetPhenomena = Box::new(move |simulate| called.lock().unwrap().push(*simulate));
-    let simulated = Bench::start(Options { phenomena: Some(phenomena), ..Options::default() });
+    let simulated = TestService::start(TestOptions { phenomena: Some(phenomena), ..TestOptions::default() });
     let mut client = simulated.holder();
     assert_eq!(client.call(scene(wanted.clone())).unwrap()["ignored"], json!([]));
     client.call(scene(json!({}))).unwrap();

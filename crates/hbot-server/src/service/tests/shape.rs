@@ -23,7 +23,7 @@ fn shape(name: &str, value: &Value) -> String {
     }
 }
 
-fn ask(bench: &Bench, op: &str) -> String {
+fn ask(bench: &TestService, op: &str) -> String {
     let mut raw = Raw::greeted(bench);
     shape("", &raw.ask(&format!(r#"{{"id": 1, "op": "{op}"}}"#))["ok"])
 }
@@ -61,7 +61,8 @@ fn info_keeps_its_names_their_order_and_types() {
     assert_eq!(ask(&real, "info"), info("{mu: real, normal_force: real}", ""));
     let mut rig = RigConfig::prototype();
     rig.rig = rig.rig.with(|parts| parts.limits.traction = None).unwrap();
-    let simulated = Bench::start(Options { rig, phenomena: Some(Box::new(|_| ())), ..Options::default() });
+    let simulated =
+        TestService::start(TestOptions { rig, phenomena: Some(Box::new(|_| ())), ..TestOptions::default() });
     simulated.wait_for(Mode::Idle);
     let phenomena = "phenomena: [{name: text, description: text, schema: map}],";
     assert_eq!(ask(&simulated, "info"), info("null", phenomena));

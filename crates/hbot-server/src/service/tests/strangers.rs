@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn with_token() -> Bench {
-    Bench::start(Options { token: Some("open sesame".to_owned()), ..Options::default() })
+fn with_token() -> TestService {
+    TestService::start(TestOptions { token: Some("open sesame".to_owned()), ..TestOptions::default() })
 }
 
 #[test]
@@ -37,8 +37,8 @@ fn a_stranger_stops_nothing_however_the_bytes_come() {
 
 #[test]
 fn those_who_say_no_hello_leave_places_to_those_who_do() {
-    let bounds = Bounds { strangers: 3, ..Options::default().bounds };
-    let bench = Bench::start(Options { bounds, ..Options::default() });
+    let bounds = Bounds { strangers: 3, ..TestOptions::default().bounds };
+    let bench = TestService::start(TestOptions { bounds, ..TestOptions::default() });
     let clients: Vec<_> = (0..5).map(|k| bench.client(&format!("c{k}"))).collect();
     let silent: Vec<_> = (0..3).map(|_| bench.raw()).collect();
     eventually("one too many", || {
@@ -77,9 +77,10 @@ fn who_shows_a_wrong_token_waits_for_the_answer_and_nobody_else_does() {
 #[test]
 fn those_who_guess_tokens_take_no_place_from_those_who_know_one() {
     // None of the guesses is answered in the time of the test.
-    let bounds = Bounds { strangers: 3, wrong_token: Duration::from_secs(600), ..Options::default().bounds };
+    let bounds =
+        Bounds { strangers: 3, wrong_token: Duration::from_secs(600), ..TestOptions::default().bounds };
     let token = Some("open sesame".to_owned());
-    let bench = Bench::start(Options { bounds, token: token.clone(), ..Options::default() });
+    let bench = TestService::start(TestOptions { bounds, token: token.clone(), ..TestOptions::default() });
     let guess = r#"{"op": "hello", "version": 1, "name": "guess", "token": "open says me"}"#;
     let options = ConnectOptions { token: token.map(Into::into), ..ConnectOptions::new("right") };
     let mut guesses = Vec::new();

@@ -28,8 +28,8 @@ impl Made {
         Some(Encryption::from_files(&files).unwrap())
     }
 
-    fn bench(&self) -> Bench {
-        Bench::start(Options { encryption: self.encryption(), ..Options::default() })
+    fn bench(&self) -> TestService {
+        TestService::start(TestOptions { encryption: self.encryption(), ..TestOptions::default() })
     }
 }
 
@@ -58,12 +58,12 @@ fn trusting(pem: &str) -> ConnectOptions {
     }
 }
 
-fn connect(bench: &Bench, options: &ConnectOptions) -> Result<Client, ClientError> {
+fn connect(bench: &TestService, options: &ConnectOptions) -> Result<Client, ClientError> {
     Client::connect_with(&bench.address.to_string(), options)
 }
 
 /// Why a client is not let in, in words.
-fn refusal(bench: &Bench, options: &ConnectOptions) -> String {
+fn refusal(bench: &TestService, options: &ConnectOptions) -> String {
     match connect(bench, options) {
         Err(ClientError::Tls(why)) => why,
         other => panic!("{other:?}"),
@@ -152,8 +152,9 @@ fn nothing_else_than_encryption_is_spoken_on_its_port() {
 fn handshakes_that_hang_or_are_garbage_are_counted_and_hold_nobody_up() {
     let made = Made::by_itself();
     // Time for the one who does shake hands; those who hang keep it to its end.
-    let bounds = Bounds { hello: Duration::from_secs(5), ..Options::default().bounds };
-    let bench = Bench::start(Options { encryption: made.encryption(), bounds, ..Options::default() });
+    let bounds = Bounds { hello: Duration::from_secs(5), ..TestOptions::default().bounds };
+    let bench =
+        TestService::start(TestOptions { encryption: made.encryption(), bounds, ..TestOptions::default() });
     let silent: Vec<_> = (0..10).map(|_| TcpStream::connect(bench.address).unwrap()).collect();
     // The first bytes of a handshake, and no more.
     let halting: Vec<_> = (0..10)
@@ -176,7 +177,7 @@ fn handshakes_that_hang_or_are_garbage_are_counted_and_hold_nobody_up() {
         tried.set(tried.get() + 1);
         connect(&bench, &trusting(&made.certificate)).is_ok()
     });
-    let ticks = |bench: &Bench| bench.status.borrow().sample.map_or(0, |sample| sample.state.tick);
+    let ticks = |bench: &TestService| bench.status.borrow().sample.map_or(0, |sample| sample.state.tick);
     let before = ticks(&bench);
     eventually("their end", || {
         let (wanted, summary) = oneshot::channel();
@@ -195,8 +196,11 @@ fn handshakes_that_hang_or_are_garbage_are_counted_and_hold_nobody_up() {
 fn a_token_is_asked_for_behind_encryption_too() {
     let made = Made::by_itself();
     let token = Some("a secret of 24 characters".to_owned());
-    let bench =
-        Bench::start(Options { encryption: made.encryption(), token: token.clone(), ..Options::default() });
+    let bench = TestService::start(TestOptions {
+        encryption: made.encryption(),
+        token: token.clone(),
+        ..TestOptions::default()
+    });
     let options = trusting(&made.certificate);
     match connect(&bench, &options) {
         Err(ClientError::Server(error)) => assert_eq!(error.code, ErrorCode::Unauthorized),
@@ -208,8 +212,9 @@ fn a_token_is_asked_for_behind_encryption_too() {
 #[test]
 fn one_too_many_is_closed_without_a_plain_word() {
     let made = Made::by_itself();
-    let bounds = Bounds { connections: 1, ..Options::default().bounds };
-    let bench = Bench::start(Options { encryption: made.encryption(), bounds, ..Options::default() });
+    let bounds = Bounds { connections: 1, ..TestOptions::default().bounds };
+    let bench =
+        TestService::start(TestOptions { encryption: made.encryption(), bounds, ..TestOptions::default() });
     let first = connect(&bench, &trusting(&made.certificate)).unwrap();
     assert_eq!(bench.raw().rest(), "");
     drop(first);
