@@ -12,6 +12,7 @@ use hbot_core::effects::Motion;
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
 use hbot_core::render::Renderer;
+use hbot_core::rig::Limits;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, Vec3, rotation};
 use serde_json::{Value, json};
 
@@ -64,9 +65,12 @@ fn rendering(c: &mut Criterion) {
 }
 
 fn whole_ticks(c: &mut Criterion) {
-    let mut rig = RigConfig::prototype().rig;
     // The feedback below is no turning sphere: its slip is no fault here, and it stays near all references.
-    (rig.limits.slip, rig.limits.speed, rig.limits.enable_max_angle) = (1e6, 1e6, 10.0);
+    let Limits { slip, speed, enable_max_angle, .. } = Limits::WIDEST;
+    let rig = RigConfig::prototype().rig;
+    let rig = rig
+        .with(|rig| rig.limits = Limits { slip, speed, enable_max_angle, ..rig.limits })
+        .expect("a legal rig");
     let mut group = c.benchmark_group("tick");
     for (name, scene) in [("empty", CompiledScene::empty()), ("16_mixed", mixed())] {
         let mut controller = Controller::new(rig);

@@ -74,13 +74,6 @@ impl Deref for Rig {
     }
 }
 
-/// Lets hbot-server alter its rigs in place until it does so by [`Rig::with`]. Nothing is checked.
-impl core::ops::DerefMut for Rig {
-    fn deref_mut(&mut self) -> &mut RigParts {
-        &mut self.0
-    }
-}
-
 /// What a [`Rig`] is made of, legal or not.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigParts {
