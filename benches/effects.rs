@@ -12,7 +12,7 @@ use hbot_core::effects::Motion;
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
 use hbot_core::render::Renderer;
-use hbot_core::rig::{RigParts, legal};
+use hbot_core::rig::Limits;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, Vec3, rotation};
 use serde_json::{Value, json};
 
@@ -66,11 +66,11 @@ fn rendering(c: &mut Criterion) {
 
 fn whole_ticks(c: &mut Criterion) {
     // The feedback below is no turning sphere: its slip is no fault here, and it stays near all references.
-    let widest = |parts: &mut RigParts| {
-        (parts.limits.slip, parts.limits.speed) = (legal::SLIP.most, legal::SPEED.most);
-        parts.limits.enable_max_angle = legal::ENABLE_MAX_ANGLE.most;
-    };
-    let rig = RigConfig::prototype().rig.with(widest).expect("legal");
+    let Limits { slip, speed, enable_max_angle, .. } = Limits::WIDEST;
+    let rig = RigConfig::prototype().rig;
+    let rig = rig
+        .with(|rig| rig.limits = Limits { slip, speed, enable_max_angle, ..rig.limits })
+        .expect("a legal rig");
     let mut group = c.benchmark_group("tick");
     for (name, scene) in [("empty", CompiledScene::empty()), ("16_mixed", mixed())] {
         let mut controller = Controller::new(rig);
