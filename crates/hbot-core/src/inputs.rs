@@ -188,6 +188,8 @@ pub struct Stamp {
 
 /// What becomes of a rig whose client has gone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum OnClientLost {
     /// Its stream ramps out, the scene stays.
     Ramp,

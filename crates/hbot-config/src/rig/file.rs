@@ -106,8 +106,8 @@ pub(crate) struct Joint {
     #[schemars(extend("enum" = [1, -1]))]
     pub(crate) sign: i8,
     /// How the zero of a steering angle becomes known; without meaning for a drive joint.
-    #[serde(default)]
-    pub(crate) zero: Zero,
+    #[serde(default = "unknown")]
+    pub(crate) zero: core::Zero,
     /// The joint's angle where its encoder says zero, as `hbot rig calibrate` finds it; without meaning for a drive joint.
     #[serde(default)]
     #[schemars(range(min = -6.3, max = 6.3), extend("unit" = "rad"))]
@@ -135,7 +135,7 @@ impl Joint {
         core::Joint {
             gear: self.gear,
             reversed: self.sign < 0,
-            zero: self.zero.into(),
+            zero: self.zero,
             ..core::Joint::new(self.counts_per_turn, 0.0)
         }
     }
@@ -149,32 +149,10 @@ fn forwards() -> i8 {
     1
 }
 
+fn unknown() -> core::Zero {
+    core::Zero::Calibrate
+}
+
 fn yes() -> bool {
     true
-}
-
-/// How the zero of a steering angle becomes known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Zero {
-    /// The wheel stands at zero when the controller powers up.
-    Assume,
-    /// The encoder is absolute over a turn.
-    Absolute,
-    /// Known once the encoder's index has been seen.
-    Index,
-    /// Known once a calibration has been taken.
-    #[default]
-    Calibrate,
-}
-
-impl From<Zero> for core::Zero {
-    fn from(zero: Zero) -> Self {
-        match zero {
-            Zero::Assume => Self::Assume,
-            Zero::Absolute => Self::Absolute,
-            Zero::Index => Self::Index,
-            Zero::Calibrate => Self::Calibrate,
-        }
-    }
 }

@@ -32,51 +32,18 @@ pub(crate) enum Preset {
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct MethodTable {
     /// How orientation is integrated from one reading to the next.
-    pub(crate) odometry: Odometry,
+    pub(crate) odometry: core::OdometryMethod,
     /// What way the joints are taken to have gone between two readings.
-    pub(crate) path: Path,
+    pub(crate) path: core::PathFit,
     /// How a torque on the sphere becomes joint torques.
-    pub(crate) allocation: Allocation,
+    pub(crate) allocation: core::AllocationMethod,
 }
 
 impl Default for MethodTable {
     fn default() -> Self {
-        Self { odometry: Odometry::Midpoint, path: Path::Straight, allocation: Allocation::Exact }
+        let core::Methods { odometry, path, allocation, .. } = core::Methods::BALANCED;
+        Self { odometry, path, allocation }
     }
-}
-
-/// How orientation is integrated from one reading to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Odometry {
-    /// Contact frames at the step's start: order 1.
-    Euler,
-    /// Contact frames at the mid steering angles: order 2.
-    Midpoint,
-    /// Two Gauss points and their commutator: order 4.
-    Magnus4,
-}
-
-/// What way the joints are taken to have gone between two readings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Path {
-    /// At constant rates.
-    Straight,
-    /// A parabola through the last three readings.
-    Quadratic,
-    /// A cubic through the last four.
-    Cubic,
-}
-
-/// How a torque on the sphere becomes joint torques.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Allocation {
-    /// As much of the torque as the joints can make together.
-    Exact,
-    /// Scaled as a whole where one joint is over its limit.
-    Clipped,
 }
 
 impl Accuracy {
@@ -92,28 +59,13 @@ impl Accuracy {
 
     /// The methods of the preset or table; rates and passivity are those of the default.
     pub(crate) fn methods(self) -> core::Methods {
-        let table = match self {
-            Self::Preset(Preset::Fast) => return core::Methods::FAST,
-            Self::Preset(Preset::Balanced) => return core::Methods::BALANCED,
-            Self::Preset(Preset::Exact) => return core::Methods::EXACT,
-            Self::Methods(table) => table,
-        };
-        core::Methods {
-            odometry: match table.odometry {
-                Odometry::Euler => core::OdometryMethod::Euler,
-                Odometry::Midpoint => core::OdometryMethod::Midpoint,
-                Odometry::Magnus4 => core::OdometryMethod::Magnus4,
-            },
-            path: match table.path {
-                Path::Straight => core::PathFit::Straight,
-                Path::Quadratic => core::PathFit::Quadratic,
-                Path::Cubic => core::PathFit::Cubic,
-            },
-            allocation: match table.allocation {
-                Allocation::Exact => core::AllocationMethod::Exact,
-                Allocation::Clipped => core::AllocationMethod::Clipped,
-            },
-            ..core::Methods::BALANCED
+        match self {
+            Self::Preset(Preset::Fast) => core::Methods::FAST,
+            Self::Preset(Preset::Balanced) => core::Methods::BALANCED,
+            Self::Preset(Preset::Exact) => core::Methods::EXACT,
+            Self::Methods(MethodTable { odometry, path, allocation }) => {
+                core::Methods { odometry, path, allocation, ..core::Methods::BALANCED }
+            }
         }
     }
 }

@@ -10,10 +10,11 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use hbot_core::inputs::OnClientLost;
 use hbot_core::rig::Rig;
 use serde_json::Value;
 
-pub use self::settings::{OnClientLost, Protocol};
+pub use self::settings::Protocol;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::Document;

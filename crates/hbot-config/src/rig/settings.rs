@@ -3,6 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
+use hbot_core::inputs::OnClientLost;
 use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -243,15 +244,3 @@ pub(crate) struct Tls {
 
 /// HBOT on a phone's keys.
 const DEFAULT_PORT: u16 = 4268;
-
-/// What happens to the holder's commands when its connection ends without a release.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum OnClientLost {
-    /// Its stream ramps out; the scene stays.
-    Ramp,
-    /// Everything stays as it is.
-    Keep,
-    /// The rig goes to the fault client_lost.
-    Fault,
-}

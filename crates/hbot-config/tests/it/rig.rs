@@ -1,7 +1,8 @@
 //! Rig files: what the prototype says, defaults, and one case for each kind of mistake.
 
-use hbot_config::rig::{OnClientLost, Port, Protocol};
+use hbot_config::rig::{Port, Protocol};
 use hbot_config::{LoadError, Override, RigConfig};
+use hbot_core::inputs::OnClientLost;
 use hbot_core::rig::{
     AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
 };

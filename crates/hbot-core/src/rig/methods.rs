@@ -70,6 +70,8 @@ impl Methods {
 
 /// How orientation is integrated over one step of the joints (physics notes, section 4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum OdometryMethod {
     /// Contact frames at the step's start: order 1.
     Euler,
@@ -99,6 +101,8 @@ impl OdometryMethod {
 /// It is evaluated over the last interval, which lies inside the readings that it goes through: nothing is
 /// extrapolated, and nothing comes a tick late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum PathFit {
     /// Through the last two readings.
     Straight,
@@ -125,6 +129,8 @@ impl PathFit {
 
 /// How a torque on the sphere becomes joint torques (physics notes, section 7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum AllocationMethod {
     /// As much of the torque as the joints can make together.
     Exact,

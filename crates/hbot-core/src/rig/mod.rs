@@ -189,6 +189,8 @@ fn real_to_f64(x: Real) -> f64 {
 
 /// How the zero of a steering angle becomes known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum Zero {
     /// The wheel stands at zero when the controller powers up; taken at the first reading, and not again after a reboot.
     Assume,

@@ -1,11 +1,9 @@
 //! From the core's types to those of the TCP messages.
 
 use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
-use hbot_config::rig::OnClientLost;
-use hbot_core::inputs;
+use hbot_core::inputs::OnClientLost;
 use hbot_core::mode;
 use hbot_core::{Quat, Vec3};
-
 use hbot_host::sample::Sample;
 
 pub(crate) fn mode(mode: mode::Mode) -> Mode {
@@ -32,14 +30,6 @@ pub(crate) fn fault(cause: mode::Cause) -> Fault {
         mode::Cause::Deadline => Fault::Deadline,
         mode::Cause::ClientLost => Fault::ClientLost,
         mode::Cause::Thermal => Fault::Thermal,
-    }
-}
-
-pub(crate) fn client_lost(policy: OnClientLost) -> inputs::OnClientLost {
-    match policy {
-        OnClientLost::Ramp => inputs::OnClientLost::Ramp,
-        OnClientLost::Keep => inputs::OnClientLost::Keep,
-        OnClientLost::Fault => inputs::OnClientLost::Fault,
     }
 }
 

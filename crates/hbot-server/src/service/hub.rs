@@ -25,7 +25,6 @@ use tokio::sync::{Notify, watch};
 use tokio::time::Instant;
 
 use super::bucket::LongMessages;
-use super::convert;
 use super::desk::Gone;
 use super::flights::Flights;
 use super::incidents::Incidents;
@@ -231,7 +230,7 @@ impl Hub {
             return;
         }
         if self.lease.is_held_by(session) {
-            let policy = convert::client_lost(self.rig.api.on_client_lost);
+            let policy = self.rig.api.on_client_lost;
             self.order_internally("client lost", Command::ClientLost(policy));
             self.lease.free(session);
             self.lease_changed(LeaseCause::Disconnected);

@@ -1,7 +1,7 @@
 //! Who commands, and what becomes of the rig when that one is gone.
 
 use hbot_api::{ErrorCode, Fault, LeaseCause, LeaseEvent, TorqueCommand};
-use hbot_config::rig::OnClientLost;
+use hbot_core::inputs::OnClientLost;
 
 use super::*;
 
