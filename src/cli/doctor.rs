@@ -14,7 +14,7 @@ use hbot_host::doctor::{
 use serde_json::{Value, json};
 
 use super::out::say;
-use super::{ServerAddress, commands, server, style};
+use super::{ServerAddress, orders, server, style};
 
 /// Flight logs shown.
 const LOGS: usize = 5;
@@ -76,7 +76,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     let address =
         args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
     // Asked for first: who waits for the measurement has a server to be told of.
-    let mut server = match address.map(|address| commands::connect(&address, "hbot doctor")).transpose() {
+    let mut server = match address.map(|address| orders::connect(&address, "hbot doctor")).transpose() {
         Ok(server) => server,
         Err(error) => {
             let mend = Some("start it, name another, or leave --server out".to_owned());

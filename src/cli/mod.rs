@@ -1,9 +1,9 @@
 //! The command line.
 
 mod bringup;
-mod commands;
 mod console;
 mod doctor;
+mod orders;
 pub(crate) mod out;
 mod rig;
 mod scene;
@@ -90,10 +90,10 @@ impl Cli {
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
             Command::Doctor(args) => doctor::run(args),
-            Command::Estop(address) => commands::run(&address, commands::Order::Estop),
-            Command::Disable(address) => commands::run(&address, commands::Order::Disable),
-            Command::Enable(address) => commands::run(&address, commands::Order::Enable),
-            Command::Reset(address) => commands::run(&address, commands::Order::Reset),
+            Command::Estop(address) => orders::run(&address, orders::Order::Estop),
+            Command::Disable(address) => orders::run(&address, orders::Order::Disable),
+            Command::Enable(address) => orders::run(&address, orders::Order::Enable),
+            Command::Reset(address) => orders::run(&address, orders::Order::Reset),
             Command::LastWord => {
                 // Nobody is left to read of an error.
                 let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());

@@ -11,7 +11,7 @@ use clap::Subcommand;
 use hbot_config::SceneFile;
 
 use super::out::{foreign, say};
-use super::{ServerAddress, commands, style};
+use super::{ServerAddress, orders, style};
 
 /// What to do with a scene.
 #[derive(Debug, Subcommand)]
@@ -56,8 +56,8 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
         }
         SceneCommand::Load { file, address } => {
             let scene = SceneFile::from_path(&file)?;
-            let mut client = commands::connect(&address, "hbot scene load")?;
-            let loaded = commands::holding(&mut client, |client| client.load_scene(scene.to_json()))?;
+            let mut client = orders::connect(&address, "hbot scene load")?;
+            let loaded = orders::holding(&mut client, |client| client.load_scene(scene.to_json()))?;
             say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
             for effect in &loaded.effects {
                 let [id, kind] = [&effect.id, &effect.kind].map(|text| foreign(text).to_string());

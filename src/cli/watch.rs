@@ -8,7 +8,7 @@ use clap::Args;
 use hbot_api::{Event, StateEvent};
 
 use super::out::{Reader, foreign, note, say, written};
-use super::{ServerAddress, commands, style};
+use super::{ServerAddress, orders, style};
 
 /// Options of `hbot watch`.
 #[derive(Debug, Args)]
@@ -24,7 +24,7 @@ pub(crate) struct WatchArgs {
 }
 
 pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
-    let mut client = commands::connect(&args.address, "hbot watch")?;
+    let mut client = orders::connect(&args.address, "hbot watch")?;
     let hello = client.hello().clone();
     let every = args.every.unwrap_or(((hello.rate_hz / 10.0) as u64).max(1));
     client.subscribe(every)?;

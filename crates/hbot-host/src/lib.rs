@@ -3,7 +3,7 @@
 //!
 //! # Rooms, from the line up
 //!
-//! 1. [`line`]: bytes in, bytes out, never waiting: a serial port, or the simulated rig in memory.
+//! 1. [`mod@line`]: bytes in, bytes out, never waiting: a serial port, or the simulated rig in memory.
 //!    [`last_word`]: a process that switches the motors off where this one cannot any more.
 //! 2. [`bus`]: motor buses, the seam for drivers; [`conformance`]: what every driver must do.
 //! 3. [`layout`]: which joint of the rig stands where on which bus; [`motors`]: all buses as one set of

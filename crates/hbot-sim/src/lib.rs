@@ -10,7 +10,6 @@
 //! | [`controller`] | the firmware at the far end of the line: counts, torques, watchdog, faults |
 //! | [`hand`] | a person's hand on the sphere |
 //! | [`phenomena`] | the figures of what a real rig shows besides |
-//! | [`scene`] | the phenomena that a scene file asks for |
 //! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
 //! | [`motion`] | true motions of a sphere that does not slip, for measuring methods of odometry |
 //! | [`extrapolation`] | the integrator to rounding that they are made by |

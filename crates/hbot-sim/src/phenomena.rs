@@ -22,7 +22,30 @@ pub use hbot_config::scene::{
 /// The phenomena of the plant alone; a hand is not the plant's.
 #[must_use]
 pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
-    Phenomena { encoder: None, motor: None, link: None, hand: None, ..*phenomena }
+    // All by name: a new phenomenon does not compile until somebody says whose it is.
+    let Phenomena {
+        joint_friction,
+        cage_friction,
+        slip,
+        pivoting,
+        eccentric,
+        wheel_modules,
+        gear,
+        encoder: _,
+        motor: _,
+        link: _,
+        hand: _,
+    } = *phenomena;
+    Phenomena {
+        joint_friction,
+        cage_friction,
+        slip,
+        pivoting,
+        eccentric,
+        wheel_modules,
+        gear,
+        ..Phenomena::default()
+    }
 }
 
 /// The dry friction of a joint at `rate` (rad/s), N m; at rest the torque that it withstands. The
