@@ -5,7 +5,7 @@
 //! step is exact on each piece, and the line search is exact too, so the method ends after a few steps. On the
 //! border of the reach y is not unique (it may go to infinity along the facet's normal), but x is.
 
-use super::reach::Problem;
+use super::problem::Problem;
 use crate::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};

@@ -5,7 +5,7 @@
 //! to it must be at its limit; and the farthest that it extends along n is the sum of |b_k.n|. A torque s v is inside
 //! if and only if s |v.n| is at most that for all of these n.
 
-use super::reach::Problem;
+use super::problem::Problem;
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
 

@@ -17,6 +17,7 @@ mod dual;
 mod facets;
 mod nearest;
 mod pair;
+mod problem;
 mod reach;
 mod traction;
 mod weak;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use hbot_api::StateEvent;
 
 use super::{Intent, News, Wake};
-use crate::model::Sample;
+use crate::model::sample::Sample;
 
 /// Samples that wait for the window: seconds of them at 1 kHz.
 const MAX_SAMPLES: usize = 8192;

@@ -11,14 +11,12 @@ use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
 
 use super::Bounds;
-use super::desk::{Desk, Gone};
+use super::desk::Desk;
+use super::hub::Gone;
 use super::outbox::Inbox;
-use super::reader::Reader;
+use super::reader::{Ended, PIECE_BYTES, Reader};
 use super::writer::Writer;
 use crate::tls::Encryption;
-
-/// Room for so many bytes that come at once.
-pub(super) const PIECE_BYTES: usize = 16 * 1024;
 
 /// How long, and for how many bytes, a connection that the server ends goes on listening: closing with unread bytes
 /// would reset it, and the client might lose the answer that says why.
@@ -144,12 +142,4 @@ async fn linger<S: AsyncRead + AsyncWrite + Unpin>(stream: &mut S) {
             return;
         }
     }
-}
-
-/// How a connection ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ended {
-    ByClient,
-    ByServer,
-    Broken,
 }

@@ -3,36 +3,14 @@
 use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use hbot_api::{Encoding, Id, Request, RequestRefusal};
+use hbot_api::{Id, Request, RequestRefusal};
 
-use super::hub::Hub;
+use super::hub::{First, Gone, Hub};
 
 /// The hub, for whoever has something for it to do. One turn at a time, and none waits for anything: on the one thread of the
 /// service they never wait for each other either.
 #[derive(Clone)]
 pub(super) struct Desk(Arc<Mutex<Hub>>);
-
-/// Why a connection has ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Gone {
-    /// Either side has ended it.
-    Ended,
-    /// It was given up because the client has not read.
-    Stuck,
-    /// It was to be encrypted, and never was.
-    NoHandshake,
-}
-
-/// What became of the first message of a connection.
-#[derive(Debug, PartialEq)]
-pub(super) enum First {
-    /// It goes on, in this encoding.
-    Greeted(Encoding),
-    /// It has been answered, and nothing more will be.
-    Refused,
-    /// It is to be answered so, but not at once: who guesses a token shall wait.
-    WrongToken(RequestRefusal),
-}
 
 impl Desk {
     pub(super) fn new(hub: Hub) -> Self {

@@ -17,7 +17,10 @@ mod samples;
 
 use std::sync::Arc;
 
-use hbot_api::{ErrorBody, ErrorCode, Event, Id, LeaseCause, OpName, Response, StatsOk, StoppingEvent};
+use hbot_api::{
+    Encoding, ErrorBody, ErrorCode, Event, Id, LeaseCause, OpName, RequestRefusal, Response, StatsOk,
+    StoppingEvent,
+};
 use hbot_config::RigConfig;
 use hbot_core::inputs::{Command, OnClientLost};
 use serde::Serialize;
@@ -25,7 +28,6 @@ use tokio::sync::{Notify, watch};
 use tokio::time::Instant;
 
 use super::bucket::LongMessages;
-use super::desk::Gone;
 use super::flights::Flights;
 use super::incidents::Incidents;
 use super::info::Info;
@@ -40,6 +42,28 @@ use super::{Bounds, Setup, Status};
 use crate::tls::Encryption;
 use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::sample::Sample;
+
+/// Why a connection has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Gone {
+    /// Either side has ended it.
+    Ended,
+    /// It was given up because the client has not read.
+    Stuck,
+    /// It was to be encrypted, and never was.
+    NoHandshake,
+}
+
+/// What became of the first message of a connection.
+#[derive(Debug, PartialEq)]
+pub(super) enum First {
+    /// It goes on, in this encoding.
+    Greeted(Encoding),
+    /// It has been answered, and nothing more will be.
+    Refused,
+    /// It is to be answered so, but not at once: who guesses a token shall wait.
+    WrongToken(RequestRefusal),
+}
 
 /// What clients share.
 pub(super) struct Hub {

@@ -19,16 +19,26 @@ use tokio::time::{Instant, sleep_until, timeout_at};
 
 use super::Bounds;
 use super::bucket::{Bucket, weight, weight_of};
-use super::connection::{Ended, PIECE_BYTES};
-use super::desk::{Desk, First};
+use super::desk::Desk;
+use super::hub::First;
 use hbot_host::bridge::EmergencyStop;
 
 /// Ordinary requests of one client before others have their turn; of those that take longer one.
 const REQUESTS_A_TURN: u32 = 16;
+/// Room for so many bytes that come at once.
+pub(super) const PIECE_BYTES: usize = 16 * 1024;
 /// Bytes read that count as one of these: a full piece ends the turn.
 const BYTES_A_REQUEST: usize = PIECE_BYTES / REQUESTS_A_TURN as usize;
 /// Bytes that are read while requests before them wait for their time.
 pub(super) const READ_AHEAD: usize = 256 * 1024;
+
+/// How a connection ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ended {
+    ByClient,
+    ByServer,
+    Broken,
+}
 
 /// Takes in what a client says.
 pub(super) struct Reader<S> {

@@ -5,7 +5,7 @@ use hbot_api::{
 };
 use subtle::ConstantTimeEq as _;
 
-use super::super::desk::First;
+use super::First;
 use super::Hub;
 
 impl Hub {

@@ -6,7 +6,8 @@ use tokio::task::yield_now;
 use tokio::time::{sleep, timeout};
 
 use super::super::connection::converse;
-use super::super::desk::{Desk, First};
+use super::super::desk::Desk;
+use super::super::hub::First;
 use super::super::hub::Hub;
 use super::super::outbox::outbox;
 use super::super::peer::Peer;
