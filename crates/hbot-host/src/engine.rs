@@ -11,7 +11,7 @@ use hbot_core::{CompiledScene, Controller};
 
 use crate::bridge::LoopEnd;
 use crate::clock::now_ns;
-use crate::motors::{Motors, OFF};
+use crate::motors::Motors;
 use crate::sample::{Answer, Counters, Sample, Timing};
 
 /// Commands whose send time is remembered to tell the age of a reading; an older one has no age.
@@ -186,7 +186,8 @@ impl Engine {
             if k > 0 {
                 std::thread::sleep(pause);
             }
-            self.counters.send_failures += self.motors.command(self.now_ns, tick.wrapping_add(k), &OFF);
+            let now_ns = self.now_ns + u64::from(k) * pause.as_nanos() as u64;
+            self.counters.send_failures += self.motors.switch_off(now_ns, tick.wrapping_add(k));
         }
         self.motors.release();
     }

@@ -1,5 +1,7 @@
 //! All motor buses of a rig as one set of joints, in the order of the rig.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointFeedback};
 use hbot_core::outputs::Drive;
@@ -44,6 +46,8 @@ struct Attached {
     joints: Vec<(usize, usize)>,
     /// The tick of the command that its newest reading answers.
     answers: Option<u32>,
+    /// It has panicked. It is not asked again, so that a helper process, if it has one, speaks.
+    broken: bool,
     /// The line was reopened. Reported as an expired watchdog with the next reading, so that torque
     /// needs `reset` and `enable`.
     lost: bool,
@@ -68,12 +72,17 @@ pub struct News {
 
 impl Motors {
     /// `buses` in the order of the buses of `layout`. Controllers hold a command for `watchdog_ms`.
+    ///
+    /// # Panics
+    /// Where there are more or fewer buses than `layout` has.
     #[must_use]
     pub fn new(buses: Vec<Box<dyn MotorBus>>, layout: &Layout, watchdog_ms: u16) -> Self {
+        assert_eq!(buses.len(), layout.buses(), "a joint without a bus would never be commanded");
         let attach = |(number, bus)| Attached {
             bus,
             joints: layout.joints(number).collect(),
             answers: None,
+            broken: false,
             lost: false,
         };
         Self {
@@ -146,9 +155,25 @@ impl Motors {
         refused
     }
 
+    /// Writes the command that switches the motors off to all buses, even if one of them panics.
+    /// Returns how many did not take it whole.
+    pub fn switch_off(&mut self, now_ns: u64, tick: u32) -> u64 {
+        let command =
+            BusCommand { tick, enable: false, watchdog_ms: self.watchdog_ms, torque: [0.0; MAX_JOINTS] };
+        let mut refused = 0;
+        for attached in self.buses.iter_mut().filter(|attached| !attached.broken) {
+            let taken = catch_unwind(AssertUnwindSafe(|| attached.bus.command(now_ns, &command)));
+            attached.broken = taken.is_err();
+            refused += u64::from(!taken.unwrap_or(false));
+        }
+        refused
+    }
+
     /// Tells all buses that their motors are off and that no command follows. May wait.
     pub fn release(&mut self) {
-        self.buses.iter_mut().for_each(|attached| attached.bus.release());
+        for attached in self.buses.iter_mut().filter(|attached| !attached.broken) {
+            attached.broken = catch_unwind(AssertUnwindSafe(|| attached.bus.release())).is_err();
+        }
     }
 }
 
@@ -173,5 +198,49 @@ impl Attached {
                 readings.index_seen |= bit;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::layout::Place;
+
+    /// Notes what it is told; panics at every command if it is to.
+    struct Noted(Arc<Mutex<Vec<String>>>, bool);
+
+    impl MotorBus for Noted {
+        fn receive(&mut self, _: u64, _: u32) -> Heard {
+            Heard::default()
+        }
+
+        fn command(&mut self, _: u64, command: &BusCommand) -> bool {
+            assert!(!self.1, "as a test asks");
+            self.0.lock().unwrap().push(format!("{} {:?}", command.enable, &command.torque[..2]));
+            true
+        }
+
+        fn release(&mut self) {
+            self.0.lock().unwrap().push("released".to_owned());
+        }
+    }
+
+    #[test]
+    fn a_bus_that_panics_keeps_the_last_word_from_no_other() {
+        let said = [Arc::default(), Arc::default()];
+        let place = |bus, at| Place { bus, at };
+        let layout =
+            Layout { places: vec![place(0, 0), place(0, 1), place(1, 0), place(1, 1)], ..Layout::single([]) };
+        let buses = said.iter().zip([true, false]);
+        let buses =
+            buses.map(|(said, panics)| Box::new(Noted(Arc::clone(said), panics)) as Box<dyn MotorBus>);
+        let mut motors = Motors::new(buses.collect(), &layout, 20);
+        assert_eq!((motors.switch_off(0, 1), motors.switch_off(0, 2)), (1, 0));
+        motors.release();
+        assert_eq!(*said[1].lock().unwrap(), ["false [0.0, 0.0]", "false [0.0, 0.0]", "released"]);
+        // Not released: its helper, if it has one, speaks.
+        assert!(said[0].lock().unwrap().is_empty());
     }
 }

@@ -12,6 +12,9 @@ const ROUNDS: u32 = 32;
 /// A direction weaker than the root of it is not asked for.
 const DAMPING: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
+/// A contact's whole grip, with the rounding of a torque that was scaled down to it.
+const FULL: Real = 1.0 + 8.0 * Real::EPSILON;
+
 /// What the joint torques have to keep within.
 pub(crate) struct Bounds<'a> {
     /// Rows of G, sphere axes to joints.
@@ -89,7 +92,7 @@ fn together(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec
         part = Real::min(part, if way[k] == 0.0 { 1.0 } else { room / fabs(way[k]) });
     }
     let next = *left - made * part;
-    if next.length_squared() >= left.length_squared() {
+    if !(next.length_squared() < left.length_squared()) {
         return;
     }
     let mut moved = *joints;
@@ -105,7 +108,7 @@ fn together(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec
 impl Bounds<'_> {
     /// Whether contact `wheel` holds the joint torques of its wheel, steer and drive, N m.
     fn hold(&self, wheel: usize, pair: &[Real; 2]) -> bool {
-        self.grip.is_none_or(|grip| traction(&self.arms[wheel..=wheel], pair, grip) <= 1.0)
+        self.grip.is_none_or(|grip| traction(&self.arms[wheel..=wheel], pair, grip) <= FULL)
     }
 }
 

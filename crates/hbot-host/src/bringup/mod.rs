@@ -10,7 +10,7 @@ mod tests;
 use std::time::Duration;
 
 use hbot_config::{RigConfig, rig as config};
-use hbot_core::inputs::JointFeedback;
+use hbot_core::inputs::{Complaints, JointFeedback};
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
 use hbot_sim::phenomena::Hand;
@@ -134,6 +134,7 @@ impl Bench {
 
     /// Writes the same command until each line has answered it, unless it is to `stop`.
     fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointFeedback, Interrupted> {
+        let mut complaints = Complaints::default();
         for _ in 0..PATIENCE {
             if stop() {
                 return Err(Interrupted::Stopped);
@@ -146,8 +147,11 @@ impl Bench {
                 std::thread::sleep(self.period);
             }
             let news = self.motors.receive(now_ns, self.tick);
+            complaints = complaints.or(news.feedback.map_or(complaints, |feedback| feedback.complaints));
+            // A controller that has lost power meanwhile counts from another zero.
+            complaints.fault |= news.zeros_lost;
             if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
-                return Ok(feedback);
+                return Ok(JointFeedback { complaints, ..feedback });
             }
         }
         Err(Interrupted::Silent)
@@ -173,7 +177,8 @@ impl Drop for Bench {
                 std::thread::sleep(self.period);
             }
             // The helper and the watchdog are left where a line does not take it.
-            let _ = self.motors.command(self.now_ns(), self.tick.wrapping_add(k), &OFF);
+            self.motors.switch_off(self.now_ns(), self.tick);
+            self.tick = self.tick.wrapping_add(1);
         }
         self.motors.release();
     }

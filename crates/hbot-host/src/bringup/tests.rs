@@ -143,6 +143,17 @@ fn a_line_that_falls_silent_is_told() {
 }
 
 #[test]
+fn a_controller_that_has_lost_power_gets_no_further_torque() {
+    let rig = RigConfig::prototype().rig;
+    let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
+    let mut bench = on(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox));
+    calls.send(Box::new(|rig| rig.inject(Fault::Reboot))).unwrap();
+    let outcome = test(&mut bench, 1, 0.01, 50.0).unwrap();
+    assert!(matches!(outcome.verdict, Verdict::Complains(complaints) if complaints.fault), "{outcome:?}");
+    assert_eq!(outcome.moved, 0.0, "by the first command with torque");
+}
+
+#[test]
 fn a_rig_as_its_file_has_it_is_left_alone() {
     let found = watched(&mut bench(|_| (), true, |_| ()));
     assert!(found.known && found.before < 0.01, "{found:?}");

@@ -65,6 +65,7 @@ impl Protocol for HbotLink {
             cut: false,
             stranger: false,
             undescribed: false,
+            asks: false,
         })
     }
 
@@ -91,6 +92,8 @@ struct HbotBus {
     /// The newest readings come from controllers that have restarted since they were met, or from
     /// other controllers.
     undescribed: bool,
+    /// The next command is followed by the question who they are.
+    asks: bool,
 }
 
 impl MotorBus for HbotBus {
@@ -134,6 +137,7 @@ impl MotorBus for HbotBus {
             }
         }
         heard.zeros_lost |= self.undescribed;
+        self.asks = self.undescribed && tick.is_multiple_of(DESCRIBE_EVERY);
         heard
     }
 
@@ -150,7 +154,8 @@ impl MotorBus for HbotBus {
             let _ = message.torque.push(*torque as f32);
         }
         let whole = self.write(now_ns, &ToController::Command(message));
-        let asks = self.undescribed && command.tick.is_multiple_of(DESCRIBE_EVERY);
+        // Never after a command that no reading came before: the last word is a command.
+        let asks = std::mem::take(&mut self.asks);
         whole & (!asks || self.write(now_ns, &ToController::Describe))
     }
 

@@ -84,7 +84,7 @@ impl Peer {
         self.every != 0 && tick.is_multiple_of(self.every)
     }
 
-    /// CountsByName a state that it does not get.
+    /// Counts a state that it does not get.
     pub(super) fn drop_state(&mut self) {
         self.dropped.add();
     }
@@ -98,7 +98,7 @@ impl Peer {
         Some(Event::Dropped(DroppedEvent { count, total: self.dropped.total }))
     }
 
-    /// CountsByName a stream message refused.
+    /// Counts a stream message refused.
     pub(super) fn refuse(&mut self, op: Option<OpName>, error: ErrorBody) {
         self.refused.add();
         self.last_refused = Some(Refused { op, error });

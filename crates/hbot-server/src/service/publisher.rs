@@ -175,7 +175,7 @@ impl Publisher {
         }
     }
 
-    /// CountsByName a stream message that is refused without an answer, and tells its client, at most once a second.
+    /// Counts a stream message that is refused without an answer, and tells its client, at most once a second.
     pub(super) fn refuse_stream(&mut self, session: u64, op: Option<OpName>, error: ErrorBody) {
         let Some(peer) = self.peers.get_mut(&session) else { return };
         peer.refuse(op, error);

@@ -78,7 +78,8 @@ pub(super) async fn run(
         (hub.bell(), hub.changed())
     });
     let mut connections = Connections::new(desk.clone());
-    let Ok(bell) = Ringing::of(bell) else { return close(desk, connections, "the loop is not heard").await };
+    // Without it the service cannot go on: it ends as by any other fault of its own, with zero torque.
+    let bell = Ringing::of(bell).unwrap_or_else(|error| panic!("the loop cannot be heard: {error}"));
     let why = loop {
         let (more, over) = desk.turn(|hub| {
             hub.drain();
