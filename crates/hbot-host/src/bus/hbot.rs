@@ -154,7 +154,7 @@ impl MotorBus for HbotBus {
             let _ = message.torque.push(*torque as f32);
         }
         let whole = self.write(now_ns, &ToController::Command(message));
-        // Never after a command that no reading came before: the last word is a command.
+        // Only once after each `receive`: no question follows the last word.
         let asks = std::mem::take(&mut self.asks);
         whole & (!asks || self.write(now_ns, &ToController::Describe))
     }

@@ -4,10 +4,13 @@
 //! between the two: it loses, delays, doubles, cuts and garbles bytes, lets the line vanish and come
 //! back, and looks at what the bus says and what the motors do. See `docs/drivers.md`.
 //!
-//! ```no_run
-//! # use hbot_host::conformance::{Controllers, Subject};
-//! # fn subject() -> Subject { unimplemented!() }
-//! hbot_host::conformance::assert_conforms(&subject());
+//! ```
+//! use hbot_host::conformance::{CASES, Subject};
+//!
+//! /// The cases that a driver does not keep, with what it does instead.
+//! fn broken(driver: &Subject) -> Vec<(&'static str, String)> {
+//!     CASES.iter().filter_map(|case| case.run(driver).err().map(|what| (case.name, what))).collect()
+//! }
 //! ```
 
 mod cases;
