@@ -1,6 +1,7 @@
 //! Studies as their callers see them: figures with the ids that others rely on, checks that hold, files that are whole.
 
 mod accuracy;
+mod allocation_page;
 mod design;
 mod effects;
 mod files;
