@@ -1,30 +1,40 @@
-//! Kinematics, rendering and the control tick of an Hbot: a caged sphere, held by a hand, turned by steered and driven
-//! wheels.
+//! Kinematics, haptic rendering and the control law of an Hbot. An Hbot is a haptic device: a
+//! sphere in a cage, held by a hand and turned by steered and driven wheels.
 //!
-//! `no_std`, no allocation, no clock, no input or output, no unsafe code. Same inputs, same bits, on any machine.
+//! The crate is `no_std`. It uses no heap, no clock, no input or output and no unsafe code. The
+//! same inputs give the same bits on any machine.
 //!
-//! # Layers, from the hand down
+//! # Modules, from the hand down to the wheels
 //!
-//! 1. [`controller`]: [`Controller::tick`], a pure function from [`Inputs`] and a [`CompiledScene`] to [`Outputs`].
-//! 2. [`scene`] and [`effects`]: what the sphere is to feel like; [`render`] makes torques of it; [`impedance`]: the spring laws and the damper.
-//! 3. [`mode`]: the state table, with every cause of a fault.
-//! 4. [`allocation`]: a torque on the sphere as joint torques within limits, its direction kept.
-//! 5. [`odometry`]: orientation from joint angles along a [`path`]; [`kinematics`]: contact frames, G, forward and inverse.
-//! 6. [`singularity`]: margins and indices; [`device`]: a legal design, checked over all steering angles.
-//! 7. [`rotation`]: exponential, logarithm and errors of unit quaternions.
+//! 1. [`controller`]: [`Controller::tick`], a pure function from [`Inputs`] and a [`CompiledScene`]
+//!    to [`Outputs`].
+//! 2. [`scene`] and [`effects`] define how the sphere feels. [`render`] computes torques from them.
+//!    [`impedance`] holds the spring laws and the damper.
+//! 3. [`mode`]: the state machine, with every cause of a fault.
+//! 4. [`allocation`]: finds joint torques within their limits for a torque on the sphere, and keeps
+//!    its direction.
+//! 5. [`odometry`]: computes the orientation from joint angles along a [`path`]. [`kinematics`]:
+//!    contact frames, the matrix G, forward and inverse kinematics.
+//! 6. [`singularity`]: margins and indices. [`device`]: a valid design, checked over all steer
+//!    angles.
+//! 7. [`rotation`]: exponential, logarithm and differences of unit quaternions.
 //!
 //! # Conventions
 //!
-//! SI units: m, rad, s, kg, N m. Quaternions map sphere axes to N and stand as `[w, x, y, z]` at the borders. Vectors are in the
-//! inertial frame N unless a frame is named: gravity along -n3, the open half of the cage up. A torque acts on the
-//! sphere; joint torques are called so. Joints go steer, drive of wheel 1, then wheel 2, and so on. The equations are
-//! those of docs/physics.md.
+//! - Units are SI: m, rad, s, kg, N m.
+//! - Quaternions map sphere axes to frame N. At interfaces they are written `[w, x, y, z]`.
+//! - Vectors are in the inertial frame N unless another frame is named. Gravity points along -n3,
+//!   and the open half of the cage is up.
+//! - A torque acts on the sphere. Torques at the joints are called joint torques.
+//! - Joints are ordered steer, drive of wheel 1, then steer, drive of wheel 2, and so on.
+//! - The equations are those of docs/physics.md.
 //!
 //! # A tick
 //!
-//! A program owns a [`Controller`] and calls it once a period with what has come in. It sends [`Outputs::drive`] to the motor
-//! controllers. tests/no_std in the repository is a whole program without a standard library, and examples/own_effect.rs one
-//! with a simulated rig and a law of its own.
+//! A program owns a [`Controller`] and calls it once per period with the inputs that have arrived.
+//! It then sends [`Outputs::drive`] to the motor controllers. In the repository, tests/no_std is a
+//! complete program without a standard library. examples/own_effect.rs shows a simulated rig with a
+//! control law of your own.
 //!
 //! ```
 //! use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
@@ -72,9 +82,11 @@
 //!
 //! # Memory
 //!
-//! Bytes on a machine of 64 bits. There is no heap; a tick takes some kilobytes of stack, and one that follows a change of
-//! scene a copy of the effects' memories besides. The history is that of [`controller::ALIGN_HISTORY`]; the rest of a controller is
-//! mostly the torques of 1024 ticks, which the passivity observer pairs with the turns.
+//! Sizes are in bytes on a 64-bit machine. There is no heap. A tick takes some kilobytes of stack.
+//! A tick after a change of scene also needs a copy of the effects' memories.
+//! [`controller::ALIGN_HISTORY`] gives the length of the history. Most of the rest of a controller
+//! holds the torques of the last 1024 ticks, which the passivity observer multiplies with the
+//! turns.
 //!
 //! | reals | a [`Controller`] | its history of orientations | a [`CompiledScene`] |
 //! |---|---|---|---|
