@@ -136,7 +136,7 @@ impl Host {
         self.simulator.as_ref()
     }
 
-    /// Returns a flag that asks the loop to end after its current tick.
+    /// Returns a flag that asks the loop to end. At most one more tick begins after it is set.
     #[must_use]
     pub fn stop_flag(&self) -> StopFlag {
         self.stop.clone()

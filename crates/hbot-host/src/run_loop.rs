@@ -11,7 +11,8 @@ use crate::engine::{Engine, Moment};
 use crate::pace::{Beat, Pace};
 use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
 
-/// A flag that asks the loop to end after its current tick. Clones share one flag.
+/// A flag that asks the loop to end. At most one more tick begins after it is set. Clones share one
+/// flag.
 #[derive(Debug, Clone, Default)]
 pub struct StopFlag(Arc<AtomicBool>);
 

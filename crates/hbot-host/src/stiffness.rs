@@ -72,8 +72,11 @@ impl Expected {
         [0.25 * self.inertia / (self.period * self.period), 0.625 * self.inertia / self.period]
     }
 
-    /// Returns the largest stiffness at which a spring that reads whole counts is passive due to
-    /// the device's Coulomb friction `coulomb` (N m): 2 c / d (Abbott and Okamura 2005), N m/rad.
+    /// Returns the largest stiffness, N m/rad, at which Coulomb friction keeps a spring passive
+    /// that reads whole counts. `coulomb` is the device's friction, N m.
+    ///
+    /// The formula is 2 c / d, with the friction c and the turn d per count (Abbott and Okamura
+    /// 2005).
     #[must_use]
     pub fn quiet(&self, coulomb: f64) -> f64 {
         2.0 * coulomb / self.count
