@@ -7,13 +7,17 @@
 //!
 //! # Layers, top to bottom
 //!
-//! | module | what it does |
-//! |---|---|
-//! | `verification` | Studies of this program. `accuracy`: error against time for every stage with a choice of methods. `effects`: the cost per tick of each effect and phenomenon. `stability`: how stiff a wall can be, and a simulated day of operation |
-//! | `research` | Studies of the rig. `paper`: every analysis and experiment of the paper. `design`: the dimensions of a better Hbot |
-//! | `report`, `machine`, `names` | the report, its description of the machine, and the ids of figures |
-//! | `whole` | the whole loop: controller, line and simulated rig in lock-step |
-//! | `timing`, `context`, `rng` | time measurement, progress and interruption, random numbers |
+//! - `verification`: studies of this program.
+//!   - `accuracy`: error against time for every stage with a choice of methods.
+//!   - `effects`: the cost per tick of each effect and phenomenon.
+//!   - `stability`: how stiff a wall can be, and a simulated day of operation.
+//! - `research`: studies of the rig.
+//!   - `paper`: every analysis and experiment of the paper.
+//!   - `design`: the dimensions of a better Hbot.
+//! - `report`, `machine`, `names`: the report, its description of the machine, and the ids of
+//!   figures.
+//! - `whole`: the whole loop: controller, line and simulated rig in lock-step.
+//! - `timing`, `context`, `rng`: time measurement, progress and interruption, random numbers.
 //!
 //! `verification` and `research` do not depend on each other. Plots are drawn by `hbot-plot`. The
 //! true motions come from `hbot_sim::motion`. Every study is deterministic except for the times

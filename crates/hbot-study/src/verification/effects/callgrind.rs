@@ -10,9 +10,10 @@ use serde_json::Value;
 use super::desk::{Desk, Setup};
 use crate::context::{Context, Interrupted};
 
-/// Number of ticks in the short and in the long call. The difference is one period of the rig's
-/// joint torques.
+/// Number of ticks in the short call.
 const FEW: usize = 20;
+/// Number of ticks in the long call. The difference from the short call is one period of the
+/// simulated rig's joint torques.
 pub(super) const MANY: usize = FEW + 128;
 /// Name of [`counted`] for callgrind.
 const FUNCTION: &str = concat!(module_path!(), "::counted");

@@ -18,17 +18,19 @@ use crate::report::{Report, row};
 /// Angular velocity that a tap gives to the sphere, rad/s in N: 1 rad/s about an axis without
 /// symmetry.
 const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
-/// Observation time after the tap, s, and the number of intervals into which it is divided.
+/// Observation time after the tap, s.
 const WATCH_S: f64 = 4.0;
+/// Number of equal intervals into which the observation time is divided.
 const STRETCHES: u32 = 8;
 /// Part of its energy that a swing must lose from one interval to the next to count as decaying.
 const LOSES: f64 = 1.0e-3;
-/// Range of the stiffnesses that are tried, relative to the linear border.
+/// Lowest stiffness that is tried, relative to the linear border.
 const FROM: f64 = 0.25;
+/// Highest stiffness that is tried, relative to the linear border.
 const UP_TO: f64 = 32.0;
-/// Ratio of two successive stiffnesses, and the number of bisections that follow. They give the
-/// border to 1 %.
+/// Ratio of two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;
+/// Number of bisections that follow. They give the border to 1 %.
 const HALVINGS: u32 = 5;
 /// With the passivity stage every spring must come to rest up to this many times the linear border,
 /// if friction and encoder steps are small.

@@ -11,8 +11,9 @@ use crate::context::Interrupted;
 use crate::report::Report;
 use crate::verification::double::stages::odometry::METHODS;
 
-/// Number of ticks in a day at 1 kHz, and in ten minutes, for `--quick`.
+/// Number of ticks in a day at 1 kHz.
 const DAY: u64 = 86_400_000;
+/// Number of ticks in ten minutes at 1 kHz, for `--quick`.
 const TEN_MINUTES: u64 = 600_000;
 /// Largest deviation of |q| from 1.
 const UNIT: f64 = 1.0e-12;
@@ -27,8 +28,9 @@ pub(super) struct Day {
     seconds: f64,
     /// Largest deviation of |q| from 1.
     unit: f64,
-    /// Largest and smallest energy, relative to the initial energy.
+    /// Largest energy, relative to the initial energy.
     most: f64,
+    /// Smallest energy, relative to the initial energy.
     least: f64,
 }
 
