@@ -108,8 +108,8 @@ fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
     pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
 }
 
-/// The colours of the stop button, of good and bad news, of warnings, and of axis n3, on a dark
-/// background.
+/// Colour of the stop button. The next ones are those of good and bad news, of warnings, and of
+/// axis n3, all on a dark background.
 const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
 const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
 const BAD: [u8; 3] = [0xff, 0x80, 0x48];
@@ -126,7 +126,7 @@ fn pictures_of_seven_situations() {
         TestServer::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
     };
     let spring = include_str!("../../../../scenes/spring.toml");
-    // Stiffer than the rig has torque for: 10 N m/rad reaches its 0.9 N m at 0.09 rad.
+    // A spring that saturates the torque: 10 N m/rad reaches the rig's 0.9 N m at 0.09 rad.
     let stiff =
         spring.replace("stiffness = 1 ", "stiffness = 10 ") + "[simulate]\nhand = { stiffness = 8 }\n";
 
