@@ -115,8 +115,7 @@ impl MotorBus for ToyBus {
                 continue;
             };
             if text.starts_with("D ") {
-                // The controllers have answered who they are. `started` becomes false with their
-                // next reading.
+                // They have said who they are. Their next reading makes `started` false.
                 continue;
             }
             let Some((flags, reading)) = parse(text, self.expected.joints()) else {
@@ -189,8 +188,8 @@ impl Default for Inbox {
 }
 
 impl Inbox {
-    /// Takes one received byte. Returns `None` until a line ends, and for an empty line. At the end
-    /// of a line, returns its text without the checksum, or `Some(None)` if the line is damaged.
+    /// Takes one received byte. At the end of a line, returns its text without the checksum, or
+    /// `Some(None)` if the line is damaged. Otherwise returns `None`. Empty lines are ignored.
     pub fn take(&mut self, byte: u8) -> Option<Option<&str>> {
         if byte != b'\n' {
             self.too_long |= self.length == LONGEST;
