@@ -1,7 +1,9 @@
 //! The control law: one tick leads from a reading to joint torques.
+//!
 //! ```text
 //! reading -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands
-//!         -> Renderer (the scene) -> stream, gain, blend, passivity, limits -> allocation -> Outputs
+//!         -> Renderer (the scene) -> stream, gain, blend, passivity, limits
+//!         -> allocation -> Outputs
 //! ```
 
 mod commands;

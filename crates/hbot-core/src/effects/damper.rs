@@ -1,4 +1,4 @@
-//! Resistance against turning: T = -D w, which only takes energy out.
+//! Viscous resistance against turning: T = -D w, which only absorbs energy.
 
 use super::target::beyond;
 use super::{Law, Now};
@@ -13,13 +13,15 @@ pub struct Damper {
 }
 
 impl Damper {
-    /// A damper of `damping` (N m s/rad), symmetric positive semidefinite in N. `None` where it is not.
+    /// Creates a damper with `damping` (N m s/rad), a matrix in frame N. Returns `None` if it is
+    /// not symmetric and positive semidefinite.
     #[must_use]
     pub fn new(damping: Mat3) -> Option<Self> {
         impedance::is_impedance(&damping).then_some(Self { damping, deadband: 0.0 })
     }
 
-    /// The same, without torque below the rate `deadband` (rad/s, at least 0), and counting from there.
+    /// Returns the damper with a dead band: no torque below the rate `deadband` (rad/s, at least
+    /// 0), and above it a torque by the rest of the rate.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }
@@ -33,7 +35,7 @@ impl Law for Damper {
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let omega = now.motion.omega;
         if self.deadband > 0.0 {
-            // w.D w' >= 0 for w' along w: it still only takes.
+            // w.D w' >= 0 for w' along w, so it still only absorbs energy.
             return -(self.damping * beyond(omega, self.deadband));
         }
         -(self.damping * omega)

@@ -1,4 +1,4 @@
-//! A spring towards a reference orientation, with a damper on the rate relative to it.
+//! A spring towards a reference orientation, with a damper on the rate relative to the reference.
 
 use super::target::{beyond, beyond_gradient};
 use super::{Anchor, Law, Now};
@@ -6,12 +6,13 @@ use crate::impedance::{self, damper, geodesic_pull, quaternion_pull};
 use crate::real::{Mat3, Quat, Real, Vec3, sincos};
 use crate::rotation::{angle_between, vector_part};
 
-/// Which law a spring follows (physics notes, section 6).
+/// The law of a spring (physics notes, section 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpringLaw {
-    /// Linear in the angle up to a half turn.
+    /// The torque is linear in the angle up to a half turn.
     Geodesic,
-    /// The paper's: proportional to the sine of the angle for an isotropic stiffness.
+    /// The law of the paper. For an isotropic stiffness the torque is proportional to the sine of
+    /// the angle.
     Quaternion,
 }
 
@@ -56,8 +57,11 @@ pub struct Spring {
 }
 
 impl Spring {
-    /// A spring of `stiffness` (N m/rad) and `damping` (N m s/rad; zero costs nothing), both symmetric positive
-    /// semidefinite in desired-frame axes, towards the unit quaternion `reference`. `None` where one of them is not legal.
+    /// Creates a spring with `stiffness` (N m/rad) and `damping` (N m s/rad) towards the unit
+    /// quaternion `reference`. A damping of zero costs no time.
+    ///
+    /// Returns `None` if `reference` is not of unit length, or if `stiffness` or `damping` is not
+    /// symmetric and positive semidefinite. Both matrices are in the axes of the desired frame.
     #[must_use]
     pub fn new(
         law: SpringLaw,
@@ -73,20 +77,22 @@ impl Spring {
         legal.then_some(Self { law, stiffness, damping, reference, anchor, deadband: 0.0 })
     }
 
-    /// The same, slack within `deadband` of the reference (rad, 0 to below pi); the angle counts from there. Its energy is
-    /// that of the shortened rotation vector, so it is a gradient still.
+    /// Returns the spring with a dead band: no spring torque within `deadband` of the reference
+    /// (rad, from 0 to below pi). The angle counts from there. The energy is that of the shortened
+    /// rotation vector, so the torque is still a gradient.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }
     }
 
-    /// The vector part's dead length for the quaternion law: that of a turn by the dead band.
+    /// Returns the dead band of the quaternion law as a length of the vector part: that of a turn
+    /// by the dead band.
     fn dead_sine(&self) -> Real {
         sincos(0.5 * self.deadband).0
     }
 }
 
-/// The last rotation vector, which decides the side of a half turn.
+/// The last rotation vector. It decides the side of a half turn.
 type Branch = Vec3;
 
 impl Law for Spring {
