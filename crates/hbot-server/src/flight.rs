@@ -21,9 +21,9 @@ pub use self::names::{MAX_FILES, prune};
 use crate::service::convert;
 use hbot_host::sample::Sample;
 
-/// Time before a fault that a log covers.
+/// How long before a fault its flight log begins.
 const BEFORE: Duration = Duration::from_secs(1);
-/// Time after a fault that a log covers.
+/// How long after a fault its flight log ends.
 const AFTER: Duration = Duration::from_millis(100);
 /// Keeps the samples of the last second in memory, and returns them as a log after a trigger.
 pub struct FlightRecorder {
@@ -34,9 +34,10 @@ pub struct FlightRecorder {
     next: usize,
     before_ticks: u64,
     after_ticks: u64,
-    /// Logs that are in progress. There are at most two, because one ends before a third can begin.
+    /// Flight logs in progress. There are at most two, because one ends before a third can begin.
     triggers: VecDeque<Trigger>,
-    /// Number of logs begun. It is part of the file name and distinguishes logs of one millisecond.
+    /// Number of flight logs begun. It is part of the file name and distinguishes logs of the same
+    /// millisecond.
     begun: u64,
 }
 
@@ -69,7 +70,7 @@ impl FlightRecorder {
         }
     }
 
-    /// Records the next sample. Returns a log if this sample completes it.
+    /// Records the next sample. Returns a flight log if this sample completes it.
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Flight> {
         if self.ring.len() < self.capacity {
@@ -82,9 +83,9 @@ impl FlightRecorder {
         if done { self.finish() } else { None }
     }
 
-    /// Begins a log about `what` in `tick`, whose sample has already been pushed. Returns the path
-    /// that the log will have. If another log began at most 100 ms before, that log is extended
-    /// instead.
+    /// Begins a flight log about `what` in `tick`, whose sample has already been pushed. Returns
+    /// the path that the log will have. If another log began at most 100 ms before, that log is
+    /// extended instead.
     pub fn trigger(&mut self, tick: u64, what: &str) -> &Path {
         let until = tick + self.after_ticks;
         match self.triggers.back_mut() {
@@ -99,7 +100,8 @@ impl FlightRecorder {
         self.triggers.back().map_or(&self.dir, |trigger| &trigger.path)
     }
 
-    /// Returns the oldest log in progress, complete or not, and `None` if there is none.
+    /// Ends the oldest flight log in progress and returns it, complete or not. Returns `None` if
+    /// there is none.
     pub fn finish(&mut self) -> Option<Flight> {
         let Trigger { tick, until, path } = self.triggers.pop_front()?;
         let wanted = tick.saturating_sub(self.before_ticks)..=until;
@@ -118,7 +120,7 @@ pub fn prepare(dir: &Path) -> io::Result<()> {
     Ok(access(dir, Access::WRITE_OK | Access::EXEC_OK)?)
 }
 
-/// Minimum time between two reports of failed logs.
+/// Minimum time between two reports that flight logs could not be written.
 const TELL_EVERY: Duration = Duration::from_secs(60);
 
 /// Limits the reports of flight logs that could not be written to one per minute.
@@ -129,8 +131,8 @@ pub(crate) struct Failures {
 }
 
 impl Failures {
-    /// Counts one more failure. If a report is due, returns the number of failures since the last
-    /// report.
+    /// Counts one more flight log that could not be written. If a report is due, returns the number
+    /// of failures since the last report.
     pub(crate) fn failed(&mut self, now: Instant) -> Option<u64> {
         self.untold += 1;
         if self.told.is_some_and(|told| now.duration_since(told) < TELL_EVERY) {

@@ -24,11 +24,12 @@ use tokio::time::timeout;
 
 use crate::service::{Control, Summary};
 
-/// Largest number of simultaneous connections. Further ones wait in the system's queue.
+/// Largest number of simultaneous connections to the metrics page. Further ones wait in the
+/// system's queue.
 const CONNECTIONS: usize = 4;
-/// Time limit for a whole connection.
+/// Time limit for reading a request and answering it.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Size limit of a request, bytes.
+/// Size limit of an HTTP request, bytes.
 const REQUEST: usize = 8 * 1024;
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(200);
@@ -138,7 +139,7 @@ async fn summary(control: &mpsc::Sender<Control>) -> Option<Box<Summary>> {
     told.await.ok()
 }
 
-/// Returns a summary in the text format of OpenMetrics.
+/// Formats the statistics of a run as OpenMetrics text.
 fn text(summary: Box<Summary>) -> String {
     let mut registry = Registry::with_prefix("hbot");
     registry.register_collector(Box::new(Figures(summary)));

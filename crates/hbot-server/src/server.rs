@@ -36,7 +36,8 @@ pub struct Options {
     pub scene: SceneFile,
     /// Whether the loop runs in wall-clock time or in virtual time.
     pub time: Time,
-    /// Loop time after which the server ends. With `None` it runs until it is stopped.
+    /// Time of the loop after which the server ends. With `None` the server runs until it is
+    /// stopped.
     pub duration: Option<Duration>,
     /// The token that clients must show in their hello. With `None` no token is required.
     pub token: Option<String>,

@@ -20,7 +20,8 @@ pub(crate) struct Message {
     pub(crate) weight: Weight,
     pub(crate) text: String,
     pub(crate) at: Instant,
-    /// The window shows this message elsewhere too, so it does not appear over the window.
+    /// Whether the window shows this message elsewhere too, so that it does not appear over the
+    /// window.
     pub(crate) told: bool,
     /// Number of times that this message came in succession.
     pub(crate) times: u32,

@@ -39,7 +39,8 @@ pub(crate) enum Link {
     Online(HelloOk),
 }
 
-/// Everything that the panel knows.
+/// Everything that the panel knows about the server and the rig: the connection, the state,
+/// histories, statistics, the scene and messages.
 #[derive(Debug)]
 pub(crate) struct Model {
     pub(crate) server: String,

@@ -30,7 +30,7 @@ pub(crate) struct Delivery {
     pub(crate) lost: u64,
 }
 
-/// The queue from the network threads to the window.
+/// The queue of states and news from the network threads to the window.
 pub(crate) struct Mailbox {
     waiting: Mutex<(Delivery, Instant)>,
     wake: Wake,
@@ -87,7 +87,7 @@ impl Mailbox {
     }
 }
 
-/// The queue from the window to the session thread.
+/// The queue of intents from the window to the session thread.
 #[derive(Default)]
 pub(crate) struct Outgoing {
     waiting: Mutex<(VecDeque<Intent>, bool)>,

@@ -9,8 +9,9 @@ use serde_json::Map;
 use super::mailbox::{Mailbox, Outgoing};
 use super::{ANSWER_TIMEOUT, Intent, Lease, News, PanelOptions};
 
-/// Pause after the first failed attempt to connect. It doubles up to `LONGEST_PAUSE`.
+/// Pause after the first failed attempt to connect. It doubles with each further failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
+/// Longest pause between two attempts to connect.
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
 /// Time between two requests for the statistics of the loop.
 const STATS_EVERY: Duration = Duration::from_secs(1);

@@ -38,7 +38,7 @@ impl StopLine {
         Ok(Self { orders })
     }
 
-    /// Stops the rig. Never waits.
+    /// Asks the thread of the stop line to stop the rig. Never waits.
     pub(super) fn request(&self) {
         // The thread lives as long as this sender, so this does not fail.
         let _ = self.orders.send(Order::Stop);

@@ -108,12 +108,15 @@ fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
     pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
 }
 
-/// Colour of the stop button. The next ones are those of good and bad news, of warnings, and of
-/// axis n3, all on a dark background.
+/// Colour of the stop button.
 const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
+/// Colour of good news on a dark background.
 const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
+/// Colour of bad news on a dark background.
 const BAD: [u8; 3] = [0xff, 0x80, 0x48];
+/// Colour of warnings on a dark background.
 const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
+/// Colour of axis n3 on a dark background.
 const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
 const DESKTOP: [u32; 2] = [1280, 800];

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 use hbot_api::{Fault, Mode};
 
-/// The largest number of logs that are kept in the folder.
+/// Largest number of flight logs that are kept in the folder.
 pub const MAX_FILES: usize = 20;
 
-/// The last field in the name of an emergency stop's log.
+/// The cause in the file name of an emergency stop's flight log.
 const ESTOP: &str = Mode::Estop.as_str();
 /// The pattern of the time in a file name. Each 0 stands for any digit.
 const TIME: &str = "00000000T000000.000Z";

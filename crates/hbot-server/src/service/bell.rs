@@ -6,7 +6,8 @@ use std::os::fd::OwnedFd;
 use hbot_host::bridge::Bell;
 use tokio::io::unix::AsyncFd;
 
-/// A bell that async tasks can wait for. It belongs to one tokio runtime.
+/// The loop's bell, in a form that async tasks can wait for. The loop rings it when the service
+/// should take samples. It belongs to one tokio runtime.
 pub(super) struct Ringing {
     bell: Bell,
     descriptor: AsyncFd<OwnedFd>,
@@ -31,7 +32,8 @@ impl Ringing {
         Ok(Self { bell, descriptor })
     }
 
-    /// Selects the samples that ring the bell. See [`Bell::set`].
+    /// Selects what rings the bell next: any sample if `every` is true, otherwise only a notable
+    /// sample. See [`Bell::set`].
     pub(super) fn set(&self, every: bool) {
         self.bell.set(every);
     }

@@ -35,7 +35,8 @@ impl Bucket {
         Self { per_s, left: 0.1 * per_s, at: now }
     }
 
-    /// Charges `weight` tokens. If the bucket is overdrawn, returns the time until it is no longer.
+    /// Charges `weight` tokens. If the bucket is overdrawn, returns the time until the debt is
+    /// repaid.
     pub(super) fn take(&mut self, weight: u32, now: Instant) -> Option<Duration> {
         let gained = now.duration_since(self.at).as_secs_f64() * self.per_s;
         self.at = now;
@@ -44,18 +45,20 @@ impl Bucket {
     }
 }
 
-/// Rest after each long message, as a multiple of the time that reading it took. All clients
-/// together therefore spend at most a tenth of the service's time on long messages.
+/// Rest after each long message (a request of more than 2 KiB), as a multiple of the time that
+/// reading it took. All clients together therefore spend at most a tenth of the service's time on
+/// long messages.
 const REST_PER_WORK: u32 = 9;
 
-/// The time from which the next long message can be read.
+/// Limits the share of the service's time that long messages (requests of more than 2 KiB) take.
 #[derive(Default)]
 pub(super) struct LongMessages {
     next: Option<Instant>,
 }
 
 impl LongMessages {
-    /// Returns the time before which no long message may be read, or `None` if one may be read now.
+    /// Returns the time before which no further long message may be read, or `None` if one may be
+    /// read now.
     pub(super) fn not_before(&self, now: Instant) -> Option<Instant> {
         self.next.filter(|next| *next > now)
     }

@@ -18,16 +18,17 @@ use super::reader::{Ended, PIECE_BYTES, Reader};
 use super::writer::Writer;
 use crate::tls::Encryption;
 
-/// After the server has ended a connection, it reads on for at most this time and this number of
-/// bytes. Closing with unread bytes would reset the connection, and the client could lose the
-/// answer that gives the reason.
+/// Longest time for which a connection is still read after the server has ended it. Closing it with
+/// unread bytes would reset it, and the client could lose the answer that gives the reason.
 const LINGER: Duration = Duration::from_millis(300);
+/// Largest number of bytes that are read after the server has ended a connection.
 const LINGER_BYTES: usize = 4 << 20;
 
-/// TCP keepalive: after this idle time, the system probes every `KEEP_EVERY`, and gives the
-/// connection up after `KEEP_TIMES` probes without an answer.
+/// Idle time of a connection after which the operating system begins to send TCP keepalive probes.
 const KEEP_IDLE: Duration = Duration::from_secs(5);
+/// Time between two TCP keepalive probes.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
+/// Number of TCP keepalive probes without an answer after which a connection is given up.
 const KEEP_TIMES: u32 = 5;
 
 /// Serves one connection, including its TLS handshake, until either side ends it.
@@ -84,7 +85,7 @@ pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
     }
 }
 
-/// The direction that ended first, and how it ended.
+/// Which direction of a connection ended first, and how it ended.
 enum Over {
     Reading(Ended),
     Writing(io::Result<()>),

@@ -51,8 +51,8 @@ impl Desk {
         self.turn(|hub| hub.refuse_first(session, refusal));
     }
 
-    /// Passes a later message to the hub. Returns whether the hub accepts more from this
-    /// connection.
+    /// Passes a message after the first one to the hub. Returns whether the hub accepts more
+    /// messages from this connection.
     pub(super) fn message(&self, session: u64, message: Result<Request, RequestRefusal>) -> bool {
         self.turn(|hub| hub.message(session, message))
     }

@@ -16,7 +16,7 @@ use hbot_host::sample::Sample;
 /// as failed.
 const MAX_WRITING: usize = 2;
 
-/// The outcome of writing a log.
+/// The outcome of writing a flight log.
 pub(super) type Written = Result<(Flight, io::Result<()>), JoinError>;
 
 /// The flight recorder and the logs that are being written. The default value records nothing.
@@ -25,8 +25,9 @@ pub(super) struct Flights {
     recorder: Option<FlightRecorder>,
     writing: JoinSet<(Flight, io::Result<()>)>,
     failures: Failures,
-    /// Number of logs written. The next field is the number of logs that could not be written.
+    /// Number of flight logs written.
     logs: u64,
+    /// Number of flight logs that could not be written.
     failed: u64,
     /// Notified when the writing of a log begins.
     changed: Arc<Notify>,
@@ -53,13 +54,14 @@ impl Flights {
         }
     }
 
-    /// Begins a log about `what` in `tick`. Returns the path that the log will have, or `None` if
-    /// logs are not written.
+    /// Begins a flight log about `what` in `tick`. Returns the path that the log will have, or
+    /// `None` if logs are not written.
     pub(super) fn trigger(&mut self, tick: u64, what: &str) -> Option<&Path> {
         self.recorder.as_mut().map(|recorder| recorder.trigger(tick, what))
     }
 
-    /// Polls for the next log whose writing has ended. Stays pending while no log is being written.
+    /// Polls for the next flight log whose writing has ended. Stays pending while no log is being
+    /// written.
     pub(super) fn poll_written(&mut self, context: &mut Context<'_>) -> Poll<Written> {
         match self.writing.poll_join_next(context) {
             Poll::Ready(Some(written)) => Poll::Ready(written),
@@ -87,17 +89,17 @@ impl Flights {
         }
     }
 
-    /// Returns the number of logs written.
+    /// Returns the number of flight logs written.
     pub(super) fn logs(&self) -> u64 {
         self.logs
     }
 
-    /// Returns the number of logs that could not be written.
+    /// Returns the number of flight logs that could not be written.
     pub(super) fn failed(&self) -> u64 {
         self.failed
     }
 
-    /// Writes all logs that have begun, complete or not, and waits until they are written.
+    /// Writes all flight logs that have begun, complete or not, and waits until they are written.
     pub(super) async fn finish(mut self) -> Self {
         while let Some(flight) = self.recorder.as_mut().and_then(FlightRecorder::finish) {
             self.write(flight);

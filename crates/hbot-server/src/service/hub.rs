@@ -59,13 +59,14 @@ pub(super) enum Gone {
 pub(super) enum First {
     /// The hello was accepted. The connection continues in this encoding.
     Greeted(Encoding),
-    /// The message was refused and answered. The connection ends.
+    /// The first message was refused and answered. The connection ends.
     Refused,
     /// The token was wrong. This refusal is sent after a delay, which slows down guessing.
     WrongToken(RequestRefusal),
 }
 
-/// The state that all clients share.
+/// Owns everything that clients share: the channels to the loop, the scene, the lease,
+/// subscriptions, statistics and flight logs.
 pub(super) struct Hub {
     bounds: Bounds,
     rig: RigConfig,
@@ -280,7 +281,11 @@ impl Hub {
 
 /// The functions that several requests share.
 impl Hub {
-    /// Sends a client's order to the loop. The answer arrives with a later sample.
+    /// Sends a client's order, which is a command for the loop. The answer arrives with a later
+    /// sample.
+    ///
+    /// # Errors
+    /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
         self.orders.place(&mut self.end, session, id, op, command).map_err(|_| {
             ErrorBody::new(
@@ -297,7 +302,7 @@ impl Hub {
     }
 
     /// Announces a change of the lease to all clients. If the lease was stolen or released, also
-    /// ramps down the old holder's stream.
+    /// ramps down the torque stream of the old holder.
     fn lease_changed(&mut self, cause: LeaseCause) {
         // A stream must not continue under the next holder, or without a holder.
         match cause {

@@ -11,14 +11,14 @@ use super::flights::Flights;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
-/// Detects incidents in samples.
+/// Detects faults, stops and resets in samples.
 pub(super) struct Incidents {
     rig: Rig,
     /// Mode and cause of the last sample.
     situation: Option<(Mode, Option<Cause>)>,
-    /// The loop's count of skipped ticks at the last sample. The next field is the number of ticks
-    /// skipped just before that sample.
+    /// The loop's count of skipped ticks at the last sample.
     skipped: u64,
+    /// Number of ticks that were skipped just before the last sample.
     skipped_before: u64,
     /// Description of who stopped the rig last, for the message.
     stopper: Option<String>,

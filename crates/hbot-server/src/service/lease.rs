@@ -18,7 +18,7 @@ impl Lease {
         self.holder.as_ref().is_some_and(|holder| holder.session == session)
     }
 
-    /// Returns the name of the holder.
+    /// Returns the name of the client that holds the lease, if any.
     pub(super) fn name(&self) -> Option<&str> {
         self.holder.as_ref().map(|holder| holder.name.as_str())
     }

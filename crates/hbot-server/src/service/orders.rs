@@ -9,15 +9,18 @@ use hbot_core::outputs::Reply;
 use hbot_host::bridge::{Busy, ServiceEnd};
 use hbot_host::sample::Answer;
 
-/// Largest number of pending orders at which a stream message (`MAX_STREAMS`), another op
-/// (`MAX_ORDERS`) or a `disable` (`MAX_DISABLES`) is still accepted. The loop executes 7 orders per
-/// tick, in sequence. The limits leave room for the confirmation of an emergency stop. The stop
-/// itself takes effect in the next tick, whatever waits.
+/// Number of pending orders from which on stream messages are refused. The loop executes 7 orders
+/// per tick, in sequence.
 const MAX_STREAMS: usize = 32;
+/// Number of pending orders from which on all ops except `disable` and `estop` are refused.
 const MAX_ORDERS: usize = 64;
+/// Number of pending orders from which on a `disable` is refused. This leaves room for the
+/// confirmation of an emergency stop. The stop itself takes effect in the next tick, whatever
+/// waits.
 const MAX_DISABLES: usize = 128;
 
-/// The orders that are pending or wait to be sent.
+/// Keeps track of orders, which are commands for the loop: those without an answer yet, and those
+/// that wait for a place in the ring.
 #[derive(Default)]
 pub(super) struct Orders {
     /// Pending orders by ticket. The loop answers in this order.
@@ -28,7 +31,7 @@ pub(super) struct Orders {
     newest: Option<Command>,
 }
 
-/// Who asked for an order.
+/// The origin of an order, which receives its answer.
 #[derive(Debug, Clone)]
 pub(super) enum Asker {
     Client {
@@ -36,12 +39,12 @@ pub(super) enum Asker {
         id: Option<Id>,
         op: OpName,
     },
-    /// The service itself, with its purpose.
+    /// The service itself, with a description of the order.
     Service(&'static str),
 }
 
-/// Returns the number of pending orders below which an order for `op` is accepted. Orders that make
-/// the rig safe have higher limits, so that other orders cannot take their places.
+/// Returns the number of pending orders from which on an order for `op` is refused. Orders that
+/// make the rig safe have higher limits, so that other orders cannot take their places.
 fn places(op: OpName) -> usize {
     match op.row() {
         OpRow { stop: Some(Stop::Estop), .. } => usize::MAX,
@@ -73,9 +76,9 @@ impl Orders {
         Ok(())
     }
 
-    /// Sends an order of the service itself, now or as soon as there is a place. An order equal to
-    /// the newest pending one is not sent again. No later order needs to be undone, and its trigger
-    /// can repeat faster than the loop takes orders.
+    /// Sends an order of the service itself, now or as soon as there is a place. If it equals the
+    /// newest order and that one is still pending, it is not sent again: no order came between
+    /// them, and the events that cause it can come faster than the loop takes orders.
     pub(super) fn insist(&mut self, end: &mut ServiceEnd, asker: Asker, command: Command) {
         let on_its_way = !(self.pending.is_empty() && self.insisted.is_empty());
         if on_its_way && self.newest == Some(command) {
@@ -86,7 +89,7 @@ impl Orders {
         self.retry(end);
     }
 
-    /// Tries again to send the orders that found no place.
+    /// Tries again to send the service's orders that found no place in the ring.
     pub(super) fn retry(&mut self, end: &mut ServiceEnd) {
         while let Some((asker, command)) = self.insisted.pop_front() {
             match end.order(command) {

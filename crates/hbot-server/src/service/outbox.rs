@@ -14,7 +14,7 @@ const KEPT_BYTES: usize = 64 * 1024;
 /// The hub's end of a client's queue.
 pub(super) struct Outbox {
     queue: Shared,
-    /// No samples are queued until the queue is short again.
+    /// No samples are queued until most of the queue is free again.
     congested: bool,
 }
 
@@ -26,7 +26,7 @@ pub(super) struct Inbox {
 #[derive(Clone)]
 struct Shared(Arc<Mutex<Queue>>);
 
-/// Encoded messages, one after the other.
+/// Encoded messages for one client, one after the other, and their counts.
 struct Queue {
     bytes: Vec<u8>,
     messages: usize,
@@ -145,7 +145,7 @@ impl Inbox {
         Poll::Ready(true)
     }
 
-    /// Suppresses wake-ups until the next poll.
+    /// Suppresses wake-ups by new messages until the next poll.
     pub(super) fn hush(&mut self) {
         self.queue.lock().waker = None;
     }

@@ -42,7 +42,7 @@ struct Refused {
     error: ErrorBody,
 }
 
-/// A counter of events: since the last report, and in total.
+/// Two counts of one kind of event: since the last report, and in total.
 #[derive(Default)]
 struct Tally {
     untold: u64,
@@ -149,7 +149,7 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Prepares for another message.
+    /// Discards the encoded message, so that another one can be encoded.
     pub(super) fn clear(&mut self) {
         self.made = [false; Encoding::ALL.len()];
     }

@@ -212,7 +212,8 @@ impl Publisher {
         }
     }
 
-    /// Records that a pending answer has been given.
+    /// Records that a pending answer to a client has been given. Removes the client if it has gone
+    /// and no further answer is pending.
     pub(super) fn paid(&mut self, session: u64) {
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.owed = peer.owed.saturating_sub(1);

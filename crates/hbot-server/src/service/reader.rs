@@ -25,15 +25,16 @@ use super::desk::Desk;
 use super::hub::First;
 use hbot_host::bridge::EmergencyStop;
 
-/// Total weight of one client's requests after which other clients get a turn. Heavier requests end
-/// the turn after a single one.
+/// Total weight of the requests that one client's task executes before other tasks get a turn. A
+/// request heavier than this ends the turn by itself.
 const REQUESTS_A_TURN: u32 = 16;
-/// Bytes that are read from a socket at once.
+/// Largest number of bytes that are read from a socket at once.
 pub(super) const PIECE_BYTES: usize = 16 * 1024;
-/// Bytes read that weigh as much in a turn as one request. A full read of [`PIECE_BYTES`] ends the
-/// turn.
+/// Number of bytes read that count as one request in a turn. A full read of [`PIECE_BYTES`] ends
+/// the turn.
 const BYTES_A_REQUEST: usize = PIECE_BYTES / REQUESTS_A_TURN as usize;
-/// Largest number of bytes that are read ahead while earlier requests wait.
+/// Largest number of bytes that a connection reads ahead while earlier requests wait for the rate
+/// limit.
 pub(super) const READ_AHEAD: usize = 256 * 1024;
 
 /// How a connection ended.
@@ -59,12 +60,13 @@ pub(super) struct Reader<S> {
     taken: u32,
     /// Weight of the requests since other tasks last had a turn.
     turn: u32,
-    /// A message that takes long to parse and waits for its time.
+    /// A request that takes long to parse and waits for the time when it may be parsed.
     long: Option<Vec<u8>>,
     stops: StopFinder,
     stop: EmergencyStop,
-    /// Number of bytes read so far. The next field is the position after the last stop in them.
+    /// Number of bytes read so far.
     read: u64,
+    /// Position after the last stop in the bytes read so far.
     stop_at: u64,
     /// The client has closed its sending direction.
     closed: bool,
@@ -170,7 +172,8 @@ impl<S: AsyncRead> Reader<S> {
         Ok(Pause::Yield)
     }
 
-    /// Parses a long message and passes it to the hub, if the time for it has come.
+    /// Parses the waiting long message and passes it to the hub, if long messages may be parsed
+    /// now. Otherwise returns the time to wait for.
     fn read_long(&mut self) -> Result<Pause, Ended> {
         let start = Instant::now();
         if let Some(at) = self.desk.hub().long_messages().not_before(start) {
@@ -374,7 +377,7 @@ fn is_estop(request: &Result<Request, RequestRefusal>) -> bool {
     matches!(request, Ok(Request { op: Op::Estop, .. }))
 }
 
-/// Returns whether a message has at most the length of ordinary ones. `message` is without its
+/// Returns whether a message is no longer than ordinary requests may be. `message` is without its
 /// newline or length prefix.
 fn is_short(encoding: Encoding, message: &[u8]) -> bool {
     message.len() + usize::from(encoding == Encoding::Json) <= MAX_SHORT_REQUEST_BYTES

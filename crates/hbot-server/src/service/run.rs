@@ -25,11 +25,11 @@ use super::scenes::Measured;
 use super::strangers::Taken;
 use super::{Control, Summary, connection};
 
-/// Period of the checks that no event triggers.
+/// Period of the service's regular work, which no event triggers.
 const HEARTBEAT: Duration = Duration::from_millis(50);
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
-/// Time limit for sending the remaining messages at the end.
+/// Time limit for sending the remaining messages when the service ends.
 const FLUSH: Duration = Duration::from_millis(200);
 
 /// The tasks of all connections.
@@ -225,7 +225,7 @@ impl Connections {
         hub.admit(session, Peer::new(outbox, task, address.ip()));
     }
 
-    /// Returns the numbers of places that are taken.
+    /// Returns how many places for connections are taken.
     fn taken(&self, hub: &Hub) -> Taken {
         Taken {
             // Count tasks and not clients, because the task of a refused client can still be

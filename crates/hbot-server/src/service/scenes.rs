@@ -259,7 +259,7 @@ fn names(table: &Value) -> Vec<String> {
     table.as_object().into_iter().flatten().map(|(name, _)| name.clone()).collect()
 }
 
-/// Shortens a message to [`MAX_MESSAGE`] bytes, and marks that it was shortened.
+/// Shortens an error message to [`MAX_MESSAGE`] bytes, and marks that it was shortened.
 fn shortened(mut message: String) -> String {
     if message.len() > MAX_MESSAGE {
         message.truncate(message.floor_char_boundary(MAX_MESSAGE));

@@ -7,7 +7,7 @@ use super::convert;
 use super::flights::Flights;
 use hbot_host::sample::{Counters, Sample};
 
-/// Largest time that the histograms distinguish, ns. Longer times are recorded as this one.
+/// Longest time that the histograms can record, ns. Longer times are recorded as this one.
 const LONGEST_NS: u64 = 10_000_000_000;
 /// Significant decimal digits of the histograms. Three digits keep the error of a value below one
 /// thousandth.

@@ -32,7 +32,7 @@ fn few_descriptors(limit: Option<u64>) -> Option<String> {
     ))
 }
 
-/// The numbers of places that are taken when a new connection arrives.
+/// How many places are taken when a new connection arrives.
 pub(super) struct Taken {
     pub(super) all: usize,
     /// Places taken by other machines.

@@ -15,8 +15,9 @@ use super::outbox::Inbox;
 pub(super) struct Writer<S> {
     half: WriteHalf<S>,
     inbox: Inbox,
-    /// Bytes taken from the queue. The next field is the number of them that have been sent.
+    /// Bytes taken from the queue.
     batch: Vec<u8>,
+    /// Number of the bytes in `batch` that have been sent.
     sent: usize,
     flushed: bool,
     stuck: Duration,
@@ -64,8 +65,8 @@ impl<S: AsyncWrite> Writer<S> {
         }
     }
 
-    /// Passes `polled` on, but turns a wait that lasts too long into an error. Most calls are ready
-    /// at once, and they start no timer.
+    /// Passes the result of a poll on, but turns a wait that lasts too long into an error. Most
+    /// polls are ready at once, and they start no timer.
     fn in_time<T>(&mut self, context: &mut Context<'_>, polled: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if polled.is_ready() {
             self.deadline = None;

@@ -48,11 +48,11 @@ impl Hub {
         there
     }
 
-    /// Checks whether a message longer than ordinary ones may be parsed. Scans its bytes without
-    /// parsing them.
+    /// Checks whether a message of more than 2 KiB may be parsed. Scans its bytes without parsing
+    /// them.
     ///
     /// # Errors
-    /// Fails if the op may not be long, or if the client does not hold the lease.
+    /// Fails if the op may not be that long, or if the client does not hold the lease.
     pub(in crate::service) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
         if !may_be_long(message) {
             let message = format!(
@@ -230,7 +230,7 @@ impl Hub {
     }
 }
 
-/// Returns the names of the ops whose messages may be long.
+/// Returns the names of the ops whose requests may be longer than 2 KiB.
 fn long_ops() -> Vec<&'static str> {
     OpName::ALL.into_iter().filter(|op| op.row().long).map(OpName::as_str).collect()
 }

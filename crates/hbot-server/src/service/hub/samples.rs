@@ -59,8 +59,8 @@ impl Hub {
         }
     }
 
-    /// Passes the answer to one order on to its asker. `reply` is `None` if the answer was in a
-    /// sample that was dropped.
+    /// Passes the loop's answer to one order on to its asker. `reply` is `None` if the answer was
+    /// in a sample that was dropped.
     fn pass_on(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
         let (session, id, op) = match asker {
             Asker::Client { session, id, op } => (session, id, op),

@@ -76,7 +76,7 @@ fn swelling() -> Vec<u8> {
     frame
 }
 
-/// Most of these clients do not hold the lease, so their requests are not even parsed.
+/// These requests are longer than a ping may be, so they are refused without being parsed.
 #[test]
 fn requests_that_swell_are_read_one_after_the_other() {
     const CLIENTS: usize = 24;
