@@ -60,7 +60,7 @@ enum Command {
     /// Switch motors off if `hbot server` or `hbot rig` dies (started by them)
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
-    /// Show which program runs the studies
+    /// Show the command that runs the studies
     #[command(hide = true, disable_help_flag = true, disable_version_flag = true)]
     Study {
         /// Arguments for the study.
@@ -98,7 +98,7 @@ impl Cli {
             Command::Enable(address) => orders::run(&address, orders::Order::Enable),
             Command::Reset(address) => orders::run(&address, orders::Order::Reset),
             Command::LastWord => {
-                // The program that could read an error is gone.
+                // An error cannot be reported: the program that started this one is gone.
                 let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
                 Ok(ExitCode::SUCCESS)
             }

@@ -36,7 +36,7 @@ pub(crate) fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
 }
 
 /// Returns the token that a request for metrics must present. It travels over the network without
-/// encryption, so it must differ from the `commanding` token of clients.
+/// encryption, so it must differ from `commanding`, the token of clients.
 pub(crate) fn metrics_token(
     at: std::net::SocketAddr,
     file: Option<&Path>,

@@ -71,7 +71,7 @@ pub(crate) fn summary(finished: &Finished) -> String {
 }
 
 fn pair(d: &Distribution) -> String {
-    // A thread that wakes early and waits awake is less than 0.1 us late.
+    // A thread that wakes early and waits awake is less than 0.1 µs late.
     let shown = |us: f64| if us < 1.0 { format!("{us:.3}") } else { format!("{us:.1}") };
     format!("{} ({})", shown(d.p50), shown(d.p99))
 }

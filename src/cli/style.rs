@@ -9,13 +9,13 @@ pub(crate) const NAME: Style = Style::new().bold();
 pub(crate) const DIM: Style = Style::new().dimmed();
 pub(crate) const OFF: Reset = Reset;
 
-/// Goes to the start of the terminal's line, clears it, and makes the terminal cut the following
-/// text at the right edge instead of wrapping it. For terminals only. It must be written without
-/// anstream, which would remove it together with the colours.
+/// Escape sequence that goes to the start of the terminal's line and clears it. The terminal then
+/// cuts the following text at its right edge instead of wrapping it. For terminals only. It must be
+/// written without anstream, which would remove it together with the colours.
 pub(crate) const SAME_LINE: &str = "\r\x1b[2K\x1b[?7l";
-/// Ends the effect of [`SAME_LINE`].
+/// Escape sequence that ends the effect of [`SAME_LINE`].
 pub(crate) const LINE_END: &str = "\x1b[?7h";
-/// Clears the terminal's line, so that something else can be written there.
+/// Escape sequence that clears the terminal's line, so that something else can be written there.
 pub(crate) const CLEAR_LINE: &str = "\r\x1b[2K";
 
 /// Returns the colour of a mode.

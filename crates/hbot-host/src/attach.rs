@@ -123,7 +123,7 @@ fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
 }
 
 /// Opens the buses on real serial ports: checks their controllers, starts `helper` for each, and
-/// keeps lost lines reopening if `reopened` is true. Adds notices for the user to `notices`.
+/// reopens lost lines if `reopened` is true. Adds notices for the user to `notices`.
 pub(crate) fn serial(
     rig: &RigConfig,
     devices: &[String],

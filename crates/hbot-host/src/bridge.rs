@@ -36,7 +36,7 @@ pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 pub struct Order {
     /// Number of the order, returned with the answer in [`Sample::answers`].
     pub ticket: u64,
-    /// The command for the controller.
+    /// The command that the controller of hbot-core carries out.
     pub command: Command,
 }
 

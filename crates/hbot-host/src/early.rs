@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn it_wakes_as_early_as_the_machine_needs() {
-        // Lateness is spread evenly between 30 and 70 us: 99 % of the wake-ups are within 69.6 us.
+        // Lateness is spread evenly between 30 and 70 µs: 99 % of the wake-ups are within 69.6 µs.
         let spread = |k: u64| 30_000 + 40_000 * (k * 7919 % 10_000) / 10_000;
         let mut early = Early::new(200_000, 1_000_000);
         let misses = learnt(&mut early, 200_000, spread);
@@ -122,7 +122,7 @@ mod tests {
         // On the same machine under load the lead grows, up to its maximum.
         learnt(&mut early, 20_000, |k| 3 * spread(k));
         assert!((180_000..=200_000).contains(&early.lead_ns), "{early:?}");
-        // A machine that wakes at once costs almost no waiting.
+        // On a machine that wakes threads without delay, the lead shrinks to almost nothing.
         learnt(&mut early, 40_000, |_| 2_000);
         assert!(early.lead_ns < 5_000, "{early:?}");
     }

@@ -82,7 +82,8 @@ impl Host {
     /// Attaches the motors, checks their controllers and starts the loop.
     ///
     /// # Errors
-    /// Fails if a port, the controllers or the system refuse. Then nothing is left running.
+    /// Fails if a port cannot be opened, the controllers are not accepted, or the system refuses.
+    /// Nothing is left running then.
     pub fn start(options: Options) -> Result<(Self, ServiceEnd), StartError> {
         let Options { rig, scene, phenomena, time, ticks, buses, last_word, recorder } = options;
         let processor = rig.cpu.map(Processor::new).transpose()?;

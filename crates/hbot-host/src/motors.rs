@@ -175,7 +175,8 @@ impl Motors {
         refused
     }
 
-    /// Informs all buses that their motors are off and that no command follows. It can wait.
+    /// Informs all buses that their motors are off and that no command follows. This call can
+    /// block.
     pub fn release(&mut self) {
         for attached in self.buses.iter_mut().filter(|attached| !attached.broken) {
             attached.broken = catch_unwind(AssertUnwindSafe(|| attached.bus.release())).is_err();

@@ -12,7 +12,7 @@ pub struct Sample {
     pub t_ns: u64,
     /// Revision of the scene that was rendered.
     pub scene: u64,
-    /// Duration of the parts of this tick.
+    /// Time that each part of this tick took.
     pub timing: Timing,
     /// Counts of events since the start of the loop.
     pub counters: Counters,
@@ -25,11 +25,11 @@ pub struct Sample {
 pub struct Answer {
     /// Ticket of the order.
     pub ticket: u64,
-    /// The controller's reply.
+    /// The controller's reply to the order.
     pub reply: Reply,
 }
 
-/// Duration of the parts of one tick, ns.
+/// Time that each part of one tick took, ns.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timing {
     /// Time awake before the deadline, ns; 0 in virtual time.
@@ -40,9 +40,10 @@ pub struct Timing {
     pub compute_ns: u64,
     /// Time spent on the serial line, ns: reading, decoding, encoding and writing.
     pub link_ns: u64,
-    /// Age of the torque, ns: the time from sending the command that the newest reading answers to
-    /// sending this tick's torque. The motor controller took the reading when it got that command.
-    /// `None` if this tick has no new reading, or if the send time is no longer known.
+    /// Age of the torque, ns: the time from the measurement of the newest reading to sending this
+    /// tick's torque. A motor controller reads its encoders when it receives a command, so the
+    /// measurement counts from the sending of the command that the reading answers. `None` if this
+    /// tick has no new reading, or if the send time is no longer known.
     pub age_ns: Option<u64>,
 }
 

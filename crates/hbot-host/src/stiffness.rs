@@ -83,7 +83,8 @@ impl Expected {
     }
 }
 
-/// Returns sample postures. Wheel i advances by sqrt(4 i + 5) turns from one sample to the next.
+/// Returns sample postures. The steer angle of wheel i, from 0, advances by sqrt(4 i + 5) turns
+/// from one sample to the next.
 fn postures(device: &Device) -> impl Iterator<Item = State> {
     let wheels = device.wheels().len();
     (0..SAMPLES).map(move |k| {
@@ -151,8 +152,7 @@ mod tests {
     fn the_prototype_is_as_the_notes_have_it() {
         let config = RigConfig::prototype();
         let expected = Expected::of(&config).expect("the prototype is a plant");
-        // Physics notes, section 6: the smallest eigenvalue of the apparent inertia is 3.4e-3 kg
-        // m².
+        // Physics notes, section 6: lambda_min of the apparent inertia is 3.4e-3 kg m².
         assert!((expected.inertia - 3.4e-3).abs() < 0.05e-3, "{}", expected.inertia);
         // The bare sphere has 3.239e-3 kg m², and the wheels only add to it.
         assert!(expected.inertia > config.rig.device.sphere_inertia());

@@ -19,7 +19,7 @@ const STILL: f64 = 0.02;
 /// Relative difference from which counts and rates count as contradictory.
 const DISAGREEMENT: f64 = 0.1;
 
-/// The measured reaction of one joint to the torque.
+/// The result of testing one joint with a small torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
     /// Number of the joint, from 0, in the order steer, drive of each wheel.
@@ -32,11 +32,11 @@ pub struct Outcome {
     pub by_rate: f64,
     /// Largest speed of the joint, rad/s.
     pub fastest: f64,
-    /// Conclusion of the test.
+    /// What the test has shown.
     pub verdict: Verdict,
 }
 
-/// The conclusion of a joint's test.
+/// What the test of a joint has shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
     /// The joint turns towards greater counts under a positive torque, and its rates agree with the

@@ -184,7 +184,8 @@ impl Drop for Bench {
             if k > 0 && !self.simulated {
                 std::thread::sleep(self.period);
             }
-            // If a line does not accept it, the helper process and the watchdog remain.
+            // If a line does not accept the command, the helper process or the watchdog switches
+            // the motors off.
             self.motors.switch_off(self.now_ns(), self.tick);
             self.tick = self.tick.wrapping_add(1);
         }

@@ -91,21 +91,21 @@ pub trait MotorBus: Send {
     /// that was cut short must not corrupt the next one.
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool;
 
-    /// Informs the bus that its motors are off and that no command follows. It can wait.
+    /// Informs the bus that its motors are off and that no command follows. This call can block.
     fn release(&mut self) {}
 }
 
 /// A protocol of motor controllers on a serial line, with the calls that are made outside the loop.
 pub trait Protocol: fmt::Debug + Send + Sync {
     /// Checks that the controllers on a line answer and match the rig file. Their motors stay off.
-    /// It can wait.
+    /// This call can block.
     ///
     /// # Errors
     /// Fails if the controllers do not answer, or if they are not those of the rig.
     fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError>;
 
     /// Switches the motors off. Returns whether the controllers have lost power since the last
-    /// [`meet`](Self::meet). It can wait.
+    /// [`meet`](Self::meet). This call can block.
     ///
     /// # Errors
     /// Fails if the controllers do not answer.

@@ -162,7 +162,8 @@ fn out_of_order(subject: &Subject) -> Result<(), String> {
     Ok(())
 }
 
-/// Sends the bus answers of other controllers that have received a command of tick 1000.
+/// Gives the bus answers to a command of tick 1000, which it has not sent. They come from other
+/// controllers.
 fn ahead(subject: &Subject) -> Result<(), String> {
     let mut other = Bench::new(subject)?;
     other.tick = 1000;

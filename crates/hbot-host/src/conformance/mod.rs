@@ -9,7 +9,7 @@
 //! ```
 //! use hbot_host::conformance::{CASES, Subject};
 //!
-//! /// The cases that a driver does not keep, with what it does instead.
+//! /// Returns the cases that a driver fails, with what it does instead.
 //! fn broken(driver: &Subject) -> Vec<(&'static str, String)> {
 //!     CASES
 //!         .iter()
@@ -37,13 +37,13 @@ pub trait Controllers: Send {
     /// its controller's sign. It is zero for a motor that is off or whose watchdog has expired.
     fn torque(&mut self, now_ns: u64) -> Vec<f64>;
 
-    /// Loses power and gets it back at once.
+    /// Simulates a loss of power that ends at once.
     fn lose_power(&mut self);
 }
 
 /// A driver under test, with virtual controllers that speak its protocol.
 pub struct Subject {
-    /// The driver.
+    /// The driver under test.
     pub protocol: &'static dyn Protocol,
     /// The controllers that the driver must expect on the line.
     pub expected: Expected,

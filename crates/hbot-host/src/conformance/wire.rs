@@ -22,7 +22,7 @@ pub(super) struct Middle {
     controllers: Box<dyn Controllers>,
     /// Bytes on their way to the bus. Each piece has the time from which it can be read, ns.
     pieces: Vec<(u64, Vec<u8>)>,
-    /// The disturbance of the next answers. With `None` they arrive whole.
+    /// The function that disturbs the next answers. With `None` they arrive whole.
     pub(super) fate: Option<Fate>,
     /// Number of bytes that the line accepts of each write. With `None` it accepts all.
     pub(super) takes: Option<usize>,

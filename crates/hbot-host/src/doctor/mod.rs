@@ -40,7 +40,7 @@ pub enum Mark {
 pub struct Finding {
     /// Identifier of the check. It is stable, so that programs can rely on it.
     pub id: &'static str,
-    /// The grade.
+    /// How good the result is.
     pub mark: Mark,
     /// What was found, with its numbers.
     pub found: String,

@@ -181,7 +181,7 @@ mod tests {
         let rising =
             [measured.p50_us, measured.p99_us, measured.p99_9_us, measured.p99_99_us, measured.max_us];
         assert!(rising.is_sorted() && measured.max_us < f64::MAX, "{measured:?}");
-        // No machine wakes without delay, and every tick that counts as late is more than 250 us
+        // No machine wakes without delay, and every tick that counts as late is more than 250 µs
         // late.
         assert!(measured.p50_us > 0.0 && (measured.late == 0 || measured.max_us > 250.0), "{measured:?}");
     }

@@ -30,7 +30,8 @@ pub trait Line: Send {
         None
     }
 
-    /// Informs the line that its motors are off and that nothing more is written. It can wait.
+    /// Informs the line that its motors are off and that nothing more is written. This call can
+    /// block.
     fn release(&mut self) {}
 }
 

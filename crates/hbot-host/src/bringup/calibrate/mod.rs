@@ -43,7 +43,8 @@ pub struct Calibration {
 pub struct WheelFound {
     /// True if the rig file's sign of the steer joint or of the drive joint is wrong.
     pub wrong_sign: [bool; 2],
-    /// Steer angle at the zero of the rig file, rad, from -pi to pi.
+    /// True steer angle at the zero of the rig file, rad, from -pi to pi. It is the error of that
+    /// zero.
     pub zero: f64,
     /// Standard deviation of the zero, rad.
     pub zero_deviation: f64,

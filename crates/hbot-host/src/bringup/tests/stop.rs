@@ -32,8 +32,8 @@ impl Line for Recorded {
     }
 }
 
-/// Returns a bench that is stopped after its 50th command with torque, and the commands that its
-/// controllers receive.
+/// Returns a bench that is stopped at its 50th command with torque, and a record of the commands
+/// that its controllers receive.
 fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
     let rig = RigConfig::prototype().rig;
     let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap();
