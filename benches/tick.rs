@@ -134,8 +134,8 @@ macro_rules! width {
             }
 
             /// Measures the balanced tick with the optional limits: with none, with each of them
-            /// alone, and with all. Each limit is checked in every tick, but is too far away to end
-            /// a tick. Passivity has the settings of a rig file that says `true`.
+            /// alone, and with all. Each limit is checked in every tick but is far from being
+            /// reached. Passivity has the settings of a rig file that says `true`.
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {

@@ -20,7 +20,7 @@ pub struct Panel {
     model: Model,
     desk: Desk,
     network: Network,
-    /// Reused from frame to frame.
+    /// Buffer for what has arrived from the server, reused from frame to frame.
     delivery: Delivery,
     /// Folder for exported samples.
     out: PathBuf,
@@ -55,7 +55,8 @@ impl Panel {
         self.model.state.is_some()
     }
 
-    /// Applies everything that has arrived, without drawing. For a window that is hidden.
+    /// Applies everything that has arrived from the server, without drawing. For a window that is
+    /// hidden.
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
         self.model.take(&mut self.delivery);

@@ -40,7 +40,8 @@ pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<
     axes.map(|axis| axis.solve())
 }
 
-/// The sums of the normal equations for one axis, with the unknowns' factors (deflection, rate, 1).
+/// Sums for the least-squares fit of one axis: its normal equations, with coefficients for
+/// deflection, rate and 1.
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,

@@ -105,7 +105,7 @@ impl Model {
         self.state.as_ref().map(|state| state.mode)
     }
 
-    /// Applies everything that has arrived.
+    /// Applies everything that has arrived from the server.
     pub(crate) fn take(&mut self, delivery: &mut Delivery) {
         // News come first, because news about the connection apply to the samples after them.
         for news in delivery.news.drain(..) {

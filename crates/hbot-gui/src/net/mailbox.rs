@@ -23,7 +23,7 @@ const WAKE_EVERY: Duration = Duration::from_micros(16_000);
 #[derive(Default)]
 pub(crate) struct Delivery {
     pub(crate) samples: VecDeque<Sample>,
-    /// The complete newest state.
+    /// The newest state, with all of its fields.
     pub(crate) state: Option<StateEvent>,
     pub(crate) news: VecDeque<News>,
     /// Number of samples dropped because the window did not take them.
@@ -41,7 +41,7 @@ impl Mailbox {
         Self { waiting: Mutex::new((Delivery::default(), Instant::now())), wake }
     }
 
-    /// Takes everything that waits. The memory of `delivery` is reused.
+    /// Takes all samples and news that wait for the window. The memory of `delivery` is reused.
     pub(crate) fn take(&self, delivery: &mut Delivery) {
         delivery.samples.clear();
         delivery.news.clear();
@@ -114,7 +114,7 @@ impl Outgoing {
         lock(&self.waiting).0.pop_front()
     }
 
-    /// Records that the window is gone.
+    /// Records that the window has been closed.
     pub(crate) fn close(&self) {
         lock(&self.waiting).1 = true;
     }

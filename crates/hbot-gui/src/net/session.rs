@@ -23,7 +23,7 @@ const IDLE: Duration = Duration::from_millis(5);
 
 /// The reason why a connection has ended.
 enum Over {
-    /// The window is gone.
+    /// The window has been closed.
     Window,
     /// The user wants another server.
     Elsewhere,
@@ -84,7 +84,7 @@ pub(super) fn in_words(error: &ClientError) -> String {
     }
 }
 
-/// Waits for `pause` without a connection. Returns false if the window is gone.
+/// Waits for `pause` without a connection. Returns false if the window has been closed.
 fn wait(pause: Duration, options: &mut PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) -> bool {
     let until = Instant::now() + pause;
     while Instant::now() < until {

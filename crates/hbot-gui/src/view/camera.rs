@@ -3,18 +3,18 @@
 use eframe::egui::{Pos2, Vec2, pos2};
 use glam::DVec3;
 
-/// The direction from the sphere to the eye.
+/// The direction from the centre of the sphere to the eye of the viewer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Camera {
-    /// Angle about n3, from n1, rad.
+    /// Angle of the eye about n3, counted from n1, rad.
     pub(crate) azimuth: f64,
-    /// Angle above the plane of n1 and n2, rad.
+    /// Angle of the eye above the plane of n1 and n2, rad.
     pub(crate) elevation: f64,
 }
 
 impl Default for Camera {
-    /// A view against n2, slightly from n1's side and from above. Both wheels of the prototype are
-    /// visible.
+    /// Returns a view against n2, slightly from n1's side and from above. Both wheels of the
+    /// prototype are visible.
     fn default() -> Self {
         Self { azimuth: -1.25, elevation: 0.22 }
     }

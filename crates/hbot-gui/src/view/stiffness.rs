@@ -211,7 +211,7 @@ fn diagonal(value: &Value) -> [f64; 3] {
     std::array::from_fn(|k| number.or_else(|| value[k][k].as_f64()).unwrap_or_default())
 }
 
-/// Returns `value` as a matrix with this diagonal. Its other elements stay.
+/// Returns `value` as a matrix whose diagonal is `diagonal`. The other elements keep their values.
 fn matrix(value: &Value, diagonal: [f64; 3]) -> Value {
     let element = |i: usize, j: usize| {
         if i == j { diagonal[i] } else { value[i][j].as_f64().unwrap_or_default() }

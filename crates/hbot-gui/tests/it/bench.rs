@@ -48,7 +48,7 @@ pub(crate) struct TestServer {
     thread: Option<JoinHandle<()>>,
     /// The certificate that clients of this server trust, if it encrypts.
     trust: Option<Trust>,
-    /// Makes the next test wait until this server has ended.
+    /// Held until this server has ended, so that the next test waits for that.
     alone: Option<MutexGuard<'static, ()>>,
 }
 

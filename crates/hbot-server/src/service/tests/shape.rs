@@ -30,7 +30,7 @@ fn ask(bench: &TestService, op: &str) -> String {
     shape("", &raw.ask(&format!(r#"{{"id": 1, "op": "{op}"}}"#))["ok"])
 }
 
-/// Joins the lines of a description of a form into one line.
+/// Joins a description of a form that is written over several lines into one line.
 fn said(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ").replace("{ ", "{").replace(" }", "}")
 }
