@@ -20,10 +20,8 @@
 //!
 //! ```
 //! let text = include_str!("../../../rigs/prototype.toml").replace("gear = 17 ", "gear = 0 ");
-//! let mistakes = hbot_config::RigConfig::from_toml(&text, "my.toml").unwrap_err();
-//! assert!(
-//!     mistakes.to_string().contains("wheel[0].drive.gear: 0 is out of range; legal: 0.001 to 10000")
-//! );
+//! let mistakes = hbot_config::RigConfig::from_toml(&text, "my.toml").unwrap_err().to_string();
+//! assert!(mistakes.contains("wheel[0].drive.gear: 0 is out of range; legal: 0.001 to 10000"));
 //! ```
 
 mod decode;

@@ -39,7 +39,7 @@ pub(crate) struct Loop {
     /// power. 20 or more: most still sleep lightly. 1000000: no limit.
     #[schemars(range(max = ANY_WAKE_US), extend("unit" = "us"))]
     pub(crate) wake_us: u32,
-    /// Index of the processor to which the loop's thread is bound, counted from 0. Best one that
+    /// Index of the processor to which the loop's thread is bound, counted from 0. Choose one that
     /// nothing else uses. Absent: the operating system decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(max = 1023))]
@@ -154,7 +154,7 @@ pub(crate) struct Limits {
     /// Rate at which a reference moves to a new orientation that a client sends.
     #[schemars(range(max = legal::REFERENCE_RATE.most), extend("exclusiveMinimum" = legal::REFERENCE_RATE.least, "unit" = legal::REFERENCE_RATE.unit))]
     pub(crate) reference_rate: f64,
-    /// A stream message is refused if the tick that it names is older than this.
+    /// Largest age of the tick that a stream message names, in ticks. Older messages are refused.
     #[schemars(range(min = legal::MAX_AGE_TICKS.least as u32, max = legal::MAX_AGE_TICKS.most as u32))]
     pub(crate) max_age_ticks: u32,
 }

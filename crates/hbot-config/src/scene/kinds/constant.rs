@@ -16,7 +16,7 @@ pub(super) struct Constant {
     /// Torque on the sphere.
     #[schemars(inner(range(min = -100.0, max = 100.0)), extend("unit" = "N m"))]
     torque: [f64; 3],
-    /// Axes in which `torque` is given.
+    /// Axes in which `torque` is given: those of frame N, or those of the sphere.
     frame: Frame,
 }
 

@@ -29,7 +29,7 @@ pub(super) struct Detents {
     /// If given, they replace `count`.
     #[schemars(length(max = 64), inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
     positions: Vec<f64>,
-    /// What lies beyond the outermost of `positions`.
+    /// What lies beyond the outermost of `positions`: no torque, or walls.
     ends: Ends,
     /// Stiffness of the walls at closed ends.
     #[schemars(range(min = 0.01, max = 1000.0), extend("unit" = "N m/rad"))]
@@ -41,7 +41,7 @@ pub(super) struct Detents {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 

@@ -13,7 +13,7 @@ use crate::document::{Report, join};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct EndStop {
-    /// Which walls exist.
+    /// Which walls exist: those of the cone, of the twist, or both.
     walls: Walls,
     /// Axis fixed in the sphere, given in the frame of the reference. The cone limits its
     /// direction, and the twist is about it. Any length except zero.
@@ -35,7 +35,7 @@ pub(super) struct EndStop {
     /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 

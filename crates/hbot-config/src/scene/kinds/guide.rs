@@ -12,7 +12,8 @@ use crate::document::{Report, join};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Guide {
-    /// Which rotations are free.
+    /// Which rotations are free: about the axis, all others, or those that keep the pointer in a
+    /// plane.
     free: Free,
     /// Axis in the frame of the reference. With `free = "plane"`, the normal of the plane. Any
     /// length except zero.
@@ -35,7 +36,7 @@ pub(super) struct Guide {
     /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 

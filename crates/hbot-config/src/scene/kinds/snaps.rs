@@ -15,7 +15,8 @@ use crate::document::{Report, join};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Snaps {
-    /// Which set of orientations attracts the sphere.
+    /// Which set of orientations attracts the sphere: those of a solid's symmetry, or
+    /// `orientations`.
     set: Set,
     /// With `set = "own"`: the orientations relative to the reference, as quaternions. Any length
     /// except zero, and at least 0.2 rad apart.
@@ -39,7 +40,7 @@ pub(super) struct Snaps {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
