@@ -8,20 +8,27 @@
 //! use hbot_core::kinematics::Posture;
 //! use hbot_core::{Device, Vec3, WheelSpec};
 //!
-//! // Two wheels of 15.5 mm below a sphere of 102 mm and 467 g, their axes 45 degrees off the vertical.
-//! let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), cone: 0.1745, radius: 0.0155, ..WheelSpec::default() };
+//! // Two wheels of 15.5 mm radius below a sphere of 102 mm radius and 467 g. Their steer axes are
+//! // at 45 degrees to the vertical.
+//! let wheel = |side| WheelSpec {
+//!     axis: Vec3::new(side, 0.0, -1.0),
+//!     cone: 0.1745,
+//!     radius: 0.0155,
+//!     ..WheelSpec::default()
+//! };
 //! let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)])?;
 //! assert_eq!(device.joints(), 4);
 //!
-//! // Joint rates of a sphere that turns about n3 with 1 rad/s, and back to the sphere, without slip.
+//! // Joint rates of a sphere that turns about n3 at 1 rad/s without slip, and back to the sphere.
 //! let posture = Posture::new(&device, &[0.3, -0.2]);
 //! let rates = posture.inverse(Vec3::Z);
 //! let forward = posture.forward(&device, &rates);
 //! assert!((forward.omega - Vec3::Z).length() < 1e-12);
 //!
-//! // With equal cones about one axis the contact points can meet: no steering angle helps then.
+//! // With equal cones about one axis the contact points can meet, so the design is refused.
 //! let error = Device::new(0.102, 0.467, &[wheel(1.0), wheel(1.0)]).unwrap_err();
-//! assert!(error.to_string().starts_with("wheels 1 and 2: their contact points can meet at one point"));
+//! let message = "wheels 1 and 2: their contact points can meet at one point";
+//! assert!(error.to_string().starts_with(message));
 //! # Ok::<(), hbot_core::device::DeviceError>(())
 //! ```
 

@@ -41,22 +41,31 @@
 //! use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 //! use hbot_core::mode::Mode;
 //! use hbot_core::rig::{Joint, RigParts, Zero};
-//! use hbot_core::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Rig, Vec3, WheelSpec, rotation};
+//! use hbot_core::{
+//!     CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Rig, Vec3, WheelSpec, rotation,
+//! };
 //!
-//! let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), cone: 0.1745, radius: 0.0155, ..WheelSpec::default() };
+//! let wheel = |side| WheelSpec {
+//!     axis: Vec3::new(side, 0.0, -1.0),
+//!     cone: 0.1745,
+//!     radius: 0.0155,
+//!     ..WheelSpec::default()
+//! };
 //! let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)])?;
 //! let joint = Joint { zero: Zero::Assume, ..Joint::new(16384, 2.0) };
 //! let rig = Rig::new(RigParts::new(device).with_joints(joint, joint))?;
 //!
-//! // A spring of 2 N m/rad to an orientation 0.25 rad about n1 from where the sphere stands.
+//! // A spring of 2 N m/rad to an orientation 0.25 rad about n1 from that of the sphere.
 //! let stiffness = Mat3::from_diagonal(Vec3::splat(2.0));
 //! let reference = rotation::exp(Vec3::new(0.25, 0.0, 0.0));
-//! let spring = Spring::new(SpringLaw::Geodesic, stiffness, Mat3::ZERO, reference, Anchor::Absolute);
-//! let scene = CompiledScene::new(1, &[Effect::new(0, 1, Kind::Spring(spring.ok_or("not a stiffness")?))])?;
+//! let (law, no_damping) = (SpringLaw::Geodesic, Mat3::ZERO);
+//! let spring = Spring::new(law, stiffness, no_damping, reference, Anchor::Absolute);
+//! let spring = Kind::Spring(spring.ok_or("not a stiffness")?);
+//! let scene = CompiledScene::new(1, &[Effect::new(0, 1, spring)])?;
 //!
 //! let mut controller = Controller::new(rig);
 //! for tick in 1..=600 {
-//!     // Encoders that stand still. What they read answers the command of the last tick.
+//!     // Encoders at rest. Their reading answers the command of the last tick.
 //!     let feedback = JointFeedback {
 //!         sequence: tick as u32 - 1,
 //!         counts: [0; MAX_JOINTS],
@@ -71,7 +80,7 @@
 //!     let outputs = controller.tick(&scene, &inputs);
 //!     // A real program sends `outputs.drive` here.
 //!     if tick == 600 {
-//!         // The soft start of half a second is over: 2 N m/rad times 0.25 rad.
+//!         // The soft start of half a second is over. The torque is 2 N m/rad times 0.25 rad.
 //!         assert_eq!(outputs.state.mode, Mode::Active);
 //!         assert!((outputs.state.torque - Vec3::new(0.5, 0.0, 0.0)).length() < 1e-9);
 //!         assert!(outputs.drive.enable && outputs.drive.torque[1] != 0.0);

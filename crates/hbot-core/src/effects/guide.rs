@@ -1,4 +1,5 @@
 //! A guide holds some directions of turning and leaves others free.
+//!
 //! It is smooth everywhere, because it follows the quaternion law with a stiffness that acts in
 //! some directions only. With x = (eta, e) and the unit axis a:
 //!

@@ -24,26 +24,29 @@ pub enum SpringLaw {
 /// use hbot_core::rig::RigParts;
 /// use hbot_core::{CompiledScene, Device, Mat3, Quat, Rig, Vec3, WheelSpec, rotation};
 ///
-/// // 1 N m/rad about n1 and 3 N m/rad about n3, a little damping; to the identity.
+/// // 1 N m/rad about n1 and n2, 3 N m/rad about n3, and a little damping. The reference is the
+/// // identity.
 /// let stiffness = Mat3::from_diagonal(Vec3::new(1.0, 1.0, 3.0));
 /// let damping = Mat3::from_diagonal(Vec3::splat(0.01));
-/// let spring = Spring::new(SpringLaw::Geodesic, stiffness, damping, Quat::IDENTITY, Anchor::Absolute);
-/// let scene = CompiledScene::new(1, &[Effect::new(0, 1, Kind::Spring(spring.ok_or("not legal")?))])?;
+/// let (law, anchor) = (SpringLaw::Geodesic, Anchor::Absolute);
+/// let spring = Spring::new(law, stiffness, damping, Quat::IDENTITY, anchor);
+/// let spring = Kind::Spring(spring.ok_or("not valid")?);
+/// let scene = CompiledScene::new(1, &[Effect::new(0, 1, spring)])?;
 ///
 /// let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), ..WheelSpec::default() };
 /// let device = Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)])?;
 /// let mut renderer = Renderer::new(&Rig::new(RigParts::new(device))?);
 ///
-/// // 0.2 rad about n3, at rest: it pulls back by 0.6 N m, and holds 0.06 J.
+/// // At rest, 0.2 rad about n3: the spring pulls back with 0.6 N m and stores 0.06 J.
 /// let q = rotation::exp(Vec3::new(0.0, 0.0, 0.2));
 /// renderer.adopt(&scene, q);
 /// let torque = renderer.render(&scene, &Motion { q, omega: Vec3::ZERO }, 1, 1e-3, 1e-3);
 /// assert!((torque - Vec3::new(0.0, 0.0, -0.6)).length() < 1e-12);
 /// assert!((renderer.energy(&scene, q).ok_or("a spring has an energy")? - 0.06).abs() < 1e-12);
 ///
-/// // A negative stiffness is none.
+/// // A negative stiffness is refused.
 /// let soft = Mat3::from_diagonal(Vec3::splat(-1.0));
-/// assert!(Spring::new(SpringLaw::Geodesic, soft, Mat3::ZERO, Quat::IDENTITY, Anchor::Absolute).is_none());
+/// assert!(Spring::new(law, soft, damping, Quat::IDENTITY, anchor).is_none());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,11 +1,15 @@
 //! A spring to a reference that moves by itself: in swings of a sine or a chirp, through
 //! way-points, or along a recorded path.
 //!
-//! q_d = turn(t) q_r, with q_r the effect's reference and the turn in frame N. T = -K log(q q_d⁻¹)
-//! - D (w - w_d), with w_d the rate of the turn. Between way-points the angle follows 10 u³ - 15 u⁴
-//! + 6 u⁵ (minimum jerk: Flash and Hogan 1985) and rests at each point. Between the points of a
-//! record the rate is constant. The effect gives out energy: the work that moves the reference
-//! against the spring.
+//! ```text
+//! q_d = turn(t) q_r
+//! T = -K log(q q_d⁻¹) - D (w - w_d)
+//! ```
+//!
+//! q_r is the effect's reference, the turn is in frame N, and w_d is the rate of the turn. Between
+//! way-points the angle follows 10 u³ - 15 u⁴ + 6 u⁵ (minimum jerk: Flash and Hogan 1985) and rests
+//! at each point. Between the points of a record the rate is constant. The effect gives out energy:
+//! the work that moves the reference against the spring.
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
@@ -30,8 +34,8 @@ pub enum Path {
         /// True if the sweep goes back and forth for ever; otherwise it stays at `to`.
         repeat: bool,
     },
-    /// A path through the points of the effect's figures. Each point is [t, w, x, y, z]: a time in
-    /// s, ascending, and a unit quaternion.
+    /// A path through the points of the effect's figures. Each point is `[t, w, x, y, z]`: a time
+    /// in s, ascending, and a unit quaternion.
     Points {
         /// True for smooth motion with a rest at each point; false for constant rates.
         rest: bool,
