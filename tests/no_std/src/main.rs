@@ -2,8 +2,8 @@
 //! system layer. It uses no standard library, no allocator and no C library.
 //!
 //! ```text
-//! .ci/no_std.sh                                    # builds it, runs it, and searches it for an allocator
-//! cd tests/no_std && cargo run --release; echo $?  # runs it alone: 0 if every result is right
+//! .ci/no_std.sh                                    # builds it, runs it, looks for an allocator
+//! cd tests/no_std && cargo run --release; echo $?  # only runs it: 0 if every result is right
 //! ```
 //!
 //! Read `rig.rs`: it contains what firmware or a small computer would have, apart from the motor

@@ -44,7 +44,7 @@ fn assert_holds(report: &Report) {
     assert!(!report.checks().is_empty());
 }
 
-/// The figure of an id.
+/// Returns the value of the figure `id`.
 fn value(report: &Report, id: &str) -> f64 {
     let figure = report.figures().iter().find(|figure| figure.id == id);
     figure.unwrap_or_else(|| panic!("no figure {id}")).value
