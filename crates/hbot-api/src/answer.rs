@@ -98,7 +98,7 @@ impl ServerMessage {
     }
 }
 
-/// The answer to `hello`.
+/// The answer to the op `hello`: it describes the server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HelloOk {
     /// Name and version of the server program, such as `hbot 0.1.0`.
@@ -114,14 +114,14 @@ pub struct HelloOk {
     pub session: u64,
 }
 
-/// The answer to `subscribe`.
+/// The answer to the op `subscribe`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SubscribeOk {
     /// Number of ticks from one state message to the next, at least 1.
     pub every: u64,
 }
 
-/// The answer to `load_scene`.
+/// The answer to the op `load_scene`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoadSceneOk {
     /// Effects of the scene, in the order of the scene.
@@ -141,14 +141,14 @@ pub struct EffectCost {
     pub cost_ns: u64,
 }
 
-/// The answer to `enable`, `disable`, `reset` and `estop`.
+/// The answer to the ops `enable`, `disable`, `reset` and `estop`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModeOk {
     /// Mode of the rig from the next tick on.
     pub mode: Mode,
 }
 
-/// The answer to `align`.
+/// The answer to the op `align`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignOk {
     /// Angle between the orientation measured from outside and the server's own at that time, 0 to
@@ -157,7 +157,7 @@ pub struct AlignOk {
     pub angle: f64,
 }
 
-/// The answer to `ping`.
+/// The answer to the op `ping`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PingOk {
     /// The data of the request, unchanged. Null if the request had none.

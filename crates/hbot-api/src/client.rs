@@ -76,7 +76,8 @@ impl Client {
     ///
     /// Fails with [`ClientError::Server`] if the server refuses the request, and with
     /// [`ClientError::Timeout`] if it does not answer in time. An answer that arrives later is
-    /// ignored.
+    /// ignored. Fails with other errors if the request cannot be sent or the connection is
+    /// unusable.
     pub fn call(&mut self, op: Op) -> Result<Value, ClientError> {
         let what = op.name().as_str();
         self.last_id += 1;
@@ -240,7 +241,8 @@ fn read_before(stream: &mut Stream, piece: &mut [u8], deadline: Instant) -> io::
     stream.read(piece)
 }
 
-/// Returns whether an error means that a read timed out. Operating systems report this differently.
+/// Returns whether an error means that a read timed out. Operating systems report this as different
+/// kinds.
 fn is_timeout(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
 }

@@ -47,7 +47,7 @@ impl<N: Name> Serialize for CountsByName<N> {
     }
 }
 
-/// Ignores unknown names, because a later server can add some.
+/// Reads counts from a map. Ignores unknown names, because a later server can add some.
 impl<'de, N: Name> Deserialize<'de> for CountsByName<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let told = BTreeMap::<String, u64>::deserialize(deserializer)?;

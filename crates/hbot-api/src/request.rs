@@ -67,7 +67,7 @@ pub enum Op {
         /// checked.
         scene: Value,
     },
-    /// Changes parameters of an effect. The change is blended in. The answer has no data.
+    /// Changes parameters of an effect. The torque changes gradually. The answer has no data.
     Set {
         /// Id of an effect of the scene.
         effect: String,
@@ -109,7 +109,7 @@ pub struct Hello {
     /// Name of the client, for people: 1 to [`MAX_NAME_BYTES`] bytes without control or invisible
     /// characters (see [`is_plain`](crate::is_plain)).
     pub name: String,
-    /// Secret of the server. A server that other machines can reach requires it.
+    /// Token of the server. A server that other machines can reach requires one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token: Option<Token>,
     /// Encoding that both sides use after the answer to this message. The answer itself is still

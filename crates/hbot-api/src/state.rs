@@ -45,7 +45,7 @@ pub struct StateEvent {
     #[serde(serialize_with = "finite::scalar")]
     pub traction: f64,
     /// Energy delivered to the hand since the start, from the passivity observer, J. Negative if
-    /// more was absorbed.
+    /// more energy was absorbed from the hand.
     #[serde(serialize_with = "finite::scalar")]
     pub energy: f64,
     /// The last stream message that was accepted. `None` before the first.

@@ -10,7 +10,7 @@ use crate::names::names;
 use memchr::memmem;
 
 names! {
-    /// A request that stops the rig.
+    /// A request that stops the rig. It is found in the received bytes before they are parsed.
     pub enum Stop {
         /// The emergency stop, [`Op::Estop`](crate::Op::Estop).
         Estop = "estop",
@@ -86,9 +86,9 @@ pub fn may_be_long(message: &[u8]) -> bool {
 /// the `o` of the key and the value.
 #[derive(Clone, Copy)]
 enum Found<'a> {
-    /// JSON, from the opening quote of the value on.
+    /// A JSON value: the bytes from its opening quote on.
     Json(&'a [u8], usize),
-    /// MessagePack, from the header of the value on.
+    /// A MessagePack value: the bytes from its header on.
     Msgpack(&'a [u8], usize),
 }
 

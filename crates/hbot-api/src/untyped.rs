@@ -43,7 +43,7 @@ pub(crate) fn read(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Unt
 /// The fields of a map, with their names. A name without escapes is borrowed from the message.
 pub(crate) type Named<'a> = Vec<(Cow<'a, str>, Value)>;
 
-/// A map with few fields.
+/// A map with few fields: `op` and the others.
 #[derive(Default)]
 pub(crate) struct Few<'a> {
     /// The text of the field `op`.

@@ -22,8 +22,9 @@ pub struct ConnectOptions {
     pub token: Option<Token>,
     /// Encoding that both sides use after the hello.
     pub encoding: Encoding,
-    /// Certificates that the server must match. The connection is then encrypted, and fails if the
-    /// server does not encrypt. `None` for plain TCP, which fails if the server encrypts.
+    /// Certificates that the client trusts. If given, the connection is encrypted, and connecting
+    /// fails if the server does not encrypt. `None` for plain TCP, which fails if the server
+    /// encrypts.
     pub trust: Option<Trust>,
     /// Longest time for connecting, and later for each answer. Default: 5 s, which is enough for
     /// `load_scene` on a small machine.

@@ -50,7 +50,7 @@ impl Client {
         self.call(Op::LoadScene { scene }).and_then(typed)
     }
 
-    /// Changes parameters of an effect. The change is blended in over time.
+    /// Changes parameters of an effect. The torque changes gradually.
     pub fn set(&mut self, effect: &str, parameters: Map<String, Value>) -> Result<(), ClientError> {
         self.call(Op::Set { effect: effect.into(), parameters }).map(drop)
     }

@@ -43,8 +43,8 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
                 }
             }
         }
-        // An absent `peak` was reported above. Here it counts as 0, which is legal for a joint
-        // without motor.
+        // An absent `peak` counts as 0, which is legal for a joint without motor. For a joint with
+        // a motor it was reported above.
         let peak = joint.peak.unwrap_or(0.0);
         let stated = core::Joint { peak, continuous: joint.continuous.unwrap_or(peak), ..joint.encoder() };
         for mistake in stated.mistakes() {

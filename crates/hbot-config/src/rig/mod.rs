@@ -168,7 +168,7 @@ impl RigConfig {
     /// Reads a rig from the text of a rig file. `file` is the name of the file in messages.
     ///
     /// # Errors
-    /// Fails with all mistakes found in the text.
+    /// Fails if the text is not a legal rig file. The error lists every mistake.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
         Self::from_toml_with(text, file, &[])
     }
@@ -177,7 +177,7 @@ impl RigConfig {
     /// of the rig file.
     ///
     /// # Errors
-    /// Fails if the file cannot be read, or with all mistakes found in it.
+    /// Fails if the file cannot be read or is not legal. The error then lists every mistake.
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
         Self::load(Some(path), &[])
     }
@@ -212,7 +212,7 @@ impl RigConfig {
     /// file in messages.
     ///
     /// # Errors
-    /// Fails with all mistakes found in the text and in the replaced values.
+    /// Fails if the text or a replaced value is not legal. The error lists every mistake.
     pub fn from_toml_with(text: &str, file: &str, overrides: &[Override]) -> Result<Self, Diagnostics> {
         let mut document = Document::from_toml(text, file)?;
         for o in overrides {

@@ -146,7 +146,7 @@ impl SceneFile {
     /// Reads a scene from the text of a scene file. `file` is the name of the file in messages.
     ///
     /// # Errors
-    /// Fails with all mistakes found in the text.
+    /// Fails if the text is not a legal scene. The error lists every mistake.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
         Self::from_document(Document::from_toml(text, file)?)
     }
@@ -155,7 +155,7 @@ impl SceneFile {
     /// `load_scene`.
     ///
     /// # Errors
-    /// Fails with all mistakes found in the value.
+    /// Fails if the value is not a legal scene. The error lists every mistake.
     pub fn from_json(scene: Value) -> Result<Self, Diagnostics> {
         Self::from_document(Document::from_json(scene))
     }
@@ -163,7 +163,8 @@ impl SceneFile {
     /// Reads a scene from a scene file, including the recorded paths that it names.
     ///
     /// # Errors
-    /// Fails if the file cannot be read, or with all mistakes found in it.
+    /// Fails if the file cannot be read or is not a legal scene. The error then lists every
+    /// mistake.
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
         let text = read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
         let mut document = Document::from_toml(&text, &path.display().to_string())?;

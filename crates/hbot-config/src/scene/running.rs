@@ -36,7 +36,8 @@ struct Memory {
 pub struct EffectPlace {
     /// Slot of the memory, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
     pub slot: u8,
-    /// Number of the effect since the server started, so that a reused slot is told apart. Never 0.
+    /// Number of the effect, counted since the server started; never 0. It distinguishes effects
+    /// that use the same slot one after the other.
     pub epoch: u32,
     /// Whether the effect has a reference that can be moved.
     pub has_reference: bool,
@@ -106,8 +107,8 @@ impl RunningScene {
     /// scene's, because a client can have moved the reference since.
     ///
     /// # Errors
-    /// Fails if no effect has this id, or with all mistakes in the parameters. The scene is then
-    /// unchanged.
+    /// Fails if no effect has this id, or if parameters are not legal; the error then lists every
+    /// mistake. The scene stays unchanged.
     pub fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<CompiledScene, SetError> {
         let Some(index) = self.index_of(effect) else {
             let legal = self.file.effects.iter().map(|e| e.id.clone()).collect();
@@ -197,7 +198,8 @@ fn next(n: u32) -> u32 {
 }
 
 impl SceneEffect {
-    /// Returns a copy of this effect with some parameters changed. Fails with all mistakes in them.
+    /// Returns a copy of this effect with some parameters changed. Fails if they are not legal; the
+    /// error lists every mistake.
     fn with(&self, parameters: &Map<String, Value>) -> Result<Self, Diagnostics> {
         let mut report = Report::default();
         let mut all = self.settable();

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// Dry friction with true sticking: a smaller torque does not make the sphere slide. It only
-/// absorbs energy.
+/// Dry friction that truly sticks: the sphere does not slide until the limit `torque` is reached.
+/// It only absorbs energy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Friction {

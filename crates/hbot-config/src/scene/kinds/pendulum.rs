@@ -15,7 +15,7 @@ pub(super) struct Pendulum {
     /// Position of the mass relative to the sphere's centre, in the sphere's axes.
     #[schemars(inner(range(min = -10.0, max = 10.0)), extend("unit" = "m"))]
     centre: [f64; 3],
-    /// Size of the mass.
+    /// Mass at the position `centre`.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "kg"))]
     mass: f64,
     /// Gravity, positive downwards in frame N. A negative value makes the mass rise, like a

@@ -13,7 +13,7 @@ use crate::document::{Report, join};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Spring {
-    /// How the torque grows with the angle from the reference.
+    /// How the torque grows with the angle from the reference: in proportion to it, or to its sine.
     law: Law,
     /// Torque per angle: a number, or a symmetric 3x3 matrix in the axes of the reference.
     #[schemars(schema_with = "impedance::stiffness")]

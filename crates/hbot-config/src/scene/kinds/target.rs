@@ -34,7 +34,7 @@ impl From<Anchor> for effects::Anchor {
     }
 }
 
-/// Makes a target of the parameters `reference` and `anchor` of the effect at `path`. Returns
+/// Makes a target from the parameters `reference` and `anchor` of the effect at `path`. Returns
 /// `None` and adds a mistake to the report if the reference has no direction.
 pub(super) fn target(reference: [f64; 4], anchor: Anchor, path: &str, report: &mut Report) -> Option<Target> {
     let reference = unit_quaternion(reference, &join(path, "reference"), report)?;

@@ -18,7 +18,7 @@ pub(in crate::scene) const MAX_POINTS: usize = 800;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Track {
-    /// How the reference moves.
+    /// How the reference moves: in a sine or chirp, or along the points of `waypoints` or `record`.
     path: Path,
     /// Axis of a sine or chirp, in frame N. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -70,13 +70,13 @@ pub(super) struct Track {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Path {
-    /// A sine about the axis.
+    /// Turns to and fro about the axis in a sine.
     Sine,
-    /// A sine about the axis whose frequency changes over time.
+    /// Turns to and fro about the axis in a sine whose frequency changes over time.
     Chirp,
-    /// From point to point with minimum jerk, resting at each.
+    /// Goes from point to point with minimum jerk, and rests at each.
     Waypoints,
-    /// From point to point at constant rates.
+    /// Goes from point to point at constant rates, without resting.
     Record,
 }
 

@@ -46,7 +46,7 @@ pub(super) struct Vibration {
 enum Wave {
     /// A sine wave.
     Sine,
-    /// A square wave: it jumps from one direction to the other.
+    /// A square wave: it switches between full torque in one direction and in the other.
     Square,
     /// A sawtooth wave: it rises slowly and falls at once.
     Saw,

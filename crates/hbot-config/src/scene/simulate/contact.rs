@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Contacts that transmit at most the Coulomb friction. Beyond it, the wheels slip.
+/// Contacts that transmit at most the Coulomb friction force. Beyond it, the wheels slip.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Slip {

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts,
-/// `counts_per_turn` in one turn, is always simulated.
+/// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts
+/// (`counts_per_turn`) is simulated even without this table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Encoder {

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A person's hand that holds the sphere: a mass on the sphere, held by a spring and a damper to an
-/// orientation that the hand moves.
+/// A person's hand that holds the sphere. It adds inertia to the sphere, and pulls it with a spring
+/// and a damper towards an orientation that the hand moves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Hand {

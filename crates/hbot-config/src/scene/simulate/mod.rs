@@ -42,7 +42,7 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "CageFriction")]
     pub cage_friction: Option<CageFriction>,
-    /// Contacts that transmit at most the Coulomb friction. Beyond it, the wheels slip.
+    /// Contacts that transmit at most the Coulomb friction force. Beyond it, the wheels slip.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Slip")]
     pub slip: Option<Slip>,
@@ -62,8 +62,8 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Gear")]
     pub gear: Option<Gear>,
-    /// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts,
-    /// `counts_per_turn` in one turn, is always simulated.
+    /// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts
+    /// (`counts_per_turn`) is simulated even without this table.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Encoder")]
     pub encoder: Option<Encoder>,
