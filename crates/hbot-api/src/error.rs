@@ -25,7 +25,9 @@ names! {
         OutOfRange = "out_of_range",
         /// The rig is in a fault or an emergency stop, or its cause is still present.
         Faulted = "faulted",
-        /// The message is longer than [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES).
+        /// The message is too long: more than
+        /// [`MAX_SHORT_REQUEST_BYTES`](crate::MAX_SHORT_REQUEST_BYTES), or than
+        /// [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) for an op that can be long.
         TooLarge = "too_large",
     }
 }

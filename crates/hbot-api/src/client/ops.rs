@@ -71,8 +71,7 @@ impl Client {
         self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle }| angle)
     }
 
-    /// Switches the motors on and begins to render the scene. Returns the mode from the next tick
-    /// on.
+    /// Begins to render the scene, with a soft start. Returns the mode from the next tick on.
     pub fn enable(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Enable)
     }
