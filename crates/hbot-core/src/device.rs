@@ -42,8 +42,9 @@ pub const MAX_WHEELS: usize = 8;
 /// Largest number of joints of a device: the steer and the drive joint of each wheel, in that
 /// order.
 pub const MAX_JOINTS: usize = 2 * MAX_WHEELS;
-/// Smallest permitted |sin a cos b| of a wheel with cone angle a and toe angle b. The determinant
-/// of the wheel's matrix H is r R sin a cos b. Below this value the wheel is singular.
+/// Smallest permitted sin a cos b of a wheel with cone angle a and toe angle b. Below it the steer
+/// and the drive joint move the contact in almost the same direction. The determinant of the
+/// wheel's matrix H is r R sin a cos b.
 pub const MIN_BOUNDARY: Real = 1.0e-6;
 
 /// The design of one wheel, before it is checked by [`Device::new`].
@@ -92,9 +93,9 @@ pub struct Wheel {
     pub(crate) p: [Vec3; 3],
     pub(crate) q: [Vec3; 3],
     pub(crate) s: [Vec3; 3],
-    /// l.c1 = sin a sin b
+    /// l.c1 = sin a sin b: component of the unit steer axis l along the wheel's axle.
     pub(crate) axis_c1: Real,
-    /// l.c2 = sin a cos b
+    /// l.c2 = sin a cos b: component of the unit steer axis l along the rolling direction.
     pub(crate) axis_c2: Real,
 }
 
@@ -119,33 +120,33 @@ pub enum DeviceError {
     SphereMass(Real),
     /// A steer axis is zero or not finite.
     Axis {
-        /// Index of the wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
     },
     /// A cone angle is not strictly between 0 and pi.
     Cone {
-        /// Index of the wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
         /// The given angle, rad.
         value: Real,
     },
     /// A toe angle is not strictly between -pi/2 and pi/2.
     Toe {
-        /// Index of the wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
         /// The given angle, rad.
         value: Real,
     },
     /// A wheel radius is not a positive, finite number.
     WheelRadius {
-        /// Index of the wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
         /// The given radius, m.
         value: Real,
     },
     /// An inertia is negative or not finite.
     Inertia {
-        /// Index of the wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
         /// The given inertia, kg m².
         value: Real,
@@ -153,15 +154,15 @@ pub enum DeviceError {
     /// The steer and the drive joint of a wheel move the contact in almost the same direction
     /// (boundary singularity): sin a cos b is below [`MIN_BOUNDARY`].
     BoundarySingular {
-        /// Index of the wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
-        /// The wheel's sin a cos b.
+        /// Value of sin a cos b for the wheel, with cone angle a and toe angle b.
         margin: Real,
     },
     /// At some steer angles the contact points of all wheels lie on one line through the sphere's
     /// centre (interior singularity).
     InteriorSingular {
-        /// Indices of two wheels whose contact points can meet.
+        /// Indices of two wheels whose contact points can meet, counted from 0.
         wheels: [usize; 2],
         /// Whether they meet at one point or at opposite points.
         meeting: Meeting,
@@ -350,9 +351,9 @@ fn positive(x: Real) -> bool {
     x > 0.0 && x.is_finite()
 }
 
-/// Value of 1 + l3 up to which an axis counts as straight down. In 64 bits such a difference is
-/// lost in rounding. The constant is the same for 32 bits, so that a steer angle of zero means the
-/// same in both widths.
+/// A unit steer axis l counts as straight down if 1 + l3 is at most this value. In 64 bits such a
+/// difference is lost in rounding. The constant is the same for 32 bits, so that a steer angle of
+/// zero means the same in both widths.
 const STRAIGHT_DOWN: Real = 1.0e-15;
 
 /// Returns the first two columns of A0, the least rotation that takes n3 to `l`. The third column

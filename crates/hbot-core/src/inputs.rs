@@ -51,11 +51,11 @@ pub struct JointFeedback {
     pub rates: [Real; MAX_JOINTS],
     /// One bit per joint, set if its encoder has seen the index mark.
     pub index_seen: u16,
-    /// What the motor controllers report about themselves.
+    /// Faults and warnings that the motor controllers report about themselves.
     pub complaints: Complaints,
 }
 
-/// The complaints of motor controllers: what they report about themselves.
+/// The complaints of motor controllers: faults and warnings that they report about themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Complaints {
     /// A motor controller reports an internal fault.
@@ -137,7 +137,7 @@ pub enum Command {
     /// Switches the torque on with a soft start. Refused if an effect's reference is too far from
     /// the present orientation.
     Enable,
-    /// Ramps the torque down to zero and goes to mode `idle`.
+    /// Goes to mode `idle` and ramps the torque down to zero.
     Disable,
     /// Stops the torque in this tick. It stays zero until a reset.
     Estop,
@@ -149,7 +149,8 @@ pub enum Command {
         torque: Vec3,
         /// Number of ticks for which the torque is valid, including this one.
         valid_ticks: u32,
-        /// The client's labels of the message.
+        /// Sequence number of the message and the state that it was computed from, as given by the
+        /// client.
         stamp: Stamp,
     },
     /// Moves the reference of an effect.
@@ -164,7 +165,8 @@ pub enum Command {
         omega: Vec3,
         /// Number of ticks for which `omega` is valid.
         valid_ticks: u32,
-        /// The client's labels of the message.
+        /// Sequence number of the message and the state that it was computed from, as given by the
+        /// client.
         stamp: Stamp,
     },
     /// Corrects the orientation by one that was measured from outside, for example by a camera.
@@ -178,7 +180,7 @@ pub enum Command {
         /// [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY) ticks.
         tick: u64,
     },
-    /// Reports that the holder of the lease has gone.
+    /// Reports that the client that held the lease has gone. The rig reacts as given.
     ClientLost(OnClientLost),
 }
 

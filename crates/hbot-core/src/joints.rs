@@ -30,7 +30,7 @@ pub(crate) struct Joints {
     pub(crate) rate: [Real; MAX_JOINTS],
     pub(crate) omega: Vec3,
     pub(crate) slip: Real,
-    /// Compares the counts with the rates and with the limits.
+    /// Checks the counts against the rates and against the limits.
     pub(crate) watch: Watch,
 }
 

@@ -46,8 +46,8 @@ pub struct Forward {
     /// Angular velocity of the sphere in frame N, rad/s. If angles are given instead of rates, the
     /// turn in rad.
     pub omega: Vec3,
-    /// Slip velocity of each wheel, wheel minus sphere, along its c1 and c2, m/s. It is the part of
-    /// the joint rates that no angular velocity explains.
+    /// Slip velocity of each wheel, wheel minus sphere, along its c1 and c2, m/s. It is the motion
+    /// of the wheels that no angular velocity of the sphere explains.
     pub slip: [[Real; 2]; MAX_WHEELS],
 }
 
@@ -130,7 +130,8 @@ impl Posture {
     }
 }
 
-/// Returns the rows of G for one wheel: g_th = c2 / (l.c2) and g_ph = (R/r) ((l.c1) g_th - c1).
+/// Returns the two rows of G of one wheel, steer then drive: g_th = c2 / (l.c2) and g_ph = (R/r)
+/// ((l.c1) g_th - c1).
 #[inline]
 fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
     let steer = frame.c2 / wheel.axis_c2;
@@ -138,17 +139,19 @@ fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
     [steer, drive]
 }
 
-/// Returns H zd of one wheel: the velocity of its contact point along c1 and c2, m/s.
+/// Returns the velocity of a wheel's contact point along c1 and c2, m/s, for its joint rates
+/// (rad/s): H zd.
 #[inline]
 pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [Real; 2] {
     let r = device.sphere_radius();
     [r * wheel.axis_c2 * steer, wheel.spec().radius * drive - r * wheel.axis_c1 * steer]
 }
 
-/// Returns the angular velocity of the sphere, w = -(ZᵀZ)⁻¹ Zᵀ H zd, in frame N, rad/s.
+/// Returns the angular velocity of the sphere (frame N, rad/s) that fits the joint rates `zd`
+/// (rad/s) best: w = -(ZᵀZ)⁻¹ Zᵀ H zd.
 ///
-/// `frames` are the contact frames, one per wheel. `zd` are the joint rates (rad/s), in the order
-/// steer, drive of each wheel. The result is linear in `zd`: angles in rad give a turn in rad.
+/// `frames` are the contact frames, one per wheel. `zd` is in the order steer, drive of each wheel.
+/// The result is linear in `zd`: angles in rad give a turn in rad.
 #[inline]
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {

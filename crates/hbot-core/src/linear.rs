@@ -137,7 +137,7 @@ impl Adjugate {
         self.det > ratio * self.pairs * self.sum && self.pairs > flat * self.sum * self.sum
     }
 
-    /// Returns the solution of M x = v. Each component is rounded by its own division.
+    /// Returns the solution of M x = v, with one division per component.
     #[inline]
     pub(crate) fn solve_by_division(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) / self.det

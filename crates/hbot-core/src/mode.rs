@@ -13,8 +13,8 @@ pub enum Mode {
     /// A steer zero is not known yet, so there is no torque. Changes to `Idle` when all zeros are
     /// known (homing).
     Unreferenced,
-    /// Ready, without torque, except for the last 50 ms of a disable ramp. Changes to `Enabling` by
-    /// enable.
+    /// Ready, without torque. After a disable, the torque still ramps down for 50 ms. Changes to
+    /// `Enabling` by enable.
     Idle,
     /// The torque rises over half a second. Changes to `Active` by itself, or to `Idle` by disable.
     Enabling,
@@ -82,7 +82,7 @@ pub(crate) struct Machine {
     pub(crate) cause: Option<Cause>,
     /// Factor on torque, 0 to 1, for the soft start and the disable ramp.
     pub(crate) gain: Real,
-    /// The fault condition of the last tick. A new condition is an event; a lasting one is not.
+    /// Fault condition of the last tick. It tells a new condition from a lasting one.
     present: Option<Cause>,
 }
 

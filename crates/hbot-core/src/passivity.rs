@@ -139,7 +139,7 @@ impl Guard {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moment {
     pub(crate) tick: u32,
-    /// Number of the last command that a reading has answered.
+    /// Number of the last command that a reading has answered: the low 32 bits of its tick.
     pub(crate) answered: u32,
     /// Time for which a command is held, s.
     pub(crate) period: Real,

@@ -9,9 +9,9 @@ use crate::real::{PI, Real, Vec3, acos, cos, fabs, sincos, sqrt};
 /// The way in which two contact points come to lie on one line through the sphere's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meeting {
-    /// At the same point. The wheels would also collide there.
+    /// The two contact points are at the same point. The wheels would also collide there.
     Collocated,
-    /// At opposite points of the sphere.
+    /// The two contact points are at opposite points of the sphere.
     Antipodal,
 }
 
@@ -19,16 +19,17 @@ pub enum Meeting {
 /// angles.
 const TOUCH: Real = 32.0 * Real::EPSILON;
 
-/// Returns the determinant of H of a wheel, r R sin a cos b, m². It is a constant of the design. If
-/// it is zero, the design has a boundary singularity.
+/// Returns the determinant of the matrix H of `wheel`, r R sin a cos b, m². H maps the wheel's
+/// joint rates to the velocity of its contact point. The determinant is a constant of the design.
+/// If it is zero, the design has a boundary singularity.
 #[must_use]
 pub fn boundary_determinant(device: &Device, wheel: &Wheel) -> Real {
     wheel.spec().radius * device.sphere_radius() * wheel.axis_along_roll()
 }
 
-/// Returns the interior margin sigma_min(Z)/R at a posture. It is the square root of the least
-/// eigenvalue of sum (I - c3 c3ᵀ). It is 0 if all contact points lie on one line through the
-/// centre.
+/// Returns the interior margin of a posture, sigma_min(Z)/R, dimensionless. It is 0 if all contact
+/// points lie on one line through the centre. It equals the square root of the least eigenvalue of
+/// sum (I - c3 c3ᵀ).
 #[must_use]
 pub fn interior_margin(posture: &Posture) -> Real {
     // The rows of Z/R are -c2 and c1 of each wheel.
@@ -90,8 +91,8 @@ pub fn closest_approach(a: &Wheel, b: &Wheel, meeting: Meeting) -> Real {
     gap.max(0.0)
 }
 
-/// Returns two wheels that take part if the whole design can become singular, or `None` if it
-/// cannot.
+/// Returns two wheels whose contact points can meet if the whole design can become singular, or
+/// `None` if it cannot.
 ///
 /// A design can become singular if some line through the centre meets the contact circles (or their
 /// antipodes) of all wheels. The check is exact for any number of wheels.

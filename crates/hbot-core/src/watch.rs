@@ -16,8 +16,8 @@ use crate::rig::Rig;
 
 /// Length of a block, s.
 const BLOCK_S: Real = 0.025;
-/// Factor on the speed limit. A joint that seems to move faster than this has not moved so: its
-/// count is wrong.
+/// Factor on the speed limit above which a joint's motion is impossible, so that its count must be
+/// wrong.
 const IMPOSSIBLE: Real = 4.0;
 /// Largest disagreement of counts and rates of a joint over two blocks, as a fraction of the longer
 /// of the two paths. A filtered rate lags by some milliseconds. A lag of 8 ms in an oscillation of
@@ -29,9 +29,9 @@ const DISAGREEMENT_RATE: Real = 0.1;
 /// Number of counts by which rounding can change the path over a block.
 const GRAIN: Real = 2.0;
 /// Largest number of ticks of an interval, or of a reading's delay, with which slip and agreement
-/// are still checked. Beyond it the positions of the wheels in between are unknown.
+/// are still checked. If it is longer, the positions of the wheels in between are unknown.
 const COARSE: u32 = 5;
-/// Factor on the limits, for the effect of the counts' rounding on a speed at the limit.
+/// Factor on the limits of speed and slip. It allows for the rounding of the counts.
 const MARGIN: Real = 1.05;
 
 /// The motion of the joints between two readings.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 /// A message from the host to a motor controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToController {
-    /// Asks for a [`Description`]. It is the first message after the port is opened.
+    /// Asks the controller for a [`Description`]. It is the first message after the port is opened.
     Describe,
     /// The torques of one tick.
     Command(Command),
@@ -59,7 +59,7 @@ pub struct Command {
     pub torque: heapless::Vec<f32, MAX_JOINTS>,
 }
 
-/// What a motor controller says about itself: protocol version, firmware and joints.
+/// The description that a motor controller gives of itself: protocol version, firmware and joints.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Description {
     /// [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION) of the controller. A host refuses any version
@@ -103,7 +103,7 @@ pub struct JointReading {
     pub current: f32,
     /// Temperature of the motor, degrees Celsius. 0 if it is not measured.
     pub temperature: f32,
-    /// Flags of this joint.
+    /// State of this joint, as a set of flags.
     pub flags: JointFlags,
 }
 

@@ -16,12 +16,12 @@ use crate::real::{Real, Vec3, fabs};
 /// is not enough, the final corrections start from the best solution so far.
 const MAX_STEPS: usize = 32;
 
-/// Largest residual of an accepted solution, relative to the terms whose difference it is: half of
-/// the digits. Only rows that are nearly parallel need this much. For them the border of the
-/// reachable set itself is not known more accurately.
+/// Largest residual of an accepted solution, relative to the sizes of its terms: half of the
+/// digits. Only problems with nearly parallel rows come close to it. For them rounding also limits
+/// how accurately the border of the reachable set is known.
 const FORGIVEN: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// Returns the dual variable y of the least-cost torques for `direction`, without limits.
+/// Returns the dual variable y of the least-cost torques that make `direction`, without limits.
 pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
     let mut moment = Sym3::ZERO;
     for k in 0..problem.n {
@@ -129,8 +129,9 @@ pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]
     }
 }
 
-/// Returns what the joint torques `x` leave of `target`, the Newton step of y for this residual,
-/// and the summed sizes of the residual's terms for each coordinate.
+/// Returns three vectors: the residual of `target` that the joint torques `x` leave, the Newton
+/// step of y for this residual, and the sum of the sizes of the residual's terms in each
+/// coordinate.
 fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec3, Vec3) {
     let mut left = target;
     let mut size = target.abs();

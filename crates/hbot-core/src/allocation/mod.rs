@@ -37,21 +37,23 @@ use crate::rig::Rig;
 use reach::Reach;
 use weak::Share;
 
-/// The relative strength from which a direction of torque counts as fully available.
+/// Relative strength from which a direction of torque counts as fully available.
 ///
-/// The strength of a direction is a singular value of the peak-scaled driven rows (rows t_j g_j),
-/// divided by the reference level that [`allocate`] defines.
+/// The strength of a direction is a singular value of the peak-scaled driven rows: the rows g_j of
+/// G that have a motor, times the joints' largest torques t_j. It is taken relative to a level that
+/// [`allocate`] defines.
 ///
-/// For the prototype with all four motors this ratio is never below 0.119. At 0.01, a torque in the
-/// weak direction has 1 % of the size of one in the strong direction. To keep the direction of T
-/// there would make the other components of T go limp as well.
+/// The prototype with all four motors never falls below 0.119. At 0.01, the joints make in the weak
+/// direction only 1 % of the torque that they make in the strong direction. To keep the direction
+/// of the wanted torque there would make its other components almost vanish too.
 pub const WHOLE: Real = 0.01;
 
-/// The relative strength up to which a direction of torque counts as lost, on the same scale as
+/// Relative strength up to which a direction of torque counts as lost, on the same scale as
 /// [`WHOLE`].
 ///
-/// The component of T along a lost direction is left out. Between `LOST` and [`WHOLE`] a fraction
-/// of the component is made, so that the torque does not jump when the ratio changes.
+/// The component of the wanted torque along a lost direction is left out. Between `LOST` and
+/// [`WHOLE`] a fraction of the component is made, so that the torque does not jump when the
+/// strength changes.
 pub const LOST: Real = 0.002;
 
 /// The largest torque and the cost of each joint, in the order steer, drive per wheel.
@@ -62,8 +64,8 @@ pub const LOST: Real = 0.002;
 pub struct JointLimits {
     /// Largest torque t_j of each joint, N m.
     pub peak: [Real; MAX_JOINTS],
-    /// Weight w_j of each joint in the cost 1/2 sum w_j tau_j². The default of
-    /// [`ContactArms::weights`] is in 1/m². Only ratios of weights matter.
+    /// Weight w_j of each joint in the cost 1/2 sum w_j tau_j² of the joint torques tau_j. Only
+    /// ratios of weights matter. The default weights of [`ContactArms::weights`] are in 1/m².
     pub weight: [Real; MAX_JOINTS],
 }
 
@@ -105,11 +107,12 @@ impl JointLimits {
 pub struct Allocation {
     /// Joint torques tau, N m, in the order steer, drive per wheel; 0 beyond the device's joints.
     pub torque: [Real; MAX_JOINTS],
-    /// The factor s in Gᵀ tau = s T, 0 to 1. It is below 1 if joints saturate. If `deficient` is
-    /// true, T stands for the part of the wanted torque that was kept.
+    /// Fraction s of the wanted torque T that the joint torques make, 0 to 1: Gᵀ tau = s T. It is
+    /// below 1 if joints saturate. If `deficient` is true, T stands for the part of the wanted
+    /// torque that was kept.
     pub scale: Real,
-    /// True if the driven joints cannot make some component of T at this posture, however small,
-    /// and all or a part of that component was left out.
+    /// True if a component of the wanted torque was left out, in full or in part, because the
+    /// driven joints cannot make torque in that direction at this posture.
     pub deficient: bool,
 }
 
@@ -123,19 +126,24 @@ impl Allocation {
 /// Returns the joint torques that make the torque `wanted` on the sphere (N m, frame N), as far as
 /// the limits allow.
 ///
-/// `rows` are the rows of G, in the order steer, drive per wheel. Rows beyond [`MAX_JOINTS`] are
-/// ignored.
+/// If joints saturate, the torque is reduced in size and its direction is kept. Of all solutions,
+/// the result is the one of least cost. `rows` are the rows of G, in the order steer, drive per
+/// wheel. Rows beyond [`MAX_JOINTS`] are ignored.
 ///
-/// No torque exceeds its joint's peak, and none is NaN. A zero T gives zero torque and scale 1. A T
-/// that is not finite, or no driven joint at all, gives zero torque and scale 0.
+/// No torque exceeds its joint's peak, and none is NaN. A zero `wanted` gives zero torque and scale
+/// 1. If `wanted` is not finite, or no joint is driven, the result is zero torque and scale 0.
 ///
 /// # When the driven joints lose a direction
 ///
-/// Let sigma_i be the singular values of the peak-scaled driven rows, largest first, and u_i their
-/// principal axes. Along u_i the joints can make a torque of at least sigma_i, and of at most
-/// sigma_i times the square root of the number of joints. A direction is lost if the wheels cancel
-/// each other there, so that little is left of what each can make alone. Therefore sigma_i is
-/// compared with a level that takes the strength of single wheels into account:
+/// At some postures the driven joints can make almost no torque in one direction. The component of
+/// the wanted torque T in that direction is then reduced or left out, because to keep the direction
+/// of T would make all of its components small. [`Allocation::deficient`] is then true.
+///
+/// In detail, let sigma_i be the singular values of the peak-scaled driven rows, largest first, and
+/// u_i their principal axes. Along u_i the joints can make a torque of at least sigma_i, and of at
+/// most sigma_i times the square root of the number of joints. A direction is lost if the wheels
+/// cancel each other there, so that little is left of what each can make alone. Therefore sigma_i
+/// is compared with a level that depends on the strength of single wheels:
 ///
 /// ```text
 /// level = min(sigma_1, 5 sigma_w)
@@ -205,11 +213,12 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
 }
 
 /// Returns the largest torque, N m, that the joints can make along the unit vector `direction`
-/// (frame N) without any torque across it.
+/// (frame N) without any torque across it. Returns 0 if the driven rows cannot make torque along
+/// `direction`.
 ///
 /// The value is the minimum over pairs i < j of sum_k t_k |g_k.n| / |direction.n| with n = g_i x
-/// g_j. These are the facets of the zonotope of reachable torques. Returns 0 if the driven rows
-/// cannot make torque along `direction`.
+/// g_j. g_k are the rows of G and t_k the largest joint torques. Each pair of rows spans a facet of
+/// the zonotope of reachable torques.
 #[must_use]
 pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real {
     // A singular value below this fraction of the largest is rounding.
@@ -228,7 +237,7 @@ pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real 
     reach.capability(rank, unit) / size
 }
 
-/// The joint torques of least cost for a direction of torque, without limits.
+/// The joint torques of least cost that make a given direction of torque, without limits.
 struct LeastCost {
     tau: [Real; MAX_JOINTS],
     /// True if the driven rows are far from losing rank and `tau` is accurate despite rounding.
@@ -312,8 +321,7 @@ fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, want
     Allocation { torque, scale: if reached < size { reached / size } else { 1.0 }, deficient: false }
 }
 
-/// Allocates for any number of rows of any rank. `u` is the direction of the wanted torque and
-/// `size` its factor.
+/// Allocates for any number of rows of any rank. The wanted torque is `size` times `u`.
 #[inline(never)]
 fn allocate_any(rows: &[Vec3], limits: &JointLimits, u: Vec3, size: Real) -> Allocation {
     let Some(reach) = Reach::of(rows, limits) else {

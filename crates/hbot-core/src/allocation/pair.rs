@@ -6,8 +6,8 @@ use crate::real::{Real, Vec3, fabs};
 /// Largest part of its limit by which rounding can raise a torque of least cost.
 const DOUBT: Real = if Real::EPSILON < 1.0e-10 { 2.0e-10 } else { 1.0e-5 };
 
-/// Slope of a joint, relative to the steepest one, below which the joint hardly depends on alpha:
-/// the square root of rounding.
+/// Smallest slope of a joint torque over the free parameter alpha, relative to the steepest joint,
+/// with which the joint counts as depending on alpha. It is the square root of rounding.
 const HARDLY: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
 /// Returns the joint torques of least cost for the largest reachable torque along `u`, and the size

@@ -8,15 +8,15 @@ use crate::device::MAX_JOINTS;
 use crate::linear::{Sym3, principal};
 use crate::real::{Real, Vec3, fabs, sqrt};
 
-/// Factor on the strength of one wheel's contact, at which a direction of torque counts as fully
-/// strong. The strength of a contact is the largest torque that its wheel makes in both of its
-/// directions. For the prototype the strongest direction has 6 to 8 times this strength, so both
-/// measures of the level are about equal.
+/// Factor on the strength of the strongest single wheel. A direction of torque with this strength
+/// counts as fully strong. The strength of a wheel is the torque that it can make in every
+/// direction of its contact. For the prototype the strongest direction of all joints together has 6
+/// to 8 times this strength, so the factor changes little there.
 const WHEELS: Real = 5.0;
 
-/// Smallest level, relative to the largest singular value. With it, a direction counts as lost
-/// before the rounding of the rows is more than a few percent of the direction's own strength. This
-/// rounding is a few units in the last place of the largest singular value.
+/// Smallest permitted level, relative to the largest singular value. The rows have a rounding error
+/// of a few units in the last place of that value. With this level, a direction counts as lost
+/// before the rounding error exceeds a few percent of the direction's own strength.
 const NOISE: Real = 64.0 * Real::EPSILON / LOST;
 
 /// Ratio of the least to the largest singular value below which the moment of the rows is too
@@ -31,15 +31,16 @@ pub(super) struct Reach {
     axes: [Vec3; 3],
     /// Singular values of the peak-scaled rows, divided by `unit`, largest first.
     sigma: [Real; 3],
-    /// Level with which a singular value is compared, divided by `unit`.
+    /// Level with which a singular value is compared to decide whether its direction is lost,
+    /// divided by `unit`.
     level: Real,
     /// The largest product of a peak and its row, N m. It is the internal unit of torque.
     unit: Real,
 }
 
 impl Reach {
-    /// Builds the scaled problem from the driven rows of `rows`. Returns `None` if no joint is
-    /// driven.
+    /// Builds the scaled allocation problem from the driven rows among `rows`. Returns `None` if no
+    /// joint is driven.
     pub(super) fn of(rows: &[Vec3], limits: &JointLimits) -> Option<Self> {
         let mut joint = [0; MAX_JOINTS];
         let mut n = 0;
@@ -143,7 +144,7 @@ impl Reach {
         (x, scale)
     }
 
-    /// Like [`Self::solve`], without the final correction.
+    /// Solves the problem of [`Self::solve`], without the final correction of rounding errors.
     fn search(&self, problem: &Problem, direction: Vec3, size: Real) -> ([Real; MAX_JOINTS], Real) {
         // Limited to a finite value, so that its product with zero is zero.
         let wanted = Real::min(size / self.unit, Real::MAX);

@@ -9,13 +9,14 @@ use crate::real::{Real, sqrt};
 /// They are constants of the design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactArms {
-    /// R l.c2 = R sin a cos b, m: speed of the contact along the axle, per unit of the steer rate.
+    /// Lever arm of the steer joint along the axle, R l.c2 = R sin a cos b, m: speed of the contact
+    /// along the axle per unit of the steer rate.
     pub steer: Real,
-    /// R l.c1 = R sin a sin b, m: speed of the contact against the rolling direction, per unit of
-    /// the steer rate. 0 without a toe angle.
+    /// Lever arm of the steer joint across the axle, R l.c1 = R sin a sin b, m: speed of the
+    /// contact against the rolling direction per unit of the steer rate. 0 without a toe angle.
     pub cross: Real,
-    /// Radius r of the wheel, m: speed of the contact along the rolling direction, per unit of the
-    /// drive rate.
+    /// Lever arm of the drive joint, the wheel radius r, m: speed of the contact along the rolling
+    /// direction per unit of the drive rate.
     pub roll: Real,
 }
 

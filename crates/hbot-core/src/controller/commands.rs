@@ -72,7 +72,7 @@ impl Controller {
                 return Reply::Refused(Refusal::TooFar { slot, angle });
             }
             self.renderer.enable(scene, q);
-            // If the torque is still ramping down from before, it blends into the new one.
+            // If the torque is still ramping down after a disable, it blends into the new one.
             self.anchored = true;
             if let Some(guard) = &mut self.guard {
                 guard.restart();
@@ -116,7 +116,7 @@ impl Controller {
 }
 
 fn is_unit(q: Quat) -> bool {
-    // A client that normalises its quaternions passes. The core does not guess the meaning of
-    // others.
+    // A client that normalises its quaternions passes this check. The core does not guess the
+    // meaning of others.
     fabs(q.length_squared() - 1.0) < 1.0e-3
 }

@@ -9,18 +9,18 @@ use crate::real::Real;
 
 /// Lateness of a tick above which it is a fault, ns.
 pub const LATE_FAULT_NS: u64 = 20_000_000;
-/// Number of ticks skipped in a row that is a fault.
+/// Number of consecutively skipped ticks at which a fault occurs.
 pub const SKIPPED_FAULT: u64 = 10;
-/// Number of damaged frames at which the link is faulty. One is forgiven every
+/// Number of damaged frames at which the link counts as corrupt. One is forgiven every
 /// [`CORRUPT_FORGIVEN_TICKS`] ticks, so that 1 % of noise is tolerated and 50 % is not.
 pub const CORRUPT_FAULT: Real = 10.0;
 /// Number of ticks after which one damaged frame is forgiven. See [`CORRUPT_FAULT`].
 pub const CORRUPT_FORGIVEN_TICKS: Real = 20.0;
-/// Number of missing readings above which the link is lost, in multiples of `timeout_ticks`. Each
-/// reading that arrives forgives [`MISSED_FORGIVEN`] ticks without one. So a link can lose four
+/// Number of missing readings above which the link counts as lost, in multiples of `timeout_ticks`.
+/// Each reading that arrives makes up for [`MISSED_FORGIVEN`] missing ones. So a link can lose four
 /// readings of five for any time, but 19 of 20 only for a short time.
 pub const MISSED_FAULT: u64 = 5;
-/// Number of missing readings that one reading forgives. See [`MISSED_FAULT`].
+/// Number of missing readings for which one reading that arrives makes up. See [`MISSED_FAULT`].
 pub const MISSED_FORGIVEN: u64 = 4;
 /// Longest time, s, for which motors may be on although they were switched off, or off although
 /// they were switched on. A power stage takes some milliseconds to switch.

@@ -12,13 +12,12 @@ use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
 use crate::shaping::{BLEND_S, Blend, limited, slewed};
 
-/// Step in torque, as a fraction of the rig's largest torque, that separates two reactions to a
-/// change of scene. It matters if an effect rests out of reach of `enable`. A larger step starts
-/// the soft start again. A smaller one blends, so that a slider can change the stiffness of a
-/// spring that the hand holds far from its reference.
+/// Step in torque, as a fraction of the rig's largest torque, above which a change of scene
+/// restarts the soft start, if an effect rests out of reach of `enable`. A smaller step blends, so
+/// that a slider can change the stiffness of a spring that the hand holds far from its reference.
 const SOFT_STEP: Real = 0.1;
 
-/// The torque wanted on the sphere, with its limits.
+/// The torque wanted on the sphere, and how far limits have changed it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
     /// Torque in frame N, N m. It is limited, ramped and within the slew limit of the last tick's
@@ -26,7 +25,7 @@ pub(super) struct Wanted {
     pub(super) torque: Vec3,
     /// Fraction of the torque of scene and stream that the torque limit left, 0 to 1.
     pub(super) share: Real,
-    /// Largest change of torque since the last tick, N m.
+    /// Largest permitted change of torque since the last tick, N m.
     pub(super) reach: Real,
 }
 

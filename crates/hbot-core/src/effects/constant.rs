@@ -1,5 +1,5 @@
-//! A constant torque. It is not a gradient: along the torque T, it gives out the energy |T| times
-//! the angle turned.
+//! A constant torque. It is not the gradient of an energy: for a turn in its direction it gives out
+//! its size times the angle turned.
 
 use super::{Law, Now};
 use crate::real::Vec3;

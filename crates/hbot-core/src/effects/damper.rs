@@ -20,8 +20,8 @@ impl Damper {
         impedance::is_impedance(&damping).then_some(Self { damping, deadband: 0.0 })
     }
 
-    /// Returns the damper with a dead band: no torque below the rate `deadband` (rad/s, at least
-    /// 0), and above it a torque by the rest of the rate.
+    /// Returns the damper with a dead band: no torque at rates below `deadband` (rad/s, at least
+    /// 0). Above it, only the part of the rate beyond the dead band is damped.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }

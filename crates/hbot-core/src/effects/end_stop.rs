@@ -13,7 +13,7 @@ use super::{Anchor, Law, Now};
 use crate::real::{PI, Quat, Real, Vec3};
 use crate::rotation::shortest;
 
-/// Depth at which a wall's damping is full, rad.
+/// Depth in a wall at which the wall's damping reaches its full value, rad.
 const SOFT: Real = 0.01;
 
 /// Walls around a cone of directions and a range of twist.

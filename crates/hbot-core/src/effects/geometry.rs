@@ -9,13 +9,13 @@
 use crate::real::{PI, Quat, Real, TURN, Vec3, atan2, round, sqrt};
 use crate::rotation::vector_part;
 
-/// The twist about an axis, psi = 2 atan2(e.a, eta), with the fade that is needed as the swing
-/// nears a half turn.
+/// The twist of the sphere about an axis, psi = 2 atan2(e.a, eta), and its fade when the axis
+/// swings away by nearly a half turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Dial {
-    /// The angle psi, rad, -pi to pi.
+    /// Angle of the twist, rad, -pi to pi.
     pub(crate) psi: Real,
-    /// Gradient of psi; 0 if it has none.
+    /// Gradient of the angle; 0 if it has none.
     pub(crate) gradient: Vec3,
     /// cos²(swing/2). It is 1 if the axis is in its place, and 0 at a swing of a half turn, at
     /// which there is no twist.
@@ -92,7 +92,8 @@ impl Turns {
         }
     }
 
-    /// Returns the same angle as `unwrap` and remembers it as the last one.
+    /// Returns `psi` plus or minus whole turns, so that it is nearest to the last angle. Remembers
+    /// the result as the last angle.
     #[inline]
     pub(crate) fn follow(&mut self, psi: Real) -> Real {
         let unwrapped = self.unwrap(psi);
@@ -104,9 +105,9 @@ impl Turns {
 /// The angle by which an axis has swung from its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Swing {
-    /// The angle, rad, 0 to pi.
+    /// Angle of the swing, rad, 0 to pi.
     pub(crate) angle: Real,
-    /// Gradient of the angle; 0 at 0 and pi, where it has none.
+    /// Gradient of the angle. It is 0 at angles of 0 and pi, where there is no gradient.
     pub(crate) gradient: Vec3,
 }
 

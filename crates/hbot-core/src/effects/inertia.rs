@@ -26,11 +26,11 @@ pub struct Inertia {
 /// Fraction of the stability limit for two ticks of delay up to which virtual masses are rendered.
 const PART: Real = 0.5;
 
-/// Returns the fraction of the virtual masses `masses` that is rendered, 0 to 1. Each item is a
-/// mass with its gain and its smoothing.
+/// Returns the factor, 0 to 1, by which all virtual masses `masses` are scaled to stay stable. Each
+/// item is a mass (kg m², with its gain) and the time constant of its smoothing (s).
 ///
-/// With h = `period` and a = h/(smoothing + h), the fraction is 1 if the sum of a M_v is at most
-/// half of the sphere's own `inertia` (kg m²). Otherwise all masses are scaled down to this limit.
+/// With h = `period` and a = h/(smoothing + h), the factor is 1 if the sum of a M_v is at most half
+/// of the sphere's own `inertia` (kg m²). Otherwise it scales the sum down to this limit.
 #[must_use]
 pub(crate) fn mass_scale(masses: impl Iterator<Item = (Real, Real)>, inertia: Real, period: Real) -> Real {
     let load: Real = masses.map(|(mass, smoothing)| mass * period / (smoothing + period)).sum();

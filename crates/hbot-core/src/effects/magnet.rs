@@ -1,7 +1,8 @@
 //! Attraction near an orientation, and almost no torque far from it.
 //!
 //! V = -A w exp(1/2 - s²/(2 w²)) with the chord s = 2 sin(angle/2) = 2 |e|. The torque T = -(2 A/w)
-//! exp(1/2 - s²/(2 w²)) eta e is smooth everywhere. It is largest at s = w: A cos(angle/2).
+//! exp(1/2 - s²/(2 w²)) eta e is smooth everywhere. Apart from the factor eta = cos(angle/2), it is
+//! largest at s = w, where it is A.
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
@@ -15,7 +16,7 @@ pub struct Magnet {
     pub target: Target,
     /// Largest torque A, N m.
     pub strength: Real,
-    /// Distance w at which the torque is largest, rad, > 0.
+    /// Distance w from the target at which the torque is largest, rad, > 0.
     pub width: Real,
 }
 

@@ -53,7 +53,7 @@ use crate::real::{Quat, Real, Vec3};
 
 /// The law of a kind of effect: how it computes torque and energy from the motion of the sphere.
 pub(crate) trait Law {
-    /// The memory of the law from tick to tick. It starts fresh at load and at enable.
+    /// Data of the law that are kept from tick to tick. They start fresh at load and at enable.
     type Memory: Copy + Default + PartialEq + core::fmt::Debug;
 
     /// Advances `memory` by one tick. Returns the torque on the sphere in frame N, N m, before gain
@@ -88,13 +88,15 @@ pub(crate) trait Law {
 /// One effect of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effect {
-    /// Index of its memory in the controller, below [`MAX_EFFECTS`](crate::scene::MAX_EFFECTS).
+    /// Index of the effect's memory in the controller, below
+    /// [`MAX_EFFECTS`](crate::scene::MAX_EFFECTS).
     pub slot: u8,
-    /// Number of the effect in the life of the server. A new number makes a fresh memory. The old
-    /// number keeps the memory, for example when a parameter of a running effect is set.
+    /// Number that identifies the effect during the life of the server. A new number makes a fresh
+    /// memory. The old number keeps the memory, for example when a parameter of a running effect is
+    /// set.
     pub epoch: u32,
-    /// Revision of the reference. A change, with the epoch kept, makes the `reference` of the kind
-    /// the new goal without a fresh memory.
+    /// Revision of the reference. If it changes and `epoch` does not, the kind's `reference`
+    /// becomes the new goal, and the memory is kept.
     pub reference_revision: u32,
     /// Factor on the effect's torque.
     pub gain: Real,

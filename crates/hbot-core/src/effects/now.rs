@@ -88,7 +88,8 @@ pub(crate) struct Shared {
     accelerations: Memo<(), Vec3, 1>,
     /// The rate of the last tick, if an effect asked for the acceleration in it.
     last_omega: Option<Vec3>,
-    /// Fraction of all virtual masses that is rendered, 0 to 1 (see [`Inertia`](super::Inertia)).
+    /// Factor on all virtual masses, 0 to 1, that keeps them stable (see
+    /// [`Inertia`](super::Inertia)).
     pub(crate) mass_scale: Real,
 }
 
@@ -102,7 +103,8 @@ impl Shared {
         mass_scale: 1.0,
     };
 
-    /// Returns a copy for an evaluation at another moment. Its results do not come back.
+    /// Returns a copy for an evaluation at another moment. The results of that evaluation are not
+    /// kept.
     pub(crate) fn copy_between_moments(&self) -> Self {
         Self { last_omega: self.last_omega, mass_scale: self.mass_scale, ..Self::EMPTY }
     }

@@ -95,7 +95,8 @@ impl Spring {
     }
 }
 
-/// The last rotation vector. It decides the side of a half turn.
+/// The rotation vector of the last tick. At exactly a half turn it decides between the two possible
+/// directions.
 type Branch = Vec3;
 
 impl Law for Spring {

@@ -2,10 +2,10 @@
 
 use crate::real::{Quat, Real, Vec3};
 
-/// The origin of a reference.
+/// The orientation to which a reference is relative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// The reference is an orientation in frame N.
+    /// The reference is an absolute orientation in frame N.
     Absolute,
     /// The reference is a turn from the orientation at enable, or from that at load if the rig is
     /// already active.
@@ -56,8 +56,7 @@ impl Reference {
         Self { q: Quat::IDENTITY, goal: Quat::IDENTITY, omega: Vec3::ZERO, omega_until: 0 };
 }
 
-/// Returns `v` with its length reduced by `deadband`, or zero if it is shorter: the part beyond a
-/// dead band.
+/// Returns `v` with its length reduced by `deadband`, or zero if it is shorter than `deadband`.
 #[inline]
 pub(crate) fn beyond(v: Vec3, deadband: Real) -> Vec3 {
     let length = crate::real::sqrt(v.length_squared());

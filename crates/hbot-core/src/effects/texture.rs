@@ -1,9 +1,9 @@
 //! Bumps on the sphere's surface, felt as it turns past a fixed point.
 //!
 //! s = Rᵀ n is the point of the sphere under the unit vector n of frame N. The energy is V = (A/k)
-//! sum of cos(k s_i) over the sphere's three axes, with k waves per radian. It is smooth
-//! everywhere. The torque T = A R (f x s) with f_i = sin(k s_i) is an exact gradient. A turn about
-//! n is not felt.
+//! sum of cos(k s_i) over the sphere's three axes. k is the wave number, in rad of the wave per rad
+//! of turn. The energy is smooth everywhere. The torque T = A R (f x s) with f_i = sin(k s_i) is an
+//! exact gradient. A turn about n is not felt.
 
 use super::{Law, Now};
 use crate::real::{Real, Vec3, cos, sincos};

@@ -31,7 +31,7 @@ pub enum Path {
         to: Real,
         /// Duration of the sweep from `from` to `to`, s. If 0, the frequency stays at `from`.
         sweep: Real,
-        /// True if the sweep goes back and forth for ever; otherwise it stays at `to`.
+        /// True if the sweep goes back and forth forever. Otherwise the frequency stays at `to`.
         repeat: bool,
     },
     /// A path through the points of the effect's figures. Each point is `[t, w, x, y, z]`: a time
@@ -66,7 +66,8 @@ pub(crate) struct Place {
     time: Real,
     /// Phase of the sine, 0 to 1.
     phase: Real,
-    /// The last rotation vector. It decides the side of a half turn.
+    /// The rotation vector of the last tick. At exactly a half turn it decides between the two
+    /// possible directions.
     branch: Vec3,
 }
 
@@ -91,7 +92,7 @@ impl Path {
         }
     }
 
-    /// Returns the frequency of a swing at a time, Hz.
+    /// Returns the frequency of a swing at `time` seconds, Hz.
     fn frequency(&self, time: Real) -> Real {
         match *self {
             Self::Swing { from, to, sweep, .. } if sweep > 0.0 => {

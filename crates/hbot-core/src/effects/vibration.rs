@@ -16,7 +16,7 @@ pub enum Wave {
 }
 
 impl Wave {
-    /// Returns the wave at `phase`, 0 to 1.
+    /// Returns the value of the wave, -1 to 1, at `phase`, 0 to 1.
     #[inline]
     fn at(self, phase: Real) -> Real {
         match self {
@@ -42,11 +42,11 @@ impl Wave {
 /// A vibration about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vibration {
-    /// Axis in frame N, a unit vector.
+    /// Axis of the vibration in frame N, a unit vector.
     pub axis: Vec3,
-    /// Amplitude, N m.
+    /// Amplitude of the torque, N m.
     pub amplitude: Real,
-    /// Frequency, Hz.
+    /// Frequency of the wave, Hz.
     pub frequency: Real,
     /// Shape of the wave.
     pub wave: Wave,

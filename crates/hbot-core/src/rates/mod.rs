@@ -30,7 +30,7 @@ pub(crate) struct Moved<'a> {
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to put the larger ones on")]
 pub(crate) enum Rates {
-    /// No estimate: the motor controllers report the rates.
+    /// The rates that the motor controllers report, without an estimate.
     Reported,
     Difference,
     LowPass {

@@ -36,8 +36,8 @@ pub const POWER: Range = Range::above(0.0, 1000.0, "W");
 pub const FRICTION: Range = Range::above(0.0, 10.0, "");
 /// Range of the normal force of a contact, N.
 pub const NORMAL_FORCE: Range = Range::above(0.0, 10_000.0, "N");
-/// Range of the largest distance of a reference at enable, rad. No two orientations are further
-/// apart than pi.
+/// Range of the largest permitted angle between a reference and the orientation at enable, rad. No
+/// two orientations are further apart than pi.
 pub const ENABLE_MAX_ANGLE: Range = Range::above(0.0, PI, "rad");
 /// Range of the rate at which an outside measurement corrects the orientation, rad/s.
 pub const ALIGN_RATE: Range = Range::above(0.0, 100.0, "rad/s");

@@ -25,7 +25,7 @@ pub struct Limits {
     pub thermal_time: Option<Real>,
     /// Friction limit of the contacts; `None` if it is not known.
     pub traction: Option<Traction>,
-    /// Largest distance of an effect's reference from the orientation at enable, rad.
+    /// Largest permitted angle between an effect's reference and the orientation at enable, rad.
     pub enable_max_angle: Real,
     /// Rate at which an outside measurement corrects the orientation, rad/s.
     pub align_rate: Real,

@@ -7,11 +7,11 @@ use crate::real::Real;
 /// The choice of a method for each stage that can trade accuracy for time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Methods {
-    /// Integration of the orientation from one reading to the next.
+    /// Method that integrates the orientation from one reading to the next.
     pub odometry: OdometryMethod,
-    /// Assumed path of the joints between two readings.
+    /// Curve that is assumed for the joints between two readings.
     pub path: PathFit,
-    /// Conversion of a torque on the sphere to joint torques.
+    /// Method that converts a torque on the sphere to joint torques.
     pub allocation: AllocationMethod,
     /// Source of the joint rates.
     pub rate: RateEstimate,
@@ -69,7 +69,7 @@ impl Methods {
     }
 }
 
-/// The integration of the orientation over one step of the joints (physics notes, section 4).
+/// A method that integrates the orientation over one step of the joints (physics notes, section 4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
@@ -97,8 +97,8 @@ impl OdometryMethod {
     }
 }
 
-/// The assumed path of the joints between two readings: a polynomial in time through the last
-/// readings (physics notes, section 4).
+/// The curve that is assumed for the joints between two readings: a polynomial in time through the
+/// last readings (physics notes, section 4).
 ///
 /// It is evaluated over the last interval, which is between readings that it passes through. So
 /// nothing is extrapolated, and nothing is a tick late.
@@ -129,7 +129,7 @@ impl PathFit {
     }
 }
 
-/// The conversion of a torque on the sphere to joint torques (physics notes, section 7).
+/// A method that converts a torque on the sphere to joint torques (physics notes, section 7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
@@ -148,7 +148,7 @@ pub enum RateEstimate {
     Controller,
     /// The difference of the last two readings, divided by the time between them.
     Difference,
-    /// The difference of readings after a first-order low-pass filter.
+    /// The difference of the last two readings after a first-order low-pass filter.
     LowPass {
         /// Cut-off frequency, at which the gain is 1/sqrt 2, Hz.
         cutoff_hz: Real,
