@@ -130,8 +130,9 @@ impl Allocation {
 /// the result is the one of least cost. `rows` are the rows of G, in the order steer, drive per
 /// wheel. Rows beyond [`MAX_JOINTS`] are ignored.
 ///
-/// No torque exceeds its joint's peak, and none is NaN. A zero `wanted` gives zero torque and scale
-/// 1. If `wanted` is not finite, or no joint is driven, the result is zero torque and scale 0.
+/// No torque exceeds its joint's peak, and none is NaN. A zero `wanted` gives zero torque and a
+/// scale of 1. If `wanted` is not finite, or no joint is driven, the result is zero torque and a
+/// scale of 0.
 ///
 /// # When the driven joints lose a direction
 ///
