@@ -2,9 +2,9 @@
 //! (tests/golden/README.md).
 //!
 //! The test reads every file of the folder in the variable `HBOT_GOLDEN`, or of tests/golden/ if it
-//! is not set. It checks every figure of every case, with the core in 64 and in 32 bits. `cargo
-//! test --test golden -- --nocapture` prints for each field how close the worst figure is to its
-//! tolerance.
+//! is not set. It checks every figure of every case, with the core in 64 and in 32 bits.
+//! `cargo test --test golden -- --nocapture` prints for each field how close the worst figure is to
+//! its tolerance.
 
 #![allow(unreachable_pub, reason = "a test has no outside")]
 

@@ -105,7 +105,7 @@ fn on_a_slow_line_the_torque_that_was_held_is_the_one_that_counts() {
 fn over_skipped_ticks_the_last_torque_is_the_one_that_was_held() {
     for (command, torque) in [(Command::Estop, 0.0), (Command::Enable, 0.6)] {
         let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::Y * 0.3));
-        // 64 ticks ago there was still torque, also in the case without torque now.
+        // After the estop there is no torque, but there still was 64 ticks earlier.
         bench.command(command);
         for _ in 0..5 {
             let before = bench.step().state;

@@ -123,7 +123,7 @@ pub(crate) fn scene_file(bytes: &[u8]) {
 pub(crate) struct Target {
     /// Name of the decoder: its file in `fuzz/fuzz_targets` and its folder in `fuzz/corpus`.
     pub(crate) name: &'static str,
-    /// Function that checks one input.
+    /// Function that checks one input. It panics if a property does not hold.
     pub(crate) check: fn(&[u8]),
 }
 

@@ -46,7 +46,7 @@ pub fn check_folder(folder: &Path) -> Result<Vec<Ledger>, String> {
         names.push(entry.file_name().to_string_lossy().into_owned());
     }
     names.sort();
-    // The folder also holds pages for people.
+    // The folder also holds Markdown pages, which are not checked.
     names.retain(|name| !name.ends_with(".md"));
     if names.is_empty() {
         return Err(format!("no golden vectors in {}: the folder is empty", folder.display()));

@@ -28,7 +28,8 @@ pub fn answer(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer {
     answer
 }
 
-/// Returns the largest change of each result, relative to a relative change of all inputs at once.
+/// Returns for each result its largest change if all inputs change at once, divided by the relative
+/// change of the inputs.
 pub fn sensitivity(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer {
     let start = answer(rows, limits, torque);
     let mut sum = vec![0.0; start.len()];

@@ -9,7 +9,7 @@ pub type Matrix = [[f64; 3]; 3];
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct File<Case> {
-    /// Explanation for people.
+    /// Explanation for readers of the file.
     #[serde(rename = "about")]
     pub _about: String,
     pub cases: Vec<Case>,

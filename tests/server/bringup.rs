@@ -1,5 +1,5 @@
-//! The machine and the rig before a loop runs: `hbot doctor`, `hbot rig test`, `hbot rig
-//! calibrate`. Also the metrics of a running server.
+//! The machine and the rig before a loop runs: `hbot doctor`, `hbot rig test`,
+//! `hbot rig calibrate`. Also the metrics of a running server.
 
 use std::io::{Read as _, Write as _};
 

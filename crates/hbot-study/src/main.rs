@@ -58,7 +58,7 @@ struct StudyArgs {
 
 /// Name of the hidden command that the study `effects` starts under valgrind.
 const WORKER: &str = "effects-worker";
-/// Exit code of a program that Ctrl-C stopped. The number is the convention of shells.
+/// Exit code after Ctrl-C, by the convention of shells.
 const INTERRUPTED: u8 = 130;
 
 const GOOD: Style = AnsiColor::Green.on_default().bold();

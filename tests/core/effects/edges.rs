@@ -47,7 +47,7 @@ fn every_kind_is_finite_wherever_it_is_asked() {
     for (kind, figures) in all() {
         for x in corners() {
             for omega in [Vec3::ZERO, Vec3::X * 1e-300, rng.vector(30.0), Vec3::Y * 1e6] {
-                // A new effect starts at this place; then it returns from another place.
+                // The effect is evaluated first at this place, and again after it was elsewhere.
                 let mut felt = Felt::with_figures(kind, &figures);
                 felt.moving(base * x, omega);
                 felt.moving(anywhere(&mut rng), rng.vector(5.0));

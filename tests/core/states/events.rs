@@ -21,11 +21,11 @@ enum Event {
     Skipped,
     /// A motor's own sensor reports overheating.
     Hot,
-    /// The holder has disconnected; the policy is to ramp its torque down.
+    /// The holder has disconnected. By policy its torque stream ramps down to zero.
     ClientRamp,
-    /// The holder has disconnected; the policy is to keep its torque.
+    /// The holder has disconnected. By policy its torque stream ends when it expires.
     ClientKeep,
-    /// The holder has disconnected; the policy is a fault.
+    /// The holder has disconnected. By policy this is a fault.
     ClientFault,
     /// The signal SIGUSR1, which the loop handles before all other commands of the tick.
     Signal,

@@ -18,9 +18,9 @@ pub fn impedance(case: &vectors::Impedance, ledger: &mut Ledger) {
     let (desired, actual) = (quaternion(case.q_desired), quaternion(case.q_actual));
     let (stiffness, damping) = (matrix(&case.stiffness), matrix(&case.damping));
 
-    // The four products of q_d⁻¹ q are of order 1 at any angle, so the error is absolute. log makes
-    // of it an error of the angle that is twice as large (also near a half turn, by atan2), and
-    // pi/2 times as large in the direction of a half turn.
+    // The four products of q_d⁻¹ q are of order 1 at any angle, so the error is absolute. The
+    // logarithm doubles the error of the angle (also near a half turn, by atan2). At a half turn it
+    // multiplies the error of the direction by pi/2.
     let angle_error = 64.0 * EPS;
     let angle = norm(&case.rotation_vector);
     let vector_error = angle_error + tolerance(angle, 0.0);

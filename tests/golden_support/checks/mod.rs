@@ -1,5 +1,5 @@
-//! The checks in one width of numbers. This folder is compiled twice: `super::core` is `hbot_core`
-//! or `hbot_core_f32`.
+//! The checks in one floating-point width. This folder is compiled twice: `super::core` is
+//! `hbot_core` or `hbot_core_f32`.
 //!
 //! # Tolerances
 //!

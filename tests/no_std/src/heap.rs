@@ -1,5 +1,5 @@
-//! An allocator that is used once, for a test of .ci/no_std.sh, which must detect it. It is only
-//! part of the program with the feature `heap`.
+//! An allocator that makes a single allocation. It tests .ci/no_std.sh, which must detect it. It is
+//! only part of the program with the feature `heap`.
 
 extern crate alloc;
 

@@ -12,7 +12,7 @@ fn every_kind_and_phenomenon_has_its_cost() {
     for listed in kinds().iter().chain(&phenomena()) {
         let text = report.markdown();
         assert!(text.contains(&format!("| {} |", listed.name)), "{} has no row", listed.name);
-        // The added cost can be less than the noise, but it is a number.
+        // The added cost can be lost in noise, but it is always a number.
         assert!(value(&report, &format!("effects_{}_added_ns", listed.name)).is_finite());
     }
     assert!(value(&report, "effects_none_ns") > 0.0);

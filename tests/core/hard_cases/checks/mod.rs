@@ -1,4 +1,4 @@
-//! The checks, in the number width of the module that includes them.
+//! The checks, in the floating-point width of the module that includes them.
 
 #![allow(
     clippy::useless_conversion,

@@ -5,8 +5,8 @@ use super::space::{Design, Parts};
 use super::torus::Measures;
 use crate::report::Report;
 
-/// A figure of a design: its name in ids, its unit, its meaning and the families of ids that it
-/// belongs to.
+/// One kind of figure of a design: its name in ids, its unit, its meaning and the families of ids
+/// that it belongs to.
 pub(super) struct Told {
     name: &'static str,
     unit: &'static str,
@@ -115,7 +115,7 @@ pub(super) enum Of {
     Wheels,
 }
 
-/// Declares the families of the figures for the designs `of`.
+/// Declares the families of ids for the figures of the designs `of`.
 pub(super) fn families(report: &mut Report, of: Of) {
     for told in TOLD {
         report.family(told.families[of as usize], told.unit, told.meaning);

@@ -59,12 +59,12 @@ impl Machine {
         Self { device, peak, inertia, give, arms }
     }
 
-    /// Returns a figure at the steer angles `th` (rad).
+    /// Returns the value of `quantity` at the steer angles `th` (rad).
     pub(super) fn at(&self, th: &[f64], quantity: Quantity) -> f64 {
         self.of(&Posture::new(&self.device, th), quantity)
     }
 
-    /// Returns a figure at a posture.
+    /// Returns the value of `quantity` at a posture.
     pub(super) fn of(&self, posture: &Posture, quantity: Quantity) -> f64 {
         let rows = posture.rows();
         match quantity {

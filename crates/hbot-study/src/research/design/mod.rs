@@ -36,14 +36,14 @@ use torus::{Measures, TOLD};
 const SEEDS: [u64; 2] = [1, 2];
 /// Number of points at which reported volumes are counted.
 const VOLUME_POINTS: usize = 32_768;
-/// Largest difference of the volumes of two seeds, relative to the larger one: in a full run, and
-/// in a quick run, which varies more by chance.
+/// Largest allowed difference of the volumes of two seeds, relative to the larger one: in a full
+/// run, and in a quick run, which varies more by chance.
 const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
 /// Number of designs measured per seed, for 2, 3 and 4 wheels: in a full run and in a quick one.
 /// Designs with fewer wheels are faster to measure and leave less to search.
 const EVALUATIONS: [[usize; 3]; 2] = [[10240, 6144, 4096], [1536, 512, 384]];
 
-/// Runs the study.
+/// Runs the study `design` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("design", context.quick);
     let parts = Parts::prototype();
@@ -211,8 +211,9 @@ fn fronts(
     Ok(each)
 }
 
-/// Returns the front of the designs that all searches found, together with the designs nearest
-/// above the prototype, all measured with the effort of the report.
+/// Returns the front of the designs that all searches found, together with the designs that are
+/// better than the prototype in every figure by the largest factor. All are measured with the
+/// effort of the report.
 fn told(
     context: &Context,
     parts: &Parts,

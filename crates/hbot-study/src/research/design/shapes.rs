@@ -8,7 +8,7 @@ use super::torus::{Effort, Measures, SEARCH, TOLD};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// The efforts that are compared, by rising thoroughness.
+/// The efforts that are compared, from the least to the most thorough.
 const EFFORTS: [Effort; 5] = [
     SEARCH,
     Effort { samples: 1024, starts: 4 },

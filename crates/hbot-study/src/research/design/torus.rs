@@ -50,7 +50,7 @@ pub(super) struct Measures {
 }
 
 impl Measures {
-    /// Measures `machine`, which belongs to `design`.
+    /// Computes the figures of `design`, which is prepared as `machine`.
     pub(super) fn of(machine: &Machine, design: &Design, effort: Effort) -> Self {
         let n = effort.samples as f64;
         let mut values = [const { Vec::new() }; 4];

@@ -14,7 +14,7 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Number of random slips.
+/// Number of random slips from which the visible share is estimated.
 const SLIPS: usize = 20_000;
 /// Number of postures at which a single wheel slips.
 const POSTURES: usize = 4096;

@@ -30,10 +30,10 @@ const STEP_S: f64 = 1.0e-3;
 const MOVES: f64 = 1.0e-6;
 /// Upper end of the ramp, N m. No axis needs so large a torque.
 const NEVER: f64 = 0.2;
-/// Largest relative deviation of the mean from the prediction by friction alone. One step of the
-/// ramp is 0.5 %.
+/// Largest allowed relative deviation of the mean from the prediction by friction alone. One step
+/// of the ramp is 0.5 %.
 const WITHIN: f64 = 0.005;
-/// Largest deviation of the mean from the rounded figures of the physics notes, mN m.
+/// Largest allowed deviation of the mean from the rounded figures of the physics notes, mN m.
 const NOTES_WITHIN: f64 = 0.15;
 
 /// The axes, with the figures of the paper (table II) and of the notes (physics.md, section 8), mN
@@ -173,7 +173,7 @@ fn milli(torque: f64) -> String {
     format!("{:.2}", 1.0e3 * torque)
 }
 
-/// Writes figures, table and text.
+/// Adds figures, a table and text about back-driving to the report.
 fn tell(report: &mut Report, found: &[Found], nearest: &Nearest) {
     let mut table = vec![row([
         "axis",

@@ -22,15 +22,15 @@ const STATED: Setting =
 const INNER: [f64; 4] = [5.0, 10.0, 20.0, 40.0];
 /// Gains K_O of the position loop around the rate loops, 1/s.
 const GAINS: [f64; 6] = [20.0, 35.0, 50.0, 70.0, 100.0, 140.0];
-/// Amplitudes, rad.
+/// Amplitudes of the desired sine, rad.
 const AMPLITUDES: [f64; 7] = [0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6];
 /// Gains with which the amplitude is varied, 1/s.
 const AMPLITUDE_GAINS: [f64; 3] = [35.0, 50.0, 100.0];
-/// Largest relative deviation of the measured bandwidth of a small sine from that of the linear
-/// loop. The interpolation of the scan's steps causes 1 %. The rest is the turning of the wheels,
-/// which already matters for a sine of 0.05 rad.
+/// Largest allowed relative deviation of the measured bandwidth of a small sine from that of the
+/// linear loop. The interpolation of the scan's steps causes 1 %. The rest is the turning of the
+/// wheels, which already matters for a sine of 0.05 rad.
 const WITHIN: f64 = 0.02;
-/// Largest deviation of the stated configuration from the paper's bandwidth, Hz.
+/// Largest allowed deviation of the stated configuration from the paper's bandwidth, Hz.
 const NEAR_PAPER: f64 = 0.3;
 
 pub(crate) fn study(

@@ -12,8 +12,8 @@
 //! ) -> Result<(), Interrupted>
 //! ```
 //!
-//! A figure that the paper gives is also written to summary.json: `report.figure(id,
-//! ours).note("paper", theirs)`.
+//! A figure that the paper gives is also written to summary.json:
+//! `report.figure(id, ours).note("paper", theirs)`.
 
 use crate::report::{Place, Report, row};
 

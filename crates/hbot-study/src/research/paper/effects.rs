@@ -10,9 +10,9 @@ use hbot_sim::phenomena::{
 
 /// One or more phenomena of a real rig, with a name.
 pub(super) struct Effect {
-    /// Name for people.
+    /// Name of the effect in tables and plots.
     pub(super) name: &'static str,
-    /// Name in ids.
+    /// Name of the effect in ids.
     pub(super) id: &'static str,
     pub(super) phenomena: Phenomena,
 }

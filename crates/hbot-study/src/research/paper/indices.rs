@@ -15,9 +15,9 @@ use crate::report::{Report, row};
 /// Steer angles at which the paper's turns begin, rad. The paper names none; its rig is set up with
 /// both wheels at zero.
 pub(super) const START: [f64; 2] = [0.0; 2];
-/// The paper's GCI (section V.D).
+/// The mean conditioning index (GCI) that the paper reports (section V.D).
 pub(super) const PAPER_GCI: f64 = 0.41;
-/// The paper's GMI (section V.D).
+/// The mean relative manipulability (GMI) that the paper reports (section V.D).
 pub(super) const PAPER_GMI: f64 = 0.5;
 
 /// Indices at one posture for one choice of motors.

@@ -14,7 +14,7 @@ use super::so3;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// The paper's RMS of e_O about n1, n2 and n3, rad.
+/// The paper's root mean square of the orientation error e_O about n1, n2 and n3, rad.
 const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
 /// Period of the loop, s.
 const PERIOD_S: f64 = 1.0e-3;
@@ -22,16 +22,17 @@ const PERIOD_S: f64 = 1.0e-3;
 const TIME_S: f64 = 1.0;
 /// Gain of the run that gives the curves, 1/s. Only its product with time matters.
 const GAIN: f64 = 14.0;
-/// A better gain, 1/s.
+/// A higher gain, which leaves a smaller error than the paper reports, 1/s.
 const BETTER: f64 = 30.0;
 /// Number of ticks between two samples.
 const EVERY: usize = 10;
-/// Largest difference between the loop at the joints and its closed form, rad. Rates are held over
-/// a tick, so the loop is off by K_O h/4 of the change, which is 1 % of an error that starts at
-/// 0.5.
+/// Largest allowed difference between the loop at the joints and its closed form, rad. Rates are
+/// held over a tick, so the loop is off by K_O h/4 of the change, which is 1 % of an error that
+/// starts at 0.5.
 const WITHIN: f64 = 5.0e-3;
 
-/// RMS of e_O about each axis over the orientations, at every sample in time.
+/// Root mean square of the error e_O over all orientations, about each axis, at every sample in
+/// time, rad.
 type Course = Vec<[f64; 3]>;
 
 /// The choice between the two quaternions of a desired orientation.
@@ -122,9 +123,9 @@ fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
 
 /// The results of the loop with one of the two quaternions.
 struct Run {
-    /// Name for people.
+    /// Name of the run in tables and plots.
     name: &'static str,
-    /// Name in ids.
+    /// Name of the run in ids.
     id: &'static str,
     /// RMS over orientations and axes, rad, against gain times time: at that time.
     end: Vec<(f64, f64)>,
@@ -140,11 +141,11 @@ struct Run {
 
 /// RMS of e_O about each axis at the end of the run, rad.
 struct Left {
-    /// With the printed quaternion, at the gain that gives the paper's mean.
+    /// RMS with the printed quaternion, at the gain that gives the paper's mean.
     ours: [f64; 3],
-    /// With a better gain and the nearer quaternion.
+    /// RMS with a higher gain and the nearer quaternion.
     better: [f64; 3],
-    /// Like [`ours`](Self::ours), on the paper's grid.
+    /// RMS like [`ours`](Self::ours), on the paper's grid.
     grid: [f64; 3],
 }
 
@@ -243,14 +244,14 @@ impl Run {
             |(x, y): &(f64, f64)| (y - mean(closed(samples.iter().map(|q| (*q, 1.0)), sign, *x))).abs();
         let off = end.iter().step_by(10).map(from_closed).fold(0.0_f64, f64::max);
         let product = falls_to(&end, target);
-        // The run is as long as its mean requires: the squares of the transient are averaged over
-        // an increasing time at rest.
+        // The squares of the transient are averaged over the run. A longer run adds time at rest,
+        // so its mean is smaller.
         let settled = square / course.len() as f64 * at(course.len() - 1);
         Self { name, id, product, whole_product: settled / (target * target), off, end, whole }
     }
 }
 
-/// Writes figures, table and text.
+/// Adds figures, a table and text about the runs to the report.
 fn tell(report: &mut Report, runs: &[Run], left: &Left) {
     let Left { ours, better, grid } = left;
     let mut table = vec![row(["quaternion given", "RMS at the end: K_O t", "RMS over the whole run: K_O t"])];

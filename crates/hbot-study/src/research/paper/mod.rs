@@ -37,7 +37,7 @@ use crate::context::{Context, Interrupted};
 use crate::report::Report;
 use comparison::Comparison;
 
-/// Runs the study.
+/// Runs the study `paper` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();

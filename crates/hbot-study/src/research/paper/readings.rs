@@ -15,7 +15,7 @@ use crate::report::{Report, row};
 /// Wheel radii that are compared, um.
 const RADII: [u32; 7] = [10_000, 12_000, 14_000, 15_500, 17_000, 20_000, 25_000];
 
-/// Returns the prototype with changed wheels.
+/// Returns the prototype with its wheels changed by `change`.
 fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     let device = RigConfig::prototype().rig.device;
     let specs: Vec<WheelSpec> = device.wheels().iter().map(|wheel| change(*wheel.spec())).collect();

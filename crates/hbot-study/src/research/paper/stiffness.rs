@@ -43,16 +43,16 @@ const RANGES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
 const PEAK: f64 = 1.4;
 /// Id of the effect that explains table III.
 const SCALE: &str = "torque_scale";
-/// Bound of the error of the ideal rig, %.
+/// Largest allowed error of the ideal rig, %.
 const IDEAL_WITHIN: f64 = 0.1;
-/// Bound of the deviation from 5 % for a wrong torque constant alone, %.
+/// Largest allowed deviation from 5 % for a wrong torque constant alone, %.
 const SCALE_WITHIN: f64 = 0.1;
-/// Bound of the error with all effects, %.
+/// Largest allowed error with all effects, %.
 const REAL_WITHIN: f64 = 6.0;
-/// Lowest R² with all effects.
+/// Lowest allowed R² with all effects.
 const REAL_R2: f64 = 0.97;
-/// Bound of the difference between the error with all effects and the sum of the single errors, %.
-/// It is a fifth of the total, because stuck joints and losses in gears do not quite add up.
+/// Largest allowed difference between the error with all effects and the sum of the single errors,
+/// %. It is a fifth of the total, because stuck joints and losses in gears do not quite add up.
 const SUM_WITHIN: f64 = 1.0;
 
 /// Returns all phenomena except the heating of the motors. The prototype's motors cannot bear such
@@ -62,20 +62,21 @@ fn cold() -> Phenomena {
     Phenomena { motor: all.motor.map(|motor| Motor { thermal_time_s: 1.0e5, ..motor }), ..all }
 }
 
-/// All measured stiffnesses.
+/// All stiffness measurements of the study.
 struct Found {
     effects: Vec<Effect>,
     /// The largest loads for which the fit is compared, N m.
     tried: &'static [f64],
-    /// For each row: each law, on the ideal rig and with all effects.
+    /// For each row of table III: stiffness with each law, on the ideal rig and with all effects.
     table: Vec<Measured>,
-    /// For each effect alone: each row with the geodesic law.
+    /// For each effect alone: stiffness in each row of table III with the geodesic law.
     singles: Vec<Measured>,
-    /// Each law on the ideal rig, with loads up to the motors' peak.
+    /// Stiffness with each law on the ideal rig, with loads up to the motors' peak.
     peaks: Vec<Measured>,
-    /// Each row with the quaternion law and a torque constant that is 5 % low.
+    /// Stiffness in each row of table III with the quaternion law and a torque constant that is 5 %
+    /// low.
     weak: Vec<Measured>,
-    /// For each largest load: each row with all effects.
+    /// For each largest load: stiffness in each row of table III with all effects.
     ranges: Vec<Measured>,
 }
 
@@ -217,7 +218,7 @@ fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64
     );
 }
 
-/// The worst values among the rows.
+/// The worst values among the rows of table III.
 struct Worst {
     /// Error of the geodesic law on the ideal rig, %.
     ideal: f64,

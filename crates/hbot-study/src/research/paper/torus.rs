@@ -11,9 +11,9 @@ use hbot_core::{Device, MAX_JOINTS, Vec3};
 /// drive 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Motors {
-    /// Name in ids.
+    /// Name of the choice in ids.
     pub(super) id: &'static str,
-    /// Name in tables.
+    /// Name of the choice in tables.
     pub(super) name: &'static str,
     pub(super) driven: [bool; 4],
 }

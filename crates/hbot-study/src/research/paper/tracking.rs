@@ -38,9 +38,9 @@ const SLIP_LIMIT: f64 = 0.2;
 const OFFSETS: [f64; 5] = [5.0e-4, 1.0e-3, 2.0e-3, 4.0e-3, 8.0e-3];
 /// Normal forces of the wheels, N.
 const FORCES: [f64; 4] = [10.0, 6.0, 4.0, 3.0];
-/// Bound of the RMS error at the joints, % of the amplitude (the paper, VI).
+/// Largest allowed RMS error at the joints, % of the amplitude (section VI of the paper).
 const JOINTS_WITHIN: f64 = 1.0;
-/// Bound of the RMS error by camera, % of the amplitude (the paper, VI).
+/// Largest allowed RMS error seen by the camera, % of the amplitude (section VI of the paper).
 const CAMERA_WITHIN: f64 = 8.0;
 
 /// Options of a run: the spring's stiffness (N m/rad), and the phenomena of the simulated rig.
@@ -52,15 +52,15 @@ struct Setting {
 
 /// The result of following a chirp.
 struct Followed {
-    /// Desired turn, rad.
+    /// Desired turn about n1, rad.
     wanted: Vec<f64>,
-    /// Turn measured by the joints at its own time, rad.
+    /// Turn about n1 measured by the joints, at the time of measurement, rad.
     joints: Vec<f64>,
-    /// True turn at its own time, rad.
+    /// True turn about n1, as a camera would see it, rad.
     camera: Vec<f64>,
     /// RMS error at the joints, % of the amplitude.
     joints_rms: f64,
-    /// RMS error by camera, % of the amplitude.
+    /// RMS error seen by the camera, % of the amplitude.
     camera_rms: f64,
     /// Largest turn of the sphere about other axes, rad.
     aside: f64,

@@ -54,7 +54,7 @@ fn asked(device: &Device, percent: u32, count: usize) -> Vec<Asked> {
         .collect()
 }
 
-/// The torques that one method made for all wanted torques, in one width of numbers.
+/// Results of one allocation method for all wanted torques, in one floating-point width.
 struct Found {
     /// Name of the method, and its index in [`METHODS`].
     method: (&'static str, usize),

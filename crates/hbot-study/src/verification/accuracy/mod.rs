@@ -37,7 +37,7 @@ macro_rules! in_both_widths {
 }
 use in_both_widths;
 
-/// Runs the study.
+/// Runs the study `accuracy` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("accuracy", context.quick);
     let rig = RigConfig::prototype().rig;

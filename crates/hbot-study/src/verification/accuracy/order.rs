@@ -8,7 +8,7 @@ pub(crate) struct Errors(pub(crate) Vec<(f64, f64)>);
 
 /// An error counts for the order only if it is at least this many times the floor of rounding.
 const ABOVE: f64 = 100.0;
-/// Largest deviation of a measured order from theory.
+/// Largest allowed deviation of a measured order from theory.
 pub(crate) const WITHIN: f64 = 0.1;
 
 impl Errors {

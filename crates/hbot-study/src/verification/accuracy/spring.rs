@@ -41,7 +41,7 @@ fn truth(law: usize, p: Vec3) -> Vec3 {
 }
 
 /// Returns the largest error over all [`AXES`], relative to the size of the torque. `at` evaluates
-/// the law in one width of numbers.
+/// the law in one floating-point width.
 fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f64 {
     let off = |axis: Vec3| {
         let (s, c) = libm::sincos(0.5 * angle);

@@ -44,7 +44,7 @@ pub(super) fn is_kind(name: &str) -> bool {
 pub(super) struct Setup {
     /// Names of kinds of effect and of phenomena.
     pub(super) names: Vec<String>,
-    /// Whether the scene had them and has dropped them again.
+    /// Whether the scene has dropped these effects and phenomena again after it had them.
     pub(super) gone: bool,
 }
 

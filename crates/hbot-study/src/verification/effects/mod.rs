@@ -16,12 +16,12 @@ pub use callgrind::{Counter, count_worker};
 use desk::{Desk, Setup};
 use hbot_plot::{Bar, bars, short};
 
-/// Largest number of extra instructions for a dropped effect or phenomenon, relative to the tick.
-/// It is not zero because the numbers in the frames on the line differ, and one more zero byte
-/// costs an instruction or two.
+/// Largest allowed number of instructions per tick that are left after a scene drops an effect or
+/// phenomenon, relative to the whole tick. It is not zero because the numbers in the frames on the
+/// line differ, and one more zero byte costs an instruction or two.
 const NOTHING: f64 = 1.0e-3;
-/// Largest extra time for a dropped effect or phenomenon, relative to the tick. It is larger than
-/// [`NOTHING`] because times are noisy.
+/// Largest allowed time per tick that is left after a scene drops an effect or phenomenon, relative
+/// to the whole tick. It is larger than [`NOTHING`] because times are noisy.
 const NOTHING_NS: f64 = 0.25;
 /// Number of ticks in one timed run. It equals the number of ticks whose instructions are counted:
 /// a solver takes more steps while contacts stick or slide, so another number would give another
@@ -35,7 +35,8 @@ struct Cost {
     instructions: Option<f64>,
 }
 
-/// Runs the study. `counter` counts instructions if that is possible.
+/// Runs the study `effects` and returns its report. `counter` counts instructions if that is
+/// possible.
 pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
     let mut report = Report::new("effects", context.quick);
     introduce(&mut report);
@@ -118,8 +119,8 @@ fn introduce(report: &mut Report) {
     report.family("effects_{a}_with_{b}_added_ns", "ns", "time a tick that two of them add together");
 }
 
-/// Writes figures, tables, plots and checks. `costs` lists the empty setup, each name alone, each
-/// name after it was dropped, and then the pairs.
+/// Adds figures, tables, plots and checks to the report. `costs` lists the empty setup, each name
+/// alone, each name after it was dropped, and then the pairs.
 fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     let none = &costs[0];
     let base = none.instructions;

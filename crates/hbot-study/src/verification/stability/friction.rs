@@ -26,8 +26,8 @@ const TIME: f64 = 40.0;
 const RATIO: f64 = 1.05;
 
 /// Returns whether the axis keeps moving. At the end it must swing by more than two encoder steps,
-/// as a reading at the edge of a step can cause so much. The swing must also not decrease: a
-/// decreasing one only needs more time to come to rest.
+/// as a smaller swing can come from a reading at the edge of a step. The swing must also not
+/// decrease: a decreasing one only needs more time to come to rest.
 fn buzzes(wall: &Wall) -> bool {
     let ticks = (TIME / wall.period) as usize;
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 10];
@@ -86,7 +86,8 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
                 let (viscous, dry) = (2.0 * own / PERIOD, 2.0 * coulomb / step);
                 let passive = viscous.min(dry);
                 let measured = first_buzz(&wall, 0.2);
-                // The measured value is exact to one ratio between two tries.
+                // The true value can be lower than the measured one by a factor of RATIO, the ratio
+                // of two tries.
                 all_quiet &= measured * RATIO >= passive;
                 let id = format!(
                     "border_friction_own{}_coulomb{}_step{}",

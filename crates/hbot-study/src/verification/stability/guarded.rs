@@ -298,7 +298,8 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     energy(context, report, device, 3.0 * count)
 }
 
-/// Largest relative deviation of the border without the passivity stage from the prediction.
+/// Largest allowed deviation of the border without the passivity stage from the prediction,
+/// relative.
 const WITHIN: f64 = 0.05;
 /// Stiffnesses for which the energy is reported, relative to the linear border.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];

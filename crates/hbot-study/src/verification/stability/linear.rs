@@ -7,15 +7,15 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates, Hz.
+/// Loop rates at which the border is measured, Hz.
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
-/// Delays, ticks.
+/// Delays from a reading to its torque, ticks.
 const DELAYS: [usize; 3] = [0, 1, 2];
 /// The rig's own viscous damping, N m s/rad.
 const OWN: [f64; 3] = [0.001, 0.003, 0.01];
 /// The wall's damping, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
-/// Largest relative deviation of the measured border from the predicted one.
+/// Largest allowed deviation of the measured border from the predicted one, relative.
 const WITHIN: f64 = 0.05;
 /// Number of bisections. They reduce a range of a factor of 4 to 0.1 %.
 const HALVINGS: u32 = 11;

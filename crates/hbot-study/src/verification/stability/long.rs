@@ -15,11 +15,11 @@ use crate::verification::double::stages::odometry::METHODS;
 const DAY: u64 = 86_400_000;
 /// Number of ticks in ten minutes at 1 kHz, for `--quick`.
 const TEN_MINUTES: u64 = 600_000;
-/// Largest deviation of |q| from 1.
+/// Largest allowed deviation of |q| from 1.
 const UNIT: f64 = 1.0e-12;
-/// Largest gain of energy of the swing, relative to its initial energy. It is some times the error
-/// of rk4 within one swing, 2e-8, which does not accumulate. The rounding of 1e8 steps that all err
-/// in one direction would gain as much.
+/// Largest allowed gain of energy of the swing, relative to its initial energy. It is several times
+/// the error of rk4 within one swing, 2e-8, which does not accumulate. The rounding of 1e8 steps
+/// that all err in one direction would gain as much.
 const GAIN: f64 = 1.0e-7;
 
 /// Results of a day of the ideal plant.

@@ -17,7 +17,7 @@ use hbot_sim::plant::{Plant, State};
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// Runs the study.
+/// Runs the study `stability` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("stability", context.quick);
     let device = RigConfig::prototype().rig.device;

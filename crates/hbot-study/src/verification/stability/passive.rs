@@ -9,13 +9,13 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates, Hz.
+/// Loop rates at which the border is measured, Hz.
 const RATES: [u32; 3] = [500, 1000, 4000];
 /// The rig's own viscous damping, N m s/rad.
 const OWN: [f64; 2] = [0.01, 0.03];
 /// The wall's damping, which can be negative, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
-/// Largest relative deviation of the measured border from the predicted one.
+/// Largest allowed deviation of the measured border from the predicted one, relative.
 const WITHIN: f64 = 0.1;
 /// Number of frequencies at which the wall is moved. None of them is a simple fraction of the
 /// Nyquist frequency, as such a sine would always be read at the same few phases.

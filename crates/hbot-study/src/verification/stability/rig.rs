@@ -10,11 +10,11 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates, Hz.
+/// Loop rates at which the border is measured, Hz.
 const RATES: [u32; 3] = [1000, 2000, 4000];
 /// Damping of the spring, N m s/rad.
 const DAMPING: [f64; 3] = [0.005, 0.01, 0.02];
-/// Largest relative deviation of the measured border from the predicted one.
+/// Largest allowed deviation of the measured border from the predicted one, relative.
 const WITHIN: f64 = 0.1;
 /// Number of bisections. They reduce a range of a factor of 4 to 1 %.
 const HALVINGS: u32 = 7;

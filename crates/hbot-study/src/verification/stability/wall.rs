@@ -21,7 +21,7 @@ pub(crate) struct Wall {
     pub(crate) damping: f64,
 }
 
-/// Size of the torque history. The delay must be smaller, in ticks.
+/// Length of the torque history, ticks. The delay must be shorter.
 const LONGEST: usize = 8;
 
 impl Wall {

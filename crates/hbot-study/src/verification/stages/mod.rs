@@ -1,4 +1,4 @@
-//! The stages under study, in one width of floating-point numbers. Their inputs and outputs are
+//! The stages under study, in one floating-point width, f32 or f64. Their inputs and outputs are
 //! f64, so that both widths are compared with one true value. The rounding of the inputs counts as
 //! an error of the width.
 
