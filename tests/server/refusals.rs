@@ -170,7 +170,7 @@ fn what_is_legal_checks_out() {
     }
 }
 
-/// Prints one line, which names the command to run instead.
+/// The old command `study` is refused with one line, which names the command to run instead.
 #[test]
 fn a_study_is_a_program_by_itself() {
     for (args, words) in [

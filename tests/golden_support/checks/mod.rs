@@ -24,7 +24,7 @@ use crate::golden_support::vectors;
 
 /// Relative accuracy of the vectors for figures with a closed form (tests/golden/README.md).
 pub const GOLDEN: f64 = 1e-12;
-/// One rounding of this width, relative.
+/// Relative rounding error of one operation in this floating-point width.
 #[allow(clippy::unnecessary_cast, reason = "Real is f32 or f64")]
 pub const EPS: f64 = Real::EPSILON as f64;
 

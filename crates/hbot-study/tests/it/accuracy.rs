@@ -8,7 +8,7 @@ use crate::{assert_documented, assert_holds, measure, value};
 
 const PATHS: [&str; 3] = ["straight", "quadratic", "cubic"];
 
-/// Ids of figures that other programs and pages use.
+/// Returns the ids of figures that other programs and pages use.
 fn promised() -> Vec<String> {
     let rates = [500, 1000, 2000, 4000, 8000];
     let mut ids = Vec::new();

@@ -18,7 +18,7 @@ fn assert_near(id: &str, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{id} is {found}, not {expected} +- {tolerance}");
 }
 
-/// Ids of figures that other programs and pages use.
+/// Returns the ids of figures that other programs and pages use.
 fn promised() -> Vec<String> {
     let mut ids = Vec::new();
     for motors in ["three_motors", "four_motors", "without_steer_1", "without_drive_1", "without_steer_2"] {
