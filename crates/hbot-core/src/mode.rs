@@ -35,7 +35,7 @@ pub enum Cause {
     LinkLost,
     /// Too many frames were damaged.
     LinkCorrupt,
-    /// A motor controller reports a fault, has rebooted, or has its motors on or off against the
+    /// A motor controller reports a fault or has rebooted, or its motors are on or off against the
     /// command.
     ControllerFault,
     /// The sphere, with motors on, turns faster than the rig's limit.

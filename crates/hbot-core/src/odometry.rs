@@ -50,7 +50,8 @@ fn magnus(first: Vec3, second: Vec3) -> Vec3 {
     (first + second) * 0.5 - first.cross(second) * ROOT3_12
 }
 
-/// Returns the contact frames at the point `s` of the path.
+/// Returns the contact frames at the point `s` (0 to 1) of `path`, which begins at the steer angles
+/// `th` (rad).
 #[inline]
 fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactFrame; MAX_WHEELS] {
     let mut frames = [ContactFrame::default(); MAX_WHEELS];

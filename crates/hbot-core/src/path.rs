@@ -57,7 +57,7 @@ impl Path {
     }
 }
 
-/// The last steps of the joints, to which paths are fitted.
+/// A record of the joints' last steps, to which a path is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trail {
     /// Changes of the joints between earlier readings, rad, the latest first.

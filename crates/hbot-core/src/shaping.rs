@@ -28,8 +28,9 @@ pub(crate) struct Blend {
     last: Vec3,
 }
 
-/// Rate of the critically damped fade of a blend, 1/s. The torque has no corner. Its steepest slope
-/// is 74 % of the step in 10 ms. After [`BLEND_S`] 0.05 % of the step is left and is then removed.
+/// Rate of the critically damped fade of a blend, 1/s. The fade has no corner, and its steepest
+/// slope is 74 % of the step in 10 ms. After [`BLEND_S`], 0.05 % of the step is left, which is then
+/// removed.
 const BLEND_RATE: Real = 10.0 / BLEND_S;
 
 impl Blend {
@@ -137,8 +138,8 @@ pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
     }
 }
 
-/// Returns `to`, or the point at the distance `step` from `from` towards it if `to` is further
-/// away.
+/// Returns the point on the line from `from` to `to` that is at most `step` away from `from`. This
+/// is `to` itself if it is within reach.
 #[inline]
 pub(crate) fn slewed(from: Vec3, to: Vec3, step: Real) -> Vec3 {
     from + limited(to - from, step)

@@ -40,8 +40,8 @@ pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
     y
 }
 
-/// Returns the joint torques for `size` times `y`, if none exceeds its limit and they really make
-/// `size` times `direction`. Otherwise returns `None`.
+/// Returns the joint torques that belong to the dual variable `size` times `y`. Returns `None` if
+/// one of them exceeds its limit, or if they do not make `size` times `direction`.
 pub(super) fn unsaturated(
     problem: &Problem,
     y: Vec3,

@@ -3,7 +3,8 @@
 
 use crate::real::{Real, Vec3, fabs};
 
-/// Largest part of its limit by which rounding can raise a torque of least cost.
+/// Largest amount by which rounding can raise a torque of least cost, as a part of the joint's
+/// limit.
 const DOUBT: Real = if Real::EPSILON < 1.0e-10 { 2.0e-10 } else { 1.0e-5 };
 
 /// Smallest slope of a joint torque over the free parameter alpha, relative to the steepest joint,

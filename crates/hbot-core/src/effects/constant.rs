@@ -13,7 +13,7 @@ pub enum Frame {
     Sphere,
 }
 
-/// A torque that is constant in frame N or in the sphere's axes.
+/// An effect that makes a constant torque, in frame N or in the sphere's axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constant {
     /// Torque on the sphere, N m.

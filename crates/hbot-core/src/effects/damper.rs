@@ -5,7 +5,7 @@ use super::{Law, Now};
 use crate::impedance;
 use crate::real::{Mat3, Real, Vec3};
 
-/// Viscous resistance against the sphere's rate.
+/// An effect that resists turning, with a torque proportional to the sphere's rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Damper {
     damping: Mat3,

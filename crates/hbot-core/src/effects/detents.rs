@@ -13,7 +13,7 @@ use super::{Anchor, Law, Now};
 use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
 use crate::rotation::shortest;
 
-/// Notches of a dial about an axis.
+/// An effect that gives a dial about an axis notches into which it snaps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detents {
     /// Orientation from which the angle is measured.
@@ -68,7 +68,7 @@ impl Detents {
         (scale * (1.0 - cosine), self.strength * sine)
     }
 
-    /// Returns the energy (J) and slope (N m) at the angle `d` beyond an outermost notch.
+    /// Returns the energy (J) and slope (N m) at the angle `d` (rad) beyond an outermost notch.
     #[inline]
     fn beyond(&self, d: Real) -> (Real, Real) {
         if self.end_stiffness > 0.0 {

@@ -16,7 +16,8 @@ use crate::rotation::shortest;
 /// Depth in a wall at which the wall's damping reaches its full value, rad.
 const SOFT: Real = 0.01;
 
-/// Walls around a cone of directions and a range of twist.
+/// An effect that keeps an axis of the sphere within a cone, and its twist within a range, by
+/// walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EndStop {
     /// Orientation from which cone and twist are measured.

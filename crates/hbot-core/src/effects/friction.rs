@@ -11,7 +11,7 @@ use super::{Law, Now};
 use crate::real::{Quat, Real, Vec3, sqrt};
 use crate::rotation;
 
-/// Coulomb friction with true sticking, and a viscous part.
+/// An effect of dry (Coulomb) friction that truly sticks, with a viscous part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
     /// Torque at which the sphere begins to slide, N m.

@@ -31,7 +31,7 @@ impl Dial {
     pub(crate) const NONE: Self =
         Self { psi: 0.0, gradient: Vec3::ZERO, upright: 0.0, upright_gradient: Vec3::ZERO };
 
-    /// Returns the dial of `x` (with eta >= 0) about the unit vector `axis`.
+    /// Returns the twist of the rotation `x` (with eta >= 0) about the unit vector `axis`.
     #[inline]
     pub(crate) fn new(x: Quat, axis: Vec3) -> Self {
         let (eta, e) = (x.w, vector_part(x));

@@ -28,7 +28,7 @@ pub enum Freedom {
     Plane(Vec3),
 }
 
-/// A guide that holds some directions of turning and leaves others free.
+/// An effect that holds some directions of turning and leaves others free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guide {
     /// Orientation from which turning is measured.

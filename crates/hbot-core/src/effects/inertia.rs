@@ -14,7 +14,8 @@
 use super::{Law, Now};
 use crate::real::{Mat3, Real, Vec3, fabs};
 
-/// A virtual mass: resistance against acceleration and deceleration.
+/// An effect that makes the sphere feel heavier: a virtual mass that resists acceleration and
+/// deceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia {
     /// Virtual mass in frame N, kg m², symmetric and positive semidefinite.

@@ -9,7 +9,7 @@ use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, Vec3, exp};
 use crate::rotation::vector_part;
 
-/// Attraction near an orientation.
+/// An effect that attracts the sphere when it is near an orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Magnet {
     /// Orientation that attracts the sphere.

@@ -237,31 +237,31 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// A constant torque.
+    /// A torque that is constant.
     Constant,
     /// A spring with a damper towards a reference orientation.
     Spring,
-    /// Viscous resistance against turning.
+    /// Resistance against turning, proportional to the rate.
     Damper,
-    /// A virtual mass: resistance against acceleration.
+    /// A virtual mass, which resists acceleration.
     Inertia,
     /// Dry friction that truly sticks.
     Friction,
-    /// Notches of a dial.
+    /// Notches of a dial about an axis.
     Detents,
-    /// Orientations into which the sphere snaps.
+    /// A set of orientations into which the sphere snaps.
     Snaps,
-    /// Walls around a cone of directions and a range of twist.
+    /// Walls that limit the directions of an axis to a cone and the twist to a range.
     EndStop,
     /// A guide that holds some directions of turning and leaves others free.
     Guide,
-    /// Bumps on the sphere's surface.
+    /// Bumps on the sphere's surface, felt when it turns.
     Texture,
     /// A vibration about an axis.
     Vibration,
     /// An off-centre mass under gravity.
     Pendulum,
-    /// Attraction near an orientation.
+    /// Attraction near an orientation, and almost no torque far from it.
     Magnet,
     /// Clicks: short pulses of torque.
     Pulse,

@@ -109,7 +109,7 @@ impl Shared {
         Self { last_omega: self.last_omega, mass_scale: self.mass_scale, ..Self::EMPTY }
     }
 
-    /// Clears the quantities of the last moment.
+    /// Clears the quantities of the last moment. Called before the effects of a tick are rendered.
     #[inline]
     pub(crate) fn begin(&mut self) {
         self.relatives.len = 0;

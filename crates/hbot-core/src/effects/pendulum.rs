@@ -3,7 +3,7 @@
 use super::{Law, Now};
 use crate::real::{Real, Vec3};
 
-/// An off-centre mass under gravity.
+/// An effect that makes the sphere feel like one with an off-centre mass under gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pendulum {
     /// Position of the mass, fixed in the sphere, m.

@@ -10,7 +10,7 @@ use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, TURN, Vec3, round, sincos};
 
-/// Clicks: short pulses of torque about an axis.
+/// An effect that makes clicks: short pulses of torque about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pulse {
     /// Orientation in which the axis is given and from which the dial is measured.

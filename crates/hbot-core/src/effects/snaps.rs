@@ -18,7 +18,7 @@ use crate::rotation::vector_part;
 
 /// Largest number of given orientations.
 pub const MAX_OWN: usize = 16;
-/// Largest number of wells of any set.
+/// Largest number of orientations in any set.
 const MAX_WELLS: usize = 60;
 /// Largest number of wells that can be as near as the nearest. For the groups it is six, at a
 /// corner of the tetrahedron's cells. For given orientations it can be all.
@@ -37,12 +37,12 @@ pub enum SnapSet {
     Own,
 }
 
-/// Orientations into which the sphere snaps.
+/// An effect that makes the sphere snap into the nearest of a set of orientations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snaps {
-    /// Orientation from which the wells are measured.
+    /// Orientation from which the orientations of the set are measured.
     pub target: Target,
-    /// The set of wells.
+    /// The set of orientations, called wells.
     pub set: SnapSet,
     /// Largest torque A, N m.
     pub strength: Real,

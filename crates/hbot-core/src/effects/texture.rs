@@ -8,7 +8,7 @@
 use super::{Law, Now};
 use crate::real::{Real, Vec3, cos, sincos};
 
-/// Bumps on the sphere's surface.
+/// An effect that makes bumps on the sphere's surface felt when the sphere turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Texture {
     /// Direction at which the bumps are felt, a unit vector in frame N.

@@ -44,7 +44,7 @@ pub enum Path {
     },
 }
 
-/// A spring to a reference that moves by itself.
+/// An effect that pulls the sphere, like a spring, to a reference that moves by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Track {
     /// Orientation from which the path starts.

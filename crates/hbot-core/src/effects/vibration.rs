@@ -39,7 +39,7 @@ impl Wave {
     }
 }
 
-/// A vibration about an axis.
+/// An effect that shakes the sphere about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vibration {
     /// Axis of the vibration in frame N, a unit vector.
@@ -50,13 +50,13 @@ pub struct Vibration {
     pub frequency: Real,
     /// Shape of the wave.
     pub wave: Wave,
-    /// Duration of the rise, s.
+    /// Duration of the envelope's rise, s.
     pub attack: Real,
-    /// Time from the start to the beginning of the fall, s; 0 for never.
+    /// Time from the start to the beginning of the envelope's fall, s; 0 for no fall.
     pub hold: Real,
-    /// Duration of the fall, s.
+    /// Duration of the envelope's fall, s.
     pub release: Real,
-    /// Time from one start to the next, s; 0 for no repetition.
+    /// Time from one start of the envelope to the next, s; 0 for no repetition.
     pub repeat: Real,
 }
 

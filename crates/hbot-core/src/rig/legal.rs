@@ -7,7 +7,7 @@ use core::fmt;
 
 use crate::real::{PI, Real};
 
-/// Range of the encoder counts per turn of the encoder.
+/// Range of the encoder resolution, in counts per turn of the encoder.
 pub const COUNTS_PER_TURN: Range = Range::from(4.0, 1_073_741_824.0, "");
 /// Range of the gear: turns of the encoder for one turn of the joint.
 pub const GEAR: Range = Range::from(0.001, 10_000.0, "");
