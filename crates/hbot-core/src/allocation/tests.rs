@@ -310,8 +310,8 @@ fn dead_motors_leave_a_plane_and_then_a_line() {
 
 #[test]
 fn nothing_jumps_where_a_direction_is_lost() {
-    // Three driven rows fold into a plane and out of it on the other side. For the second torque
-    // the two strong ones are saturated.
+    // Three driven rows fold into a plane and out of it on the other side. The second torque is
+    // larger than the three joints can make.
     let three = limits(&[1.0, 0.8, 0.7, 0.0], &[1.0, 2.0, 1.5, 1.0]);
     for wanted in [Vec3::new(0.4, -0.3, 0.02), Vec3::new(1.9, 0.7, 0.3)] {
         let steps = 20_000;
