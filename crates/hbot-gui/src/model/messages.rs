@@ -38,7 +38,8 @@ impl Messages {
         self.keep(weight, text, false);
     }
 
-    /// Adds a message to the list only, because the window shows it elsewhere.
+    /// Adds a message that the window also shows elsewhere. It goes only into the list and does not
+    /// appear over the window.
     pub(crate) fn add_told(&mut self, weight: Weight, text: String) {
         self.keep(weight, text, true);
     }

@@ -95,8 +95,8 @@ impl Model {
         (self.is_online() && silent > SILENT_AFTER).then_some(silent)
     }
 
-    /// Returns whether the server could accept a command: it is connected, and no other client
-    /// holds the lease.
+    /// Returns whether the server could accept a command of the panel: the panel is connected, and
+    /// no other client holds the lease.
     pub(crate) const fn may_command(&self) -> bool {
         self.is_online() && !matches!(self.lease, Lease::Other(_))
     }

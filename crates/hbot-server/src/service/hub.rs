@@ -238,7 +238,8 @@ impl Hub {
         }
     }
 
-    /// Handles the end of a connection, or of its sending direction.
+    /// Handles the end of a connection, or of the client's sending direction. Counts the connection
+    /// if it was cut or never encrypted.
     pub(super) fn leave(&mut self, session: u64, why: Gone) {
         match why {
             Gone::Ended => {}

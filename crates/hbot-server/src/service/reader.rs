@@ -56,9 +56,9 @@ pub(super) struct Reader<S> {
     hello: Option<(Instant, Duration)>,
     wrong_token: Duration,
     bucket: Bucket,
-    /// Weight of the requests since the bucket was last charged.
+    /// Total weight of the requests since the token bucket was last charged.
     taken: u32,
-    /// Weight of the requests since other tasks last had a turn.
+    /// Total weight of the requests since other tasks last had a turn.
     turn: u32,
     /// A request that takes long to parse and waits for the time when it may be parsed.
     long: Option<Vec<u8>>,

@@ -22,8 +22,8 @@ pub(super) struct Stats {
     age: Histogram<u64>,
     /// Counters of the loop, as of the last sample.
     counters: Counters,
-    /// Counters that other parts of the service increment. The other fields of this answer stay at
-    /// zero.
+    /// Counters that other parts of the service increment. The remaining fields of this answer stay
+    /// at zero.
     pub(super) counts: StatsOk,
 }
 
