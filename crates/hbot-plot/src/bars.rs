@@ -14,7 +14,7 @@ pub struct Bar {
     pub value: f64,
     /// Lower and upper quartile of the value, drawn as a line over the bar.
     pub spread: Option<[f64; 2]>,
-    /// Index of the colour.
+    /// Index into the palette of eight colours. Larger numbers start again from the first.
     pub colour: usize,
 }
 

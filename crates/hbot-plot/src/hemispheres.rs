@@ -7,7 +7,7 @@ use crate::{Failed, Surface, failed};
 
 /// Height of both discs with their title and names, pixels.
 pub(crate) const HEIGHT: u32 = 440;
-/// Radius of a disc, and below it the side of a cell, pixels.
+/// Radius of a disc, pixels. `CELL` is the side of a cell.
 const RADIUS: i32 = 186;
 const CELL: i32 = 6;
 /// Number of shades between the smallest and the largest value.
@@ -28,7 +28,8 @@ pub struct Hemispheres {
 }
 
 impl Hemispheres {
-    /// Evaluates `value` for the direction (a unit vector) at the centre of every cell.
+    /// Creates the discs from `value`, which is called with the direction (a unit vector) of the
+    /// centre of every cell.
     pub fn new(title: &str, mut value: impl FnMut(Vec3) -> f64) -> Self {
         Self { title: title.to_owned(), cells: SIDES.map(|(side, ..)| cells(&mut value, side)) }
     }

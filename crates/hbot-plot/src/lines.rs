@@ -19,7 +19,7 @@ pub struct Series {
     pub name: String,
     /// Points (x, y) of the line.
     pub points: Vec<(f64, f64)>,
-    /// Index of the colour. Lines that belong together share one.
+    /// Index into the palette of eight colours. Lines that belong together share a colour.
     pub colour: usize,
     /// Whether to draw open points and a thin line instead of filled points. It marks a prediction,
     /// or numbers of the other width (f32 or f64).

@@ -8,7 +8,7 @@ use crate::hemispheres::{self, Hemispheres};
 use crate::plane::{Axis, Legend, Words, plane, rooms};
 use crate::{COLOURS, Failed, Surface, drawn, failed};
 
-/// Width of the picture, and below it the height of each panel, pixels.
+/// Width of the picture, pixels. `PANEL` is the height of each panel.
 const WIDTH: u32 = 840;
 const PANEL: u32 = 250;
 /// Height of the title, pixels.
@@ -21,7 +21,7 @@ pub struct Curve {
     pub name: Option<String>,
     /// Points (x, y) of the curve.
     pub points: Vec<(f64, f64)>,
-    /// Index of the colour for a thin line. `None` gives a thick black line.
+    /// Index into the palette of eight colours, for a thin line. `None` gives a thick black line.
     pub colour: Option<usize>,
     /// Whether the line is dashed and thin.
     pub dashed: bool,
@@ -69,7 +69,7 @@ impl Panel {
     }
 
     /// Draws the panel. `names` are the curve names of all panels, so that all legends get equal
-    /// room.
+    /// widths.
     fn draw(&self, place: &Surface<'_>, names: &[&str]) -> Result<(), Failed> {
         let mut area = place.clone();
         if !names.is_empty() {
@@ -137,7 +137,7 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         assert!(svg.starts_with(r#"<svg width="840" height="540""#), "{}", &svg[..60]);
-        // Without names there is no legend, and the plane takes its room.
+        // Without names there is no legend, and the plane takes its place.
         assert!(sheet("A scene", std::slice::from_ref(&alone), None).contains("angle"));
         let discs = Hemispheres::new("energy", |direction| direction.z);
         assert!(

@@ -20,7 +20,8 @@ pub(crate) struct Words<'a> {
     pub(crate) pale: usize,
 }
 
-/// [`Words::x_marks`], and below it [`Words::pale`], of a plot that fills its picture.
+/// Value of [`Words::x_marks`] for a plot that fills its picture. `PALE` is that of
+/// [`Words::pale`].
 pub(crate) const MARKS: usize = 8;
 pub(crate) const PALE: usize = 10;
 
@@ -40,7 +41,7 @@ impl Axis<Range<f64>> {
     }
 }
 
-/// Splits an area into the room of the plane and the room of its legend, which must fit the longest
+/// Splits an area into a part for the plane and a part for its legend, wide enough for the longest
 /// of `names`.
 pub(crate) fn rooms<'a, 'b>(
     whole: &Surface<'a>,

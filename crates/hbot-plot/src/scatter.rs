@@ -14,7 +14,7 @@ pub struct Cloud {
     pub name: String,
     /// Points (x, y) of the group.
     pub points: Vec<(f64, f64)>,
-    /// Index of the colour.
+    /// Index into the palette of eight colours. Larger numbers start again from the first.
     pub colour: usize,
     /// Whether the points are large and joined by a line in their order. Otherwise they are small
     /// and open.

@@ -26,7 +26,7 @@ const CENTRE: (u32, u32) = (250, 240);
 pub enum Pen {
     /// A thin grey line.
     Thin,
-    /// A thick line in the colour with this index.
+    /// A thick line in the colour with this index in the palette.
     Strong(usize),
 }
 
@@ -49,7 +49,7 @@ pub struct Sketch {
 struct Label {
     at: Vec3,
     text: String,
-    /// Index of the colour. `None` is black.
+    /// Index into the palette of eight colours. `None` is black.
     colour: Option<usize>,
     /// Offset from the point to the right and down, drawing points.
     off: [i32; 2],

@@ -93,8 +93,8 @@ impl Bench {
         Ok(bench)
     }
 
-    /// Starts a server whose states nobody receives, and which need not become active. Only its
-    /// loop is used.
+    /// Starts a server of which only the loop is used. No client receives its states, and it need
+    /// not become active.
     pub(crate) fn ticking() -> Outcome<Self> {
         let state = tempfile::tempdir()?;
         let mut command = hbot()?;

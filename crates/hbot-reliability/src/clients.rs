@@ -12,7 +12,7 @@ use crate::timing::quantile;
 /// Time for which a client's torque is valid, ms.
 pub(crate) const VALID_MS: u64 = 100;
 
-/// Commands 0.3 N m a hundred times a second, without end.
+/// Connects a client that commands 0.3 N m a hundred times a second, without end.
 pub(crate) fn push(address: &str) -> Outcome<()> {
     let mut client = Client::connect(address, "pusher")?;
     client.acquire(true)?;

@@ -27,7 +27,7 @@ enum Manner {
     Echoes,
 }
 
-/// The commands received since the misbehaviour began.
+/// Counts of the commands received, in part since the misbehaviour began.
 #[derive(Default)]
 struct Heard {
     since_ns: Option<u64>,

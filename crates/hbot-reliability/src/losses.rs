@@ -13,8 +13,8 @@ use crate::bench::{Bench, Helper, hbot, still};
 use crate::clients::VALID_MS;
 use crate::{Outcome, Row};
 
-/// Length of the ramp after the end of a client's torque, ms, and below it the ticks allowed for
-/// noticing.
+/// Length of the ramp after the end of a client's torque, ms. `NOTE` is the number of ticks allowed
+/// for noticing the end.
 const RAMP_MS: u64 = 20;
 const NOTE: u64 = 2;
 /// Watchdog time of the motor controllers, ms.
@@ -209,7 +209,7 @@ pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
     ))
 }
 
-/// Lets a flight log meet a full disk.
+/// Makes a flight log fail because the disk is full.
 pub(crate) fn disk_full() -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let small = folder.path().join("small");
@@ -228,7 +228,7 @@ pub(crate) fn disk_full() -> Outcome<Row> {
     )
 }
 
-/// Lets a flight log meet a read-only disk.
+/// Makes a flight log fail because the disk is read-only.
 pub(crate) fn disk_read_only() -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let logs = folder.path().join("read-only");

@@ -72,7 +72,7 @@ const ROWS: &[(&str, Make)] = &[
     ("load", timing::load),
 ];
 
-/// Seconds of each measurement turn, and below it with `--quick`.
+/// Length of each measurement turn, s. `QUICK_SECONDS` is the length with `--quick`.
 const SECONDS: u64 = 8;
 const QUICK_SECONDS: u64 = 2;
 

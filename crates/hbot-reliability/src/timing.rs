@@ -28,7 +28,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     quantile(&mut values, 0.5)
 }
 
-/// Timing of a server's loop in one run.
+/// Timing of a server's loop in one run: median lateness and compute time, and numbers of late and
+/// of all ticks.
 #[derive(Clone, Copy)]
 struct Run {
     lateness_us: f64,
@@ -54,7 +55,7 @@ impl Run {
     }
 }
 
-/// Starts a server whose states nobody receives.
+/// Starts a server and brings it to active. No client receives its states.
 fn quiet() -> Outcome<Bench> {
     let mut bench = Bench::start("sim", Value::Null)?;
     bench.watcher.unsubscribe()?;

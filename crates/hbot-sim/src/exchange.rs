@@ -43,7 +43,7 @@ impl Exchange {
         &self.rig
     }
 
-    /// Returns the simulated rig for changes, such as a new external torque.
+    /// Returns the simulated rig mutably, for example to set an external torque.
     pub fn rig_mut(&mut self) -> &mut SimulatedRig {
         &mut self.rig
     }

@@ -30,8 +30,8 @@ pub struct Grip {
     start: Quat,
 }
 
-/// The orientation and rate that the hand's spring and damper pull the sphere towards at one
-/// instant.
+/// The orientation and angular velocity to which the hand's spring and damper pull the sphere, at
+/// one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// Orientation as a unit quaternion that maps sphere axes to frame N.
@@ -41,8 +41,8 @@ pub struct Target {
 }
 
 impl Grip {
-    /// Creates a grip by which `hand` takes hold, at time `since` (s), of a sphere at orientation
-    /// `q`.
+    /// Creates the grip of a `hand` that takes hold of the sphere at time `since` (s), when its
+    /// orientation is `q`.
     #[must_use]
     pub fn new(hand: Hand, since: f64, q: Quat) -> Self {
         Self { hand, since, start: q }
@@ -69,7 +69,8 @@ impl Grip {
         if !(age > 0.0) {
             return Target { q: self.start, omega: Vec3::ZERO };
         }
-        // The fade rises from 0 to 1 without a jump in rate or acceleration at either end.
+        // The amplitude's factor rises from 0 to 1 without a jump in rate or acceleration at either
+        // end.
         let (fade, fade_rate) = if age < FADE_S {
             let x = age / FADE_S;
             (x * x * x * (10.0 - x * (15.0 - 6.0 * x)), 30.0 * x * x * (1.0 - x) * (1.0 - x) / FADE_S)
@@ -123,7 +124,8 @@ mod tests {
         let grip = Grip::new(Hand::default(), 5.0, q);
         // q q⁻¹ is the identity to rounding.
         assert!(grip.torque(&grip.at(5.0), q, Vec3::ZERO).length() < 1e-15);
-        // The fade begins as 10 t³. After 1 ms it gives A 10 t³ w t = 4e-12 rad, and 2e-8 rad/s.
+        // The amplitude's factor begins as 10 t³. After 1 ms the target is at A 10 t³ w t = 4e-12
+        // rad and moves at 2e-8 rad/s.
         let soon = grip.torque(&grip.at(5.001), q, Vec3::ZERO);
         assert!(soon.length() > 0.0 && soon.length() < 1e-8, "{soon}");
     }
@@ -136,7 +138,7 @@ mod tests {
             let turn = rotation::difference(grip.target(t + h).q, grip.target(t - h).q) / (2.0 * h);
             let target = grip.target(t);
             // The error of central differences is h² times a third derivative of order 10 (100
-            // during the fade).
+            // while the amplitude rises).
             assert!((turn - target.omega).length() < 1e-6, "t = {t}: {turn} against {}", target.omega);
             assert!((target.q.length() - 1.0).abs() < 4.0 * f64::EPSILON);
         }

@@ -11,8 +11,8 @@ use oorandom::Rand64;
 
 use crate::phenomena::Link;
 
-/// The largest number of frames, and below of bytes, in flight in one direction. With the longest
-/// latency plus jitter (0.2 s) this holds all frames of a 5 kHz loop.
+/// Largest number of frames in flight in one direction. `BYTES` limits their bytes. Both hold all
+/// frames of a 5 kHz loop at the longest latency plus jitter, 0.2 s.
 const FRAMES: usize = 1024;
 const BYTES: usize = 128 * 1024;
 

@@ -1,5 +1,4 @@
-//! Exact motions of a sphere whose wheels do not slip, with the joint angles that encoders would
-//! read.
+//! Exact motions of a sphere without slip, with the joint angles that encoders would read.
 //!
 //! Odometry methods are measured against them, at the server's start and in the accuracy study.
 
@@ -27,13 +26,13 @@ pub struct Motion {
     pub speed: f64,
     /// Frequency at which the angular velocity varies, Hz.
     pub hertz: f64,
-    /// Whether the sphere turns back and forth, which pushes the wheels backwards, instead of
-    /// always on.
+    /// Whether the sphere turns back and forth, which pushes the wheels backwards. Otherwise it
+    /// keeps turning.
     pub reversing: bool,
 }
 
-/// The motions used for measuring: gentle, brisk and violent, each once turning on and once back
-/// and forth.
+/// The motions by which odometry is measured: gentle, brisk and violent, each both turning steadily
+/// and turning back and forth.
 pub const MOTIONS: [Motion; 6] = {
     const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> Motion {
         Motion { name, speed, hertz, reversing }
@@ -80,7 +79,8 @@ pub struct Moment {
 /// with their rolling direction.
 const BEFORE: f64 = 1.0;
 
-/// Number of readings before the first measured interval that the longest path (cubic) needs.
+/// Number of readings that must precede the first measured interval. A cubic path between readings,
+/// the longest kind, needs them.
 pub const LEAD: usize = 3;
 
 impl Motion {

@@ -20,7 +20,8 @@ pub use hbot_config::scene::{
     Simulate as Phenomena, Slip, WheelModules,
 };
 
-/// Returns only the phenomena that act in the plant. The hand is not one of them.
+/// Returns a copy of `phenomena` with only those that act in the plant, such as friction and slip.
+/// Encoder, motor, link and hand become `None`.
 #[must_use]
 pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
     // Fields are listed by name so that a new phenomenon fails to compile until it is assigned
@@ -50,10 +51,10 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
     }
 }
 
-/// Returns the dry friction torque of a joint at `rate` (rad/s), N m. The viscous part is not
-/// included.
+/// Returns the dry friction torque of a joint that turns at `rate` (rad/s), N m. The viscous part
+/// is not included.
 ///
-/// At rest, this is the largest torque at which the joint still sticks.
+/// At `rate` 0 it is the largest torque that friction holds at rest.
 ///
 /// The value is `coulomb + (breakaway - coulomb) exp(-(rate / stribeck_rate)²)`, the Gaussian form
 /// of the Stribeck curve (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994). If `breakaway` is
@@ -68,8 +69,8 @@ pub fn dry_friction(friction: &JointFriction, rate: f64) -> f64 {
     friction.coulomb + more * libm::exp(-x * x)
 }
 
-/// Returns the largest friction force mu N of a contact, N, with mu the friction coefficient and N
-/// the normal force.
+/// Returns the largest friction force of a contact: the friction coefficient times the normal
+/// force, N.
 #[must_use]
 pub fn largest_grip(slip: &Slip) -> f64 {
     slip.mu * slip.normal_force
@@ -77,9 +78,10 @@ pub fn largest_grip(slip: &Slip) -> f64 {
 
 /// Returns the largest friction torque of a contact about its normal c3, N m.
 ///
-/// It is (2/3) mu N a for a flat round patch of radius a under even pressure: 0.53 mN m by default.
-/// Under Hertzian pressure, which is greater in the middle, it would be (3 pi/16) mu N a (Johnson,
-/// *Contact Mechanics*, 1985). That is 12 % less, well within the uncertainty of a and mu.
+/// It is (2/3) mu N a for a flat round patch of radius a under even pressure, with mu the friction
+/// coefficient and N the normal force: 0.53 mN m by default. Under Hertzian pressure, which is
+/// greater in the middle, it would be (3 pi/16) mu N a (Johnson, *Contact Mechanics*, 1985). That
+/// is 12 % less, well within the uncertainty of a and mu.
 #[must_use]
 pub fn largest_pivoting_torque(pivoting: &Pivoting) -> f64 {
     2.0 / 3.0 * pivoting.mu * pivoting.normal_force * pivoting.patch_radius

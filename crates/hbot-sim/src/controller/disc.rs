@@ -7,7 +7,7 @@ use oorandom::Rand64;
 
 use crate::phenomena::Encoder;
 
-/// The errors of one encoder: coarse counts, an off-centre disc, and a wrong zero.
+/// The errors of one simulated encoder: coarse counts, an off-centre disc, and a wrong zero.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Disc {
     step: i64,
@@ -19,7 +19,7 @@ pub(super) struct Disc {
 }
 
 impl Disc {
-    /// Creates one for each joint. The seed determines phases and zero errors.
+    /// Creates the encoder errors of all joints. The seed determines their phases and zero errors.
     pub(super) fn all(encoder: &Encoder) -> Box<[Self; MAX_JOINTS]> {
         let mut random = Rand64::new(u128::from(encoder.seed));
         Box::new(core::array::from_fn(|_| Self {

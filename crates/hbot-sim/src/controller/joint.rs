@@ -1,5 +1,4 @@
-//! One joint as seen by its motor controller: the counts of its encoder and the limits of its
-//! motor.
+//! One joint as its motor controller sees it: the counts of its encoder, the limits of its motor.
 
 use core::f64::consts::TAU;
 

@@ -33,24 +33,26 @@ pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 /// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
-    /// Power is lost and returns. The torque is zero, the controller is undescribed, the watchdog
-    /// is cleared, and counts restart, except those of absolute encoders. Other injected [`Fault`]s
-    /// stay active.
+    /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
+    /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
+    /// Other injected [`Fault`]s stay active.
     Reboot,
-    /// Whether answers are lost while commands still act, as if the line back were cut.
+    /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
     Mute(bool),
-    /// Whether nothing is received or answered, as if the line were cut in both directions.
+    /// Switches loss of commands and answers on or off, as if the line were cut in both directions.
     Deaf(bool),
-    /// Whether the controller reports [`ControllerFlags::FAULT`] and gives no torque.
+    /// Switches a fault of the motor controller on or off. It then reports
+    /// [`ControllerFlags::FAULT`] and gives no torque.
     Failed(bool),
-    /// Sets whether a joint reports [`JointFlags::OVERTEMPERATURE`]. Its torque stays on.
+    /// Switches the report [`JointFlags::OVERTEMPERATURE`] of a joint on or off. Its torque stays
+    /// on.
     Hot {
         /// Index of the joint.
         joint: usize,
-        /// Whether the joint reports it.
+        /// Whether the joint reports overtemperature.
         on: bool,
     },
-    /// Sets the error of a joint's encoder that has slipped on its shaft.
+    /// Simulates an encoder that has slipped on its shaft, by a constant error of its angle.
     Slipped {
         /// Index of the joint.
         joint: usize,
@@ -71,7 +73,7 @@ pub struct Controllers {
     enabled: bool,
     expired: bool,
     described: bool,
-    /// Time at which the watchdog time of the last valid command ends, ns. `None` if no command
+    /// Time at which the watchdog expires unless a command arrives, ns. `None` if no valid command
     /// came since power-up.
     deadline: Option<u64>,
     mute: bool,
@@ -191,8 +193,8 @@ impl Controllers {
         }
     }
 
-    /// Handles [`hbot_link::ToController::Describe`]. Returns the answer, or `None` if the line is
-    /// cut.
+    /// Handles [`hbot_link::ToController::Describe`]. Returns the answer, or `None` if an injected
+    /// fault has cut the line.
     pub fn describe(&mut self) -> Option<Description> {
         if self.deaf {
             return None;
@@ -237,8 +239,8 @@ impl Controllers {
         (!self.mute).then(|| self.feedback(command.sequence, angles, rates))
     }
 
-    /// Starts or ends a fault, with the joints at `angles`, rad. A joint that does not exist is
-    /// ignored.
+    /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
+    /// joint that does not exist is ignored.
     pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
         match fault {
             Fault::Reboot => self.reboot(angles),

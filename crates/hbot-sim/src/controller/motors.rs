@@ -1,5 +1,4 @@
-//! Motors with lag, heat, back-EMF and a torque error: from the commanded torque to the torque that
-//! acts.
+//! Motors with lag, heat, back-EMF and a torque error: from commanded torque to acting torque.
 
 use hbot_core::device::MAX_JOINTS;
 
@@ -17,7 +16,7 @@ const NONE: f64 = 1.0e-15;
 pub(super) struct Motors {
     motor: Motor,
     current: JointTorques,
-    /// Mean square of the current over the thermal time constant, N² m².
+    /// Running mean of the squared current over the thermal time constant, N² m².
     heat: JointTorques,
     /// Torques that act at the joints now, N m.
     pub(super) acting: JointTorques,

@@ -56,7 +56,7 @@ impl Dynamics {
         }
     }
 
-    /// Returns whether the plant is nonsmooth: something sticks, slips or has play.
+    /// Returns whether the plant is nonsmooth, because something sticks, slips or has play.
     #[must_use]
     pub fn is_nonsmooth(&self) -> bool {
         matches!(self.kind, Kind::Nonsmooth(_))
@@ -147,8 +147,8 @@ impl Dynamics {
         }
     }
 
-    /// Returns the slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s. It is
-    /// zero if the plant is smooth.
+    /// Returns the slip velocity of each wheel along its axle (c1) and its rolling direction (c2),
+    /// wheel minus sphere, m/s. It is zero if the plant is smooth.
     #[must_use]
     pub fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
         match &self.kind {

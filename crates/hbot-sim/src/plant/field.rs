@@ -115,9 +115,9 @@ pub(super) struct Contact {
     th: f64,
     normal: Vec3,
     steer: Vec3,
-    /// (l.c1) g_th - c1: the drive's row of G, if the sphere's radius were equal to the wheel's.
+    /// The drive's row of G divided by `ratio`: (l.c1) g_th - c1.
     per_radius: Vec3,
-    /// Distance of the contact from O, divided by the wheel's radius.
+    /// Distance of the contact from the centre O of rotation, divided by the wheel's radius.
     ratio: f64,
 }
 

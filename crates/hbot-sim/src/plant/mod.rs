@@ -194,7 +194,8 @@ impl Plant {
         })
     }
 
-    /// Returns the joint rates zd = G w in the order steer, drive of each wheel, rad/s.
+    /// Returns the rates of all joints in the order steer, drive of each wheel, rad/s. They follow
+    /// from the sphere's angular velocity w, because the wheels do not slip: zd = G w.
     #[must_use]
     pub fn joint_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
         with_field!(self, &[0.0; MAX_JOINTS], &Vec3::ZERO, P, field => {
@@ -211,8 +212,8 @@ impl Plant {
         })
     }
 
-    /// Returns the energy of the plant, J: the kinetic energy 1/2 wᵀ (I_s I + Gᵀ J_q G) w plus the
-    /// potential energy of off-centre masses.
+    /// Returns the energy of the plant, J: the kinetic energy of sphere and wheels, 1/2 wᵀ (I_s I +
+    /// Gᵀ J_q G) w, plus the potential energy of off-centre masses.
     ///
     /// It is constant if no load, joint torque or viscous friction acts.
     #[must_use]
@@ -221,7 +222,8 @@ impl Plant {
         kinetic + self.extras.as_ref().map_or(0.0, |extras| extras.energy(state.q, &state.steer))
     }
 
-    /// Returns the apparent inertia I_s I + Gᵀ J_q G of sphere and wheels in frame N, kg m².
+    /// Returns the apparent inertia of the sphere in frame N, kg m². It includes the inertia of the
+    /// wheels that turn with it: I_s I + Gᵀ J_q G.
     #[must_use]
     pub fn apparent_inertia(&self, state: &State) -> Mat3 {
         let Symmetric { xx, yy, zz, xy, xz, yz } = match &self.extras {

@@ -1,8 +1,8 @@
 //! The plant's constants, and the accelerations that follow from them (physics notes, section 5).
 //!
 //! The equations are arranged for few operations. With l the steering axis of a wheel, g_th and
-//! g_ph its rows of G, and J_th, J_ph and J_c its inertias, let x = g_th + (J_c / J_th) g_ph and y
-//! = g_ph. Then
+//! g_ph its rows of G, and J_th, J_ph and J_c its inertias, let x = g_th + (J_c / J_th) g_ph and
+//! y = g_ph. Then
 //!
 //! - g_th is l plus a vector that turns about l with th, and g_ph turns about l with th. Six
 //!   numbers times sine and cosine therefore give each row.
@@ -37,11 +37,12 @@ pub(crate) struct WheelPair {
     /// Coefficient vectors of y = `y_cos` cos th + `y_sin` sin th.
     y_cos: Vectors,
     y_sin: Vectors,
-    /// J_c / J_th. The steer rate is dth/dt = x.w - mix y.w.
+    /// Ratio J_c / J_th of the coupling to the steer inertia. The steer rate is dth/dt = x.w - mix
+    /// y.w.
     mix: Pair,
-    /// Inertia along x: J_th, kg m².
+    /// Steer inertia J_th, which acts along x, kg m².
     x_inertia: Pair,
-    /// Inertia along y: J_ph - J_c² / J_th, kg m².
+    /// Drive inertia less the coupled part, J_ph - J_c² / J_th, which acts along y, kg m².
     y_inertia: Pair,
 }
 

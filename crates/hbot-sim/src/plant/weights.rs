@@ -1,10 +1,10 @@
 //! Weights and springs: their energies, their torques, and their mean torques over a whole step.
 //!
 //! The torques over a step are discrete gradients: their work over the step is exactly the loss of
-//! potential energy. With phi the turn of the step and V the potential, T . phi = V(before) -
-//! V(after) to rounding, for any length of step. The idea is from Gonzalez 1996. Closed forms exist
-//! for these potentials: a turn by phi moves a vector u by 2 tan(|phi|/2) / |phi| phi x (u + u')/2,
-//! and a quaternion likewise with half the angle.
+//! potential energy. With phi the turn of the step and V the potential,
+//! T . phi = V(before) - V(after) to rounding, for any length of step. The idea is from Gonzalez
+//! 1996. Closed forms exist for these potentials: a turn by phi moves a vector u by 2 tan(|phi|/2)
+//! / |phi| phi x (u + u')/2, and a quaternion likewise with half the angle.
 
 use hbot_core::device::{Device, MAX_WHEELS};
 use hbot_core::kinematics::ContactFrame;
@@ -62,11 +62,11 @@ impl Spring {
     }
 }
 
-/// The weight of one wheel's module, at the wheel's centre off the steering axis. Its energy is V =
-/// height cos(th - lowest) plus a constant.
+/// The weight of one wheel's module, at the wheel's centre off the steering axis. Its energy is a
+/// cosine of the steer angle th, plus a constant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Module {
-    /// Weight times lift: coefficients of cos th and sin th in the energy, J.
+    /// Coefficients of cos th and sin th in the energy, J, with th the steer angle.
     cos: f64,
     sin: f64,
 }

@@ -53,8 +53,8 @@ impl Line {
 
     /// Ends exclusive use of the far end, so that other programs can open it again.
     ///
-    /// A program that opened the port exclusively and closed it leaves the port locked for as long
-    /// as any program has it open. This line always has it open.
+    /// Exclusive use outlasts the program that asked for it, as long as any program has the port
+    /// open. This process always has it open.
     pub(super) fn unbar(&self) {
         // If this fails, the port was not locked.
         let _ = ioctl_tiocnxcl(&self.far);

@@ -163,7 +163,7 @@ impl PtyRig {
     /// Stops the thread and returns the rig in its last state.
     ///
     /// # Errors
-    /// Returns the error that ended the thread earlier, if any.
+    /// Fails with the error that ended the thread earlier, if any.
     pub fn stop(mut self) -> Result<SimulatedRig, PtyError> {
         self.join()
     }

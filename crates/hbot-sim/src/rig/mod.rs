@@ -167,7 +167,7 @@ impl SimulatedRig {
     /// Simulates the plant up to `now_ns` under the torques held so far.
     ///
     /// Frames that arrive on the way, and a watchdog that expires, act at their exact times. A time
-    /// before the last one is ignored.
+    /// before the last one given is ignored.
     pub fn advance_to(&mut self, now_ns: u64) {
         if let Some(mut line) = self.line.take() {
             self.arrivals(&mut line, now_ns);
@@ -318,7 +318,7 @@ impl SimulatedRig {
         self.external = torque;
     }
 
-    /// Starts or ends a fault of the motor controllers.
+    /// Applies a fault to the motor controllers, such as a reboot, or switches one off.
     pub fn inject(&mut self, fault: Fault) {
         if fault == Fault::Reboot {
             self.decoder.reset();

@@ -120,8 +120,8 @@ fn the_quaternion_stays_unit() {
     }
 }
 
-/// A hash over one second of motion. It changes if a machine rounds differently or operations run
-/// in another order.
+/// The hash of one second of motion equals the recorded one. It changes if a machine rounds
+/// differently or operations run in another order.
 #[test]
 fn the_same_bits_everywhere() {
     let (plant, load) = crate::devices::task();

@@ -6,7 +6,8 @@ use hbot_sim::plant::{Method, Plant, State};
 
 use crate::devices::{brisk, prototype, task, toed};
 
-/// The end state at 2 s equals that of another program. J_th is given to its 11 digits.
+/// The state of the comparison task at 2 s equals that of another program, with the steer inertia
+/// J_th given to 11 digits.
 #[test]
 fn the_task_of_the_speed_comparison_ends_where_it_should() {
     let (plant, load) = task();

@@ -122,7 +122,7 @@ fn an_external_torque_acts() {
     assert!(energy > 0.0 && (energy / work - 1.0).abs() < 1e-3, "{energy} {work}");
 }
 
-/// Equal ticks give equal bytes.
+/// Two runs with equal ticks give equal bytes.
 #[test]
 fn runs_repeat_bit_by_bit() {
     let mut config = config();

@@ -22,7 +22,7 @@ const LEAST_MASS: f64 = 1.0e-6;
 /// The geometry at the middle of a step. It is held constant during the step.
 pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
-    /// Distance of each contact from O, m.
+    /// Distance of each contact from the centre O of rotation, m.
     radius: [f64; MAX_WHEELS],
     /// Rows of G (steer, drive) of each wheel: the joint rates of a wheel that does not slip.
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
@@ -43,7 +43,7 @@ pub(super) struct Given<'a> {
     pub(super) bounded: bool,
 }
 
-/// The moving parts of the plant, with the rates of joints and motors.
+/// The moving parts of the nonsmooth plant, with the rates of its joints and motors.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
     pub(super) device: Device,
@@ -54,7 +54,8 @@ pub(super) struct Body {
     /// Joint rates, on the wheel's side of a gear, rad/s.
     pub(super) rates: [f64; MAX_JOINTS],
     pub(super) motors: [Motor; MAX_WHEELS],
-    /// Axis about which alone the sphere can turn, a unit vector in frame N, if it is restricted.
+    /// The only axis about which the sphere can turn, a unit vector in frame N. `None` if it can
+    /// turn freely.
     pub(super) hinge: Option<Vec3>,
 }
 
@@ -63,8 +64,8 @@ impl Body {
         self.device.wheels().len()
     }
 
-    /// Returns the index of a joint's rate among the speeds (`k`: 0 steer, 1 drive), or `None` if
-    /// the rate follows from the sphere's.
+    /// Returns the index of a joint's rate among the speeds (`k` is 0 for steer, 1 for drive).
+    /// `None` if the wheels cannot slip, because the rate then follows from the sphere's.
     pub(super) fn joint_at(&self, wheel: usize, k: usize) -> Option<usize> {
         self.phenomena.slip.map(|_| 3 + 2 * wheel + k)
     }
@@ -169,7 +170,8 @@ impl Body {
         }
     }
 
-    /// Returns the slip of a contact along its c1 and c2, wheel minus sphere, m/s: H zd + Z w.
+    /// Returns the slip of a contact along the wheel's axle (c1) and rolling direction (c2), wheel
+    /// minus sphere, m/s: H zd + Z w.
     pub(super) fn slip_rows(&self, now: &Instant, i: usize) -> [Row; 2] {
         let (wheel, frame, radius) = (&self.device.wheels()[i], &now.frames[i], now.radius[i]);
         let (Some(steer), Some(drive)) = (self.joint_at(i, 0), self.joint_at(i, 1)) else {
@@ -263,8 +265,8 @@ impl Body {
         }
     }
 
-    /// Returns the spin of a contact about its normal, wheel minus sphere, rad/s: (dth/dt) cos a -
-    /// w.c3.
+    /// Returns the spin of a contact about its normal c3, wheel minus sphere, rad/s: (dth/dt) cos a
+    /// - w.c3, with a the cone angle.
     fn spin_row(&self, now: &Instant, i: usize, cone: f64) -> Row {
         let normal = now.frames[i].c3;
         match self.joint_at(i, 0) {
@@ -358,8 +360,8 @@ impl Body {
     }
 }
 
-/// Returns the part of the drive's inertia that the coupling of the wheel's joints leaves free, kg
-/// m².
+/// Returns the drive inertia that can belong to the motor instead of the wheel, J_ph - J_c² / J_th,
+/// kg m². The coupling J_c of the wheel's joints needs the rest.
 fn free_inertia(wheel: &Wheel) -> f64 {
     let spec = wheel.spec();
     let coupling = spec.axial_inertia * wheel.axis_along_axle();

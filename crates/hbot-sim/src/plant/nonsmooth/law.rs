@@ -2,9 +2,9 @@
 //!
 //! Each law is the subdifferential of a convex function g: the impulse p against a velocity u is in
 //! dg(u). The solver works with the law's augmented Lagrangian (Rockafellar 1976; Alart and Curnier
-//! 1991). With the last multiplier p0 and a penalty rho, p = rho (y - prox(y)) with y = u + p0 /
-//! rho. This is a continuous function of u. At p = p0 it equals the law itself for any rho, so a
-//! sticking contact truly sticks.
+//! 1991). With the last multiplier p0 and a penalty rho, the impulse is p = rho (y - prox(y)) with
+//! y = u + p0 / rho. This is a continuous function of u. At p = p0 it equals the law itself for any
+//! rho, so a sticking contact truly sticks.
 
 use super::{MAX_SPEEDS, Vector};
 
@@ -14,14 +14,15 @@ pub(super) const MAX_DIMENSION: usize = 3;
 /// The law of one element: the relation between its velocity and its impulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// Coulomb friction. The impulse acts against the velocity and has at most the size `limit`,
-    /// and exactly this size if there is motion. g = limit |u|.
+    /// Coulomb friction. The impulse acts against the velocity u. Its size is `limit` if there is
+    /// motion, and at most `limit` at rest. Its convex function is g = limit |u|.
     Friction {
         /// Largest impulse, N s or N m s. Infinite for a direction in which nothing ever slides.
         limit: f64,
     },
     /// A stop. There is no impulse while the velocity is within the bounds, and the bounds are
-    /// never exceeded. g is the indicator function of the bounds, which include zero.
+    /// never exceeded. Its convex function g is the indicator function of the bounds, which include
+    /// zero.
     Gap {
         /// Lower bound of the velocity, at most 0.
         low: f64,
@@ -73,7 +74,7 @@ impl Row {
     }
 }
 
-/// A law together with the velocity to which it applies.
+/// A law of friction or play together with the velocity to which it applies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Element {
     pub(super) law: Law,

@@ -43,7 +43,7 @@ const MAX_SWEEPS: usize = 12;
 /// then smaller still, by the turn in a step.
 const SETTLED: f64 = 1.0e-10;
 /// Smallest speed used for the relative change in the settling test, rad/s. Slower speeds settle to
-/// 1e-12, about what the solver leaves of a sticking speed.
+/// 1e-12, about the remaining velocity of a sticking element.
 const RESTING: f64 = 1.0e-2;
 /// Relative difference up to which a gear can keep the loss of the step before.
 ///
@@ -154,7 +154,8 @@ impl Nonsmooth {
         rates
     }
 
-    /// Returns the slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s.
+    /// Returns the slip velocity of each wheel along its axle (c1) and its rolling direction (c2),
+    /// wheel minus sphere, m/s.
     pub(super) fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
         let (now, speeds) = (self.body.instant(state, 0.0), self.body.speeds(state));
         core::array::from_fn(|i| {

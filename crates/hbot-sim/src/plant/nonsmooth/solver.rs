@@ -68,7 +68,7 @@ impl Problem {
     pub(super) const EMPTY: Self =
         Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
 
-    /// Adds `mass` between the velocities `a` and `b`: mass aᵀ b.
+    /// Adds to the mass matrix the inertia `mass` between the velocities `a` and `b`: mass aᵀ b.
     pub(super) fn weigh(&mut self, a: &Row, b: &Row, mass: f64) {
         for (i, a) in a.terms() {
             for (j, b) in b.terms() {

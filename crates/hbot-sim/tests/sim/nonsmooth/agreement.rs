@@ -55,7 +55,8 @@ fn slip_sets_in_slides_and_stops() {
     agrees(&scenes::slide(), 5.0, 0.95..1.05);
 }
 
-/// The reference creeps because of its v of 1e-5 rad/s. The plant does not creep at all.
+/// A part held by friction does not move in the plant. In the reference it creeps, because friction
+/// is regularised with v = 1e-5 rad/s.
 #[test]
 fn what_is_held_stays() {
     let scene = scenes::held();

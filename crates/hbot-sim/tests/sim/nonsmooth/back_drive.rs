@@ -10,11 +10,11 @@ use hbot_sim::plant::{Dynamics, Method, State};
 
 use crate::devices::prototype;
 
-/// Number of pairs of steer angles. On their lattice each wheel stands at this many even steps of a
-/// turn. Friction is a sum over the wheels, so the mean is not affected by how the wheels are
-/// paired.
+/// Number of pairs of steer angles. Each wheel takes this many equally spaced angles. Friction is a
+/// sum over the wheels, so its mean does not depend on how their angles are paired.
 const GRID: u32 = 144;
-/// Steps of the second wheel for one step of the first. 55 and 144 have no common factor.
+/// Steps of the second wheel's angle for one step of the first's. 55 and 144 have no common factor,
+/// so the second wheel takes every angle once.
 const SKEW: u32 = 55;
 /// Growth of the torque in a step of 1 ms, N m.
 const RAMP: f64 = 2.0e-5;

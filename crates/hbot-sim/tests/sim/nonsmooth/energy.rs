@@ -123,7 +123,7 @@ fn phenomena(dice: &mut Dice) -> Phenomena {
     }
 }
 
-/// Totals over all scenes.
+/// Totals over all scenes of the test.
 #[derive(Default)]
 struct Tally {
     scenes: u32,

@@ -33,7 +33,7 @@ pub(super) struct Input {
     pub(super) grip: Option<Grip>,
 }
 
-/// Sharpness of the regularised laws.
+/// How closely the regularised laws follow the set-valued ones.
 #[derive(Clone, Copy)]
 pub(super) struct Sharpness {
     /// Regularisation speed v of joints, cage and pivoting, rad/s. For contacts it is this times
@@ -59,7 +59,7 @@ struct Contact {
     c1: Triple,
     c2: Triple,
     c3: Triple,
-    /// Distance of the contact from O, R + d.c3, m.
+    /// Distance of the contact from the centre O of rotation, R + d.c3, m.
     radius: Dual,
 }
 

@@ -36,9 +36,9 @@ fn holds_up_to(limit: f64, turn: impl Fn(f64, f64) -> f64, name: &str) {
 /// Returns the multiple of the load `along` that a zonotope of `generators` plus a ball of radius
 /// `ball` can hold.
 ///
-/// It is the least, over all directions n, of (sum |g.n| + ball) / |along.n|. Support functions
-/// add, and a convex body ends at the first of its half-spaces. The directions are searched on a
-/// grid that is refined around the best one.
+/// It is the least, over all directions n, of (sum |g.n| + ball) / |along.n|, with g the
+/// generators. Support functions add, and a convex body ends at the first of its half-spaces. The
+/// directions are searched on a grid that is refined around the best one.
 fn capacity(along: Vec3, generators: &[Vec3], ball: f64) -> f64 {
     let held = |n: Vec3| {
         (generators.iter().map(|g| g.dot(n).abs()).sum::<f64>() + ball * n.length()) / along.dot(n).abs()

@@ -11,7 +11,7 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::{brisk, rig};
 use crate::line::{command, frame, messages};
 
-/// An encoder without errors.
+/// Parameters of an encoder without errors.
 const EXACT: Encoder = Encoder { step: 1, turn_error: 0.0, index_error: 0.0, seed: 1 };
 
 fn with(encoder: Option<Encoder>, kind: Kind) -> SimulatedRig {
@@ -144,8 +144,8 @@ fn a_zero_is_off_where_it_is_taken() {
     }
 }
 
-/// Encoder errors that appear and vanish while the rig runs make no count jump. The server would
-/// see such a jump as a joint that jumps.
+/// No count jumps when encoder errors appear and vanish while the rig runs. The server would take
+/// such a jump for a motion of the joint.
 #[test]
 fn counts_do_not_jump_when_errors_come_and_go() {
     for kind in [Kind::Absolute, Kind::Incremental] {

@@ -7,7 +7,7 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
 
-/// A link without impairments.
+/// Parameters of a link without impairments.
 const PERFECT: Link =
     Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
 

@@ -9,7 +9,7 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
 
-/// A motor without errors.
+/// Parameters of a motor that gives exactly the commanded torque.
 const IDEAL: Motor = Motor {
     torque_scale: 1.0,
     lag_s: 0.0,

@@ -17,7 +17,7 @@ fn friction(limit: f64, rows: &[Row]) -> Element {
     element(Law::Friction { limit }, rows)
 }
 
-/// Returns the speeds of uncoupled masses after a step, and the solver's effort.
+/// Returns the speeds of uncoupled masses after a step, and the solver's work.
 fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>, Effort) {
     let mut problem = Problem::EMPTY;
     problem.n = mass.len();
@@ -31,7 +31,8 @@ fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>
     (speeds[..mass.len()].to_vec(), effort)
 }
 
-/// Largest velocity that the solver leaves of a sticking element: 1e-12 of the velocities involved.
+/// Largest velocity that the solver leaves to a sticking element, relative to the velocities
+/// involved.
 const LEFT: f64 = 1.0e-12;
 
 #[test]
