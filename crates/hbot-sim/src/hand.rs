@@ -54,8 +54,8 @@ impl Grip {
         &self.hand
     }
 
-    /// Returns the energy stored in the hand's spring at time `t` (s), for a sphere at orientation
-    /// `q`, J.
+    /// Returns the energy stored in the hand's spring, J, at time `t` (s) and the sphere's
+    /// orientation `q`.
     #[must_use]
     pub fn energy(&self, t: f64, q: Quat) -> f64 {
         2.0 * self.hand.stiffness * rotation::vector_part(q * self.target(t).q.conjugate()).length_squared()

@@ -25,9 +25,9 @@ pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 pub struct Traffic {
     /// Number of frames sent.
     pub sent: u64,
-    /// Number of the sent frames that were lost.
+    /// Number of frames that were lost, out of those sent.
     pub lost: u64,
-    /// Number of the sent frames that were delivered with a damaged byte.
+    /// Number of frames that were delivered with a damaged byte, out of those sent.
     pub corrupted: u64,
 }
 

@@ -64,7 +64,8 @@ pub(super) struct Axis {
     counts_per_rad: f64,
     /// Angle that the encoder read when count zero was set, rad of the joint.
     origin: f64,
-    /// Number of the turn in which the joint is, until its index has been seen.
+    /// Number of the turn in which the joint is. `None` after its index has been seen, or if it has
+    /// no index.
     turn: Option<f64>,
     pub(super) slipped: f64,
     pub(super) flags: JointFlags,

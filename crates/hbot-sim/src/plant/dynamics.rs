@@ -35,7 +35,7 @@ impl Dynamics {
     /// A hand in `phenomena` is ignored. Add its inertia with [`Dynamics::set_sphere_inertia`].
     ///
     /// # Errors
-    /// Fails if the inertias of a wheel are impossible.
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn new(
         device: &Device,
         phenomena: &Phenomena,

@@ -147,7 +147,7 @@ impl Plant {
     /// Creates the ideal plant of `device`, without phenomena.
     ///
     /// # Errors
-    /// Fails if the inertias of a wheel are impossible.
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn new(device: &Device) -> Result<Self, ImpossibleInertia> {
         Self::with(device, &Phenomena::default())
     }
@@ -158,7 +158,7 @@ impl Plant {
     /// joint friction. Other phenomena are ignored here; [`Dynamics`] handles them.
     ///
     /// # Errors
-    /// Fails if the inertias of a wheel are impossible.
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn with(device: &Device, phenomena: &Phenomena) -> Result<Self, ImpossibleInertia> {
         let model = Model::new(device).map_err(|wheel| ImpossibleInertia { wheel })?;
         let extras = Extras::new(device, phenomena).map(Box::new);

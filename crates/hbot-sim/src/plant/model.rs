@@ -30,11 +30,12 @@ type Vectors = [Pair; 3];
 /// The constants of a pair of wheels. x and y are defined in the module documentation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelPair {
-    /// Coefficient vectors of x = `x_cos` cos th + `x_sin` sin th + `axis`.
+    /// Coefficient vectors of x = `x_cos` cos th + `x_sin` sin th + `axis`, with th the steer
+    /// angle.
     x_cos: Vectors,
     x_sin: Vectors,
     axis: Vectors,
-    /// Coefficient vectors of y = `y_cos` cos th + `y_sin` sin th.
+    /// Coefficient vectors of y = `y_cos` cos th + `y_sin` sin th, with th the steer angle.
     y_cos: Vectors,
     y_sin: Vectors,
     /// Ratio J_c / J_th of the coupling to the steer inertia. The steer rate is dth/dt = x.w - mix
@@ -102,7 +103,8 @@ impl Model {
         Ok(Self { inertia: device.sphere_inertia(), pairs })
     }
 
-    /// Returns x and y of every wheel at the steer angles `steer`, rad.
+    /// Returns the vectors x and y (see the module documentation) of every wheel at the steer
+    /// angles `steer`, rad.
     #[inline(always)]
     pub(crate) fn rows<const P: usize>(&self, steer: &[Pair; P]) -> Rows<P> {
         let mut rows = Rows { x: [[Pair::ZERO; 3]; P], y: [[Pair::ZERO; 3]; P] };

@@ -150,9 +150,10 @@ impl Plant {
     }
 }
 
-/// Returns du/dt for q = exp(u) q0 and the angular velocity w in frame N.
+/// Returns the rate du/dt of the rotation vector u, for the orientation q = exp(u) q0 and the
+/// angular velocity w in frame N.
 ///
-/// With t = |u|: du/dt = w - 1/2 u x w + (1/t²)(1 - (t/2) cot(t/2)) u x (u x w).
+/// With t = |u|, du/dt = w - 1/2 u x w + (1/t²)(1 - (t/2) cot(t/2)) u x (u x w).
 fn turn_rate(u: Vec3, omega: Vec3) -> Vec3 {
     let t2 = u.length_squared();
     // Below this limit the series is exact to rounding: its next term is t^6 / 1,209,600.

@@ -54,7 +54,7 @@ impl RigConfig {
 /// Why a [`RigConfig`] was rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RigError {
-    /// The inertias of a wheel are impossible.
+    /// The inertias of a wheel are physically impossible.
     Inertia(ImpossibleInertia),
     /// The number of joints does not fit the device.
     Joints {

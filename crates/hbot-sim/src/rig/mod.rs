@@ -52,8 +52,8 @@ impl SimulatedRig {
     /// Creates a rig that has just powered up, with its clock at 0.
     ///
     /// # Errors
-    /// Fails if the number of joints does not fit the device, or if a wheel's inertias are
-    /// impossible.
+    /// Fails if the number of joints does not fit the device, or if the inertias of a wheel are
+    /// physically impossible.
     pub fn new(config: &RigConfig) -> Result<Self, RigError> {
         let wanted = config.device.joints();
         if config.joints.len() != wanted {

@@ -136,7 +136,8 @@ impl Body {
         now
     }
 
-    /// Returns all speeds at present.
+    /// Returns the present speeds: those of the sphere, then those of joints and motors that move
+    /// separately.
     pub(super) fn speeds(&self, state: &State) -> Vector {
         let mut speeds = [0.0; MAX_SPEEDS];
         speeds[..3].copy_from_slice(&state.omega.to_array());

@@ -166,7 +166,8 @@ impl Nonsmooth {
         })
     }
 
-    /// Returns the kinetic and potential energy, J. The energy of a hand's spring is not included.
+    /// Returns the kinetic and potential energy of the plant, J. The energy of a hand's spring is
+    /// not included.
     pub(super) fn energy(&self, state: &State) -> f64 {
         let mut energy = 0.5 * self.body.inertia * state.omega.length_squared();
         for (i, wheel) in self.body.device.wheels().iter().enumerate() {

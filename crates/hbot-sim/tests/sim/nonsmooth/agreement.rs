@@ -8,10 +8,11 @@ use super::scenes::{self, Scene, turned_apart};
 /// Steps of 1 ms and a quarter, a twentieth and a hundredth of it, s.
 const STEPS: [f64; 4] = [1.0e-3, 2.5e-4, 5.0e-5, 1.0e-5];
 
-/// Returns the result of the reference and its own error.
+/// Returns the end of the scene as computed by the reference, and an estimate of the reference's
+/// error, rad.
 ///
-/// The error is the sum of the changes by a regularisation ten times as sharp, a gear ten times as
-/// hard, and a tolerance ten times as tight.
+/// The estimate is the sum of the changes by a regularisation ten times as sharp, a gear ten times
+/// as hard, and a tolerance ten times as tight.
 fn reference(scene: &Scene) -> (End, f64) {
     let sharp = scene.sharpness;
     let best = scene.by_reference(sharp);

@@ -95,7 +95,8 @@ fn a_disc_out_of_centre_errs_by_a_sine_a_turn() {
     assert_eq!(counts(&mut with(Some(encoder), Kind::Incremental), 0.0, 0.0), [0; 4]);
 }
 
-/// The reported rate is that of the reported angle: it equals differences of counts.
+/// The reported rate has the error that follows from the reported angle: it equals the slope of the
+/// counts.
 #[test]
 fn the_rate_errs_with_the_angle() {
     let mut bad = with(Some(Encoder { turn_error: 0.1, ..EXACT }), Kind::Absolute);
