@@ -22,7 +22,8 @@ pub(super) fn weight_of(bytes: usize) -> u32 {
     u32::try_from(bytes.saturating_sub(FREE_BYTES) / BYTES_A_REQUEST).unwrap_or(u32::MAX / 2)
 }
 
-/// A token bucket that limits the rate of requests. It holds the tokens of a tenth of a second.
+/// A token bucket that limits the rate of requests. Its capacity is the number of tokens that it
+/// gains in a tenth of a second.
 pub(super) struct Bucket {
     per_s: f64,
     left: f64,

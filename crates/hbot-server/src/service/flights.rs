@@ -69,7 +69,7 @@ impl Flights {
         }
     }
 
-    /// Counts a log that has been written or has failed, and reports it in the program's log.
+    /// Counts a flight log that was written or failed, and reports it in the program's log.
     pub(super) fn written(&mut self, written: Written) {
         match written {
             Ok((flight, Ok(()))) => {

@@ -20,7 +20,7 @@ pub(super) struct Incidents {
     skipped: u64,
     /// Number of ticks that were skipped just before the last sample.
     skipped_before: u64,
-    /// Description of who stopped the rig last, for the message.
+    /// Description of the client that stopped the rig last, for the message about the stop.
     stopper: Option<String>,
 }
 

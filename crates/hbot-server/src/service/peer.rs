@@ -99,7 +99,7 @@ impl Peer {
         Some(Event::Dropped(DroppedEvent { count, total: self.dropped.total }))
     }
 
-    /// Records a refused stream message.
+    /// Records a refused stream message, for the next `refused` event.
     pub(super) fn refuse(&mut self, op: Option<OpName>, error: ErrorBody) {
         self.refused.add();
         self.last_refused = Some(Refused { op, error });
