@@ -24,7 +24,7 @@ use super::out::{note, say};
 use super::style;
 
 /// Time between two readings, s. It is long enough that one count is small relative to the motion,
-/// and short enough that the wheels hardly steer.
+/// and short enough that the steer angles hardly change.
 const APART_S: f64 = 0.02;
 /// Error of a zero that is as small as it can be made by hand, rad.
 const TRIFLE: f64 = 0.01;

@@ -35,8 +35,8 @@ fn short_frames_and_damaged_ones_are_counted_and_ride_through() {
     let (mut bench, fake) = one_line();
     for damage in [
         (|frame: &mut Vec<u8>| frame[7] ^= 0x10) as fn(&mut Vec<u8>),
-        // Bytes are lost in the middle, then at the end before the delimiter, then everything
-        // except the delimiters.
+        // Bytes are lost: in the middle, then before the delimiter, then all except the first byte
+        // and the delimiter.
         |frame| drop(frame.drain(4..9)),
         |frame| drop(frame.drain(frame.len() - 4..frame.len() - 1)),
         |frame| drop(frame.drain(1..frame.len() - 1)),
