@@ -33,8 +33,8 @@
 //!
 //! A program owns a [`Controller`] and calls it once per period with the inputs that have arrived.
 //! It then sends [`Outputs::drive`] to the motor controllers. In the repository, tests/no_std is a
-//! complete program without a standard library. examples/own_effect.rs shows a simulated rig with a
-//! control law of your own.
+//! complete program without a standard library. examples/own_effect.rs runs a new haptic law on a
+//! simulated rig.
 //!
 //! ```
 //! use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
