@@ -1,8 +1,9 @@
-//! The virtual motor controllers of one port: what the firmware at the far end of a serial line does.
+//! The simulated motor controllers of one port. They do what the firmware at the far end of a
+//! serial line does.
 //!
-//! They know time in nanoseconds as they are told it, the true joint angles and rates, and the messages of
-//! `hbot-link`; they know nothing of the sphere. Encoders are exact but for the floor to a count, and motors give what is
-//! asked of them, unless [`phenomena`] say otherwise.
+//! Their inputs are the time in nanoseconds, the true joint angles and rates, and the messages of
+//! `hbot-link`. They know nothing of the sphere. Unless [`phenomena`] change it, encoders are exact
+//! except for rounding down to a whole count, and motors give exactly the commanded torque.
 
 mod disc;
 mod joint;
@@ -21,55 +22,59 @@ use self::motors::Motors;
 use crate::phenomena;
 use crate::plant::JointTorques;
 
-/// What the motors' sensors read, degrees Celsius.
+/// Temperature that all motor sensors report, degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
 
 const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
 
-/// What its [`Description`] calls the firmware.
+/// Name and version of the firmware in its [`Description`].
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
-/// Trouble to make, or to end. Joints are counted from 0.
+/// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
-    /// Power lost and back: torque zero, undescribed, counts anew (an absolute encoder's stay), watchdog forgotten.
-    /// What [`Fault`]s are on stays on.
+    /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
+    /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
+    /// Other injected [`Fault`]s stay active.
     Reboot,
-    /// Whether commands still act but nothing is answered: the line back is cut.
+    /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
     Mute(bool),
-    /// Whether nothing is heard or answered: the line is cut both ways.
+    /// Switches loss of commands and answers on or off, as if the line were cut in both directions.
     Deaf(bool),
-    /// Whether the controller reports [`ControllerFlags::FAULT`] and gives no torque.
+    /// Switches a fault of the motor controller on or off. It then reports
+    /// [`ControllerFlags::FAULT`] and gives no torque.
     Failed(bool),
-    /// Whether a joint reports [`JointFlags::OVERTEMPERATURE`]; torque goes on.
+    /// Switches the report [`JointFlags::OVERTEMPERATURE`] of a joint on or off. Its torque stays
+    /// on.
     Hot {
-        /// Which joint.
+        /// Index of the joint.
         joint: usize,
-        /// Whether it is.
+        /// Whether the joint reports overtemperature.
         on: bool,
     },
-    /// How far the encoder of a joint has slipped, rad of the joint in its positive sense, from the truth.
+    /// Simulates an encoder that has slipped on its shaft, by a constant error of its angle.
     Slipped {
-        /// Which joint.
+        /// Index of the joint.
         joint: usize,
-        /// By how much, rad.
+        /// Encoder angle minus true angle, rad of the joint in its positive sense.
         angle: f64,
     },
 }
 
-/// The controllers of one port, for all joints.
+/// The simulated motor controllers of one port, with all joints.
 #[derive(Debug, Clone)]
 pub struct Controllers {
     joints: usize,
     axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
     motors: Option<Box<Motors>>,
-    /// Commanded and clamped, joint's sense, N m.
+    /// Commanded torques, limited to the peak, in each joint's own positive sense, N m.
     torque: JointTorques,
     enabled: bool,
     expired: bool,
     described: bool,
-    /// When the last valid command runs out, ns; none since power-up: `None`.
+    /// Time at which the watchdog expires unless a command arrives, ns. `None` if no valid command
+    /// came since power-up.
     deadline: Option<u64>,
     mute: bool,
     deaf: bool,
@@ -77,8 +82,11 @@ pub struct Controllers {
 }
 
 impl Controllers {
-    /// Controllers that have just powered up with all joints of `specs` (at most [`MAX_JOINTS`] are taken) at the angle
-    /// zero; `angles` is where they are, rad. `encoder` is what is wrong with their encoders.
+    /// Creates motor controllers that have just powered up.
+    ///
+    /// The counts start as if all joints stood at the angle zero; `angles` are the true angles,
+    /// rad. At most [`MAX_JOINTS`] of `specs` are used. `encoder` gives the errors of the encoders,
+    /// if any.
     #[must_use]
     pub fn new(
         specs: &[SimulatedJoint],
@@ -113,8 +121,10 @@ impl Controllers {
         }
     }
 
-    /// Has the errors of the encoders replaced, with the joints at `angles`, rad. Counts go on from where they are: a zero
-    /// once taken stays until one is taken again.
+    /// Replaces the errors of the encoders, with the joints at `angles`, rad.
+    ///
+    /// Counts continue from their present values, and a zero already taken is kept until it is
+    /// taken again.
     pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
         let new = encoder.map(Disc::all);
         for (j, axis) in self.axes.iter_mut().enumerate() {
@@ -123,8 +133,10 @@ impl Controllers {
         self.discs = new;
     }
 
-    /// Has the motors' figures replaced. Motors that were ideal are cold and give what they gave; others keep current and
-    /// heat.
+    /// Replaces the parameters of the motors; `None` makes them ideal.
+    ///
+    /// Motors that were ideal start cold with their present torque. Other motors keep their current
+    /// and heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
         self.motors = motor.map(|motor| match self.motors.take() {
             None => Box::new(Motors::new(motor, self.asked())),
@@ -135,14 +147,16 @@ impl Controllers {
         });
     }
 
-    /// The torques that act at the joints at this moment, in the joints' own sense, N m.
+    /// Returns the torques that act at the joints now, in each joint's own positive sense, N m.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
         self.motors.as_ref().map_or_else(|| self.asked(), |motors| &motors.acting)
     }
 
-    /// Moves the motors on by `h` seconds and returns the torques to hold for as long, N m: of motors with a lag, the mean.
-    /// `rates` gives the joints' rates at the start, rad/s, where they matter.
+    /// Advances the motors by `h` seconds and returns the torques to apply during that time, N m.
+    ///
+    /// For motors with a lag these are mean torques. `rates` returns the joint rates at the start,
+    /// rad/s; it is called only if the motors are not ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
         let asked = *self.asked();
         match &mut self.motors {
@@ -151,32 +165,36 @@ impl Controllers {
         }
     }
 
-    /// What is asked of the motors, N m.
+    /// Returns the torques that the motors should give, N m. They are zero while the motors are
+    /// off.
     fn asked(&self) -> &JointTorques {
         if self.gives_torque() { &self.torque } else { &NO_TORQUE }
     }
 
-    /// When the watchdog expires if nothing is heard before, ns; `None` where it has, or never was fed.
+    /// Returns the time at which the watchdog expires if no further command arrives, ns. `None` if
+    /// it has expired or no command ever came.
     #[must_use]
     pub fn deadline(&self) -> Option<u64> {
         self.deadline.filter(|_| !self.expired)
     }
 
-    /// Lets the watchdog see the time `now_ns`.
+    /// Expires the watchdog if its deadline is at or before `now_ns`.
     pub fn watch(&mut self, now_ns: u64) {
         if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
             self.expired = true;
         }
     }
 
-    /// Lets the encoders see the joint angles, rad, so that an index passed is not missed.
+    /// Updates the encoders with the joint angles, rad, so that they notice an index mark that is
+    /// passed.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         for (j, (axis, angle)) in self.axes[..self.joints].iter_mut().zip(angles).enumerate() {
             axis.sense(*angle, disc(&self.discs, j));
         }
     }
 
-    /// Answers [`hbot_link::ToController::Describe`].
+    /// Handles [`hbot_link::ToController::Describe`]. Returns the answer, or `None` if an injected
+    /// fault has cut the line.
     pub fn describe(&mut self) -> Option<Description> {
         if self.deaf {
             return None;
@@ -190,8 +208,11 @@ impl Controllers {
         })
     }
 
-    /// Takes a command in at `now_ns`, with the true joint angles (rad) and rates (rad/s) of that instant, and
-    /// answers it. A command that is not valid is not answered and changes nothing.
+    /// Handles a command at `now_ns` and returns the answer. `angles` (rad) and `rates` (rad/s) are
+    /// the joints' true values at that time.
+    ///
+    /// An invalid command changes nothing and is not answered: it has the wrong number of torques,
+    /// or one that is not finite.
     pub fn command(
         &mut self,
         now_ns: u64,
@@ -218,7 +239,8 @@ impl Controllers {
         (!self.mute).then(|| self.feedback(command.sequence, angles, rates))
     }
 
-    /// Makes trouble, or ends it, at the joint angles `angles`, rad. A joint that does not exist is ignored.
+    /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
+    /// joint that does not exist is ignored.
     pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
         match fault {
             Fault::Reboot => self.reboot(angles),
@@ -279,7 +301,7 @@ impl Controllers {
     }
 }
 
-/// The disc of a joint's encoder, where encoders have errors.
+/// Returns the encoder errors of joint `j`, if encoders have errors.
 fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
     discs.as_deref().map(|discs| &discs[j])
 }
