@@ -18,7 +18,25 @@ pub(crate) fn of<T: JsonSchema>() -> Value {
     if let Some(root) = schema.as_object_mut() {
         root.remove("title");
     }
+    unwrap_descriptions(&mut schema);
     schema
+}
+
+/// Replaces line breaks in all descriptions by spaces. Doc comments break lines for the editor;
+/// tool tips, tables and clients break them where they need to.
+fn unwrap_descriptions(schema: &mut Value) {
+    match schema {
+        Value::Object(map) => {
+            for (key, value) in map {
+                match value {
+                    Value::String(text) if key == "description" => *text = text.replace('\n', " "),
+                    _ => unwrap_descriptions(value),
+                }
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(unwrap_descriptions),
+        _ => {}
+    }
 }
 
 /// Returns the properties of an object's schema. Empty if there are none.

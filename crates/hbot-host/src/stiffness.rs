@@ -3,7 +3,7 @@
 
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
-use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
+use hbot_core::{MAX_JOINTS, MAX_WHEELS, Mat3, Vec3};
 use hbot_sim::plant::{Plant, State};
 
 /// Delay from a reading to the torque computed from it, ticks: the loop uses the reading that
@@ -37,7 +37,7 @@ impl Expected {
     pub fn of(config: &RigConfig) -> Option<Self> {
         let rig = &config.rig;
         let plant = Plant::new(&rig.device).ok()?;
-        let inertia = postures(&rig.device).map(|state| least(plant.apparent_inertia(&state)));
+        let inertia = postures(rig.device.wheels().len()).map(|state| least(plant.apparent_inertia(&state)));
         let posture = Posture::new(&rig.device, &State::default().steer[..rig.device.wheels().len()]);
         let turn = |j: usize| {
             let mut rates = [0.0; MAX_JOINTS];
@@ -83,17 +83,26 @@ impl Expected {
     }
 }
 
-/// Returns sample postures. The steer angle of wheel i, from 0, advances by sqrt(4 i + 5) turns
-/// from one sample to the next.
-fn postures(device: &Device) -> impl Iterator<Item = State> {
-    let wheels = device.wheels().len();
+/// Square roots of the first primes, one for each wheel: no two of them and 1 have a common measure,
+/// so the wheels never advance together.
+const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
+    1.414_213_562_373_095_1,
+    1.732_050_807_568_877_2,
+    2.236_067_977_499_79,
+    2.645_751_311_064_590_7,
+    3.316_624_790_355_4,
+    3.605_551_275_463_989,
+    4.123_105_625_617_661,
+    4.358_898_943_540_674,
+];
+
+/// Returns sample postures, which fill the space of steer angles evenly. The steer angle of wheel i
+/// advances by `TURNS_PER_SAMPLE[i]` from one sample to the next.
+fn postures(wheels: usize) -> impl Iterator<Item = State> {
     (0..SAMPLES).map(move |k| {
         let mut state = State::default();
-        for (i, th) in state.steer[..wheels].iter_mut().enumerate() {
-            // The steps are irrational, so that no two wheels advance together. Exceptions are
-            // wheels 1 and 5: their steps are 3 and 5 turns, so their angles stay at zero.
-            let ratio = ((4 * i + 5) as f64).sqrt();
-            *th = (k as f64 * ratio).fract() * core::f64::consts::TAU;
+        for (th, turns) in state.steer[..wheels].iter_mut().zip(TURNS_PER_SAMPLE) {
+            *th = (k as f64 * turns).fract() * core::f64::consts::TAU;
         }
         state
     })
@@ -146,6 +155,28 @@ mod tests {
         // of the motion decays too slowly to wait for.
         let border = expected.stable(0.01);
         assert!(rests(0.9 * border, 0.01) && !rests(1.1 * border, 0.01));
+    }
+
+    /// Wheels that stood still, or that turned together, would hide postures with less inertia.
+    #[test]
+    fn the_sample_postures_turn_every_wheel_and_no_two_together() {
+        let samples: Vec<State> = postures(MAX_WHEELS).collect();
+        // Even spacing is 2 pi / 256 = 0.025 rad. The widest gap of an irrational step is up to
+        // about seven times that. A wheel that stands still leaves a gap of a whole turn.
+        let fills = |angles: &mut Vec<f64>| {
+            angles.sort_by(f64::total_cmp);
+            let wrap = angles[0] + core::f64::consts::TAU - angles[angles.len() - 1];
+            let widest = angles.windows(2).fold(wrap, |most, pair| most.max(pair[1] - pair[0]));
+            assert!(widest < 0.2, "a gap of {widest} rad");
+        };
+        for i in 0..MAX_WHEELS {
+            fills(&mut samples.iter().map(|state| state.steer[i]).collect());
+            for j in 0..i {
+                let apart =
+                    |state: &State| (state.steer[i] - state.steer[j]).rem_euclid(core::f64::consts::TAU);
+                fills(&mut samples.iter().map(apart).collect());
+            }
+        }
     }
 
     #[test]

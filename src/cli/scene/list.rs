@@ -21,7 +21,7 @@ pub(super) fn run(as_json: bool) -> anyhow::Result<()> {
 }
 
 fn describe(listed: &Listed) -> anyhow::Result<()> {
-    say!("{}{}{}  {}", style::GOOD, listed.name, style::OFF, listed.description.replace('\n', " "))?;
+    say!("{}{}{}  {}", style::GOOD, listed.name, style::OFF, listed.description)?;
     for parameter in listed.parameters() {
         say!(
             "  {}{:14}{} {}; default {}",

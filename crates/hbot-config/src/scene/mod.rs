@@ -98,7 +98,7 @@ impl Listed {
         let properties = crate::schema::properties(&self.schema);
         let words = properties.iter().map(|(name, schema)| Parameter {
             name: name.clone(),
-            description: schema["description"].as_str().unwrap_or_default().replace('\n', " "),
+            description: schema["description"].as_str().unwrap_or_default().to_owned(),
             legal: crate::legal::legal_with_elements(schema),
             default: crate::legal::short(&schema["default"]),
         });

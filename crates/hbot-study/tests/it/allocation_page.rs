@@ -38,7 +38,7 @@ impl Example {
         allocate_clipped(self.posture.rows(), &self.limits, wanted)
     }
 
-    /// The border of a region in the plane of n1 and n3: for each direction the largest torque, N m.
+    /// The border of a region in the plane of n1 and n3: the largest torque in each direction, N m.
     fn border(&self, largest: impl Fn(Vec3) -> f64) -> Vec<(f64, f64)> {
         (0..=360)
             .map(|degree| {
