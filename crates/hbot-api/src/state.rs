@@ -115,7 +115,8 @@ pub struct StateTiming {
 }
 
 names! {
-    /// What the rig does.
+    /// What the rig does, as clients read it. `Mode` of hbot-core is the loop's; this crate depends on no other
+    /// crate of hbot, so clients link nothing else. `convert.rs` of hbot-server maps the loop's modes to these.
     pub enum Mode {
         /// The zero of the steering is not known; no torque.
         Unreferenced = "unreferenced",

@@ -12,19 +12,19 @@ use std::fmt;
 pub(crate) struct Untyped {
     pub(crate) value: Value,
     /// What is wrong with it, where it could be read to its end all the same: then its id is known for the answer.
-    pub(crate) problem: Option<Problem>,
+    pub(crate) problem: Option<IllegalValue>,
 }
 
 /// A value that a message must not hold.
 #[derive(Debug)]
-pub(crate) struct Problem {
+pub(crate) struct IllegalValue {
     what: &'static str,
     legal: &'static str,
     /// Where, as in `joints[2].angle`; made from the inside out.
     path: String,
 }
 
-impl fmt::Display for Problem {
+impl fmt::Display for IllegalValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, legal, path } = self;
         write!(f, "field {:?} {what}; legal: {legal}", crate::request::Excerpt(path))
@@ -52,7 +52,11 @@ pub(crate) struct Few<'a> {
 
 /// The same of a message that is a map of few fields with text for `op`, as nearly all requests are: without a table to find them in, which
 /// would cost more than to look at each. `None` where it is something else or cannot be read.
-pub(crate) fn read_few(encoding: Encoding, bytes: &[u8], depth: usize) -> Option<(Few<'_>, Option<Problem>)> {
+pub(crate) fn read_few(
+    encoding: Encoding,
+    bytes: &[u8],
+    depth: usize,
+) -> Option<(Few<'_>, Option<IllegalValue>)> {
     let mut problem = None;
     let few = decode(encoding, bytes, FewBuilder(Builder { problem: &mut problem, depth })).ok()?;
     Some((few, problem))
@@ -84,7 +88,7 @@ fn decode<'de, S: DeserializeSeed<'de>>(
 
 /// Builds a value and notes the first problem in it.
 struct Builder<'a> {
-    problem: &'a mut Option<Problem>,
+    problem: &'a mut Option<IllegalValue>,
     /// How many levels more may be opened.
     depth: usize,
 }
@@ -100,7 +104,7 @@ impl Builder<'_> {
 
     fn given_twice(&mut self) {
         let (what, legal) = ("is given twice", "once");
-        self.problem.get_or_insert(Problem { what, legal, path: String::new() });
+        self.problem.get_or_insert(IllegalValue { what, legal, path: String::new() });
     }
 
     /// Puts one level before the path of a problem that came up below it.
@@ -144,7 +148,7 @@ impl<'de> Visitor<'de> for Builder<'_> {
             || {
                 let what = if value.is_nan() { "is NaN" } else { "is infinite" };
                 let legal = "a finite number";
-                self.problem.get_or_insert(Problem { what, legal, path: String::new() });
+                self.problem.get_or_insert(IllegalValue { what, legal, path: String::new() });
                 Value::Null
             },
             Value::Number,

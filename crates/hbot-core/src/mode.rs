@@ -71,7 +71,7 @@ impl Cause {
 
 /// The mode with its cause and the factor on torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Machine {
+pub(crate) struct ModeMachine {
     pub(crate) mode: Mode,
     pub(crate) cause: Option<Cause>,
     /// 0 to 1: soft start and disable ramp.
@@ -91,7 +91,7 @@ pub enum Obstacle {
     Unreferenced,
 }
 
-impl Machine {
+impl ModeMachine {
     pub(crate) const START: Self = Self { mode: Mode::Unreferenced, cause: None, gain: 0.0, present: None };
 
     /// Whether motors may push.

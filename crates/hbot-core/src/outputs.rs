@@ -109,14 +109,14 @@ pub struct State {
     /// The damping that the passivity controller adds in this tick, N m s/rad; 0 where the rig has none.
     pub damping: Real,
     /// The last stream message that was taken.
-    pub client: Option<Client>,
+    pub client: Option<TakenStream>,
     /// Whether this tick took new feedback.
     pub fresh: bool,
 }
 
 /// The last stream message that was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Client {
+pub struct TakenStream {
     /// The client's own number for it.
     pub seq: Option<u64>,
     /// Ticks since the sample that it was computed from, where it names one, or else since it was taken.

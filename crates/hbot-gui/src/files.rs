@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use hbot_config::SceneFile;
 use serde_json::Value;
 
-use crate::model::Sample;
+use crate::model::PlotSample;
 
 /// The scene files of a folder, in the order of their names; none where it cannot be read.
 pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
@@ -35,7 +35,7 @@ pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
 }
 
 /// Writes samples as CSV into `folder`, and says where.
-pub(crate) fn export(folder: &Path, samples: &[Sample]) -> anyhow::Result<PathBuf> {
+pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<PathBuf> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
     let path = folder.join(format!("hbot-{now}.csv"));
     let write = || -> anyhow::Result<()> {
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn every_sample_is_a_line_of_as_many_figures_as_there_are_columns() {
         let folder = tempfile::tempdir().expect("a folder");
-        let samples = [Sample::of(&StateEvent::default()); 3];
+        let samples = [PlotSample::of(&StateEvent::default()); 3];
         let path = export(folder.path(), &samples).expect("written");
         let text = std::fs::read_to_string(path).expect("a file");
         assert_eq!(text.lines().count(), 4);

@@ -12,7 +12,7 @@ use hbot_core::{CompiledScene, Controller};
 use crate::bridge::LoopEnd;
 use crate::clock::now_ns;
 use crate::motors::Motors;
-use crate::sample::{Answer, Counters, Sample, Timing};
+use crate::sample::{Answer, Counters, Sample, TickTiming};
 
 /// Commands whose send time is remembered to tell the age of a reading; an older one has no age.
 const SENT: usize = 1024;
@@ -45,7 +45,7 @@ pub type Recorder = Box<dyn FnMut(&CompiledScene, &Inputs, &hbot_core::Outputs) 
 
 /// When a tick runs.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment {
+pub struct TickTime {
     /// The number of the tick.
     pub tick: u64,
     /// Nominal time since the start, ns.
@@ -102,7 +102,7 @@ impl Engine {
     }
 
     /// One tick.
-    pub fn tick(&mut self, moment: &Moment) {
+    pub fn tick(&mut self, moment: &TickTime) {
         let started = now_ns();
         self.now_ns = moment.t_ns;
         let news = self.motors.receive(moment.t_ns, moment.tick as u32);
@@ -146,7 +146,7 @@ impl Engine {
             state: outputs.state,
             t_ns: moment.t_ns,
             scene: self.scene.revision(),
-            timing: Timing {
+            timing: TickTiming {
                 awake_ns: moment.awake_ns,
                 lateness_ns: moment.lateness_ns,
                 compute_ns: computed - computing,

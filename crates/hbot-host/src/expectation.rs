@@ -12,10 +12,10 @@ use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
-use hbot_sim::motion::{LEAD, MOTIONS, Motion};
+use hbot_sim::motion::{LEAD, MOTIONS, TrueMotion};
 
 /// The motion that errors are told of: brisk, ever on.
-const MOTION: Motion = MOTIONS[1];
+const MOTION: TrueMotion = MOTIONS[1];
 /// How long it is followed, ns.
 const TIME_NS: u64 = 10_000_000_000;
 /// Ticks that a start may take.

@@ -10,14 +10,14 @@ use hbot_core::MAX_JOINTS;
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// For each joint, in the order steer, drive of each wheel.
-    pub places: Vec<Place>,
+    pub places: Vec<JointPlace>,
     /// What is added to the count of each joint, so that zero is where the rig has it.
     pub offsets: [i32; MAX_JOINTS],
 }
 
 /// Where a joint stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
+pub struct JointPlace {
     /// The bus that carries it, from 0.
     pub bus: usize,
     /// Its place on that bus, from 0.
@@ -38,14 +38,15 @@ impl Layout {
             // The simulated controllers stand on one bus in the order of the joints.
             return Self { offsets, ..Self::single(0..rig.controllers.len()) };
         }
-        let places = rig.ports.iter().zip(&rig.controllers).map(|(bus, at)| Place { bus: *bus, at: *at });
+        let places =
+            rig.ports.iter().zip(&rig.controllers).map(|(bus, at)| JointPlace { bus: *bus, at: *at });
         Self { places: places.collect(), offsets }
     }
 
     /// All joints on one bus: `places` in the order steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>) -> Self {
-        let places = places.into_iter().map(|at| Place { bus: 0, at }).collect();
+        let places = places.into_iter().map(|at| JointPlace { bus: 0, at }).collect();
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 

@@ -13,7 +13,7 @@ pub struct Sample {
     /// The revision of the scene that was rendered.
     pub scene: u64,
     /// How long things took.
-    pub timing: Timing,
+    pub timing: TickTiming,
     /// What has happened since the start.
     pub counters: Counters,
     /// Answers to orders that this tick took.
@@ -31,7 +31,7 @@ pub struct Answer {
 
 /// How long things took in one tick, ns.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Timing {
+pub struct TickTiming {
     /// Awake before the deadline, waiting for it; 0 in virtual time.
     pub awake_ns: u64,
     /// From the deadline to the start of the tick; 0 in virtual time.

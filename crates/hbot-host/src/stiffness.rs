@@ -4,7 +4,7 @@
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
-use hbot_sim::plant::{Plant, State};
+use hbot_sim::plant::{Plant, PlantState};
 
 /// From a reading to its torque, ticks: the loop takes what arrived in the last tick.
 pub const DELAY_TICKS: f64 = 1.0;
@@ -17,7 +17,7 @@ const SAMPLES: usize = 256;
 
 /// What a spring's stiffness is bounded by, without any help from friction or hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Expected {
+pub struct StiffnessBound {
     /// The loop's period, s.
     pub period: f64,
     /// The least apparent inertia about any axis over the steering angles, kg m².
@@ -26,14 +26,14 @@ pub struct Expected {
     pub count: f64,
 }
 
-impl Expected {
+impl StiffnessBound {
     /// Of the rig and loop of `config`. None where its inertias contradict each other.
     #[must_use]
     pub fn of(config: &RigConfig) -> Option<Self> {
         let rig = &config.rig;
         let plant = Plant::new(&rig.device).ok()?;
         let inertia = postures(&rig.device).map(|state| least(plant.apparent_inertia(&state)));
-        let posture = Posture::new(&rig.device, &State::default().steer[..rig.device.wheels().len()]);
+        let posture = Posture::new(&rig.device, &PlantState::default().steer[..rig.device.wheels().len()]);
         let turn = |j: usize| {
             let mut rates = [0.0; MAX_JOINTS];
             rates[j] = rig.joints[j].radians_per_count().abs();
@@ -72,10 +72,10 @@ impl Expected {
 }
 
 /// Steering angles of the wheels, spread evenly: each by a part of the golden ratio's.
-fn postures(device: &Device) -> impl Iterator<Item = State> {
+fn postures(device: &Device) -> impl Iterator<Item = PlantState> {
     let wheels = device.wheels().len();
     (0..SAMPLES).map(move |k| {
-        let mut state = State::default();
+        let mut state = PlantState::default();
         for (i, th) in state.steer[..wheels].iter_mut().enumerate() {
             // Quadratic irrationals of different fields: no two wheels go in step.
             let ratio = ((4 * i + 5) as f64).sqrt();
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn no_damping_carries_more_than_the_most() {
-        let [most, damping] = Expected { period: 1.0, inertia: 1.0, count: 1.0 }.most();
+        let [most, damping] = StiffnessBound { period: 1.0, inertia: 1.0, count: 1.0 }.most();
         assert!(rests(0.99 * most, damping));
         // Every damping up to where it swings up by itself.
         for k in 0..=100 {
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn little_damping_carries_what_the_linear_border_says() {
-        let expected = Expected { period: 1.0, inertia: 1.0, count: 1.0 };
+        let expected = StiffnessBound { period: 1.0, inertia: 1.0, count: 1.0 };
         // The next order is (5/3) d/(3/2): 1 % at a damping of 0.01, and the last tenth of it dies too slowly to wait for.
         let border = expected.stable(0.01);
         assert!(rests(0.9 * border, 0.01) && !rests(1.1 * border, 0.01));
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn the_prototype_is_as_the_notes_have_it() {
         let config = RigConfig::prototype();
-        let expected = Expected::of(&config).expect("the prototype is a plant");
+        let expected = StiffnessBound::of(&config).expect("the prototype is a plant");
         // Physics notes, section 6: lambda_min of the apparent inertia is 3.4e-3.
         assert!((expected.inertia - 3.4e-3).abs() < 0.05e-3, "{}", expected.inertia);
         // The bare sphere has 3.239e-3, which wheels only add to.

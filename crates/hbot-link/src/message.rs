@@ -27,7 +27,8 @@ pub enum FromController {
     Feedback(Feedback),
 }
 
-/// The torques of one tick, for all joints of the port.
+/// The torques of one tick, for all joints of the port. The name is that of docs/link.md; `Command` of hbot-core is
+/// what a person or a client asks of the loop, and never leaves the PC.
 ///
 /// # Valid commands
 ///
@@ -86,7 +87,8 @@ pub struct Feedback {
     pub joints: heapless::Vec<JointReading, MAX_JOINTS>,
 }
 
-/// What one joint reads.
+/// What one joint reads, as it stands on the line. The name is that of docs/link.md; `JointReading` of hbot-host is
+/// what a driver of any protocol makes of its own frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointReading {
     /// Position at the encoder, before the gear, in counts. Wraps from [`i32::MAX`] to [`i32::MIN`] and back:

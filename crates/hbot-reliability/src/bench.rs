@@ -69,7 +69,7 @@ pub(crate) fn hbot() -> Outcome<Command> {
 }
 
 /// A server, its states watched.
-pub(crate) struct Bench {
+pub(crate) struct WatchedServer {
     pub(crate) server: Other,
     pub(crate) address: String,
     pub(crate) watcher: Client,
@@ -79,7 +79,7 @@ pub(crate) struct Bench {
     _out: BufReader<ChildStdout>,
 }
 
-impl Bench {
+impl WatchedServer {
     /// A server on `port`, with nothing to render but a client's torque, active.
     pub(crate) fn start(port: &str, simulate: Value) -> Outcome<Self> {
         let state = tempfile::tempdir()?;

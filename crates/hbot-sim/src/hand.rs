@@ -28,7 +28,7 @@ pub struct Grip {
 
 /// Where the hand would have the sphere at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Target {
+pub struct HandTarget {
     /// Orientation, sphere axes to N, unit.
     pub q: Quat,
     /// Angular velocity in N, rad/s: exactly the rate of change of `q`.
@@ -56,10 +56,10 @@ impl Grip {
 
     /// Where the hand would have the sphere at the time `t`, s; before it took hold, where it did.
     #[must_use]
-    pub fn target(&self, t: f64) -> Target {
+    pub fn target(&self, t: f64) -> HandTarget {
         let age = t - self.since;
         if !(age > 0.0) {
-            return Target { q: self.start, omega: Vec3::ZERO };
+            return HandTarget { q: self.start, omega: Vec3::ZERO };
         }
         // Rises from 0 to 1 with no jump in rate or acceleration at either end.
         let (fade, fade_rate) = if age < FADE_S {
@@ -79,22 +79,22 @@ impl Grip {
         let (g, g_rate) = (Vec3::from_array(p) * 0.5, Vec3::from_array(p_rate) * 0.5);
         let size = 1.0 + g.length_squared();
         let turn = rotation::from_parts(1.0, g) * (1.0 / libm::sqrt(size));
-        Target { q: turn * self.start, omega: (g_rate + g.cross(g_rate)) * (2.0 / size) }
+        HandTarget { q: turn * self.start, omega: (g_rate + g.cross(g_rate)) * (2.0 / size) }
     }
 }
 
 impl Load for Grip {
-    type Instant = Target;
+    type Instant = HandTarget;
 
     #[inline]
-    fn at(&self, t: f64) -> Target {
+    fn at(&self, t: f64) -> HandTarget {
         self.target(t)
     }
 
     /// The quaternion spring of the physics notes, section 6, for an isotropic stiffness, and its
     /// damper. The torque is K sin(angle): it gives way beyond a quarter turn, as a grip does.
     #[inline]
-    fn torque(&self, target: &Target, q: Quat, omega: Vec3) -> Vec3 {
+    fn torque(&self, target: &HandTarget, q: Quat, omega: Vec3) -> Vec3 {
         let error = target.q * q.conjugate();
         rotation::vector_part(error) * (2.0 * self.hand.stiffness * error.w)
             - (omega - target.omega) * self.hand.damping

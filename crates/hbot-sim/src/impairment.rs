@@ -21,7 +21,7 @@ pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
 /// What became of the frames of one direction since the line was impaired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Traffic {
+pub struct FrameCounts {
     /// Frames sent.
     pub sent: u64,
     /// Of those, lost.
@@ -96,7 +96,7 @@ pub(crate) struct Lane {
     /// On their way, the oldest first.
     frames: VecDeque<Frame>,
     bytes: VecDeque<u8>,
-    pub(crate) traffic: Traffic,
+    pub(crate) traffic: FrameCounts,
 }
 
 impl Lane {
@@ -110,7 +110,7 @@ impl Lane {
             length: 0,
             frames: VecDeque::with_capacity(FRAMES),
             bytes: VecDeque::with_capacity(BYTES),
-            traffic: Traffic::default(),
+            traffic: FrameCounts::default(),
         }
     }
 

@@ -18,7 +18,7 @@ const SIZE: usize = 4 + JOINTS;
 
 /// How a sphere is turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct TrueMotion {
     /// As ids have it.
     pub name: &'static str,
     /// How fast it turns on average, rad/s.
@@ -30,9 +30,9 @@ pub struct Motion {
 }
 
 /// Gentle, brisk and violent, each ever on and back and forth.
-pub const MOTIONS: [Motion; 6] = {
-    const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> Motion {
-        Motion { name, speed, hertz, reversing }
+pub const MOTIONS: [TrueMotion; 6] = {
+    const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> TrueMotion {
+        TrueMotion { name, speed, hertz, reversing }
     }
     [
         motion("gentle", 0.5, 0.5, false),
@@ -49,7 +49,7 @@ const AXIS: Vec3 = Vec3::new(0.5, 0.8, 0.331_662_479);
 /// Frequencies about the three axes relative to the motion's: no common period.
 const RATIOS: [f64; 3] = [1.0, core::f64::consts::SQRT_2, 1.618_033_988_749_895];
 
-impl Motion {
+impl TrueMotion {
     /// The angular velocity in N at the time `t` (s), rad/s.
     #[must_use]
     pub fn omega(&self, t: f64) -> Vec3 {
@@ -65,7 +65,7 @@ impl Motion {
 
 /// A moment of a true motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct MotionSample {
     /// Orientation as w, x, y, z.
     pub q: [f64; 4],
     /// Angles of the joints in the order steer, drive of each wheel, rad.
@@ -78,14 +78,14 @@ const BEFORE: f64 = 1.0;
 /// Readings that the longest path goes through before the first interval that it is followed over.
 pub const LEAD: usize = 3;
 
-impl Motion {
+impl TrueMotion {
     /// `count` moments, `hz` a second; the `lead`th is at the time 0 and has the identity for its orientation. To rounding.
     #[must_use]
-    pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<Moment> {
+    pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<MotionSample> {
         let h = 1.0 / f64::from(hz);
         let states: Vec<[f64; SIZE]> = self.course(device, -(lead as f64) * h, h).take(count).collect();
         let zero = orientation(&states[lead]).conjugate();
-        let moment = |y: &[f64; SIZE]| Moment {
+        let moment = |y: &[f64; SIZE]| MotionSample {
             q: rotation::to_wxyz(orientation(y) * zero),
             joints: core::array::from_fn(|i| y[4 + i]),
         };
@@ -93,7 +93,7 @@ impl Motion {
     }
 }
 
-impl Motion {
+impl TrueMotion {
     /// q (w, x, y, z) and the joints of `device`, N - 4 of them, from the time `start` on every `h` seconds, for ever. To rounding.
     pub fn course<const N: usize>(
         self,

@@ -17,8 +17,8 @@
 //! Verification and research know nothing of each other. Plots are drawn by `hbot-plot`; true motions come from
 //! `hbot_sim::motion`. Every study is deterministic but for its times.
 
+mod computer;
 mod context;
-mod machine;
 mod names;
 mod report;
 mod research;
@@ -69,7 +69,7 @@ impl Study {
 
 /// How a study is run.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct StudyOptions {
     /// The folder that it writes to; made where it is not there. `None`: `target/study/NAME`.
     pub out: Option<PathBuf>,
     /// About 30 s (`paper` and `design`: up to a minute), with fewer samples, instead of up to 5 minutes.
@@ -105,7 +105,11 @@ impl From<Interrupted> for StudyError {
 /// # Errors
 /// Where `interrupt` was raised on the way, or the folder cannot be written. Checks that do not hold are no error: see
 /// [`Report::holds`].
-pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Report, PathBuf), StudyError> {
+pub fn run(
+    study: Study,
+    options: &StudyOptions,
+    interrupt: &Interrupt,
+) -> Result<(Report, PathBuf), StudyError> {
     let started = Instant::now();
     let mut report = measure(study, options, interrupt)?;
     report.seconds = started.elapsed().as_secs_f64();
@@ -118,7 +122,7 @@ pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Re
 ///
 /// # Errors
 /// Where `interrupt` was raised on the way.
-pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result<Report, StudyError> {
+pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> Result<Report, StudyError> {
     let context = Context::new(study.name(), options.quick, interrupt);
     let report = match study {
         Study::Accuracy => accuracy::study(&context),

@@ -11,7 +11,7 @@ use crate::rotation::{self, from_parts, vector_part};
 
 /// How a track's reference moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Path {
+pub enum TrackPath {
     /// Amplitude times a sine about an axis, its frequency going from one to the other in a time.
     Swing {
         /// In N, unit.
@@ -42,7 +42,7 @@ pub struct Track {
     /// What the path starts from.
     pub target: Target,
     /// How it goes on.
-    pub path: Path,
+    pub path: TrackPath,
     /// N m/rad.
     pub stiffness: Real,
     /// N m s/rad.
@@ -53,7 +53,7 @@ pub struct Track {
 
 /// Where a track stands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Place {
+pub(crate) struct TrackPlace {
     /// Since the start, or since the path began again, s.
     time: Real,
     /// Of the sine, 0 to 1.
@@ -69,10 +69,10 @@ fn orientation(point: &[Real]) -> Quat {
     from_parts(point[1], Vec3::new(point[2], point[3], point[4]))
 }
 
-impl Path {
+impl TrackPath {
     /// The turn at a place, and its rate, both in N.
     #[inline]
-    fn at(&self, place: &Place, figures: &[Real]) -> (Quat, Vec3) {
+    fn at(&self, place: &TrackPlace, figures: &[Real]) -> (Quat, Vec3) {
         match *self {
             Self::Swing { axis, amplitude, .. } => {
                 let (sine, cosine) = sincos(TURN * place.phase);
@@ -97,7 +97,7 @@ impl Path {
     }
 
     #[inline]
-    fn advance(&self, place: &mut Place, figures: &[Real], dt: Real) {
+    fn advance(&self, place: &mut TrackPlace, figures: &[Real], dt: Real) {
         match *self {
             Self::Swing { sweep, repeat, .. } => {
                 let before = self.frequency(place.time);
@@ -155,10 +155,10 @@ fn along(figures: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
 }
 
 impl Law for Track {
-    type Memory = Place;
+    type Memory = TrackPlace;
 
     #[inline]
-    fn render(&self, now: &mut Now<'_>, place: &mut Place) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, place: &mut TrackPlace) -> Vec3 {
         let (turn, rate) = self.path.at(place, now.figures);
         let desired = turn * now.reference.q;
         let mut x = rotation::shortest(now.motion.q * desired.conjugate());
@@ -180,7 +180,7 @@ impl Law for Track {
     }
 
     fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
-        let (start, _) = self.path.at(&Place::default(), figures);
+        let (start, _) = self.path.at(&TrackPlace::default(), figures);
         Some(rotation::angle_between(start * desired, q))
     }
 }

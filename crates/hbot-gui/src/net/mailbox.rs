@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use hbot_api::StateEvent;
 
 use super::{Intent, News, Wake};
-use crate::model::sample::Sample;
+use crate::model::sample::PlotSample;
 
 /// Samples that wait for the window: seconds of them at 1 kHz.
 const MAX_SAMPLES: usize = 8192;
@@ -21,7 +21,7 @@ const WAKE_EVERY: Duration = Duration::from_micros(16_000);
 /// What has come since the window looked last.
 #[derive(Default)]
 pub(crate) struct Delivery {
-    pub(crate) samples: VecDeque<Sample>,
+    pub(crate) samples: VecDeque<PlotSample>,
     /// All of the newest sample.
     pub(crate) state: Option<StateEvent>,
     pub(crate) news: VecDeque<News>,
@@ -72,7 +72,7 @@ impl Mailbox {
                 delivery.samples.pop_front();
                 delivery.lost += 1;
             }
-            delivery.samples.push_back(Sample::of(&state));
+            delivery.samples.push_back(PlotSample::of(&state));
             delivery.state = Some(state);
             let due = woken.elapsed() >= WAKE_EVERY;
             if due {

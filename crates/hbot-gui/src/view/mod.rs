@@ -21,7 +21,7 @@ use eframe::egui::{
     self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, RichText, ScrollArea, Ui, vec2,
 };
 
-use crate::model::{Link, Model, Sample, Weight};
+use crate::model::{Link, Model, PlotSample, Weight};
 use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
@@ -35,7 +35,7 @@ pub(crate) enum Act {
     LoadFile(PathBuf),
     SaveScene(PathBuf),
     /// These samples, as a CSV file.
-    Export(Vec<Sample>),
+    Export(Vec<PlotSample>),
 }
 
 /// What is open on the right.

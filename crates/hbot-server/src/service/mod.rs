@@ -66,7 +66,7 @@ use hbot_host::sample::Sample;
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
 
 /// What the service needs to know.
-pub struct Setup {
+pub struct ServiceSetup {
     /// The rig that the loop drives.
     pub rig: RigConfig,
     /// The scene that the loop already runs.
@@ -158,7 +158,7 @@ impl Default for Bounds {
 pub async fn serve(
     listener: TcpListener,
     end: ServiceEnd,
-    setup: Setup,
+    setup: ServiceSetup,
     control: mpsc::Receiver<Control>,
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,
@@ -171,7 +171,7 @@ async fn serve_within(
     bounds: Bounds,
     listener: TcpListener,
     end: ServiceEnd,
-    setup: Setup,
+    setup: ServiceSetup,
     control: mpsc::Receiver<Control>,
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,

@@ -9,11 +9,11 @@ use super::disc::Disc;
 
 /// What the zero of a joint's counts is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
+pub enum EncoderKind {
     /// Where the joint stood when the controller powered up; at the start of the simulation the angle zero.
     #[default]
     Incremental,
-    /// As [`Encoder::Incremental`] until the joint passes a whole turn; from then on that mark, and
+    /// As [`EncoderKind::Incremental`] until the joint passes a whole turn; from then on that mark, and
     /// [`JointFlags::INDEX_SEEN`] is set.
     Indexed,
     /// The angle zero, always.
@@ -35,7 +35,7 @@ pub struct SimulatedJoint {
     /// ([`Motor`](crate::phenomena::Motor)).
     pub continuous: f64,
     /// What the zero of its counts is.
-    pub encoder: Encoder,
+    pub encoder: EncoderKind,
 }
 
 impl From<&Joint> for SimulatedJoint {
@@ -47,9 +47,9 @@ impl From<&Joint> for SimulatedJoint {
             peak: joint.peak,
             continuous: joint.continuous,
             encoder: match joint.zero {
-                Zero::Absolute => Encoder::Absolute,
-                Zero::Index => Encoder::Indexed,
-                Zero::Assume | Zero::Calibrate => Encoder::Incremental,
+                Zero::Absolute => EncoderKind::Absolute,
+                Zero::Index => EncoderKind::Indexed,
+                Zero::Assume | Zero::Calibrate => EncoderKind::Incremental,
             },
         }
     }
@@ -84,7 +84,7 @@ impl Axis {
             flags: JointFlags::empty(),
         };
         axis.power_up(0.0, disc);
-        axis.turn = (joint.encoder == Encoder::Indexed).then(|| turn_of(angle));
+        axis.turn = (joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
         axis
     }
 
@@ -92,14 +92,14 @@ impl Axis {
     pub(super) fn reboot(&mut self, angle: f64, disc: Option<&Disc>) {
         self.flags.set(JointFlags::INDEX_SEEN | JointFlags::OVERCURRENT, false);
         self.power_up(angle, disc);
-        self.turn = (self.joint.encoder == Encoder::Indexed).then(|| turn_of(angle));
+        self.turn = (self.joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
     }
 
     fn power_up(&mut self, angle: f64, disc: Option<&Disc>) {
         self.origin = match self.joint.encoder {
             // The zero of an absolute encoder is where it was mounted, and its error is that of the mounting.
-            Encoder::Absolute => disc.map_or(0.0, |disc| disc.zero_off),
-            Encoder::Incremental | Encoder::Indexed => self.marked(angle, disc),
+            EncoderKind::Absolute => disc.map_or(0.0, |disc| disc.zero_off),
+            EncoderKind::Incremental | EncoderKind::Indexed => self.marked(angle, disc),
         };
     }
 

@@ -16,7 +16,7 @@ use hbot_link::{
 
 use self::disc::Disc;
 use self::joint::Axis;
-pub use self::joint::{Encoder, SimulatedJoint};
+pub use self::joint::{EncoderKind, SimulatedJoint};
 use self::motors::Motors;
 use crate::phenomena;
 use crate::plant::JointTorques;
@@ -31,9 +31,9 @@ pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
 /// Trouble to make, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
+pub enum InjectedFault {
     /// Power lost and back: torque zero, undescribed, counts anew (an absolute encoder's stay), watchdog forgotten.
-    /// What [`Fault`]s are on stays on.
+    /// What [`InjectedFault`]s are on stays on.
     Reboot,
     /// Whether commands still act but nothing is answered: the line back is cut.
     Mute(bool),
@@ -59,7 +59,7 @@ pub enum Fault {
 
 /// The controllers of one port, for all joints.
 #[derive(Debug, Clone)]
-pub struct Controllers {
+pub struct SimulatedControllers {
     joints: usize,
     axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
@@ -76,7 +76,7 @@ pub struct Controllers {
     failed: bool,
 }
 
-impl Controllers {
+impl SimulatedControllers {
     /// Controllers that have just powered up with all joints of `specs` (at most [`MAX_JOINTS`] are taken) at the angle
     /// zero; `angles` is where they are, rad. `encoder` is what is wrong with their encoders.
     #[must_use]
@@ -91,7 +91,7 @@ impl Controllers {
             reversed: false,
             peak: 0.0,
             continuous: 0.0,
-            encoder: Encoder::Incremental,
+            encoder: EncoderKind::Incremental,
         };
         let discs = encoder.map(Disc::all);
         let axes = core::array::from_fn(|j| {
@@ -219,18 +219,18 @@ impl Controllers {
     }
 
     /// Makes trouble, or ends it, at the joint angles `angles`, rad. A joint that does not exist is ignored.
-    pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
+    pub fn inject(&mut self, fault: InjectedFault, angles: &[f64; MAX_JOINTS]) {
         match fault {
-            Fault::Reboot => self.reboot(angles),
-            Fault::Mute(on) => self.mute = on,
-            Fault::Deaf(on) => self.deaf = on,
-            Fault::Failed(on) => self.failed = on,
-            Fault::Hot { joint, on } => {
+            InjectedFault::Reboot => self.reboot(angles),
+            InjectedFault::Mute(on) => self.mute = on,
+            InjectedFault::Deaf(on) => self.deaf = on,
+            InjectedFault::Failed(on) => self.failed = on,
+            InjectedFault::Hot { joint, on } => {
                 if let Some(axis) = self.axes.get_mut(joint) {
                     axis.flags.set(JointFlags::OVERTEMPERATURE, on);
                 }
             }
-            Fault::Slipped { joint, angle } => {
+            InjectedFault::Slipped { joint, angle } => {
                 if let Some(axis) = self.axes.get_mut(joint) {
                     axis.slipped = angle;
                 }

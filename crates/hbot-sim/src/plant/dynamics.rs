@@ -4,7 +4,7 @@ use hbot_core::Vec3;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 
 use super::nonsmooth::{Effort, Nonsmooth};
-use super::{ImpossibleInertia, JointTorques, Method, Plant, State, Sum};
+use super::{ImpossibleInertia, JointTorques, Method, Plant, PlantState, Sum};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -35,14 +35,14 @@ impl Dynamics {
         device: &Device,
         phenomena: &Phenomena,
         method: Method,
-        state: &State,
+        state: &PlantState,
     ) -> Result<Self, ImpossibleInertia> {
         let kind = Kind::new(Plant::with(device, phenomena)?, device, phenomena, state);
         Ok(Self { device: *device, method, kind })
     }
 
     /// Has all phenomena of the plant replaced, at `state`; the inertia of what is held to the sphere stays.
-    pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &State) {
+    pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &PlantState) {
         let inertia = self.sphere_inertia();
         // Of a device that has a plant there is one with any phenomena.
         if let Ok(plant) = Plant::with(&self.device, phenomena) {
@@ -88,7 +88,7 @@ impl Dynamics {
 
     /// Takes over a `state` that something else has made: wheels roll without slip, motors stand in the middle of
     /// their play, and nothing is held by friction yet.
-    pub fn adopt(&mut self, state: &State) {
+    pub fn adopt(&mut self, state: &PlantState) {
         if let Kind::Nonsmooth(plant) = &mut self.kind {
             plant.adopt(state);
         }
@@ -99,7 +99,7 @@ impl Dynamics {
     #[inline]
     pub fn step(
         &mut self,
-        state: &mut State,
+        state: &mut PlantState,
         t: f64,
         h: f64,
         tau: &JointTorques,
@@ -117,7 +117,7 @@ impl Dynamics {
 
     /// What the encoders sit on: joint angles in the order steer, drive of each wheel, at the motor's side of a gear, rad.
     #[must_use]
-    pub fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub fn encoder_angles(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         match &self.kind {
             Kind::Smooth(_) => state.joints(),
             Kind::Nonsmooth(plant) => plant.encoder_angles(state),
@@ -126,7 +126,7 @@ impl Dynamics {
 
     /// Rates of what the encoders sit on, rad/s.
     #[must_use]
-    pub fn encoder_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub fn encoder_rates(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         match &self.kind {
             Kind::Smooth(plant) => plant.joint_rates(state),
             Kind::Nonsmooth(plant) => plant.encoder_rates(),
@@ -135,7 +135,7 @@ impl Dynamics {
 
     /// Slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s; zero where nothing slips.
     #[must_use]
-    pub fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
+    pub fn slip(&self, state: &PlantState) -> [[f64; 2]; MAX_WHEELS] {
         match &self.kind {
             Kind::Smooth(_) => [[0.0; 2]; MAX_WHEELS],
             Kind::Nonsmooth(plant) => plant.slip(state),
@@ -144,7 +144,7 @@ impl Dynamics {
 
     /// Kinetic energy and that of weights out of place, J; that of a hand's spring is not in it.
     #[must_use]
-    pub fn energy(&self, state: &State) -> f64 {
+    pub fn energy(&self, state: &PlantState) -> f64 {
         match &self.kind {
             Kind::Smooth(plant) => plant.energy(state),
             Kind::Nonsmooth(plant) => plant.energy(state),
@@ -162,7 +162,7 @@ impl Dynamics {
 }
 
 impl Kind {
-    fn new(plant: Plant, device: &Device, phenomena: &Phenomena, state: &State) -> Self {
+    fn new(plant: Plant, device: &Device, phenomena: &Phenomena, state: &PlantState) -> Self {
         if is_nonsmooth(phenomena) {
             Self::Nonsmooth(Box::new(Nonsmooth::new(device, *phenomena, state)))
         } else {

@@ -1,6 +1,6 @@
 //! The sphere on wheels that do not slip (physics notes, section 5).
 //!
-//! A [`Plant`] holds the constants of a device, a [`State`] is where it is and how fast it turns, a [`Load`] is what
+//! A [`Plant`] holds the constants of a device, a [`PlantState`] is where it is and how fast it turns, a [`Load`] is what
 //! acts on the sphere besides the wheels. [`Plant::step`] moves a state on by one fixed step of a [`Method`];
 //! [`Plant::advance_exactly`] is the adaptive reference that the methods are held against.
 //!
@@ -48,7 +48,7 @@ pub struct Plant {
 
 /// Where the plant is and how fast it turns. The joints' rates follow from `omega` and the steering angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct State {
+pub struct PlantState {
     /// Orientation of the sphere, sphere axes to N, unit.
     pub q: Quat,
     /// Angular velocity of the sphere in N, rad/s.
@@ -59,14 +59,14 @@ pub struct State {
     pub drive: [f64; MAX_WHEELS],
 }
 
-impl Default for State {
+impl Default for PlantState {
     /// At rest, unturned, all joints at zero.
     fn default() -> Self {
         Self { q: Quat::IDENTITY, omega: Vec3::ZERO, steer: [0.0; MAX_WHEELS], drive: [0.0; MAX_WHEELS] }
     }
 }
 
-impl State {
+impl PlantState {
     /// Joint angles in the order steer, drive of each wheel, rad.
     #[must_use]
     pub fn joints(&self) -> [f64; MAX_JOINTS] {
@@ -172,7 +172,7 @@ impl Plant {
 
     /// dw/dt in N, rad/s², under the torque `external` on the sphere (in N, N m) and the joint torques `tau`.
     #[must_use]
-    pub fn acceleration(&self, state: &State, external: Vec3, tau: &JointTorques) -> Vec3 {
+    pub fn acceleration(&self, state: &PlantState, external: Vec3, tau: &JointTorques) -> Vec3 {
         with_field!(self, tau, &external, P, field => {
             let geometry = Field::<P>::geometry(&field, state.q, &gather(&state.steer));
             Field::<P>::flow(&field, &geometry, &(), state.q, state.omega).acceleration
@@ -181,7 +181,7 @@ impl Plant {
 
     /// Joint rates in the order steer, drive of each wheel, rad/s: zd = G w.
     #[must_use]
-    pub fn joint_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub fn joint_rates(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         with_field!(self, &[0.0; MAX_JOINTS], &Vec3::ZERO, P, field => {
             let geometry = Field::<P>::geometry(&field, state.q, &gather(&state.steer));
             let (steer, drive) = Field::<P>::rates(&field, &geometry, state.omega);
@@ -198,14 +198,14 @@ impl Plant {
 
     /// Kinetic energy 1/2 wᵀ (I_s I + Gᵀ J_q G) w and that of weights out of place, J; constant where no torque acts.
     #[must_use]
-    pub fn energy(&self, state: &State) -> f64 {
+    pub fn energy(&self, state: &PlantState) -> f64 {
         let kinetic = 0.5 * state.omega.dot(self.apparent_inertia(state) * state.omega);
         kinetic + self.extras.as_ref().map_or(0.0, |extras| extras.energy(state.q, &state.steer))
     }
 
     /// The apparent inertia I_s I + Gᵀ J_q G of the turning sphere in N, kg m².
     #[must_use]
-    pub fn apparent_inertia(&self, state: &State) -> Mat3 {
+    pub fn apparent_inertia(&self, state: &PlantState) -> Mat3 {
         let Symmetric { xx, yy, zz, xy, xz, yz } = match &self.extras {
             None => with_pairs!(self, P => self.model.apparent(&self.model.rows::<P>(&gather(&state.steer)))),
             Some(extras) => with_pairs!(self, P => {
@@ -222,7 +222,7 @@ impl Plant {
     pub fn step<L: Load>(
         &self,
         method: Method,
-        state: &mut State,
+        state: &mut PlantState,
         t: f64,
         h: f64,
         tau: &JointTorques,

@@ -7,17 +7,17 @@ use hbot_core::rig::Rig;
 
 use crate::controller::SimulatedJoint;
 use crate::phenomena::Phenomena;
-use crate::plant::{ImpossibleInertia, Method, State};
+use crate::plant::{ImpossibleInertia, Method, PlantState};
 
 /// What a simulated rig is made of.
 #[derive(Debug, Clone)]
-pub struct RigConfig {
+pub struct SimulatedConfig {
     /// Geometry and masses.
     pub device: Device,
     /// One a joint, in the order steer, drive of each wheel.
     pub joints: Vec<SimulatedJoint>,
     /// Where the plant starts; incremental encoders count from the angle zero nevertheless.
-    pub start: State,
+    pub start: PlantState,
     /// What it shows of a real rig.
     pub phenomena: Phenomena,
     /// How the plant is moved on.
@@ -29,7 +29,7 @@ pub struct RigConfig {
     pub max_jump_ns: u64,
 }
 
-impl RigConfig {
+impl SimulatedConfig {
     /// The rig as the controller knows it: at rest at zero, without phenomena, [`Method::Rk4`] in steps of at most
     /// 1 ms, at most 100 ms at once.
     #[must_use]
@@ -37,7 +37,7 @@ impl RigConfig {
         Self {
             device: rig.device,
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
-            start: State::default(),
+            start: PlantState::default(),
             phenomena: Phenomena::default(),
             method: Method::default(),
             max_step_ns: 1_000_000,
@@ -48,7 +48,7 @@ impl RigConfig {
 
 /// Why there is no such rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RigError {
+pub enum SimulatedRigError {
     /// The device's inertias contradict each other.
     Inertia(ImpossibleInertia),
     /// The joints are not as many as the device's.
@@ -60,7 +60,7 @@ pub enum RigError {
     },
 }
 
-impl fmt::Display for RigError {
+impl fmt::Display for SimulatedRigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Inertia(error) => write!(f, "simulated rig: {error}"),
@@ -74,4 +74,4 @@ impl fmt::Display for RigError {
     }
 }
 
-impl core::error::Error for RigError {}
+impl core::error::Error for SimulatedRigError {}

@@ -10,13 +10,13 @@ use hbot_core::Vec3;
 use hbot_core::device::MAX_JOINTS;
 use hbot_link::{Decoder, FromController, MAX_FEEDBACK_FRAME, ToController, encode};
 
-pub use self::config::{RigConfig, RigError};
-use crate::controller::{Controllers, Fault};
+pub use self::config::{SimulatedConfig, SimulatedRigError};
+use crate::controller::{InjectedFault, SimulatedControllers};
 use crate::hand::Grip;
+pub use crate::impairment::FrameCounts;
 use crate::impairment::Impairment;
-pub use crate::impairment::Traffic;
 use crate::phenomena::{Hand, Link, Phenomena, of_plant};
-use crate::plant::{Dynamics, JointTorques, State};
+use crate::plant::{Dynamics, JointTorques, PlantState};
 
 /// The longest step of a plant where something sticks, slips or has play, ns. It is stable at any, and of order 1: this one is a
 /// quarter of a tick's error for four times its cost, which still leaves time for a tick at 4 kHz (`docs/simulator.md`).
@@ -28,12 +28,12 @@ pub struct SimulatedRig {
     dynamics: Dynamics,
     /// The sphere's own inertia, kg m².
     sphere_inertia: f64,
-    state: State,
+    state: PlantState,
     phenomena: Phenomena,
     grip: Option<Grip>,
     line: Option<Box<Impairment>>,
     external: Vec3,
-    controllers: Controllers,
+    controllers: SimulatedControllers,
     decoder: Decoder<ToController>,
     max_step_ns: u64,
     max_jump_ns: u64,
@@ -49,13 +49,13 @@ impl SimulatedRig {
     ///
     /// # Errors
     /// Where joints and device do not fit, or the device's inertias contradict each other.
-    pub fn new(config: &RigConfig) -> Result<Self, RigError> {
+    pub fn new(config: &SimulatedConfig) -> Result<Self, SimulatedRigError> {
         let wanted = config.device.joints();
         if config.joints.len() != wanted {
-            return Err(RigError::Joints { given: config.joints.len(), wanted });
+            return Err(SimulatedRigError::Joints { given: config.joints.len(), wanted });
         }
         let dynamics = Dynamics::new(&config.device, &Phenomena::default(), config.method, &config.start)
-            .map_err(RigError::Inertia)?;
+            .map_err(SimulatedRigError::Inertia)?;
         let mut rig = Self {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
@@ -64,7 +64,7 @@ impl SimulatedRig {
             grip: None,
             line: None,
             external: Vec3::ZERO,
-            controllers: Controllers::new(
+            controllers: SimulatedControllers::new(
                 &config.joints,
                 &config.start.joints(),
                 config.phenomena.encoder.as_ref(),
@@ -205,12 +205,12 @@ impl SimulatedRig {
 
     /// The truth: orientation, angular velocity, joint angles.
     #[must_use]
-    pub fn state(&self) -> &State {
+    pub fn state(&self) -> &PlantState {
         &self.state
     }
 
     /// Puts the plant where a test wants it; counts follow, as if it had been moved there by hand.
-    pub fn set_state(&mut self, state: State) {
+    pub fn set_state(&mut self, state: PlantState) {
         self.state = state;
         self.dynamics.adopt(&state);
         self.controllers.sense(&self.dynamics.encoder_angles(&state));
@@ -277,7 +277,7 @@ impl SimulatedRig {
 
     /// What became of the frames on an impaired line, to the controllers and to the host.
     #[must_use]
-    pub fn traffic(&self) -> Option<[Traffic; 2]> {
+    pub fn traffic(&self) -> Option<[FrameCounts; 2]> {
         self.line.as_ref().map(|line| [line.commands.traffic, line.answers.traffic])
     }
 
@@ -294,8 +294,8 @@ impl SimulatedRig {
     }
 
     /// Makes trouble at the controllers, or ends it.
-    pub fn inject(&mut self, fault: Fault) {
-        if fault == Fault::Reboot {
+    pub fn inject(&mut self, fault: InjectedFault) {
+        if fault == InjectedFault::Reboot {
             self.decoder.reset();
         }
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));

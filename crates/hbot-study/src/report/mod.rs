@@ -6,7 +6,7 @@ mod write;
 use hbot_plot::short;
 use serde_json::{Map, Value};
 
-use crate::machine::Machine;
+use crate::computer::Computer;
 use crate::names;
 use crate::timing::Time;
 
@@ -44,7 +44,7 @@ pub(crate) struct Family {
 
 /// A place in a report's text: an offset that stands between two of its blocks.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place(usize);
+pub(crate) struct ReportPlace(usize);
 
 /// What a study found.
 #[derive(Debug, Clone)]
@@ -52,7 +52,7 @@ pub struct Report {
     study: &'static str,
     pub(crate) seconds: f64,
     pub(crate) quick: bool,
-    machine: Machine,
+    machine: Computer,
     body: String,
     plots: Vec<(String, String)>,
     /// Other files, by name.
@@ -68,7 +68,7 @@ impl Report {
             study,
             seconds: 0.0,
             quick,
-            machine: Machine::here(),
+            machine: Computer::here(),
             body: String::new(),
             plots: Vec::new(),
             files: Vec::new(),
@@ -111,12 +111,12 @@ impl Report {
     }
 
     /// Where the text has come to, for what is only known once more of it is there.
-    pub(crate) fn place(&self) -> Place {
-        Place(self.body.len())
+    pub(crate) fn place(&self) -> ReportPlace {
+        ReportPlace(self.body.len())
     }
 
     /// A table where the text had come to at `place`.
-    pub(crate) fn table_at(&mut self, place: Place, rows: &[Vec<String>]) {
+    pub(crate) fn table_at(&mut self, place: ReportPlace, rows: &[Vec<String>]) {
         self.body.insert_str(place.0, &tabled(rows));
     }
 

@@ -12,11 +12,11 @@ mod stability;
 
 use std::collections::HashSet;
 
-use hbot_study::{Interrupt, Options, Report, Study};
+use hbot_study::{Interrupt, Report, Study, StudyOptions};
 
 /// A quick run, without counting instructions.
-fn options() -> Options {
-    Options { out: None, quick: true, counter: None }
+fn options() -> StudyOptions {
+    StudyOptions { out: None, quick: true, counter: None }
 }
 
 fn measure(study: Study) -> Report {

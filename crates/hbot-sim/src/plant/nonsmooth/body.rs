@@ -6,8 +6,8 @@ use hbot_core::{Vec3, rotation};
 
 use super::super::weights::Module;
 use super::law::{Element, Law, Row};
-use super::solver::Problem;
-use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
+use super::solver::StepProblem;
+use super::{JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
 use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
 /// A loss of a gear off by less than this part of what stops its motor is as good as right.
@@ -104,7 +104,7 @@ impl Body {
     }
 
     /// The geometry at `ahead` seconds after `state`, by the rates as they are.
-    pub(super) fn instant(&self, state: &State, ahead: f64) -> Instant {
+    pub(super) fn instant(&self, state: &PlantState, ahead: f64) -> Instant {
         let mut now = Instant {
             frames: [ContactFrame::default(); MAX_WHEELS],
             radius: [self.device.sphere_radius(); MAX_WHEELS],
@@ -127,7 +127,7 @@ impl Body {
     }
 
     /// All speeds as they are.
-    pub(super) fn speeds(&self, state: &State) -> Vector {
+    pub(super) fn speeds(&self, state: &PlantState) -> Vector {
         let mut speeds = [0.0; MAX_SPEEDS];
         speeds[..3].copy_from_slice(&state.omega.to_array());
         for i in 0..self.wheels() {
@@ -178,7 +178,7 @@ impl Body {
         &self,
         elements: &mut Vec<Element>,
         share: f64,
-        state: &State,
+        state: &PlantState,
         now: &Instant,
         speeds: &Vector,
         h: f64,
@@ -295,7 +295,13 @@ impl Body {
     }
 
     /// Masses and momenta of this step.
-    pub(super) fn assemble(&self, problem: &mut Problem, state: &State, now: &Instant, given: &Given<'_>) {
+    pub(super) fn assemble(
+        &self,
+        problem: &mut StepProblem,
+        state: &PlantState,
+        now: &Instant,
+        given: &Given<'_>,
+    ) {
         let Given { h, tau, impulse, implicit, guess, bounded } = *given;
         let n = self.size();
         problem.n = n;

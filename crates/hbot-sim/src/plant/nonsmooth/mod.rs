@@ -24,9 +24,9 @@ use hbot_core::{Vec3, rotation};
 use self::body::{Body, Given, Instant};
 use self::law::Element;
 pub use self::solver::Effort;
-use self::solver::{Problem, Workspace};
+use self::solver::{StepProblem, Workspace};
 use super::weights::{GRAVITY, Module, Spring, Weight};
-use super::{JointTorques, State};
+use super::{JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -53,7 +53,7 @@ pub(crate) struct Nonsmooth {
     elements: Vec<Element>,
     /// The step that the elements' impulses are of, s.
     last_step: f64,
-    problem: Problem,
+    problem: StepProblem,
     workspace: Workspace,
     effort: Effort,
 }
@@ -69,7 +69,7 @@ struct Motor {
 
 impl Nonsmooth {
     /// The plant of `device` with what `phenomena` name, at `state`.
-    pub(super) fn new(device: &Device, phenomena: Phenomena, state: &State) -> Self {
+    pub(super) fn new(device: &Device, phenomena: Phenomena, state: &PlantState) -> Self {
         let capacity = 2 + 5 * device.wheels().len();
         let mut plant = Self {
             body: Body {
@@ -83,7 +83,7 @@ impl Nonsmooth {
             },
             elements: Vec::with_capacity(capacity),
             last_step: 1.0,
-            problem: Problem::EMPTY,
+            problem: StepProblem::EMPTY,
             workspace: Workspace::new(capacity),
             effort: Effort::default(),
         };
@@ -93,7 +93,7 @@ impl Nonsmooth {
 
     /// Takes over a state that something else has made: joints roll without slip, motors in the middle of their play,
     /// nothing held yet.
-    pub(super) fn adopt(&mut self, state: &State) {
+    pub(super) fn adopt(&mut self, state: &PlantState) {
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
             for k in 0..2 {
@@ -124,7 +124,7 @@ impl Nonsmooth {
     }
 
     /// What the encoders sit on: joint angles, at the motor's side of a gear, rad.
-    pub(super) fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub(super) fn encoder_angles(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         let mut angles = state.joints();
         if self.body.phenomena.gear.is_some() {
             for i in 0..self.body.wheels() {
@@ -146,7 +146,7 @@ impl Nonsmooth {
     }
 
     /// Slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s.
-    pub(super) fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
+    pub(super) fn slip(&self, state: &PlantState) -> [[f64; 2]; MAX_WHEELS] {
         let (now, speeds) = (self.body.instant(state, 0.0), self.body.speeds(state));
         core::array::from_fn(|i| {
             if i >= self.body.wheels() {
@@ -157,7 +157,7 @@ impl Nonsmooth {
     }
 
     /// Kinetic and potential energy, J; a hand's spring is not in it.
-    pub(super) fn energy(&self, state: &State) -> f64 {
+    pub(super) fn energy(&self, state: &PlantState) -> f64 {
         let mut energy = 0.5 * self.body.inertia * state.omega.length_squared();
         for (i, wheel) in self.body.device.wheels().iter().enumerate() {
             let (steer, drive, motor) =
@@ -175,7 +175,7 @@ impl Nonsmooth {
     /// (in N, N m), and a hand.
     pub(super) fn step(
         &mut self,
-        state: &mut State,
+        state: &mut PlantState,
         end: f64,
         h: f64,
         tau: &JointTorques,
@@ -242,7 +242,7 @@ impl Nonsmooth {
     }
 
     /// The speeds after the step become the plant's, and everything moves by them.
-    fn take(&mut self, state: &mut State, now: &Instant, speeds: &Vector, h: f64) {
+    fn take(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
         state.omega = Vec3::from_slice(&speeds[..3]);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
         for i in 0..self.body.wheels() {

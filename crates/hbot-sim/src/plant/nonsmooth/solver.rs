@@ -29,7 +29,7 @@ const MAX_HALVINGS: usize = 40;
 
 /// What the speeds must minimise. `mass` is row by row, its lower half read alone.
 #[derive(Debug, Clone)]
-pub(super) struct Problem {
+pub(super) struct StepProblem {
     pub(super) n: usize,
     pub(super) mass: [Vector; MAX_SPEEDS],
     pub(super) momentum: Vector,
@@ -57,7 +57,7 @@ pub(super) struct Workspace {
     size: Vec<f64>,
 }
 
-impl Problem {
+impl StepProblem {
     pub(super) const EMPTY: Self =
         Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
 
@@ -93,7 +93,7 @@ impl Workspace {
     /// Finds the speeds, from a guess in `speeds`, and leaves the impulses in `elements`, whose last ones are its start.
     pub(super) fn solve(
         &mut self,
-        problem: &mut Problem,
+        problem: &mut StepProblem,
         elements: &mut [Element],
         speeds: &mut Vector,
     ) -> Effort {
@@ -143,7 +143,7 @@ impl Workspace {
     }
 
     /// Brings the problem to a unit diagonal.
-    fn normalize(&mut self, problem: &mut Problem, elements: &[Element]) {
+    fn normalize(&mut self, problem: &mut StepProblem, elements: &[Element]) {
         let n = problem.n;
         for i in 0..n {
             self.scale[i] = 1.0 / libm::sqrt(problem.mass[i][i]);
@@ -171,7 +171,7 @@ impl Workspace {
     }
 
     /// The impulses at `speeds`, the gradient there, and how far rounding lets it be from zero.
-    fn look(&mut self, problem: &Problem, speeds: &Vector, gradient: &mut Vector) -> f64 {
+    fn look(&mut self, problem: &StepProblem, speeds: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let pace = norm(&speeds[..n]);
         let mut terms = norm(&problem.momentum[..n]);
@@ -206,7 +206,7 @@ impl Workspace {
 
     /// Minimises for the multipliers as they are: how many Newton steps it took, and whether no more than
     /// rounding is left of the gradient. The responses are those at the minimum.
-    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> (u32, bool) {
+    fn minimize(&mut self, problem: &StepProblem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
         let mut floor = self.look(problem, speeds, &mut gradient);
@@ -229,7 +229,13 @@ impl Workspace {
 
     /// Moves along `step`: all of it unless the slope there has turned up, then to where it falls half as steeply or
     /// less. Before it turns up the function falls all the way; past that it may have risen, and steps might go in circles.
-    fn walk(&mut self, problem: &Problem, speeds: &mut Vector, step: &Vector, gradient: &mut Vector) -> f64 {
+    fn walk(
+        &mut self,
+        problem: &StepProblem,
+        speeds: &mut Vector,
+        step: &Vector,
+        gradient: &mut Vector,
+    ) -> f64 {
         let n = problem.n;
         let start = *speeds;
         let slope = dot(gradient, step, n).abs();
@@ -255,7 +261,7 @@ impl Workspace {
     }
 
     /// Cholesky factor of the Newton matrix at `speeds`.
-    fn factorize(&mut self, problem: &Problem) {
+    fn factorize(&mut self, problem: &StepProblem) {
         let n = problem.n;
         for i in 0..n {
             self.factor[i][..=i].copy_from_slice(&problem.mass[i][..=i]);
@@ -319,7 +325,7 @@ impl Workspace {
 }
 
 /// The mass matrix times `x`.
-fn multiplied(problem: &Problem, x: &Vector) -> Vector {
+fn multiplied(problem: &StepProblem, x: &Vector) -> Vector {
     let mut y = [0.0; MAX_SPEEDS];
     for i in 0..problem.n {
         for j in 0..i {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::front::{Archive, Found, Volume, better_by};
-use super::local::Machine;
+use super::local::RatedDevice;
 use super::margins::{has_room, keeps};
 use super::space::{Design, Parts, Point};
 use super::torus::{Effort, Measures, SEARCH, kronecker};
@@ -191,9 +191,9 @@ pub(super) fn measure_all(
 }
 
 /// The machine of a design, with the prototype's motors at their peaks; `None` where it can become singular.
-pub(super) fn machine(parts: &Parts, design: &Design) -> Option<Machine> {
+pub(super) fn machine(parts: &Parts, design: &Design) -> Option<RatedDevice> {
     let [steer, drive] = [parts.rig.joints[0].peak, parts.rig.joints[1].peak];
-    Some(Machine::new(parts.device(design)?, [steer, drive]))
+    Some(RatedDevice::new(parts.device(design)?, [steer, drive]))
 }
 
 /// A design's figures; `None` where it can become singular.

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use hbot_core::kinematics::Posture;
 use hbot_core::singularity::interior_margin_over_all;
 
-use super::local::{Machine, Quantity};
+use super::local::{Quantity, RatedDevice};
 use super::space::Design;
 
 /// How thoroughly the torus is looked at.
@@ -50,7 +50,7 @@ pub(super) struct Measures {
 
 impl Measures {
     /// Of `machine`, which is of `design`.
-    pub(super) fn of(machine: &Machine, design: &Design, effort: Effort) -> Self {
+    pub(super) fn of(machine: &RatedDevice, design: &Design, effort: Effort) -> Self {
         let n = effort.samples as f64;
         let mut values = [const { Vec::new() }; 4];
         let angles: Vec<Vec<f64>> = samples(design.wheels, effort.samples).collect();
@@ -118,7 +118,13 @@ fn ways(wheels: usize) -> Vec<Vec<f64>> {
 }
 
 /// The worst of a quantity that is found going downhill from the worst samples, with halving steps.
-fn worst(machine: &Machine, quantity: Quantity, angles: &[Vec<f64>], values: &[f64], starts: usize) -> f64 {
+fn worst(
+    machine: &RatedDevice,
+    quantity: Quantity,
+    angles: &[Vec<f64>],
+    values: &[f64],
+    starts: usize,
+) -> f64 {
     let mut order: Vec<usize> = (0..values.len()).collect();
     let by = |a: &usize, b: &usize| {
         let ascending = values[*a].total_cmp(&values[*b]);
@@ -163,7 +169,7 @@ mod tests {
 
     fn measured(design: &Design, effort: Effort) -> Measures {
         let device = Parts::prototype().device(design).expect("legal");
-        Measures::of(&Machine::new(device, PEAKS), design, effort)
+        Measures::of(&RatedDevice::new(device, PEAKS), design, effort)
     }
 
     /// docs/physics.md, sections 3, 7, 10 and 11: the prototype's figures, to the digits that stand there.

@@ -8,7 +8,7 @@
 //!
 //! A figure that the paper gives stands in summary.json as well: `report.figure(id, ours).note("paper", theirs)`.
 
-use crate::report::{Place, Report, row};
+use crate::report::{Report, ReportPlace, row};
 
 /// The rows so far, in the order of the sections.
 #[derive(Debug, Default)]
@@ -30,7 +30,7 @@ impl Comparison {
     }
 
     /// Puts the table into `report` where its text had come to at `place`.
-    pub(crate) fn put(self, report: &mut Report, place: Place) {
+    pub(crate) fn put(self, report: &mut Report, place: ReportPlace) {
         let mut table = vec![row(["what", "the paper", "here", "why they differ"])];
         table.extend(self.rows);
         report.table_at(place, &table);

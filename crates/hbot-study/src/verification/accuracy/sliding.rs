@@ -7,7 +7,7 @@ use hbot_plot::{Lines, Series};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{Phenomena, Slip};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::order::Errors;
 use super::sci;
@@ -35,7 +35,8 @@ struct Scene<'a> {
 impl Scene<'_> {
     /// Where the sphere is at each look, and the largest slip seen (m/s), by steps of `step_us / parts`.
     fn run(&self, step_us: u32, parts: u32) -> (Vec<Quat>, f64) {
-        let mut state = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
+        let mut state =
+            PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
         let dynamics = Dynamics::new(self.device, &self.phenomena, Method::Rk4, &state);
         let mut dynamics = dynamics.unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
         let hand = Hand { amplitude: 0.0, ..Hand::default() };

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::desk::{Desk, Setup};
+use super::desk::{Desk, SceneSetup};
 use crate::context::{Context, Interrupted};
 
 /// Ticks of the two calls: what lies between is one period of the torques that the rig is told.
@@ -31,8 +31,8 @@ pub struct Counter {
 /// What `setups` is not.
 pub fn count_worker(setups: &str) -> Result<(), String> {
     let value: Value = serde_json::from_str(setups).map_err(|error| error.to_string())?;
-    let setups: Option<Vec<Setup>> =
-        value.as_array().and_then(|all| all.iter().map(Setup::from_json).collect());
+    let setups: Option<Vec<SceneSetup>> =
+        value.as_array().and_then(|all| all.iter().map(SceneSetup::from_json).collect());
     let active = Desk::active();
     for setup in setups.ok_or("a list of {names, gone}")? {
         let desk = active.with(&setup);
@@ -54,7 +54,7 @@ impl Counter {
     pub(super) fn count(
         &self,
         context: &Context,
-        setups: &[Setup],
+        setups: &[SceneSetup],
     ) -> Result<Result<Vec<f64>, String>, Interrupted> {
         let folder = std::env::temp_dir().join(format!("hbot-callgrind-{}", std::process::id()));
         if let Err(error) = std::fs::create_dir_all(&folder) {
@@ -70,9 +70,9 @@ impl Counter {
         &self,
         context: &Context,
         folder: &Path,
-        setups: &[Setup],
+        setups: &[SceneSetup],
     ) -> Result<Result<Vec<f64>, String>, Interrupted> {
-        let list: Value = setups.iter().map(Setup::to_json).collect();
+        let list: Value = setups.iter().map(SceneSetup::to_json).collect();
         let out = folder.join("out");
         let child = Command::new("valgrind")
             .args(["--tool=callgrind", "--quiet"])

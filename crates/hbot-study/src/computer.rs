@@ -1,10 +1,10 @@
-//! The machine that a study ran on, and how the program was compiled.
+//! The computer that a study ran on, and how the program was compiled.
 
 use serde_json::{Value, json};
 
 /// What figures of time are worth nothing without.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Machine {
+pub(crate) struct Computer {
     cpu: String,
     cores: usize,
     os: String,
@@ -14,7 +14,7 @@ pub(crate) struct Machine {
     optimised: bool,
 }
 
-impl Machine {
+impl Computer {
     /// This one.
     pub(crate) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
