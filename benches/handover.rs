@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_config::RigConfig;
 use hbot_core::{CompiledScene, Controller, Inputs};
-use hbot_host::sample::{Counters, Sample, Timing};
+use hbot_host::sample::{Counters, Sample, TickTiming};
 use rtrb::RingBuffer;
 
 fn sample() -> Sample {
@@ -18,7 +18,7 @@ fn sample() -> Sample {
         state: controller.tick(&CompiledScene::empty(), &Inputs::quiet(1)).state,
         t_ns: 1_000_000,
         scene: 0,
-        timing: Timing::default(),
+        timing: TickTiming::default(),
         counters: Counters::default(),
         answers: [None; 8],
     }

@@ -10,7 +10,7 @@ use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_host::clock::{now_ns, sleep_until_ns};
 use hbot_host::pace::Pace;
 use hbot_host::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
-use hbot_server::server::{Options, Server, Time};
+use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::{Status, Summary};
 use hdrhistogram::Histogram;
 use serde_json::json;
@@ -45,7 +45,7 @@ fn bare(rate: u32, seconds: f64) -> [f64; 4] {
 /// Returns its statistics.
 fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
     let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
-    let options = Options {
+    let options = ServerOptions {
         rig: RigConfig::load(None, &[rate])?,
         scene: SceneFile::default_scene(),
         time: Time::Wall,

@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use hbot_core::{Device, Quat, Vec3, WheelSpec};
-use hbot_sim::plant::{JointTorques, Method, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::plant::{JointTorques, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 
 fn device(wheels: usize) -> Device {
     let wheel = |axis: [f64; 3]| WheelSpec {
@@ -35,7 +35,7 @@ fn steps(c: &mut Criterion) {
         let plant = Plant::new(&device(wheels)).expect("a possible plant");
         for method in Method::ALL {
             group.bench_function(BenchmarkId::new(format!("{method:?}"), wheels), |b| {
-                let (mut state, mut t) = (State::default(), 0.0);
+                let (mut state, mut t) = (PlantState::default(), 0.0);
                 let h = 1.0e-3;
                 b.iter(|| {
                     plant.step(method, &mut state, t, h, black_box(&JointTorques::default()), &load);

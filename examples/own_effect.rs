@@ -20,7 +20,7 @@ use hbot_core::rig::Rig;
 use hbot_core::{CompiledScene, Controller, Vec3};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::Hand;
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 /// Angle between two teeth, rad.
 const TOOTH: f64 = 0.1;

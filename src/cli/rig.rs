@@ -15,7 +15,7 @@ use hbot_core::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::driver;
-use hbot_host::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
+use hbot_host::stiffness::{DELAY_TICKS, StiffnessBound, USUAL_DAMPING};
 
 use super::out::say;
 use super::{bringup, style};
@@ -138,7 +138,7 @@ fn abilities(config: &RigConfig) -> anyhow::Result<()> {
 
 /// Prints the stiffness that the rig can render, and the assumptions behind it.
 fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
-    let Some(expected) = Expected::of(config) else { return Ok(()) };
+    let Some(expected) = StiffnessBound::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
     say!(
         "\nstiffness to expect at {} Hz, from a reading to its torque D = {DELAY_TICKS} tick, least apparent inertia J = {:.2e} kg m²",

@@ -15,7 +15,7 @@ use hbot_host::expectation::{self, Expectation};
 use hbot_host::last_word::Program;
 use hbot_host::signals;
 use hbot_host::stop_signal::StopSignal;
-use hbot_server::server::{Options, Server, Time};
+use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use serde_json::json;
 use tokio::net::TcpListener;
@@ -169,7 +169,7 @@ async fn serve(
     let banner = banner(&rig, scene.name(), address, time, expected);
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
-    let server = Server::start(Options {
+    let server = Server::start(ServerOptions {
         rig,
         scene,
         time,

@@ -11,7 +11,7 @@ use hbot_core::rig::{PassivityLimit, RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
-use hbot_sim::plant::{Method, Plant, SpringDamper, State as Motion, Sum};
+use hbot_sim::plant::{Method, Plant, PlantState, SpringDamper, Sum};
 
 pub const DT: f64 = 1e-3;
 
@@ -28,7 +28,7 @@ pub struct Loop {
     controller: Controller,
     scene: CompiledScene,
     plant: Plant,
-    pub motion: Motion,
+    pub motion: PlantState,
     grip: Option<Grip>,
     held: [f64; MAX_JOINTS],
     tick: u64,
@@ -46,7 +46,7 @@ impl Loop {
             controller: Controller::new(rig),
             scene,
             plant: Plant::new(&rig.device).unwrap(),
-            motion: Motion::default(),
+            motion: PlantState::default(),
             grip: None,
             held: [0.0; MAX_JOINTS],
             tick: 1,
@@ -164,7 +164,7 @@ fn a_spring_far_too_stiff_buzzes_without_it_and_comes_to_rest_with_it() {
             let leak = 4.0
                 * core::f64::consts::PI
                 * tick
-                * run.plant.energy(&Motion { omega: TAP, ..Motion::default() });
+                * run.plant.energy(&PlantState { omega: TAP, ..PlantState::default() });
             let most = run.rig.methods.passivity.unwrap().allowance + leak;
             assert!(run.most < most, "{times}, {estimate:?}: {} J of {most} J", run.most);
         }

@@ -11,7 +11,7 @@ use hbot_core::rig::{Joint, Zero};
 use hbot_core::{Controller, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
-use hbot_sim::plant::{Method, Plant, State};
+use hbot_sim::plant::{Method, Plant, PlantState};
 
 use crate::bench::{altered, assert_finite};
 
@@ -54,7 +54,7 @@ fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
     });
     let mut plant = Plant::new(&rig.device).unwrap();
     plant.set_sphere_inertia(plant.sphere_inertia() + hand.inertia);
-    let mut state = State::default();
+    let mut state = PlantState::default();
     let grip = Grip::new(hand, 0.0, state.q);
     let (h, n) = (rig.timing.period_s(), rig.device.joints());
     let mut seen = Seen { scale: 1.0, ..Seen::default() };

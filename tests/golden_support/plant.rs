@@ -3,7 +3,7 @@
 use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
 use hbot_core::singularity::singular_values;
 use hbot_core::{Device, Vec3};
-use hbot_sim::plant::{Method, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::plant::{Method, Plant, PlantState, Sine, SpringDamper, Sum};
 
 use super::double::checks::{array, device, norm, quaternion, row_condition, tolerance, vector, worst, wxyz};
 use super::{Ledger, vectors};
@@ -30,7 +30,7 @@ pub fn dynamics(case: &vectors::Dynamics, ledger: &mut Ledger) {
     }
     let mut tau = [0.0; MAX_JOINTS];
     tau[..device.joints()].copy_from_slice(&case.joint_torques);
-    let state = State { omega: vector(case.omega), steer: steer(&case.theta), ..State::default() };
+    let state = PlantState { omega: vector(case.omega), steer: steer(&case.theta), ..PlantState::default() };
 
     let inertia = plant.apparent_inertia(&state);
     let [largest, _, least] = singular_values(&[inertia.x_axis, inertia.y_axis, inertia.z_axis]);
@@ -60,7 +60,7 @@ fn compare(
     ledger: &mut Ledger,
     index: usize,
     sample: &vectors::Sample,
-    state: &State,
+    state: &PlantState,
     wheels: usize,
     within: f64,
 ) {
@@ -95,11 +95,11 @@ pub fn trajectory(case: &vectors::Trajectory, ledger: &mut Ledger) {
         })
     };
     let load = Sum(spring, drive);
-    let start = State {
+    let start = PlantState {
         q: quaternion(case.q0),
         omega: vector(case.omega0),
         steer: steer(&case.theta0),
-        ..State::default()
+        ..PlantState::default()
     };
     let free = [0.0; MAX_JOINTS];
 

@@ -4,7 +4,7 @@
 use hbot_config::RigConfig;
 use hbot_core::rig::OdometryMethod;
 use hbot_host::expectation;
-use hbot_study::{Interrupt, Options, Study};
+use hbot_study::{Interrupt, Study, StudyOptions};
 
 use crate::process::Process;
 
@@ -43,7 +43,7 @@ fn a_target_picks_methods_that_are_as_cheap_as_it_allows() {
 /// error of the counts depends on where the motion begins, so they agree within a factor of 2.
 #[test]
 fn what_it_says_is_what_the_study_finds() {
-    let options = Options { out: None, quick: true, counter: None };
+    let options = StudyOptions { out: None, quick: true, counter: None };
     let report =
         hbot_study::measure(Study::Accuracy, &options, &Interrupt::default()).expect("nobody stops it");
     let figure = report.figures().iter().find(|figure| figure.id == "tick_balanced_error_rad");

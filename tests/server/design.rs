@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use hbot_study::{Interrupt, Options, Study};
+use hbot_study::{Interrupt, Study, StudyOptions};
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 
@@ -41,7 +41,7 @@ fn assert_is_a_rig(rig: &Path, wheels: &str, state: &Path) {
 fn every_rig_file_of_the_design_study_is_checked_and_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    let options = Options { out: Some(out.clone()), quick: true, counter: None };
+    let options = StudyOptions { out: Some(out.clone()), quick: true, counter: None };
     let (report, _) =
         hbot_study::run(Study::Design, &options, &Interrupt::default()).expect("nobody stops it");
     assert!(report.holds());

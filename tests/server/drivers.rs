@@ -15,7 +15,7 @@ use hbot_host::bus::{Expected, Protocol as _};
 use hbot_host::conformance::Controllers as _;
 use hbot_host::layout::Layout;
 use hbot_host::line::Line;
-use hbot_server::server::{Options, Server, Time};
+use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use tokio::net::TcpListener;
 
@@ -78,7 +78,7 @@ fn serve(cable: &Cable) -> (String, tokio::sync::oneshot::Sender<()>, std::threa
     let server = std::thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
         runtime.block_on(async move {
-            let options = Options {
+            let options = ServerOptions {
                 rig,
                 scene: SceneFile::default_scene(),
                 time: Time::Wall,

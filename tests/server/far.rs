@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_link::{Command, Decoder, ToController};
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serialport::{SerialPort as _, TTYPort};
 
 /// A simulated rig that records the commands it receives.

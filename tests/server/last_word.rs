@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use rustix::process::{Pid, Signal, getpgid, kill_process};
 
 use crate::far::Far;

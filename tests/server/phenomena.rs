@@ -8,7 +8,7 @@ use hbot_config::{RigConfig, SceneFile};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Inputs, MAX_JOINTS, Outputs, Vec3, rotation};
-use hbot_server::server::{Options, Server, Time};
+use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
 use tokio::net::{TcpListener, TcpStream};
@@ -29,7 +29,7 @@ fn run<F: Future<Output = ()> + Send + 'static>(
     meanwhile: impl FnOnce(std::net::SocketAddr) -> F,
 ) -> Vec<Tick> {
     let (into, recorded) = mpsc::channel();
-    let options = Options {
+    let options = ServerOptions {
         rig,
         scene: SceneFile::from_toml(scene, "scene.toml").unwrap_or_else(|mistakes| panic!("{mistakes}")),
         time: Time::Virtual,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
-use hbot_server::server::{Options, Server, Time};
+use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
 use tokio::net::{TcpListener, TcpStream};
@@ -46,7 +46,7 @@ async fn meddle(address: std::net::SocketAddr) {
 #[test]
 fn a_recorded_run_replays_bit_for_bit() {
     let (into, recorded) = mpsc::channel();
-    let options = Options {
+    let options = ServerOptions {
         rig: RigConfig::prototype(),
         scene: SceneFile::default_scene(),
         time: Time::Virtual,

@@ -119,7 +119,9 @@ pub struct StateTiming {
 }
 
 names! {
-    /// The mode of the rig: what the control law is doing.
+    /// The mode of the rig, as clients read it. `Mode` of hbot-core has the same values. It is a
+    /// type of its own because this crate depends on no other crate of hbot, so that clients link
+    /// nothing else. `convert.rs` of hbot-server converts one into the other.
     pub enum Mode {
         /// The zeros of the steer joints are not known. No torque.
         Unreferenced = "unreferenced",

@@ -13,19 +13,19 @@ pub(crate) struct Untyped {
     pub(crate) value: Value,
     /// A mistake in a message that could still be read to its end. The answer can then contain the
     /// id.
-    pub(crate) problem: Option<Problem>,
+    pub(crate) problem: Option<IllegalValue>,
 }
 
 /// A mistake in a message: a value or key that is not allowed.
 #[derive(Debug)]
-pub(crate) struct Problem {
+pub(crate) struct IllegalValue {
     what: &'static str,
     legal: &'static str,
     /// Path of the mistake, such as `joints[2].angle`. It is built from the inside out.
     path: String,
 }
 
-impl fmt::Display for Problem {
+impl fmt::Display for IllegalValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, legal, path } = self;
         write!(f, "field {:?} {what}; legal: {legal}", crate::request::Excerpt(path))
@@ -55,7 +55,11 @@ pub(crate) struct Few<'a> {
 /// Reads a message that is a map of few fields with text for `op`, as nearly all requests are. It
 /// keeps the fields in a list, because for few fields a search is cheaper than a table. `None` if
 /// the message has another form or cannot be read.
-pub(crate) fn read_few(encoding: Encoding, bytes: &[u8], depth: usize) -> Option<(Few<'_>, Option<Problem>)> {
+pub(crate) fn read_few(
+    encoding: Encoding,
+    bytes: &[u8],
+    depth: usize,
+) -> Option<(Few<'_>, Option<IllegalValue>)> {
     let mut problem = None;
     let few = decode(encoding, bytes, FewBuilder(Builder { problem: &mut problem, depth })).ok()?;
     Some((few, problem))
@@ -87,7 +91,7 @@ fn decode<'de, S: DeserializeSeed<'de>>(
 
 /// Builds a value and records the first mistake in it.
 struct Builder<'a> {
-    problem: &'a mut Option<Problem>,
+    problem: &'a mut Option<IllegalValue>,
     /// Number of levels that can still be opened.
     depth: usize,
 }
@@ -103,7 +107,7 @@ impl Builder<'_> {
 
     fn given_twice(&mut self) {
         let (what, legal) = ("is given twice", "once");
-        self.problem.get_or_insert(Problem { what, legal, path: String::new() });
+        self.problem.get_or_insert(IllegalValue { what, legal, path: String::new() });
     }
 
     /// Adds one level at the front of the path of a mistake that was found below this level.
@@ -147,7 +151,7 @@ impl<'de> Visitor<'de> for Builder<'_> {
             || {
                 let what = if value.is_nan() { "is NaN" } else { "is infinite" };
                 let legal = "a finite number";
-                self.problem.get_or_insert(Problem { what, legal, path: String::new() });
+                self.problem.get_or_insert(IllegalValue { what, legal, path: String::new() });
                 Value::Null
             },
             Value::Number,

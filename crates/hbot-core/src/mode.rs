@@ -77,7 +77,7 @@ impl Cause {
 
 /// The state machine: the mode with its cause and the factor on torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Machine {
+pub(crate) struct ModeMachine {
     pub(crate) mode: Mode,
     pub(crate) cause: Option<Cause>,
     /// Factor on torque, 0 to 1, for the soft start and the disable ramp.
@@ -97,7 +97,7 @@ pub enum Obstacle {
     Unreferenced,
 }
 
-impl Machine {
+impl ModeMachine {
     pub(crate) const START: Self = Self { mode: Mode::Unreferenced, cause: None, gain: 0.0, present: None };
 
     /// Returns true if the motors are allowed to make torque.

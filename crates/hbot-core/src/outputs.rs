@@ -111,14 +111,14 @@ pub struct State {
     /// passivity controller.
     pub damping: Real,
     /// The last stream or reference message that was accepted.
-    pub client: Option<Client>,
+    pub client: Option<TakenStream>,
     /// True if this tick took a new reading.
     pub fresh: bool,
 }
 
 /// The last stream or reference message that was accepted from a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Client {
+pub struct TakenStream {
     /// The client's sequence number of the message.
     pub seq: Option<u64>,
     /// Age in ticks of the state that the message was computed from. If the message names none,

@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use hbot_config::SceneFile;
 use serde_json::Value;
 
-use crate::model::Sample;
+use crate::model::PlotSample;
 
 /// Returns the scene files (`*.toml`) of a folder, sorted by name. Returns none if the folder
 /// cannot be read.
@@ -36,7 +36,7 @@ pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
 }
 
 /// Writes samples as a CSV file into `folder` and returns its path.
-pub(crate) fn export(folder: &Path, samples: &[Sample]) -> anyhow::Result<PathBuf> {
+pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<PathBuf> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
     let path = folder.join(format!("hbot-{now}.csv"));
     let write = || -> anyhow::Result<()> {
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn every_sample_is_a_line_of_as_many_figures_as_there_are_columns() {
         let folder = tempfile::tempdir().expect("a folder");
-        let samples = [Sample::of(&StateEvent::default()); 3];
+        let samples = [PlotSample::of(&StateEvent::default()); 3];
         let path = export(folder.path(), &samples).expect("written");
         let text = std::fs::read_to_string(path).expect("a file");
         assert_eq!(text.lines().count(), 4);

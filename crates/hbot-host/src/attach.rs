@@ -8,7 +8,7 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
 use thiserror::Error;
 
 use crate::bus::hbot::HbotLink;
@@ -31,7 +31,7 @@ pub enum AttachError {
     Meet(#[from] MeetError),
     /// The simulated rig could not be created.
     #[error(transparent)]
-    Simulator(#[from] RigError),
+    Simulator(#[from] SimulatedRigError),
     /// The pseudo-terminal of the simulated rig could not be created.
     #[error(transparent)]
     Pty(#[from] PtyError),

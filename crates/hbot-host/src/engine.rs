@@ -12,7 +12,7 @@ use hbot_core::{CompiledScene, Controller};
 use crate::bridge::LoopEnd;
 use crate::clock::now_ns;
 use crate::motors::Motors;
-use crate::sample::{Answer, Counters, Sample, Timing};
+use crate::sample::{Answer, Counters, Sample, TickTiming};
 
 /// Number of recent commands whose send time is remembered, to compute the age of a reading. A
 /// reading that answers an older command has no age.
@@ -48,7 +48,7 @@ pub type Recorder = Box<dyn FnMut(&CompiledScene, &Inputs, &hbot_core::Outputs) 
 
 /// The timing of one tick.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment {
+pub struct TickTime {
     /// Number of the tick, from 0.
     pub tick: u64,
     /// Nominal time of the tick since the start of the loop, ns.
@@ -107,7 +107,7 @@ impl Engine {
     }
 
     /// Runs one tick.
-    pub fn tick(&mut self, moment: &Moment) {
+    pub fn tick(&mut self, moment: &TickTime) {
         let started = now_ns();
         self.now_ns = moment.t_ns;
         let news = self.motors.receive(moment.t_ns, moment.tick as u32);
@@ -151,7 +151,7 @@ impl Engine {
             state: outputs.state,
             t_ns: moment.t_ns,
             scene: self.scene.revision(),
-            timing: Timing {
+            timing: TickTiming {
                 awake_ns: moment.awake_ns,
                 lateness_ns: moment.lateness_ns,
                 compute_ns: computed - computing,

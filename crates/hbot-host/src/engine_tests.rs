@@ -7,12 +7,12 @@ use hbot_core::inputs::{Command, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Vec3};
 use hbot_sim::pty::{PtyOptions, spawn_pty};
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::{Map, json};
 
 use crate::attach::met;
 use crate::bridge::{ServiceEnd, bridge};
-use crate::engine::{Engine, Moment};
+use crate::engine::{Engine, TickTime};
 use crate::layout::Layout;
 use crate::line::serial::Serial;
 use crate::line::{Line, Memory};
@@ -73,8 +73,8 @@ impl Bench {
     }
 }
 
-fn moment(tick: u64) -> Moment {
-    Moment { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
+fn moment(tick: u64) -> TickTime {
+    TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
 /// Runs ticks and rehearsals, and returns how many allocations they made. Only `outside` and

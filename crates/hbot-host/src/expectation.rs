@@ -15,10 +15,10 @@ use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
-use hbot_sim::motion::{LEAD, MOTIONS, Motion};
+use hbot_sim::motion::{LEAD, MOTIONS, TrueMotion};
 
 /// The motion for which errors are measured: brisk, without reversal of its direction.
-const MOTION: Motion = MOTIONS[1];
+const MOTION: TrueMotion = MOTIONS[1];
 /// How long the motion is followed, ns.
 const TIME_NS: u64 = 10_000_000_000;
 /// Largest number of ticks that are simulated at the start of a program.

@@ -21,7 +21,7 @@ use crate::realtime::{WakeLatency, lock_memory};
 use crate::run_loop::{Ended, StopFlag, Time, lockstep, wall};
 
 /// The options with which a rig is started.
-pub struct Options {
+pub struct HostOptions {
     /// The rig, including the line to its motors.
     pub rig: RigConfig,
     /// The scene that the loop renders first.
@@ -44,7 +44,7 @@ pub struct Options {
 
 /// The reason why a rig could not be started.
 #[derive(Debug, Error)]
-pub enum StartError {
+pub enum HostError {
     /// The motors could not be attached.
     #[error(transparent)]
     Attach(#[from] AttachError),
@@ -84,8 +84,8 @@ impl Host {
     /// # Errors
     /// Fails if a port cannot be opened, the controllers are not accepted, or the system refuses.
     /// Nothing is left running then.
-    pub fn start(options: Options) -> Result<(Self, ServiceEnd), StartError> {
-        let Options { rig, scene, phenomena, time, ticks, buses, last_word, recorder } = options;
+    pub fn start(options: HostOptions) -> Result<(Self, ServiceEnd), HostError> {
+        let HostOptions { rig, scene, phenomena, time, ticks, buses, last_word, recorder } = options;
         let processor = rig.cpu.map(Processor::new).transpose()?;
         let mut notices = uncalibrated(&rig);
         let wake_latency = limit_wake_latency(&rig, time, &mut notices);
@@ -97,12 +97,12 @@ impl Host {
             (Some(buses), _) => {
                 let ours = layout.buses();
                 if buses.len() != ours {
-                    return Err(StartError::Buses { given: buses.len(), ours });
+                    return Err(HostError::Buses { given: buses.len(), ours });
                 }
                 (buses, None)
             }
             (None, Port::Devices(_)) if time == Time::Virtual => {
-                return Err(StartError::VirtualHardware(rig.link.port.to_string()));
+                return Err(HostError::VirtualHardware(rig.link.port.to_string()));
             }
             (None, Port::Devices(devices)) => {
                 (serial(&rig, devices, &layout, last_word.as_ref(), true, &mut notices)?, None)

@@ -10,14 +10,14 @@ use hbot_core::MAX_JOINTS;
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// Place of each joint, in the order steer, drive of each wheel.
-    pub places: Vec<Place>,
+    pub places: Vec<JointPlace>,
     /// Counts that are added to the count of each joint, so that the sum is zero at the rig's zero.
     pub offsets: [i32; MAX_JOINTS],
 }
 
 /// The place of a joint on the motor buses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
+pub struct JointPlace {
     /// Number of the bus that carries the joint, from 0.
     pub bus: usize,
     /// Place of the joint on that bus, from 0.
@@ -38,7 +38,8 @@ impl Layout {
             // The simulated controllers are on one bus, in the order of the joints.
             return Self { offsets, ..Self::single(0..rig.controllers.len()) };
         }
-        let places = rig.ports.iter().zip(&rig.controllers).map(|(bus, at)| Place { bus: *bus, at: *at });
+        let places =
+            rig.ports.iter().zip(&rig.controllers).map(|(bus, at)| JointPlace { bus: *bus, at: *at });
         Self { places: places.collect(), offsets }
     }
 
@@ -46,7 +47,7 @@ impl Layout {
     /// steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>) -> Self {
-        let places = places.into_iter().map(|at| Place { bus: 0, at }).collect();
+        let places = places.into_iter().map(|at| JointPlace { bus: 0, at }).collect();
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 

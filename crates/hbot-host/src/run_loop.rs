@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::clock::now_ns;
 use crate::early::Early;
-use crate::engine::{Engine, Moment};
+use crate::engine::{Engine, TickTime};
 use crate::pace::{Beat, Pace};
 use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
 
@@ -77,7 +77,7 @@ pub fn wall(
             tick = beat.tick;
             let t_ns = tick * period_ns;
             let Beat { lateness_ns, late, .. } = beat;
-            engine.tick(&Moment { tick, t_ns, awake_ns, lateness_ns, late, skipped });
+            engine.tick(&TickTime { tick, t_ns, awake_ns, lateness_ns, late, skipped });
             skipped = pace.end(now_ns());
             tick += 1;
         }
@@ -95,7 +95,7 @@ pub fn lockstep(mut engine: Engine, period_ns: u64, ticks: Option<u64>, stop: &S
                 std::thread::yield_now();
             }
             let t_ns = tick * period_ns;
-            engine.tick(&Moment { tick, t_ns, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 });
+            engine.tick(&TickTime { tick, t_ns, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 });
             tick += 1;
         }
         tick

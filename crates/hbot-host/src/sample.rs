@@ -13,7 +13,7 @@ pub struct Sample {
     /// Revision of the scene that was rendered.
     pub scene: u64,
     /// Time that each part of this tick took.
-    pub timing: Timing,
+    pub timing: TickTiming,
     /// Counts of events since the start of the loop.
     pub counters: Counters,
     /// Answers to the orders that this tick took.
@@ -31,7 +31,7 @@ pub struct Answer {
 
 /// Time that each part of one tick took, ns.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Timing {
+pub struct TickTiming {
     /// Time awake before the deadline, ns; 0 in virtual time.
     pub awake_ns: u64,
     /// Time from the deadline to the start of the tick, ns; 0 in virtual time.

@@ -4,7 +4,7 @@
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS, Mat3, Vec3};
-use hbot_sim::plant::{Plant, State};
+use hbot_sim::plant::{Plant, PlantState};
 
 /// Delay from a reading to the torque computed from it, ticks: the loop uses the reading that
 /// arrived in the last tick.
@@ -20,7 +20,7 @@ const SAMPLES: usize = 256;
 /// The properties of a rig that limit the stiffness of a spring, without help from friction or the
 /// hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Expected {
+pub struct StiffnessBound {
     /// Period of the loop, s.
     pub period: f64,
     /// Smallest apparent inertia about any axis over the examined postures, kg m².
@@ -30,7 +30,7 @@ pub struct Expected {
     pub count: f64,
 }
 
-impl Expected {
+impl StiffnessBound {
     /// Computes the properties of the rig and loop of `config`. Returns `None` if its inertias
     /// contradict each other.
     #[must_use]
@@ -38,7 +38,7 @@ impl Expected {
         let rig = &config.rig;
         let plant = Plant::new(&rig.device).ok()?;
         let inertia = postures(rig.device.wheels().len()).map(|state| least(plant.apparent_inertia(&state)));
-        let posture = Posture::new(&rig.device, &State::default().steer[..rig.device.wheels().len()]);
+        let posture = Posture::new(&rig.device, &PlantState::default().steer[..rig.device.wheels().len()]);
         let turn = |j: usize| {
             let mut rates = [0.0; MAX_JOINTS];
             rates[j] = rig.joints[j].radians_per_count().abs();
@@ -98,9 +98,9 @@ const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
 
 /// Returns sample postures, which fill the space of steer angles evenly. The steer angle of wheel i
 /// advances by `TURNS_PER_SAMPLE[i]` from one sample to the next.
-fn postures(wheels: usize) -> impl Iterator<Item = State> {
+fn postures(wheels: usize) -> impl Iterator<Item = PlantState> {
     (0..SAMPLES).map(move |k| {
-        let mut state = State::default();
+        let mut state = PlantState::default();
         for (th, turns) in state.steer[..wheels].iter_mut().zip(TURNS_PER_SAMPLE) {
             *th = (k as f64 * turns).fract() * core::f64::consts::TAU;
         }
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn no_damping_carries_more_than_the_most() {
-        let [most, damping] = Expected { period: 1.0, inertia: 1.0, count: 1.0 }.most();
+        let [most, damping] = StiffnessBound { period: 1.0, inertia: 1.0, count: 1.0 }.most();
         assert!(rests(0.99 * most, damping));
         // Tries dampings from zero up to where the damping itself makes the motion unstable.
         for k in 0..=100 {
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn little_damping_carries_what_the_linear_border_says() {
-        let expected = Expected { period: 1.0, inertia: 1.0, count: 1.0 };
+        let expected = StiffnessBound { period: 1.0, inertia: 1.0, count: 1.0 };
         // The next order of the formula is (5/3) d/(3/2), 1 % at a damping of 0.01. The last tenth
         // of the motion decays too slowly to wait for.
         let border = expected.stable(0.01);
@@ -160,7 +160,7 @@ mod tests {
     /// Wheels that stood still, or that turned together, would hide postures with less inertia.
     #[test]
     fn the_sample_postures_turn_every_wheel_and_no_two_together() {
-        let samples: Vec<State> = postures(MAX_WHEELS).collect();
+        let samples: Vec<PlantState> = postures(MAX_WHEELS).collect();
         // Even spacing is 2 pi / 256 = 0.025 rad. The widest gap of an irrational step is up to
         // about seven times that. A wheel that stands still leaves a gap of a whole turn.
         let fills = |angles: &mut Vec<f64>| {
@@ -173,7 +173,7 @@ mod tests {
             fills(&mut samples.iter().map(|state| state.steer[i]).collect());
             for j in 0..i {
                 let apart =
-                    |state: &State| (state.steer[i] - state.steer[j]).rem_euclid(core::f64::consts::TAU);
+                    |state: &PlantState| (state.steer[i] - state.steer[j]).rem_euclid(core::f64::consts::TAU);
                 fills(&mut samples.iter().map(apart).collect());
             }
         }
@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn the_prototype_is_as_the_notes_have_it() {
         let config = RigConfig::prototype();
-        let expected = Expected::of(&config).expect("the prototype is a plant");
+        let expected = StiffnessBound::of(&config).expect("the prototype is a plant");
         // Physics notes, section 6: lambda_min of the apparent inertia is 3.4e-3 kg m².
         assert!((expected.inertia - 3.4e-3).abs() < 0.05e-3, "{}", expected.inertia);
         // The bare sphere has 3.239e-3 kg m², and the wheels only add to it.

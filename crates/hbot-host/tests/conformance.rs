@@ -8,8 +8,8 @@ use hbot_config::RigConfig;
 use hbot_host::bus::{Expected, Protocol, hbot::HbotLink};
 use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
 use hbot_host::layout::Layout;
-use hbot_sim::controller::Fault;
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::controller::InjectedFault;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use toy::motors::HeldMotors;
 
@@ -39,7 +39,7 @@ impl Controllers for Simulated {
     }
 
     fn lose_power(&mut self) {
-        self.0.inject(Fault::Reboot);
+        self.0.inject(InjectedFault::Reboot);
     }
 }
 

@@ -27,7 +27,8 @@ pub enum FromController {
     Feedback(Feedback),
 }
 
-/// The torques of one tick, for all joints of the port.
+/// The torques of one tick, for all joints of the port. docs/link.md uses the same name. `Command`
+/// of hbot-core is another type: a request of a person or a client, which never leaves the PC.
 ///
 /// # Valid commands
 ///
@@ -91,7 +92,8 @@ pub struct Feedback {
     pub joints: heapless::Vec<JointReading, MAX_JOINTS>,
 }
 
-/// The reading of one joint.
+/// The reading of one joint, in the form in which hbot's link sends it. docs/link.md uses the same
+/// name. `JointReading` of hbot-host is the form that drivers of all protocols return.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointReading {
     /// Position of the encoder, before the gear, in counts. It wraps from [`i32::MAX`] to

@@ -29,7 +29,7 @@ pub use bars::{Bar, bars};
 pub use hemispheres::Hemispheres;
 pub use lines::{Lines, Series};
 pub use map::{Map, maps};
-pub use panels::{Curve, Panel, sheet};
+pub use panels::{Curve, PlotPanel, sheet};
 pub use scatter::{Cloud, Scatter};
 pub use sketch::{Pen, Sketch};
 

@@ -29,7 +29,7 @@ pub struct Curve {
 
 /// One panel: several curves over common axes.
 #[derive(Debug, Clone)]
-pub struct Panel {
+pub struct PlotPanel {
     /// Label of the x axis.
     pub x: String,
     /// Label of the y axis.
@@ -45,9 +45,9 @@ pub struct Panel {
 /// Draws panels one below the other, with the discs of `below`, if any, under them. Returns the
 /// picture as SVG.
 #[must_use]
-pub fn sheet(title: &str, panels: &[Panel], below: Option<&Hemispheres>) -> String {
+pub fn sheet(title: &str, panels: &[PlotPanel], below: Option<&Hemispheres>) -> String {
     let height = TITLE + PANEL * panels.len() as u32 + below.map_or(0, |_| hemispheres::HEIGHT);
-    let names: Vec<&str> = panels.iter().flat_map(Panel::names).collect();
+    let names: Vec<&str> = panels.iter().flat_map(PlotPanel::names).collect();
     let mut out = String::new();
     drawn(&mut out, (WIDTH, height), |area| {
         let (head, mut rest) = area.split_vertically(TITLE);
@@ -63,7 +63,7 @@ pub fn sheet(title: &str, panels: &[Panel], below: Option<&Hemispheres>) -> Stri
     out
 }
 
-impl Panel {
+impl PlotPanel {
     fn names(&self) -> impl Iterator<Item = &str> {
         self.curves.iter().filter_map(|curve| curve.name.as_deref())
     }
@@ -123,7 +123,7 @@ mod tests {
             colour: name.map(|_| 0),
             dashed,
         };
-        let panel = |x: &str, curves| Panel {
+        let panel = |x: &str, curves| PlotPanel {
             x: x.to_owned(),
             y: "torque, N m".to_owned(),
             x_range: (0.0..2.0, 8),

@@ -70,7 +70,7 @@ pub(crate) fn hbot() -> Outcome<Command> {
 }
 
 /// A running server, with a client that watches its states.
-pub(crate) struct Bench {
+pub(crate) struct WatchedServer {
     pub(crate) server: Other,
     pub(crate) address: String,
     pub(crate) watcher: Client,
@@ -80,7 +80,7 @@ pub(crate) struct Bench {
     _out: BufReader<ChildStdout>,
 }
 
-impl Bench {
+impl WatchedServer {
     /// Starts a server on `port` and brings it to active. Its scene has no effects, so the only
     /// torque is a client's.
     pub(crate) fn start(port: &str, simulate: Value) -> Outcome<Self> {

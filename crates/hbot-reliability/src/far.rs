@@ -9,8 +9,8 @@ use hbot_config::RigConfig;
 use hbot_host::clock::now_ns;
 use hbot_host::realtime::{SIMULATOR_PRIORITY, real_time};
 use hbot_link::{Command, Decoder, ToController};
-use hbot_sim::controller::Fault;
-use hbot_sim::rig::{RigConfig as Simulated, SimulatedRig};
+use hbot_sim::controller::InjectedFault;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::json;
 use serialport::{SerialPort as _, TTYPort};
 
@@ -73,7 +73,7 @@ pub(crate) fn run() -> Outcome<()> {
             }
         }
     });
-    let mut rig = SimulatedRig::new(&Simulated::new(&RigConfig::prototype().rig))?;
+    let mut rig = SimulatedRig::new(&SimulatedConfig::new(&RigConfig::prototype().rig))?;
     let (mut decoder, mut heard) = (Decoder::<ToController>::new(), Heard::default());
     let (start, mut buffer, mut reply) = (now_ns(), [0; 4096], Vec::new());
     let mut manner = Manner::Well;
@@ -86,8 +86,8 @@ pub(crate) fn run() -> Outcome<()> {
                 heard = Heard { since_ns: Some(now), ..heard };
                 match order.as_str() {
                     "mark" => {}
-                    "mute" => rig.inject(Fault::Mute(true)),
-                    "reboot" => rig.inject(Fault::Reboot),
+                    "mute" => rig.inject(InjectedFault::Mute(true)),
+                    "reboot" => rig.inject(InjectedFault::Reboot),
                     "babble" => manner = Manner::Babbles,
                     "echo" => manner = Manner::Echoes,
                     other => return Err(format!("{other}?").into()),

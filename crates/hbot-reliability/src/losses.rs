@@ -9,7 +9,7 @@ use hbot_config::RigConfig;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use crate::bench::{Bench, Helper, hbot, still};
+use crate::bench::{Helper, WatchedServer, hbot, still};
 use crate::clients::VALID_MS;
 use crate::{Outcome, Row};
 
@@ -42,7 +42,7 @@ pub(crate) fn client_lost(fault: &str, signal: Signal) -> Outcome<Row> {
 }
 
 fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
-    let mut bench = Bench::start("sim", json!({"hand": hand()?}))?;
+    let mut bench = WatchedServer::start("sim", json!({"hand": hand()?}))?;
     let client = bench.pushed()?;
     client.process.signal(signal)?;
     let mut taken = 0;
@@ -66,10 +66,10 @@ fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
 
 /// Starts a server with motor controllers in a separate process, and a client that commands a
 /// torque.
-fn pushed_rig() -> Outcome<(Helper, Bench, Helper)> {
+fn pushed_rig() -> Outcome<(Helper, WatchedServer, Helper)> {
     let mut peer = Helper::start(&["peer"])?;
     let port = peer.line()?;
-    let mut bench = Bench::start(&port, Value::Null)?;
+    let mut bench = WatchedServer::start(&port, Value::Null)?;
     let client = bench.pushed()?;
     Ok((peer, bench, client))
 }
@@ -78,7 +78,7 @@ fn pushed_rig() -> Outcome<(Helper, Bench, Helper)> {
 /// for zero torque. Only the server can report this.
 pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
     let (peer, mut bench, _client) = pushed_rig()?;
-    let missed = |bench: &mut Bench| Ok::<_, Box<dyn std::error::Error>>(bench.stats()?.missed_ticks);
+    let missed = |bench: &mut WatchedServer| Ok::<_, Box<dyn std::error::Error>>(bench.stats()?.missed_ticks);
     peer.process.signal(signal)?;
     let before = missed(&mut bench)?;
     let state = bench.until(|state| state.mode == Mode::Fault)?;
@@ -128,7 +128,7 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
 /// Impairs the line so that a share of the frames is damaged.
 pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     let link = json!({"latency_s": 0, "command_latency_s": 0, "jitter_s": 0, "loss": 0, "corrupt": share});
-    let mut bench = Bench::start("sim", json!({"hand": hand()?}))?;
+    let mut bench = WatchedServer::start("sim", json!({"hand": hand()?}))?;
     bench.watcher.acquire(false)?;
     bench
         .watcher
@@ -250,10 +250,10 @@ pub(crate) fn disk_read_only() -> Outcome<Row> {
 
 fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Outcome<Row> {
     let said = folder.join("said");
-    let mut bench = Bench::logging(logs, &said, blocks)?;
+    let mut bench = WatchedServer::logging(logs, &said, blocks)?;
     let counts = |stats: &StatsOk| [stats.late_ticks, stats.skipped_ticks, stats.missed_ticks];
     // Measures a second without a flight log, then the second in which the log is written.
-    let second = |bench: &mut Bench| {
+    let second = |bench: &mut WatchedServer| {
         let before = counts(&bench.stats()?);
         let tick = bench.watcher.ping(Value::Null)?.tick;
         bench.until(|state| state.tick > tick + 1000)?;

@@ -11,7 +11,7 @@ use hbot_api::{Client, StatsOk};
 use hbot_host::doctor::punctuality;
 use serde_json::{Value, json};
 
-use crate::bench::{Bench, Helper, Other};
+use crate::bench::{Helper, Other, WatchedServer};
 use crate::{Outcome, Row};
 
 /// Number of pairs of turns, one with and one without the disturbance.
@@ -56,8 +56,8 @@ impl Run {
 }
 
 /// Starts a server and brings it to active. No client receives its states.
-fn quiet() -> Outcome<Bench> {
-    let mut bench = Bench::start("sim", Value::Null)?;
+fn quiet() -> Outcome<WatchedServer> {
+    let mut bench = WatchedServer::start("sim", Value::Null)?;
     bench.watcher.unsubscribe()?;
     Ok(bench)
 }
@@ -160,7 +160,7 @@ fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
 /// Measures the age of the torques of a client that renders in step with the loop.
 pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     let hand = json!({"hand": {"amplitude": 0.2}});
-    let mut bench = Bench::start("sim", hand)?;
+    let mut bench = WatchedServer::start("sim", hand)?;
     bench.watcher.unsubscribe()?;
     let mut renderer = Helper::start(&["render", &bench.address, &seconds.to_string()])?;
     let ages: Value = serde_json::from_str(&renderer.line()?)?;
@@ -295,7 +295,7 @@ pub(crate) fn load(seconds: u64) -> Outcome<Row> {
         let bare = punctuality(1000, None, Duration::from_secs(seconds));
         // With every core loaded, a pseudo-terminal can stall until the link counts as lost. The
         // loop still ticks.
-        let mut bench = Bench::ticking()?;
+        let mut bench = WatchedServer::ticking()?;
         std::thread::sleep(Duration::from_secs(seconds));
         let late = bench.stats()?.lateness_us;
         ratios.push(late.p50 / bare.p50_us);

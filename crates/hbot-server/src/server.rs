@@ -25,11 +25,11 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::flight;
-use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
+use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 
 /// The settings with which a [`Server`] is started.
-pub struct Options {
+pub struct ServerOptions {
     /// The rig, including its line and the settings of the service.
     pub rig: RigConfig,
     /// The scene that runs at the start.
@@ -58,7 +58,7 @@ pub struct Options {
 pub enum StartError {
     /// The rig could not be started.
     #[error(transparent)]
-    Rig(#[from] host::StartError),
+    Rig(#[from] host::HostError),
     /// The certificate or the key for encryption cannot be used.
     #[error(transparent)]
     Certificate(#[from] CertificateError),
@@ -66,7 +66,7 @@ pub enum StartError {
 
 /// A server whose loop is running.
 pub struct Server {
-    setup: Setup,
+    setup: ServiceSetup,
     end: ServiceEnd,
     host: Host,
     notices: Vec<String>,
@@ -112,15 +112,16 @@ impl Server {
     /// Fails if a port cannot be opened, if a motor controller does not answer as expected, if the
     /// operating system refuses a resource, or if the files for encryption cannot be used. Nothing
     /// is left running then.
-    pub fn start(options: Options) -> Result<Self, StartError> {
-        let Options { rig, scene, time, duration, token, buses, last_word, flight_dir, recorder } = options;
+    pub fn start(options: ServerOptions) -> Result<Self, StartError> {
+        let ServerOptions { rig, scene, time, duration, token, buses, last_word, flight_dir, recorder } =
+            options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
         let phenomena = at_start(&scene);
         let mut running = RunningScene::new();
         let scene = Box::new(running.load(scene));
         let mut notices = notices(flight_dir.as_deref());
         let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
-        let (host, end) = Host::start(host::Options {
+        let (host, end) = Host::start(host::HostOptions {
             rig: rig.clone(),
             scene,
             phenomena,
@@ -134,7 +135,7 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
-        let setup = Setup { rig, scene: running, phenomena, token, encryption, flight_dir, accuracy };
+        let setup = ServiceSetup { rig, scene: running, phenomena, token, encryption, flight_dir, accuracy };
         Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns() })
     }
 

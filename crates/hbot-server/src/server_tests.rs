@@ -14,7 +14,7 @@ use hbot_config::{RigConfig, SceneFile};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
-use crate::server::{Finished, Options, Part, Server, Time};
+use crate::server::{Finished, Part, Server, ServerOptions, Time};
 use crate::service::Status;
 use hbot_host::bridge::EmergencyStop;
 use hbot_host::engine::Recorder;
@@ -70,7 +70,7 @@ fn ended(
         let _log = log.map(|log| tracing::dispatcher::set_default(&log));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async move {
-            let options = Options {
+            let options = ServerOptions {
                 rig,
                 scene: SceneFile::default_scene(),
                 time: Time::Wall,

@@ -2,7 +2,7 @@
 
 use hbot_core::inputs::{Inputs, MAX_COMMANDS};
 use hbot_core::{CompiledScene, Controller};
-use hbot_host::sample::{Counters, Sample, Timing};
+use hbot_host::sample::{Counters, Sample, TickTiming};
 
 /// Returns the sample of a loop that has just begun and has received nothing on its line.
 pub(crate) fn still(tick: u64) -> Sample {
@@ -12,7 +12,7 @@ pub(crate) fn still(tick: u64) -> Sample {
         state,
         t_ns: tick * 1_000_000,
         scene: 0,
-        timing: Timing::default(),
+        timing: TickTiming::default(),
         counters: Counters::default(),
         answers: [None; MAX_COMMANDS],
     }

@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use hbot_core::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
-use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 
 /// Number of marks, one every 10 ms.
 const MARKS: usize = 200;
@@ -89,10 +89,10 @@ fn prototype() -> Device {
 }
 
 /// Returns the states at all marks, including the start.
-fn run(plant: &Plant, method: Method, steps: u32, load: &impl Load) -> Vec<State> {
+fn run(plant: &Plant, method: Method, steps: u32, load: &impl Load) -> Vec<PlantState> {
     let h = 0.01 / f64::from(steps);
     let mut marks = Vec::with_capacity(MARKS + 1);
-    let (mut state, mut n) = (State::default(), 0_u32);
+    let (mut state, mut n) = (PlantState::default(), 0_u32);
     marks.push(state);
     for _ in 0..MARKS {
         for _ in 0..steps {
@@ -106,7 +106,7 @@ fn run(plant: &Plant, method: Method, steps: u32, load: &impl Load) -> Vec<State
 
 fn print_error(plant: &Plant, orientations: impl Iterator<Item = Quat>) {
     let load = load();
-    let mut exact = State::default();
+    let mut exact = PlantState::default();
     let (mut worst, mut last): (f64, f64) = (0.0, 0.0);
     for (i, q) in orientations.enumerate() {
         if i > 0 {

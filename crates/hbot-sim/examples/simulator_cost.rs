@@ -9,8 +9,8 @@ use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
 use hbot_sim::controller::SimulatedJoint;
 use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
-use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 /// Number of runs of each measurement. The fastest run counts, because the others were disturbed.
 const RUNS: usize = 15;
@@ -23,7 +23,7 @@ fn main() {
     let about_n2 = Sine { amplitude: Vec3::Y * 0.3, hertz: 3.0 };
     let load = Sum(spring, Sum(about_n1, about_n2));
 
-    let mut exact = State::default();
+    let mut exact = PlantState::default();
     plant.advance_exactly(&mut exact, 0.0, 2.0, &[0.0; 16], &load, 1e-13).expect("a smooth load");
     println!(
         "two wheels, spring and two swinging torques, 2 s from rest; error of orientation + steering angles\n"
@@ -74,9 +74,9 @@ fn prototype() -> Device {
 }
 
 /// Returns the state after `duration` seconds from rest, in `steps` steps.
-fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Load) -> State {
+fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Load) -> PlantState {
     let h = duration / f64::from(steps);
-    let mut state = State::default();
+    let mut state = PlantState::default();
     for i in 0..steps {
         plant.step(method, &mut state, f64::from(i) * h, h, &[0.0; 16], load);
     }
@@ -86,10 +86,10 @@ fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Loa
 /// Measures one tick of the rig, ns.
 fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     let joint = Joint { gear: 17.0, continuous: 0.02, zero: Zero::Assume, ..Joint::new(16384, 0.2) };
-    let config = RigConfig {
+    let config = SimulatedConfig {
         device: *device,
         joints: vec![SimulatedJoint::from(&joint); device.joints()],
-        start: State::default(),
+        start: PlantState::default(),
         phenomena,
         method: Method::Rk4,
         max_step_ns: 1_000_000,

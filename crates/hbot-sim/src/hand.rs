@@ -33,7 +33,7 @@ pub struct Grip {
 /// The orientation and angular velocity to which the hand's spring and damper pull the sphere, at
 /// one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Target {
+pub struct HandTarget {
     /// Orientation as a unit quaternion that maps sphere axes to frame N.
     pub q: Quat,
     /// Angular velocity in frame N, rad/s. It is exactly the rate of change of `q`.
@@ -64,10 +64,10 @@ impl Grip {
     /// Returns the hand's target at time `t`, s. Before the hand takes hold, this is its starting
     /// orientation at rest.
     #[must_use]
-    pub fn target(&self, t: f64) -> Target {
+    pub fn target(&self, t: f64) -> HandTarget {
         let age = t - self.since;
         if !(age > 0.0) {
-            return Target { q: self.start, omega: Vec3::ZERO };
+            return HandTarget { q: self.start, omega: Vec3::ZERO };
         }
         // The amplitude's factor rises from 0 to 1 without a jump in rate or acceleration at either
         // end.
@@ -89,15 +89,15 @@ impl Grip {
         let (g, g_rate) = (Vec3::from_array(p) * 0.5, Vec3::from_array(p_rate) * 0.5);
         let size = 1.0 + g.length_squared();
         let turn = rotation::from_parts(1.0, g) * (1.0 / libm::sqrt(size));
-        Target { q: turn * self.start, omega: (g_rate + g.cross(g_rate)) * (2.0 / size) }
+        HandTarget { q: turn * self.start, omega: (g_rate + g.cross(g_rate)) * (2.0 / size) }
     }
 }
 
 impl Load for Grip {
-    type Instant = Target;
+    type Instant = HandTarget;
 
     #[inline]
-    fn at(&self, t: f64) -> Target {
+    fn at(&self, t: f64) -> HandTarget {
         self.target(t)
     }
 
@@ -107,7 +107,7 @@ impl Load for Grip {
     /// The equations are in the physics notes, section 6. The spring torque is K sin(angle): beyond
     /// a quarter turn it falls, as a person's grip does.
     #[inline]
-    fn torque(&self, target: &Target, q: Quat, omega: Vec3) -> Vec3 {
+    fn torque(&self, target: &HandTarget, q: Quat, omega: Vec3) -> Vec3 {
         let error = target.q * q.conjugate();
         rotation::vector_part(error) * (2.0 * self.hand.stiffness * error.w)
             - (omega - target.omega) * self.hand.damping

@@ -22,7 +22,7 @@ pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
 /// Counts of the frames sent in one direction of an impaired line, since the impairment began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Traffic {
+pub struct FrameCounts {
     /// Number of frames sent.
     pub sent: u64,
     /// Number of frames that were lost, out of those sent.
@@ -98,7 +98,7 @@ pub(crate) struct Lane {
     /// Frames in flight, oldest first.
     frames: VecDeque<Frame>,
     bytes: VecDeque<u8>,
-    pub(crate) traffic: Traffic,
+    pub(crate) traffic: FrameCounts,
 }
 
 impl Lane {
@@ -112,7 +112,7 @@ impl Lane {
             length: 0,
             frames: VecDeque::with_capacity(FRAMES),
             bytes: VecDeque::with_capacity(BYTES),
-            traffic: Traffic::default(),
+            traffic: FrameCounts::default(),
         }
     }
 

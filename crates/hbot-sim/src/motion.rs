@@ -19,7 +19,7 @@ const SIZE: usize = 4 + JOINTS;
 
 /// A prescribed way in which the sphere turns, defined by its angular velocity over time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct TrueMotion {
     /// Name as used in the ids of figures.
     pub name: &'static str,
     /// Mean angular speed, rad/s.
@@ -33,9 +33,9 @@ pub struct Motion {
 
 /// The motions by which odometry is measured: gentle, brisk and violent, each both turning steadily
 /// and turning back and forth.
-pub const MOTIONS: [Motion; 6] = {
-    const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> Motion {
-        Motion { name, speed, hertz, reversing }
+pub const MOTIONS: [TrueMotion; 6] = {
+    const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> TrueMotion {
+        TrueMotion { name, speed, hertz, reversing }
     }
     [
         motion("gentle", 0.5, 0.5, false),
@@ -52,7 +52,7 @@ const AXIS: Vec3 = Vec3::new(0.5, 0.8, 0.331_662_479);
 /// Frequencies about the three axes relative to the motion's frequency. They have no common period.
 const RATIOS: [f64; 3] = [1.0, core::f64::consts::SQRT_2, 1.618_033_988_749_895];
 
-impl Motion {
+impl TrueMotion {
     /// Returns the angular velocity of the sphere at time `t` (s), in frame N, rad/s.
     #[must_use]
     pub fn omega(&self, t: f64) -> Vec3 {
@@ -68,7 +68,7 @@ impl Motion {
 
 /// One moment of an exact motion: orientation and joint angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct MotionSample {
     /// Orientation as w, x, y, z, sphere axes to frame N.
     pub q: [f64; 4],
     /// Joint angles in the order steer, drive of each wheel, rad.
@@ -83,16 +83,16 @@ const BEFORE: f64 = 1.0;
 /// the longest kind, needs them.
 pub const LEAD: usize = 3;
 
-impl Motion {
+impl TrueMotion {
     /// Returns `count` moments of the motion at `hz` moments a second, accurate to rounding error.
     ///
     /// Moment number `lead` (counted from 0) is at time 0 and has the identity as its orientation.
     #[must_use]
-    pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<Moment> {
+    pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<MotionSample> {
         let h = 1.0 / f64::from(hz);
         let states: Vec<[f64; SIZE]> = self.course(device, -(lead as f64) * h, h).take(count).collect();
         let zero = orientation(&states[lead]).conjugate();
-        let moment = |y: &[f64; SIZE]| Moment {
+        let moment = |y: &[f64; SIZE]| MotionSample {
             q: rotation::to_wxyz(orientation(y) * zero),
             joints: core::array::from_fn(|i| y[4 + i]),
         };
@@ -100,7 +100,7 @@ impl Motion {
     }
 }
 
-impl Motion {
+impl TrueMotion {
     /// Returns an endless iterator over the motion, one item every `h` seconds from time `start`
     /// (s).
     ///

@@ -23,8 +23,8 @@
 //! true motions come from `hbot_sim::motion`. Every study is deterministic except for the times
 //! that it measures.
 
+mod computer;
 mod context;
-mod machine;
 mod names;
 mod report;
 mod research;
@@ -75,7 +75,7 @@ impl Study {
 
 /// Options of a study.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct StudyOptions {
     /// Folder for the results. It is created if it does not exist. `None` means
     /// `target/study/NAME`.
     pub out: Option<PathBuf>,
@@ -114,7 +114,11 @@ impl From<Interrupted> for StudyError {
 /// # Errors
 /// Fails if `interrupt` was raised during the study, or if the folder cannot be written. A check
 /// that does not hold is not an error: see [`Report::holds`].
-pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Report, PathBuf), StudyError> {
+pub fn run(
+    study: Study,
+    options: &StudyOptions,
+    interrupt: &Interrupt,
+) -> Result<(Report, PathBuf), StudyError> {
     let started = Instant::now();
     let mut report = measure(study, options, interrupt)?;
     report.seconds = started.elapsed().as_secs_f64();
@@ -127,7 +131,7 @@ pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Re
 ///
 /// # Errors
 /// Fails if `interrupt` was raised during the study.
-pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result<Report, StudyError> {
+pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> Result<Report, StudyError> {
     let context = Context::new(study.name(), options.quick, interrupt);
     let report = match study {
         Study::Accuracy => accuracy::study(&context),

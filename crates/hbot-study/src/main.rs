@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anstyle::{AnsiColor, Reset, Style};
 use anyhow::Context as _;
 use clap::{Args, Parser, Subcommand};
-use hbot_study::{Counter, Interrupt, Options, Report, Study, StudyError};
+use hbot_study::{Counter, Interrupt, Report, Study, StudyError, StudyOptions};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Measures on this machine what accuracy and effects cost and where stability ends, repeats the
@@ -86,7 +86,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
     let interrupt = Interrupt::default();
     raise_on_signal(&interrupt)?;
     let counter = Counter { program: std::env::current_exe()?, arguments: vec![WORKER.to_owned()] };
-    let options = Options { out: args.out, quick: args.quick, counter: Some(counter) };
+    let options = StudyOptions { out: args.out, quick: args.quick, counter: Some(counter) };
     let (report, out) = match hbot_study::run(study, &options, &interrupt) {
         Ok(done) => done,
         Err(stopped @ StudyError::Interrupted) => {

@@ -6,8 +6,8 @@ use hbot_core::outputs::{Drive, Outputs};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::plant::State;
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::plant::PlantState;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::Value;
 
 /// The tick in which torque is enabled. The controller refuses `enable` before it has readings, and
@@ -37,7 +37,7 @@ pub(crate) struct Whole {
 impl Whole {
     /// Creates the loop at time 0. The simulated rig of `config` starts in state `start` and shows
     /// `phenomena`. `scene` is a scene file as JSON.
-    pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: State) -> Self {
+    pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: PlantState) -> Self {
         let scene =
             SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
         let rig =

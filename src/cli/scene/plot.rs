@@ -6,7 +6,7 @@ use anyhow::{Context as _, anyhow};
 use clap::Args;
 use hbot_config::SceneFile;
 use hbot_core::Vec3;
-use hbot_plot::{Curve, Hemispheres, Panel, sheet};
+use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
 use super::say;
 use super::sweep::Probe;
@@ -70,7 +70,7 @@ fn draw(scene: &SceneFile, axes: &[Axis]) -> String {
     let kinds: Vec<&str> = scene.effects().iter().map(|effect| effect.kind_name()).collect();
     let probe = Probe::new(scene);
     let parts = probe.parts();
-    let mut panels: Vec<Panel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
+    let mut panels: Vec<PlotPanel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
     panels.extend(still_time(&kinds).map(|(time, every)| still(&probe, time, every)));
     let landscape = kinds.contains(&LANDSCAPE).then(|| {
         let title = "where the sphere's third axis points, and the least energy there; dark is deep";
@@ -99,7 +99,7 @@ fn span<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> f64 {
 /// Plots torque against angle while the sphere turns about `axis` and back. The torque of the scene
 /// is black. The way back is dashed, and is drawn only if it differs. If there are several effects,
 /// each has its own curve.
-fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> Panel {
+fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> PlotPanel {
     let whole = probe.swing(axis.unit);
     let each: Vec<_> = parts.iter().map(|(name, part)| (name, part.swing(axis.unit))).collect();
     let all = each.iter().flat_map(|(_, c)| c.forth.iter().chain(&c.back));
@@ -121,7 +121,7 @@ fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> Panel {
     if pairs.any(|(a, b)| (a.1 - b.1).abs() > 1.0e-3 * most) {
         curves.push(black(&whole.back, true));
     }
-    Panel {
+    PlotPanel {
         x: format!("angle about {}, degrees", axis.name),
         y: "torque about it, N m".to_owned(),
         x_range: (-180.0..180.0, 13),
@@ -131,11 +131,11 @@ fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> Panel {
 }
 
 /// Plots torque against time while the sphere is held still.
-fn still(probe: &Probe, time: f64, every: u64) -> Panel {
+fn still(probe: &Probe, time: f64, every: u64) -> PlotPanel {
     let curves = probe.still(time, every);
     let most = span(curves.iter().flatten());
     let names = ["about x", "about y", "about z"];
-    Panel {
+    PlotPanel {
         x: "time, s, held still".to_owned(),
         y: "torque, N m".to_owned(),
         x_range: (0.0..time, 11),

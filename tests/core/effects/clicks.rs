@@ -2,7 +2,7 @@
 
 use super::{Felt, askew, axis, pulse, vibration};
 use crate::bench::{Bench, DT, altered, effect, rig};
-use hbot_core::effects::{Anchor, Effect, Kind, Path, Pulse, Span, Target, Track, Wave};
+use hbot_core::effects::{Anchor, Effect, Kind, Pulse, Span, Target, Track, TrackPath, Wave};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 fn along(felt: &mut Felt, q: Quat, ticks: u32) -> Vec<f64> {
@@ -74,7 +74,7 @@ fn a_pulse_that_is_set_clicks_in_the_controller() {
     assert!(torque[12..].iter().all(|t| t.abs() < 1e-9));
 }
 
-fn track(path: Path, figures: &[f64]) -> Felt {
+fn track(path: TrackPath, figures: &[f64]) -> Felt {
     let track = Track { target: askew(), path, stiffness: 2.0, damping: 0.0, deadband: 0.0 };
     Felt::with_figures(Kind::Track(track), figures)
 }
@@ -83,7 +83,7 @@ fn track(path: Path, figures: &[f64]) -> Felt {
 fn a_swing_goes_as_its_sine_and_a_chirp_s_phase_is_the_integral_of_its_frequency() {
     let base = askew().reference().0;
     let swing =
-        |from, to, sweep, repeat| Path::Swing { axis: axis(), amplitude: 0.3, from, to, sweep, repeat };
+        |from, to, sweep, repeat| TrackPath::Swing { axis: axis(), amplitude: 0.3, from, to, sweep, repeat };
     let phase = |t: f64| 0.5 * t + 0.5 * (2.0 - 0.5) * t * t / 4.0;
     let mut sine = track(swing(0.5, 0.5, 0.0, false), &[]);
     let mut chirp = track(swing(0.5, 2.0, 4.0, false), &[]);
@@ -111,7 +111,7 @@ fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
         })
         .collect();
     for rest in [true, false] {
-        let mut felt = track(Path::Points { rest, repeat: false }, &points);
+        let mut felt = track(TrackPath::Points { rest, repeat: false }, &points);
         let mut places = Vec::new();
         for _ in 0..1500 {
             // At 2 N m/rad, half of the torque is the turn to the reference.
@@ -138,7 +138,7 @@ fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
 fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
     let points = vec![0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.8, 0.6, 0.0, 0.0];
     for rest in [true, false] {
-        let path = Path::Points { rest, repeat: false };
+        let path = TrackPath::Points { rest, repeat: false };
         let track = Track {
             target: Target::new(Quat::IDENTITY, Anchor::Absolute).unwrap(),
             path,
@@ -166,7 +166,7 @@ fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
 fn each_effect_finds_its_own_figures() {
     let figures = [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.25];
     let still = |start| {
-        let path = Path::Points { rest: false, repeat: false };
+        let path = TrackPath::Points { rest: false, repeat: false };
         let kind =
             Kind::Track(Track { target: Target::N, path, stiffness: 1.0, damping: 0.0, deadband: 0.0 });
         Effect { figures: Span { start, len: 5 }, ..effect(start as u8, 1, kind) }

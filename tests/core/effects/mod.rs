@@ -14,8 +14,8 @@ use crate::bench::{DT, effect, rig};
 use crate::rng::Rng;
 use hbot_core::effects::{
     Anchor, Constant, Damper, Detents, Effect, EndStop, Frame, Freedom, Friction, Guide, Inertia, Kind,
-    Magnet, Motion, Path, Pendulum, Pulse, SnapSet, Snaps, Span, Spring, SpringLaw, Target, Texture, Track,
-    Vibration, Wave,
+    Magnet, Motion, Pendulum, Pulse, SnapSet, Snaps, Span, Spring, SpringLaw, Target, Texture, Track,
+    TrackPath, Vibration, Wave,
 };
 use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
@@ -204,7 +204,8 @@ pub fn dissipative() -> Vec<(Kind, Vec<f64>)> {
 
 /// Returns the effects that do work by themselves.
 pub fn active() -> Vec<(Kind, Vec<f64>)> {
-    let swing = Path::Swing { axis: axis(), amplitude: 0.4, from: 0.5, to: 3.0, sweep: 2.0, repeat: true };
+    let swing =
+        TrackPath::Swing { axis: axis(), amplitude: 0.4, from: 0.5, to: 3.0, sweep: 2.0, repeat: true };
     let track =
         |path| Kind::Track(Track { target: askew(), path, stiffness: 2.0, damping: 0.02, deadband: 0.01 });
     let points = vec![0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.8, 0.6, 0.0, 0.0, 1.5, 1.0, 0.0, 0.0, 0.0];
@@ -216,8 +217,8 @@ pub fn active() -> Vec<(Kind, Vec<f64>)> {
         (Kind::Vibration(vibration(Wave::Saw)), vec![]),
         (Kind::Pulse(pulse()), vec![]),
         (track(swing), vec![]),
-        (track(Path::Points { rest: true, repeat: true }), points.clone()),
-        (track(Path::Points { rest: false, repeat: false }), points),
+        (track(TrackPath::Points { rest: true, repeat: true }), points.clone()),
+        (track(TrackPath::Points { rest: false, repeat: false }), points),
         (Kind::Inertia(Inertia { mass: uneven(0.001, 0.002, 0.003), smoothing: 0.01 }), vec![]),
         (Kind::Friction(Friction { torque: 0.05, stiffness: 5.0, damping: 0.005 }), vec![]),
     ]

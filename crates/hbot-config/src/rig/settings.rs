@@ -104,7 +104,8 @@ pub(crate) enum Ports {
     Several(#[schemars(length(min = 1, max = 8), inner(length(min = 1)))] Vec<String>),
 }
 
-/// A protocol that motor controllers can use on the line.
+/// The protocol of the motor controllers, as `link.protocol` of a rig file names it. The trait
+/// `Protocol` of hbot-host is implemented by the driver of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {

@@ -17,9 +17,9 @@ use crate::effects::Motion;
 use crate::heat::Heat;
 use crate::inputs::{Command, Inputs, Stamp};
 use crate::joints::Joints;
-use crate::mode::{Cause, Machine};
+use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
-use crate::outputs::{Client, Drive, Outputs, State};
+use crate::outputs::{Drive, Outputs, State, TakenStream};
 use crate::passivity::{Guard, Observer};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
@@ -46,7 +46,7 @@ pub struct Controller {
     arms: [ContactArms; MAX_WHEELS],
     joints: Joints,
     orientation: Orientation,
-    machine: Machine,
+    machine: ModeMachine,
     renderer: Renderer,
     blend: Blend,
     /// Motion at which the effects were rendered in the last tick.
@@ -100,7 +100,7 @@ impl Controller {
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
-            machine: Machine::START,
+            machine: ModeMachine::START,
             renderer: Renderer::new(&rig),
             blend: Blend::DONE,
             last_motion: Motion { q: Quat::IDENTITY, omega: Vec3::ZERO },
@@ -239,7 +239,7 @@ impl Controller {
     #[inline]
     fn state(&self, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
         let made = &self.made;
-        let client = self.client.map(|(stamp, taken)| Client {
+        let client = self.client.map(|(stamp, taken)| TakenStream {
             seq: stamp.seq,
             age_ticks: tick.saturating_sub(stamp.tick.unwrap_or(taken)),
         });

@@ -42,7 +42,7 @@ pub use snaps::{MAX_OWN, SnapSet, Snaps};
 pub use spring::{Spring, SpringLaw};
 pub use target::{Anchor, Target};
 pub use texture::Texture;
-pub use track::{Path, Track};
+pub use track::{Track, TrackPath};
 pub use vibration::{Vibration, Wave};
 
 pub(crate) use inertia::mass_scale;
@@ -293,7 +293,7 @@ mod tests {
             Quat::IDENTITY,
             Anchor::Here,
         );
-        let swing = Path::Swing { axis, amplitude: 0.3, from: 1.0, to: 2.0, sweep: 1.0, repeat: true };
+        let swing = TrackPath::Swing { axis, amplitude: 0.3, from: 1.0, to: 2.0, sweep: 1.0, repeat: true };
         let mass = crate::real::Mat3::IDENTITY * 0.001;
         let kinds = [
             Kind::Constant(Constant { torque: axis, frame: Frame::Sphere }),

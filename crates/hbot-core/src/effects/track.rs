@@ -18,7 +18,7 @@ use crate::rotation::{self, from_parts, vector_part};
 
 /// The motion of a track's reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Path {
+pub enum TrackPath {
     /// A swing about an axis: a sine whose frequency goes linearly from one value to another.
     Swing {
         /// Axis in frame N, a unit vector.
@@ -50,7 +50,7 @@ pub struct Track {
     /// Orientation from which the path starts.
     pub target: Target,
     /// Motion of the reference.
-    pub path: Path,
+    pub path: TrackPath,
     /// Stiffness, N m/rad.
     pub stiffness: Real,
     /// Damping, N m s/rad.
@@ -61,7 +61,7 @@ pub struct Track {
 
 /// The state of a track effect.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Place {
+pub(crate) struct TrackPlace {
     /// Time since the start, or since the path started over, s.
     time: Real,
     /// Phase of the sine, 0 to 1.
@@ -78,10 +78,10 @@ fn orientation(point: &[Real]) -> Quat {
     from_parts(point[1], Vec3::new(point[2], point[3], point[4]))
 }
 
-impl Path {
+impl TrackPath {
     /// Returns the turn at a place of the path, and its rate (rad/s), both in frame N.
     #[inline]
-    fn at(&self, place: &Place, figures: &[Real]) -> (Quat, Vec3) {
+    fn at(&self, place: &TrackPlace, figures: &[Real]) -> (Quat, Vec3) {
         match *self {
             Self::Swing { axis, amplitude, .. } => {
                 let (sine, cosine) = sincos(TURN * place.phase);
@@ -106,7 +106,7 @@ impl Path {
     }
 
     #[inline]
-    fn advance(&self, place: &mut Place, figures: &[Real], dt: Real) {
+    fn advance(&self, place: &mut TrackPlace, figures: &[Real], dt: Real) {
         match *self {
             Self::Swing { sweep, repeat, .. } => {
                 let before = self.frequency(place.time);
@@ -164,10 +164,10 @@ fn along(figures: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
 }
 
 impl Law for Track {
-    type Memory = Place;
+    type Memory = TrackPlace;
 
     #[inline]
-    fn render(&self, now: &mut Now<'_>, place: &mut Place) -> Vec3 {
+    fn render(&self, now: &mut Now<'_>, place: &mut TrackPlace) -> Vec3 {
         let (turn, rate) = self.path.at(place, now.figures);
         let desired = turn * now.reference.q;
         let mut x = rotation::shortest(now.motion.q * desired.conjugate());
@@ -189,7 +189,7 @@ impl Law for Track {
     }
 
     fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
-        let (start, _) = self.path.at(&Place::default(), figures);
+        let (start, _) = self.path.at(&TrackPlace::default(), figures);
         Some(rotation::angle_between(start * desired, q))
     }
 }

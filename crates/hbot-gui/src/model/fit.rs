@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::Sample;
+use super::PlotSample;
 
 /// Smallest number of samples for a fit.
 const LEAST_SAMPLES: usize = 20;
@@ -26,7 +26,10 @@ pub(crate) struct Fit {
 /// it is `None`, from the zero of each sample. Returns `None` for an axis with too few samples or
 /// too little deflection. Ignores samples whose torque was limited, and samples of a rig that is
 /// not active.
-pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<DQuat>) -> [Option<Fit>; 3] {
+pub(crate) fn fit<'a>(
+    samples: impl Iterator<Item = &'a PlotSample>,
+    chosen: Option<DQuat>,
+) -> [Option<Fit>; 3] {
     let mut axes = [Axis::default(); 3];
     for sample in samples.filter(|sample| sample.active && sample.scale > 0.999) {
         let zero = sample.zero(chosen);
@@ -93,13 +96,13 @@ mod tests {
     use super::*;
     use hbot_api::{Mode, StateEvent};
 
-    fn moving(k: usize, zero: DQuat, stiffness: DVec3, damping: f64) -> Sample {
+    fn moving(k: usize, zero: DQuat, stiffness: DVec3, damping: f64) -> PlotSample {
         let t = k as f64 * 1e-2;
         let deflection = DVec3::new(0.02 * t.sin(), 0.01 * (1.7 * t).cos(), 0.0);
         let rate = DVec3::new(0.02 * t.cos(), -0.017 * (1.7 * t).sin(), 0.0);
         let torque = zero * (-stiffness * deflection - damping * rate);
         let state = StateEvent { mode: Mode::Active, ..StateEvent::default() };
-        let mut sample = Sample::of(&state);
+        let mut sample = PlotSample::of(&state);
         sample.q = zero * DQuat::from_scaled_axis(deflection);
         sample.omega = zero * rate;
         sample.torque = torque;

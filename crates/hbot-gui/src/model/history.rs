@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::Sample;
+use super::PlotSample;
 
 /// Largest number of samples kept: 30 s at 1 kHz, 4 MB.
 const MAX_SAMPLES: usize = 32_768;
@@ -14,11 +14,11 @@ pub(crate) const SPAN_S: f64 = 30.0;
 /// skipped.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct History {
-    samples: VecDeque<Sample>,
+    samples: VecDeque<PlotSample>,
 }
 
 impl History {
-    pub(crate) fn push(&mut self, sample: Sample) {
+    pub(crate) fn push(&mut self, sample: PlotSample) {
         if let Some(last) = self.samples.back() {
             if sample.tick <= last.tick {
                 // A tick number that does not increase means another server or a restart, with
@@ -38,13 +38,13 @@ impl History {
     }
 
     /// Returns the samples of the last `seconds`, oldest first.
-    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &Sample> + Clone {
+    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &PlotSample> + Clone {
         let from = self.newest().map_or(0.0, |newest| newest.t - seconds);
         let start = self.samples.partition_point(|sample| sample.t < from);
         self.samples.range(start..)
     }
 
-    pub(crate) fn newest(&self) -> Option<&Sample> {
+    pub(crate) fn newest(&self) -> Option<&PlotSample> {
         self.samples.back()
     }
 
@@ -96,8 +96,8 @@ mod tests {
     use super::*;
     use hbot_api::StateEvent;
 
-    fn sample(tick: u64, rate_hz: f64) -> Sample {
-        Sample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
+    fn sample(tick: u64, rate_hz: f64) -> PlotSample {
+        PlotSample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub(crate) use fit::{Fit, fit};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
 pub(crate) use messages::{Messages, Weight};
-pub(crate) use sample::Sample;
+pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 
 use crate::net::{Delivery, Intent, Lease, News};

@@ -5,7 +5,7 @@ use hbot_api::StateEvent;
 
 /// A state without its joints, for histories and plots.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sample {
+pub(crate) struct PlotSample {
     pub(crate) tick: u64,
     /// Time of the loop, s.
     pub(crate) t: f64,
@@ -29,7 +29,7 @@ pub(crate) struct Sample {
     pub(crate) active: bool,
 }
 
-impl Sample {
+impl PlotSample {
     pub(crate) fn of(state: &StateEvent) -> Self {
         Self {
             tick: state.tick,
@@ -77,7 +77,7 @@ mod tests {
         let zero = DQuat::from_rotation_z(1.0);
         let turned = zero * DQuat::from_rotation_x(0.3);
         for q in [turned, -turned] {
-            let sample = Sample { q, ..Sample::of(&StateEvent::default()) };
+            let sample = PlotSample { q, ..PlotSample::of(&StateEvent::default()) };
             // The tolerance is the rounding of a few products of numbers below 1.
             assert!((sample.deflection(zero) - DVec3::new(0.3, 0.0, 0.0)).length() < 1e-15);
         }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use hbot_api::StateEvent;
 
 use super::{Intent, News, Wake};
-use crate::model::sample::Sample;
+use crate::model::sample::PlotSample;
 
 /// Largest number of samples that wait for the window: several seconds at 1 kHz.
 const MAX_SAMPLES: usize = 8192;
@@ -22,7 +22,7 @@ const WAKE_EVERY: Duration = Duration::from_micros(16_000);
 /// Everything that has arrived since the window last looked.
 #[derive(Default)]
 pub(crate) struct Delivery {
-    pub(crate) samples: VecDeque<Sample>,
+    pub(crate) samples: VecDeque<PlotSample>,
     /// The newest state, with all of its fields.
     pub(crate) state: Option<StateEvent>,
     pub(crate) news: VecDeque<News>,
@@ -73,7 +73,7 @@ impl Mailbox {
                 delivery.samples.pop_front();
                 delivery.lost += 1;
             }
-            delivery.samples.push_back(Sample::of(&state));
+            delivery.samples.push_back(PlotSample::of(&state));
             delivery.state = Some(state);
             let due = woken.elapsed() >= WAKE_EVERY;
             if due {

@@ -22,7 +22,7 @@ use eframe::egui::{
     self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, RichText, ScrollArea, Ui, vec2,
 };
 
-use crate::model::{Link, Model, Sample, Weight};
+use crate::model::{Link, Model, PlotSample, Weight};
 use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
@@ -36,7 +36,7 @@ pub(crate) enum Act {
     LoadFile(PathBuf),
     SaveScene(PathBuf),
     /// Write these samples to a CSV file.
-    Export(Vec<Sample>),
+    Export(Vec<PlotSample>),
 }
 
 /// The tab that is open on the right.

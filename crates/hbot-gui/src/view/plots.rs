@@ -8,7 +8,7 @@ use glam::DQuat;
 use super::round_up;
 use super::theme::{Palette, named, weak};
 use super::{Act, Desk};
-use crate::model::{Fit, History, Model, SPAN_S, Sample, fit, thinned};
+use crate::model::{Fit, History, Model, PlotSample, SPAN_S, fit, thinned};
 use crate::net::Intent;
 
 /// Largest number of points per axis in the plot of torque against deflection.
@@ -64,7 +64,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         }
         Which::Angle => {
             let chosen = plots.zero;
-            let values = move |sample: &Sample| sample.deflection(sample.zero(chosen)).to_array();
+            let values = move |sample: &PlotSample| sample.deflection(sample.zero(chosen)).to_array();
             against_time(ui, palette, history, plots, "rotation vector, rad", None, values);
         }
         Which::Stiffness => against_deflection(ui, palette, history, plots),
@@ -174,7 +174,7 @@ fn against_time(
     plots: &PlotDesk,
     y: &str,
     limit: Option<f64>,
-    values: impl Fn(&Sample) -> [f64; 3],
+    values: impl Fn(&PlotSample) -> [f64; 3],
 ) {
     let Some(newest) = history.newest() else {
         weak(ui, "No samples yet.");
@@ -213,7 +213,7 @@ fn against_deflection(ui: &mut Ui, palette: Palette, history: &History, plots: &
     let samples = history.last(plots.window);
     let fits = fit(samples.clone(), plots.zero);
     let clouds: [Vec<[f64; 2]>; 3] = std::array::from_fn(|k| {
-        let point = |sample: &Sample| {
+        let point = |sample: &PlotSample| {
             let zero = sample.zero(plots.zero);
             [sample.deflection(zero)[k], (zero.conjugate() * sample.torque)[k]]
         };

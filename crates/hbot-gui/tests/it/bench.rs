@@ -16,7 +16,7 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Client, ConnectOptions, Event, StateEvent, Trust};
 use hbot_config::{RigConfig, SceneFile};
 use hbot_gui::{Folders, Panel, PanelOptions};
-use hbot_server::server::{Options as ServerOptions, Server, Time};
+use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 

@@ -6,8 +6,8 @@ mod wiring;
 use std::sync::mpsc;
 
 use hbot_link::ToController;
-use hbot_sim::controller::Fault;
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::controller::InjectedFault;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use super::calibrate::{Calibration, Counts, calibrate};
 use super::joint::{Verdict, test};
@@ -66,7 +66,7 @@ fn every_joint_of_a_good_rig_is_good() {
 
 #[test]
 fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
-    let mut hot = bench(|_| (), false, |rig| rig.inject(Fault::Hot { joint: 1, on: true }));
+    let mut hot = bench(|_| (), false, |rig| rig.inject(InjectedFault::Hot { joint: 1, on: true }));
     assert!(
         matches!(test(&mut hot, 1, 0.01, 50.0).unwrap().verdict, Verdict::Complains(c) if c.overtemperature)
     );
@@ -141,7 +141,7 @@ fn a_line_that_falls_silent_is_told() {
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
     let mut bench = on(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox));
     assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
-    calls.send(Box::new(|rig| rig.inject(Fault::Deaf(true)))).unwrap();
+    calls.send(Box::new(|rig| rig.inject(InjectedFault::Deaf(true)))).unwrap();
     assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Interrupted::Silent));
 }
 
@@ -150,7 +150,7 @@ fn a_controller_that_has_lost_power_gets_no_further_torque() {
     let rig = RigConfig::prototype().rig;
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
     let mut bench = on(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox));
-    calls.send(Box::new(|rig| rig.inject(Fault::Reboot))).unwrap();
+    calls.send(Box::new(|rig| rig.inject(InjectedFault::Reboot))).unwrap();
     let outcome = test(&mut bench, 1, 0.01, 50.0).unwrap();
     assert!(matches!(outcome.verdict, Verdict::Complains(complaints) if complaints.fault), "{outcome:?}");
     assert_eq!(outcome.moved, 0.0, "by the first command with torque");
@@ -182,7 +182,8 @@ fn one_wrong_sign_is_named_whichever_it_is() {
 #[test]
 fn one_wrong_zero_is_found() {
     for (joint, angle) in [(0, 0.3), (2, -1.2), (0, 3.0)] {
-        let found = watched(&mut bench(|_| (), true, |rig| rig.inject(Fault::Slipped { joint, angle })));
+        let found =
+            watched(&mut bench(|_| (), true, |rig| rig.inject(InjectedFault::Slipped { joint, angle })));
         for (i, wheel) in found.wheels.iter().enumerate() {
             // The encoder reads `angle` more than the true angle.
             let expected = if 2 * i == joint { -angle } else { 0.0 };
@@ -201,7 +202,8 @@ fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
         specs[1].cone += 0.02;
         c.device = hbot_core::Device::new(c.device.sphere_radius(), c.device.sphere_mass(), &specs).unwrap();
     };
-    let found = watched(&mut bench(spoil, true, |rig| rig.inject(Fault::Slipped { joint: 2, angle: 0.4 })));
+    let found =
+        watched(&mut bench(spoil, true, |rig| rig.inject(InjectedFault::Slipped { joint: 2, angle: 0.4 })));
     let [a, b] = &found.wheels[..] else { panic!("two wheels") };
     assert!((a.radius / b.radius - 1.03).abs() < 3e-3, "{found:?}");
     assert!((b.cone - a.cone - 0.02).abs() < 5e-3, "{found:?}");
@@ -232,7 +234,7 @@ fn with_three_wheels_a_wrong_sign_and_wrong_zeros_are_found_on_each() {
         let mut simulated = SimulatedRig::new(&config).unwrap();
         simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
         for (joint, angle) in slipped {
-            simulated.inject(Fault::Slipped { joint: *joint, angle: *angle });
+            simulated.inject(InjectedFault::Slipped { joint: *joint, angle: *angle });
         }
         let (_calls, inbox) = mpsc::channel();
         let line = Memory::new(simulated, inbox);

@@ -19,7 +19,7 @@ use hbot_link::{
 use crate::bridge::{ServiceEnd, bridge};
 use crate::bus::hbot::HbotLink;
 use crate::bus::{Expected, Protocol as _};
-use crate::engine::{Engine, Moment};
+use crate::engine::{Engine, TickTime};
 use crate::layout::Layout;
 use crate::line::{Line, Renewed};
 use crate::motors::Motors;
@@ -143,7 +143,7 @@ impl Bench {
 
     fn tick(&mut self) -> Sample {
         let moment =
-            Moment { tick: self.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+            TickTime { tick: self.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
         self.engine.tick(&moment);
         self.tick += 1;
         self.end.try_sample().expect("a sample a tick")

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use hbot_sim::controller::Fault;
+use hbot_sim::controller::InjectedFault;
 use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use super::*;
 use crate::line::serial::{Peer, Serial};
@@ -108,7 +108,7 @@ fn controllers_that_lost_power_while_away_come_back_without_zeros() {
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
     let mut rig = unplug(pty, &link);
-    rig.inject(Fault::Reboot);
+    rig.inject(InjectedFault::Reboot);
     until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
     let _pty = plug(rig, &link);
     until(&mut bench, "back", |sample| sample.counters.reopened == 1);
@@ -150,7 +150,7 @@ fn a_line_that_takes_no_bytes_costs_no_allocation() {
         assert!(Instant::now() < deadline);
         let before = bench.engine.counters().send_failures;
         let moment =
-            Moment { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+            TickTime { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
         let info = allocation_counter::measure(|| bench.engine.tick(&moment));
         assert_eq!((info.count_total, info.count_current), (0, 0));
         bench.tick += 1;

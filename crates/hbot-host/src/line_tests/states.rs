@@ -105,7 +105,8 @@ fn a_tick_left_out_or_late_is_a_fault_from_every_mode() {
         for (lateness_ns, skipped) in [(20_000_001, 0), (0, 10)] {
             let (mut bench, fake) = bench_in(from);
             bench.tick += skipped;
-            let moment = Moment { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns, late: true, skipped };
+            let moment =
+                TickTime { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns, late: true, skipped };
             bench.engine.tick(&moment);
             let state = bench.end.try_sample().expect("a sample").state;
             let cause = if from == Mode::Fault { Cause::ControllerFault } else { Cause::Deadline };

@@ -1,7 +1,7 @@
 //! Tests of the bytes in docs/link.md. Firmware authors rely on that page alone, so its bytes must
 //! be right.
 
-use super::{Sample, all_samples};
+use super::{AnyMessage, all_samples};
 use crate::frame::CRC;
 use crate::*;
 use std::{collections::BTreeMap, format, string::String, vec::Vec};
@@ -34,7 +34,7 @@ fn vectors() -> BTreeMap<&'static str, BTreeMap<&'static str, Vec<u8>>> {
 }
 
 /// Returns a test vector in the format of the page.
-fn written(sample: &Sample) -> String {
+fn written(sample: &AnyMessage) -> String {
     let body = sample.body();
     let check = CRC.checksum(&body).to_le_bytes();
     let mut text = String::from("```text\n");
@@ -77,8 +77,8 @@ fn every_frame_to_refuse_on_the_page_is_refused_so() {
         let cells = row.split('|').map(|cell| cell.trim().trim_matches('`')).collect::<Vec<_>>();
         let bytes = cells[1].split(' ').map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect::<Vec<_>>();
         let direction = match cells[2] {
-            "to controller" => Sample::To(ToController::Describe),
-            "from controller" => Sample::From(FromController::Feedback(Feedback::default())),
+            "to controller" => AnyMessage::To(ToController::Describe),
+            "from controller" => AnyMessage::From(FromController::Feedback(Feedback::default())),
             other => panic!("{other}: a direction"),
         };
         let results = direction.decode(&[&bytes]);

@@ -1,6 +1,6 @@
 //! Tests of damaged lines: damaged frames are refused, and the next good frame is decoded.
 
-use super::{Sample, all_samples, decode_all};
+use super::{AnyMessage, all_samples, decode_all};
 use crate::frame::CRC;
 use crate::*;
 use proptest::{collection::vec, prelude::*};
@@ -17,7 +17,7 @@ fn framed(body: &[u8]) -> Vec<u8> {
 }
 
 /// Asserts that a damaged frame gives only errors, and that the frame `next` after it is decoded.
-fn assert_refused_and_recovered(name: &str, sample: &Sample, damaged: &[u8], next: &Sample) {
+fn assert_refused_and_recovered(name: &str, sample: &AnyMessage, damaged: &[u8], next: &AnyMessage) {
     let results = sample.decode(&[damaged, &next.encoded()]);
     let (last, before) = results.split_last().expect("a result");
     assert_eq!(last, &Ok(next.clone()), "{name}: {damaged:02x?}");
@@ -78,7 +78,7 @@ fn a_split_at_every_position_changes_nothing() {
 #[test]
 fn frames_keep_their_order_among_garbage() {
     let samples = all_samples().into_iter().map(|(_, sample)| sample);
-    let from = samples.filter(|sample| matches!(sample, Sample::From(_))).collect::<Vec<_>>();
+    let from = samples.filter(|sample| matches!(sample, AnyMessage::From(_))).collect::<Vec<_>>();
     let mut line = b"noise".to_vec();
     line.push(0);
     for sample in &from {
@@ -92,14 +92,14 @@ fn frames_keep_their_order_among_garbage() {
 
 #[test]
 fn empty_frames_are_skipped_silently() {
-    assert_eq!(Sample::To(ToController::Describe).decode(&[&[0; 9], &[0], &[]]), []);
+    assert_eq!(AnyMessage::To(ToController::Describe).decode(&[&[0; 9], &[0], &[]]), []);
 }
 
 #[test]
 fn a_frame_too_long_is_told_once_and_skipped_to_its_end() {
     for (sample, longest) in [
-        (Sample::To(ToController::Describe), MAX_COMMAND_FRAME),
-        (Sample::From(FromController::Feedback(Feedback::default())), MAX_FEEDBACK_FRAME),
+        (AnyMessage::To(ToController::Describe), MAX_COMMAND_FRAME),
+        (AnyMessage::From(FromController::Feedback(Feedback::default())), MAX_FEEDBACK_FRAME),
     ] {
         // Just short enough: the bytes are decoded as a frame and refused.
         let fitting = vec![0xAA; longest - 1];
@@ -119,7 +119,7 @@ fn a_frame_too_long_is_told_once_and_skipped_to_its_end() {
 
 #[test]
 fn a_reset_forgets_what_was_begun() {
-    let frame = Sample::To(ToController::Describe).encoded();
+    let frame = AnyMessage::To(ToController::Describe).encoded();
     let mut decoder = Decoder::<ToController>::new();
     for begun in [&frame[..3], &[0xAA; 1000]] {
         decoder.feed(begun, |_| ());
@@ -132,8 +132,8 @@ fn a_reset_forgets_what_was_begun() {
 
 #[test]
 fn intact_frames_with_a_wrong_body_are_refused() {
-    let to = Sample::To(ToController::Describe);
-    let from = Sample::From(FromController::Feedback(Feedback::default()));
+    let to = AnyMessage::To(ToController::Describe);
+    let from = AnyMessage::From(FromController::Feedback(Feedback::default()));
     let seventeen = [&[1, 0, 1, 20, 17][..], &[0; 17 * 4]].concat();
     for (sample, body) in [
         (&to, &[0, 0][..]),                                // a byte left over after Describe
@@ -162,8 +162,8 @@ fn floats_that_are_no_numbers_pass_through() {
         [0x7FC0_0000, 0x7F80_0001, 0xFFFF_FFFF, 0x7F80_0000, 0xFF80_0000, 0x8000_0000, 0x0000_0001];
     let torque = patterns.iter().map(|bits| f32::from_bits(*bits)).collect();
     let message = ToController::Command(Command { sequence: 1, enable: true, watchdog_ms: 1, torque });
-    let results = Sample::To(message.clone()).decode(&[&Sample::To(message).encoded()]);
-    let [Ok(Sample::To(ToController::Command(command)))] = &results[..] else { panic!("{results:?}") };
+    let results = AnyMessage::To(message.clone()).decode(&[&AnyMessage::To(message).encoded()]);
+    let [Ok(AnyMessage::To(ToController::Command(command)))] = &results[..] else { panic!("{results:?}") };
     assert_eq!(command.torque.iter().map(|torque| torque.to_bits()).collect::<Vec<_>>(), patterns);
 }
 
@@ -205,19 +205,19 @@ proptest! {
     fn any_bytes_in_any_pieces_give_the_same_results(line in any_line(), piece in 1_usize..50) {
         let bytes = line.chunks(1).collect::<Vec<_>>();
         let pieces = line.chunks(piece).collect::<Vec<_>>();
-        let whole = decode_all(&[&line], Sample::From);
-        prop_assert_eq!(&decode_all(&pieces, Sample::From), &whole);
-        prop_assert_eq!(&decode_all(&bytes, Sample::From), &whole);
+        let whole = decode_all(&[&line], AnyMessage::From);
+        prop_assert_eq!(&decode_all(&pieces, AnyMessage::From), &whole);
+        prop_assert_eq!(&decode_all(&bytes, AnyMessage::From), &whole);
         let mut decoder = Decoder::<FromController>::default();
-        let pushed = line.iter().filter_map(|byte| decoder.push(*byte)).map(|result| result.map(Sample::From));
+        let pushed = line.iter().filter_map(|byte| decoder.push(*byte)).map(|result| result.map(AnyMessage::From));
         prop_assert_eq!(&pushed.collect::<Vec<_>>(), &whole);
-        decode_all(&[&line], Sample::To);
+        decode_all(&[&line], AnyMessage::To);
     }
 
     /// Checks that a frame after a delimiter is decoded, whatever came before it.
     #[test]
     fn a_frame_after_any_bytes_decodes(before in any_line(), feedback in any_feedback()) {
-        let sample = Sample::From(FromController::Feedback(feedback));
+        let sample = AnyMessage::From(FromController::Feedback(feedback));
         let results = sample.decode(&[&before, &[0], &sample.encoded()]);
         prop_assert_eq!(results.last(), Some(&Ok(sample)));
     }
@@ -227,7 +227,7 @@ proptest! {
     #[test]
     fn feedback_goes_there_and_back(feedback in any_feedback()) {
         let joints = feedback.joints.len();
-        let sample = Sample::From(FromController::Feedback(feedback));
+        let sample = AnyMessage::From(FromController::Feedback(feedback));
         let frame = sample.encoded();
         prop_assert!(frame.len() <= feedback_frame_bytes(joints));
         prop_assert_eq!(sample.decode(&[&frame]), [Ok(sample)]);

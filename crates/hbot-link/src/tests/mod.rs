@@ -10,12 +10,12 @@ use std::vec::Vec as StdVec;
 /// A message of either direction.
 #[expect(clippy::large_enum_variant, reason = "a test may waste a few bytes")]
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Sample {
+pub(crate) enum AnyMessage {
     To(ToController),
     From(FromController),
 }
 
-impl Sample {
+impl AnyMessage {
     pub(crate) fn encode_into(&self, buffer: &mut [u8]) -> Result<usize, EncodeError> {
         match self {
             Self::To(message) => encode(message, buffer),
@@ -38,7 +38,7 @@ impl Sample {
     }
 
     /// Returns the results of a decoder for this message's direction, fed with `pieces`.
-    pub(crate) fn decode(&self, pieces: &[&[u8]]) -> StdVec<Result<Sample, FrameError>> {
+    pub(crate) fn decode(&self, pieces: &[&[u8]]) -> StdVec<Result<AnyMessage, FrameError>> {
         match self {
             Self::To(_) => decode_all(pieces, Self::To),
             Self::From(_) => decode_all(pieces, Self::From),
@@ -48,8 +48,8 @@ impl Sample {
 
 pub(crate) fn decode_all<M: Message>(
     pieces: &[&[u8]],
-    sample: impl Fn(M) -> Sample,
-) -> StdVec<Result<Sample, FrameError>> {
+    sample: impl Fn(M) -> AnyMessage,
+) -> StdVec<Result<AnyMessage, FrameError>> {
     let mut decoder = Decoder::<M>::default();
     let mut results = StdVec::new();
     for piece in pieces {
@@ -91,23 +91,23 @@ pub(crate) fn largest_description(joints: usize) -> Description {
 }
 
 /// The messages whose bytes are listed in docs/link.md, with their names there.
-pub(crate) fn all_samples() -> StdVec<(&'static str, Sample)> {
+pub(crate) fn all_samples() -> StdVec<(&'static str, AnyMessage)> {
     let command = |sequence, enable, torque: &[f32]| {
         let torque = Vec::from_slice(torque).unwrap();
-        Sample::To(ToController::Command(Command { sequence, enable, watchdog_ms: 20, torque }))
+        AnyMessage::To(ToController::Command(Command { sequence, enable, watchdog_ms: 20, torque }))
     };
     let feedback = |sequence, flags, joints: &[JointReading]| {
         let joints = Vec::from_slice(joints).unwrap();
-        Sample::From(FromController::Feedback(Feedback { sequence, flags, joints }))
+        AnyMessage::From(FromController::Feedback(Feedback { sequence, flags, joints }))
     };
     let joint =
         |count, rate, current, temperature, flags| JointReading { count, rate, current, temperature, flags };
     let counts = |counts_per_turn| JointDescription { counts_per_turn };
     std::vec![
-        ("describe", Sample::To(ToController::Describe)),
+        ("describe", AnyMessage::To(ToController::Describe)),
         (
             "description",
-            Sample::From(FromController::Description(Description {
+            AnyMessage::From(FromController::Description(Description {
                 protocol: 1,
                 firmware: String::try_from("example 1.0.0").unwrap(),
                 joints: Vec::from_slice(&[counts(65_536), counts(65_536), counts(8192), counts(8192)])
@@ -144,6 +144,6 @@ pub(crate) fn all_samples() -> StdVec<(&'static str, Sample)> {
             "feedback_watchdog",
             feedback(1300, ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT, &[])
         ),
-        ("feedback_largest", Sample::From(FromController::Feedback(largest_feedback(MAX_JOINTS)))),
+        ("feedback_largest", AnyMessage::From(FromController::Feedback(largest_feedback(MAX_JOINTS)))),
     ]
 }

@@ -38,7 +38,7 @@ use super::publisher::Publisher;
 use super::scenes::Scenes;
 use super::stats::Stats;
 use super::strangers::WrongTokens;
-use super::{Bounds, Setup, Status};
+use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::sample::Sample;
@@ -95,8 +95,13 @@ pub(super) struct Hub {
 }
 
 impl Hub {
-    pub(super) fn new(bounds: Bounds, end: ServiceEnd, setup: Setup, status: watch::Sender<Status>) -> Self {
-        let Setup { rig, scene, phenomena, token, encryption, flight_dir, accuracy } = setup;
+    pub(super) fn new(
+        bounds: Bounds,
+        end: ServiceEnd,
+        setup: ServiceSetup,
+        status: watch::Sender<Status>,
+    ) -> Self {
+        let ServiceSetup { rig, scene, phenomena, token, encryption, flight_dir, accuracy } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
         Self {

@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::convert;
 use hbot_host::sample::Sample;
-use hbot_host::stiffness::{Expected, USUAL_DAMPING};
+use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
 
 /// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
@@ -106,7 +106,7 @@ fn limits(config: &RigConfig) -> LimitsInfo {
 /// Returns the stiffness that can be expected of the rig, or `None` if the inertias of a wheel
 /// contradict each other.
 fn render(config: &RigConfig) -> Option<RenderInfo> {
-    let expected = Expected::of(config)?;
+    let expected = StiffnessBound::of(config)?;
     let [stiffness_most, _] = expected.most();
     Some(RenderInfo {
         inertia: expected.inertia,

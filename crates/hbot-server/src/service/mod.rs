@@ -78,7 +78,7 @@ use hbot_host::sample::Sample;
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
 
 /// The settings of the service.
-pub struct Setup {
+pub struct ServiceSetup {
     /// The rig that the loop drives.
     pub rig: RigConfig,
     /// The scene that the loop is already running.
@@ -178,7 +178,7 @@ impl Default for Bounds {
 pub async fn serve(
     listener: TcpListener,
     end: ServiceEnd,
-    setup: Setup,
+    setup: ServiceSetup,
     control: mpsc::Receiver<Control>,
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,
@@ -191,7 +191,7 @@ async fn serve_within(
     bounds: Bounds,
     listener: TcpListener,
     end: ServiceEnd,
-    setup: Setup,
+    setup: ServiceSetup,
     control: mpsc::Receiver<Control>,
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,

@@ -9,11 +9,11 @@ use super::disc::Disc;
 
 /// The kind of an encoder: which angle its count zero stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
+pub enum EncoderKind {
     /// Count zero is the angle at power-up. At the start of the simulation this is the angle zero.
     #[default]
     Incremental,
-    /// Starts as [`Encoder::Incremental`]. When the joint first passes a whole turn, count zero
+    /// Starts as [`EncoderKind::Incremental`]. When the joint first passes a whole turn, count zero
     /// moves to that index mark, and [`JointFlags::INDEX_SEEN`] is set.
     Indexed,
     /// Count zero is always the angle zero.
@@ -35,7 +35,7 @@ pub struct SimulatedJoint {
     /// ([`Motor`](crate::phenomena::Motor)).
     pub continuous: f64,
     /// Kind of the encoder.
-    pub encoder: Encoder,
+    pub encoder: EncoderKind,
 }
 
 impl From<&Joint> for SimulatedJoint {
@@ -47,9 +47,9 @@ impl From<&Joint> for SimulatedJoint {
             peak: joint.peak,
             continuous: joint.continuous,
             encoder: match joint.zero {
-                Zero::Absolute => Encoder::Absolute,
-                Zero::Index => Encoder::Indexed,
-                Zero::Assume | Zero::Calibrate => Encoder::Incremental,
+                Zero::Absolute => EncoderKind::Absolute,
+                Zero::Index => EncoderKind::Indexed,
+                Zero::Assume | Zero::Calibrate => EncoderKind::Incremental,
             },
         }
     }
@@ -85,7 +85,7 @@ impl Axis {
             flags: JointFlags::empty(),
         };
         axis.power_up(0.0, disc);
-        axis.turn = (joint.encoder == Encoder::Indexed).then(|| turn_of(angle));
+        axis.turn = (joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
         axis
     }
 
@@ -93,14 +93,14 @@ impl Axis {
     pub(super) fn reboot(&mut self, angle: f64, disc: Option<&Disc>) {
         self.flags.set(JointFlags::INDEX_SEEN | JointFlags::OVERCURRENT, false);
         self.power_up(angle, disc);
-        self.turn = (self.joint.encoder == Encoder::Indexed).then(|| turn_of(angle));
+        self.turn = (self.joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
     }
 
     fn power_up(&mut self, angle: f64, disc: Option<&Disc>) {
         self.origin = match self.joint.encoder {
             // The zero of an absolute encoder, and its error, are set when it is mounted.
-            Encoder::Absolute => disc.map_or(0.0, |disc| disc.zero_off),
-            Encoder::Incremental | Encoder::Indexed => self.marked(angle, disc),
+            EncoderKind::Absolute => disc.map_or(0.0, |disc| disc.zero_off),
+            EncoderKind::Incremental | EncoderKind::Indexed => self.marked(angle, disc),
         };
     }
 

@@ -17,7 +17,7 @@ use hbot_link::{
 
 use self::disc::Disc;
 use self::joint::Axis;
-pub use self::joint::{Encoder, SimulatedJoint};
+pub use self::joint::{EncoderKind, SimulatedJoint};
 use self::motors::Motors;
 use crate::phenomena;
 use crate::plant::JointTorques;
@@ -32,10 +32,10 @@ pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
 /// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
+pub enum InjectedFault {
     /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
     /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
-    /// Other injected [`Fault`]s stay active.
+    /// Other [`InjectedFault`]s stay active.
     Reboot,
     /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
     Mute(bool),
@@ -63,7 +63,7 @@ pub enum Fault {
 
 /// The simulated motor controllers of one port, with all joints.
 #[derive(Debug, Clone)]
-pub struct Controllers {
+pub struct SimulatedControllers {
     joints: usize,
     axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
@@ -81,7 +81,7 @@ pub struct Controllers {
     failed: bool,
 }
 
-impl Controllers {
+impl SimulatedControllers {
     /// Creates motor controllers that have just powered up.
     ///
     /// The counts start as if all joints stood at the angle zero; `angles` are the true angles,
@@ -99,7 +99,7 @@ impl Controllers {
             reversed: false,
             peak: 0.0,
             continuous: 0.0,
-            encoder: Encoder::Incremental,
+            encoder: EncoderKind::Incremental,
         };
         let discs = encoder.map(Disc::all);
         let axes = core::array::from_fn(|j| {
@@ -241,18 +241,18 @@ impl Controllers {
 
     /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
     /// joint that does not exist is ignored.
-    pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
+    pub fn inject(&mut self, fault: InjectedFault, angles: &[f64; MAX_JOINTS]) {
         match fault {
-            Fault::Reboot => self.reboot(angles),
-            Fault::Mute(on) => self.mute = on,
-            Fault::Deaf(on) => self.deaf = on,
-            Fault::Failed(on) => self.failed = on,
-            Fault::Hot { joint, on } => {
+            InjectedFault::Reboot => self.reboot(angles),
+            InjectedFault::Mute(on) => self.mute = on,
+            InjectedFault::Deaf(on) => self.deaf = on,
+            InjectedFault::Failed(on) => self.failed = on,
+            InjectedFault::Hot { joint, on } => {
                 if let Some(axis) = self.axes.get_mut(joint) {
                     axis.flags.set(JointFlags::OVERTEMPERATURE, on);
                 }
             }
-            Fault::Slipped { joint, angle } => {
+            InjectedFault::Slipped { joint, angle } => {
                 if let Some(axis) = self.axes.get_mut(joint) {
                     axis.slipped = angle;
                 }

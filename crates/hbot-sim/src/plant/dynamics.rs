@@ -4,7 +4,7 @@ use hbot_core::Vec3;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 
 use super::nonsmooth::{Effort, Nonsmooth};
-use super::{ImpossibleInertia, JointTorques, Method, Plant, State, Sum};
+use super::{ImpossibleInertia, JointTorques, Method, Plant, PlantState, Sum};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -40,14 +40,14 @@ impl Dynamics {
         device: &Device,
         phenomena: &Phenomena,
         method: Method,
-        state: &State,
+        state: &PlantState,
     ) -> Result<Self, ImpossibleInertia> {
         let kind = Kind::new(Plant::with(device, phenomena)?, device, phenomena, state);
         Ok(Self { device: *device, method, kind })
     }
 
     /// Replaces all phenomena of the plant at `state`. The inertia of sphere and hand is kept.
-    pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &State) {
+    pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &PlantState) {
         let inertia = self.sphere_inertia();
         // This cannot fail: the device's inertias were checked when the plant was created.
         if let Ok(plant) = Plant::with(&self.device, phenomena) {
@@ -99,7 +99,7 @@ impl Dynamics {
     ///
     /// Joint rates are set to those of rolling without slip, motors to the middle of their gears'
     /// play, and all stored friction impulses are cleared.
-    pub fn adopt(&mut self, state: &State) {
+    pub fn adopt(&mut self, state: &PlantState) {
         if let Kind::Nonsmooth(plant) = &mut self.kind {
             plant.adopt(state);
         }
@@ -112,7 +112,7 @@ impl Dynamics {
     #[inline]
     pub fn step(
         &mut self,
-        state: &mut State,
+        state: &mut PlantState,
         t: f64,
         h: f64,
         tau: &JointTorques,
@@ -131,7 +131,7 @@ impl Dynamics {
     /// Returns the angles that the encoders measure, rad, in the order steer, drive of each wheel.
     /// If gears have play, the drive angles are those of the motors.
     #[must_use]
-    pub fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub fn encoder_angles(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         match &self.kind {
             Kind::Smooth(_) => state.joints(),
             Kind::Nonsmooth(plant) => plant.encoder_angles(state),
@@ -140,7 +140,7 @@ impl Dynamics {
 
     /// Returns the rates that the encoders measure, rad/s, in the order steer, drive of each wheel.
     #[must_use]
-    pub fn encoder_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub fn encoder_rates(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         match &self.kind {
             Kind::Smooth(plant) => plant.joint_rates(state),
             Kind::Nonsmooth(plant) => plant.encoder_rates(),
@@ -150,7 +150,7 @@ impl Dynamics {
     /// Returns the slip velocity of each wheel along its axle (c1) and its rolling direction (c2),
     /// wheel minus sphere, m/s. It is zero if the plant is smooth.
     #[must_use]
-    pub fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
+    pub fn slip(&self, state: &PlantState) -> [[f64; 2]; MAX_WHEELS] {
         match &self.kind {
             Kind::Smooth(_) => [[0.0; 2]; MAX_WHEELS],
             Kind::Nonsmooth(plant) => plant.slip(state),
@@ -160,7 +160,7 @@ impl Dynamics {
     /// Returns the kinetic energy plus the potential energy of off-centre masses, J. The energy of
     /// a hand's spring is not included.
     #[must_use]
-    pub fn energy(&self, state: &State) -> f64 {
+    pub fn energy(&self, state: &PlantState) -> f64 {
         match &self.kind {
             Kind::Smooth(plant) => plant.energy(state),
             Kind::Nonsmooth(plant) => plant.energy(state),
@@ -179,7 +179,7 @@ impl Dynamics {
 }
 
 impl Kind {
-    fn new(plant: Plant, device: &Device, phenomena: &Phenomena, state: &State) -> Self {
+    fn new(plant: Plant, device: &Device, phenomena: &Phenomena, state: &PlantState) -> Self {
         if is_nonsmooth(phenomena) {
             Self::Nonsmooth(Box::new(Nonsmooth::new(device, *phenomena, state)))
         } else {

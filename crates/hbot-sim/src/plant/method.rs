@@ -5,7 +5,7 @@ use hbot_core::{Quat, Vec3, rotation};
 use super::field::Field;
 use super::model::{Flow, quaternion_rate};
 use super::pair::Pair;
-use super::{State, gather, scatter};
+use super::{PlantState, gather, scatter};
 
 /// A method that advances a plant by one step of h seconds.
 ///
@@ -44,7 +44,7 @@ impl Method {
     }
 
     #[inline(always)]
-    pub(super) fn step<const P: usize>(self, field: &impl Field<P>, state: &mut State, t: f64, h: f64) {
+    pub(super) fn step<const P: usize>(self, field: &impl Field<P>, state: &mut PlantState, t: f64, h: f64) {
         match self {
             Self::SemiImplicitEuler => semi_implicit_euler(field, state, t, h),
             Self::Midpoint => midpoint(field, state, t, h),
@@ -55,7 +55,7 @@ impl Method {
 }
 
 #[inline]
-fn semi_implicit_euler<const P: usize>(field: &impl Field<P>, state: &mut State, t: f64, h: f64) {
+fn semi_implicit_euler<const P: usize>(field: &impl Field<P>, state: &mut PlantState, t: f64, h: f64) {
     let steer: [Pair; P] = gather(&state.steer);
     let geometry = field.geometry(state.q, &steer);
     let flow = field.flow(&geometry, &field.at(t), state.q, state.omega);
@@ -68,7 +68,7 @@ fn semi_implicit_euler<const P: usize>(field: &impl Field<P>, state: &mut State,
 }
 
 #[inline]
-fn midpoint<const P: usize>(field: &impl Field<P>, state: &mut State, t: f64, h: f64) {
+fn midpoint<const P: usize>(field: &impl Field<P>, state: &mut PlantState, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
     let here = field.flow(&field.geometry(q, &steer), &field.at(t), q, omega);
@@ -82,7 +82,7 @@ fn midpoint<const P: usize>(field: &impl Field<P>, state: &mut State, t: f64, h:
 }
 
 #[inline]
-fn rk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64) {
+fn rk4<const P: usize, F: Field<P>>(field: &F, state: &mut PlantState, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
     let look = |q: Quat, omega: Vec3, steer: &[Pair; P], now: &F::Instant| {
@@ -103,7 +103,7 @@ fn rk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64
 }
 
 #[inline]
-fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64) {
+fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut PlantState, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
     // u is the turn since the start of the step: q = exp(u) q0, du/dt = w - 1/2 u x w + 1/12 u x (u
@@ -131,7 +131,7 @@ fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f
 /// Completes a step of order 4, except for the orientation.
 #[inline(always)]
 fn finish<const P: usize>(
-    state: &mut State,
+    state: &mut PlantState,
     steer: &[Pair; P],
     omega: Vec3,
     [k1, k2, k3, k4]: &[Flow<P>; 4],

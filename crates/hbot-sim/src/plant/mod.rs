@@ -1,11 +1,10 @@
 //! The mechanics of the simulated rig: the sphere on wheels that do not slip (physics notes,
 //! section 5).
 //!
-//! A [`Plant`] holds the constants of a device. A [`State`] holds its angles and the sphere's
+//! A [`Plant`] holds the constants of a device. A [`PlantState`] holds its angles and the sphere's
 //! angular velocity. A [`Load`] gives the torques on the sphere other than the wheels'.
 //! [`Plant::step`] advances a state by one fixed step of a [`Method`]. [`Plant::advance_exactly`]
-//! is the adaptive reference against which the methods are compared. [`Dynamics`] chooses between
-//! this plant and one with stick, slip and play.
+//! is the adaptive reference against which the methods are compared.
 //!
 //! Steps allocate nothing, call no function of the platform, and fuse no operations. They therefore
 //! give the same bits on every machine.
@@ -54,7 +53,7 @@ pub struct Plant {
 /// The state of a plant: its angles and the sphere's angular velocity. Joint rates follow from
 /// `omega` and the steer angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct State {
+pub struct PlantState {
     /// Orientation of the sphere as a unit quaternion that maps sphere axes to frame N.
     pub q: Quat,
     /// Angular velocity of the sphere in frame N, rad/s.
@@ -67,14 +66,14 @@ pub struct State {
     pub drive: [f64; MAX_WHEELS],
 }
 
-impl Default for State {
+impl Default for PlantState {
     /// Returns a state at rest with the identity orientation and all joint angles zero.
     fn default() -> Self {
         Self { q: Quat::IDENTITY, omega: Vec3::ZERO, steer: [0.0; MAX_WHEELS], drive: [0.0; MAX_WHEELS] }
     }
 }
 
-impl State {
+impl PlantState {
     /// Returns the joint angles in the order steer, drive of each wheel, rad.
     #[must_use]
     pub fn joints(&self) -> [f64; MAX_JOINTS] {
@@ -187,7 +186,7 @@ impl Plant {
     /// Returns the angular acceleration dw/dt of the sphere in frame N, rad/s². `external` is the
     /// torque on the sphere (frame N, N m) in addition to the joint torques `tau`.
     #[must_use]
-    pub fn acceleration(&self, state: &State, external: Vec3, tau: &JointTorques) -> Vec3 {
+    pub fn acceleration(&self, state: &PlantState, external: Vec3, tau: &JointTorques) -> Vec3 {
         with_field!(self, tau, &external, P, field => {
             let geometry = Field::<P>::geometry(&field, state.q, &gather(&state.steer));
             Field::<P>::flow(&field, &geometry, &(), state.q, state.omega).acceleration
@@ -197,7 +196,7 @@ impl Plant {
     /// Returns the rates of all joints in the order steer, drive of each wheel, rad/s. They follow
     /// from the sphere's angular velocity w, because the wheels do not slip: zd = G w.
     #[must_use]
-    pub fn joint_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub fn joint_rates(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         with_field!(self, &[0.0; MAX_JOINTS], &Vec3::ZERO, P, field => {
             let geometry = Field::<P>::geometry(&field, state.q, &gather(&state.steer));
             let (steer, drive) = Field::<P>::rates(&field, &geometry, state.omega);
@@ -217,7 +216,7 @@ impl Plant {
     ///
     /// It is constant if no load, joint torque or viscous friction acts.
     #[must_use]
-    pub fn energy(&self, state: &State) -> f64 {
+    pub fn energy(&self, state: &PlantState) -> f64 {
         let kinetic = 0.5 * state.omega.dot(self.apparent_inertia(state) * state.omega);
         kinetic + self.extras.as_ref().map_or(0.0, |extras| extras.energy(state.q, &state.steer))
     }
@@ -225,7 +224,7 @@ impl Plant {
     /// Returns the apparent inertia of the sphere in frame N, kg m². It includes the inertia of the
     /// wheels that turn with it: I_s I + Gᵀ J_q G.
     #[must_use]
-    pub fn apparent_inertia(&self, state: &State) -> Mat3 {
+    pub fn apparent_inertia(&self, state: &PlantState) -> Mat3 {
         let Symmetric { xx, yy, zz, xy, xz, yz } = match &self.extras {
             None => with_pairs!(self, P => self.model.apparent(&self.model.rows::<P>(&gather(&state.steer)))),
             Some(extras) => with_pairs!(self, P => {
@@ -242,7 +241,7 @@ impl Plant {
     pub fn step<L: Load>(
         &self,
         method: Method,
-        state: &mut State,
+        state: &mut PlantState,
         t: f64,
         h: f64,
         tau: &JointTorques,

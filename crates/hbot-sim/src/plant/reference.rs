@@ -9,7 +9,7 @@ use core::fmt;
 use hbot_core::device::MAX_WHEELS;
 use hbot_core::{Vec3, rotation};
 
-use super::{JointTorques, Load, Plant, State};
+use super::{JointTorques, Load, Plant, PlantState};
 
 /// Number of coordinates: the turn since the start of the step, the angular velocity, the steer
 /// angles and the drive angles.
@@ -69,7 +69,7 @@ impl Plant {
     /// Fails if no step is small enough. `state` then holds the state at the time of the failure.
     pub fn advance_exactly<L: Load>(
         &self,
-        state: &mut State,
+        state: &mut PlantState,
         t: f64,
         duration: f64,
         tau: &JointTorques,
@@ -100,13 +100,13 @@ impl Plant {
     /// Returns the state after one step and its estimated error, in units of the tolerance.
     fn try_step<L: Load>(
         &self,
-        state: &State,
+        state: &PlantState,
         t: f64,
         h: f64,
         tau: &JointTorques,
         load: &L,
         tolerance: f64,
-    ) -> (State, f64) {
+    ) -> (PlantState, f64) {
         let start = coordinates(state);
         let mut y = start;
         let mut k = [[0.0; SIZE]; 7];
@@ -130,7 +130,7 @@ impl Plant {
 
     fn rates_at<L: Load>(
         &self,
-        start: &State,
+        start: &PlantState,
         y: &Coordinates,
         t: f64,
         tau: &JointTorques,
@@ -168,7 +168,7 @@ fn turn_rate(u: Vec3, omega: Vec3) -> Vec3 {
     omega - cross * 0.5 + u.cross(cross) * c
 }
 
-fn coordinates(state: &State) -> Coordinates {
+fn coordinates(state: &PlantState) -> Coordinates {
     let mut y = [0.0; SIZE];
     y[3..6].copy_from_slice(&state.omega.to_array());
     y[6..6 + MAX_WHEELS].copy_from_slice(&state.steer);
@@ -176,8 +176,8 @@ fn coordinates(state: &State) -> Coordinates {
     y
 }
 
-fn state_at(start: &State, y: &Coordinates) -> State {
-    State {
+fn state_at(start: &PlantState, y: &Coordinates) -> PlantState {
+    PlantState {
         q: rotation::renormalized(rotation::exp(Vec3::from_slice(&y[..3])) * start.q),
         omega: Vec3::from_slice(&y[3..6]),
         steer: core::array::from_fn(|i| y[6 + i]),

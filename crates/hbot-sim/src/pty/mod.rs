@@ -272,9 +272,9 @@ fn monotonic_ns() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controller::{Encoder, SimulatedJoint};
-    use crate::plant::{Method, State};
-    use crate::rig::RigConfig;
+    use crate::controller::{EncoderKind, SimulatedJoint};
+    use crate::plant::{Method, PlantState};
+    use crate::rig::SimulatedConfig;
     use hbot_core::Vec3;
     use hbot_core::device::{Device, WheelSpec};
     use rustix::fs::{Mode, OFlags};
@@ -295,12 +295,12 @@ mod tests {
             reversed: false,
             peak: 0.1,
             continuous: 0.1,
-            encoder: Encoder::Absolute,
+            encoder: EncoderKind::Absolute,
         };
-        let config = RigConfig {
+        let config = SimulatedConfig {
             device: Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)]).unwrap(),
             joints: vec![joint; 4],
-            start: State::default(),
+            start: PlantState::default(),
             phenomena: crate::phenomena::Phenomena::default(),
             method: Method::default(),
             max_step_ns: 1_000_000,

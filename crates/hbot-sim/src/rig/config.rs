@@ -7,17 +7,17 @@ use hbot_core::rig::Rig;
 
 use crate::controller::SimulatedJoint;
 use crate::phenomena::Phenomena;
-use crate::plant::{ImpossibleInertia, Method, State};
+use crate::plant::{ImpossibleInertia, Method, PlantState};
 
 /// The configuration of a [`SimulatedRig`](crate::rig::SimulatedRig).
 #[derive(Debug, Clone)]
-pub struct RigConfig {
+pub struct SimulatedConfig {
     /// Geometry and masses of the sphere and its wheels.
     pub device: Device,
     /// Motor and encoder of each joint, in the order steer, drive of each wheel.
     pub joints: Vec<SimulatedJoint>,
     /// State in which the plant starts. Incremental encoders still start counting at angle zero.
-    pub start: State,
+    pub start: PlantState,
     /// Phenomena that are switched on.
     pub phenomena: Phenomena,
     /// Integration method of the plant.
@@ -31,7 +31,7 @@ pub struct RigConfig {
     pub max_jump_ns: u64,
 }
 
-impl RigConfig {
+impl SimulatedConfig {
     /// Returns the configuration of an ideal rig that fits `rig`, the description that the core
     /// uses.
     ///
@@ -42,7 +42,7 @@ impl RigConfig {
         Self {
             device: rig.device,
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
-            start: State::default(),
+            start: PlantState::default(),
             phenomena: Phenomena::default(),
             method: Method::default(),
             max_step_ns: 1_000_000,
@@ -53,7 +53,7 @@ impl RigConfig {
 
 /// Why a [`RigConfig`] was rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RigError {
+pub enum SimulatedRigError {
     /// The inertias of a wheel are physically impossible.
     Inertia(ImpossibleInertia),
     /// The number of joints does not fit the device.
@@ -65,7 +65,7 @@ pub enum RigError {
     },
 }
 
-impl fmt::Display for RigError {
+impl fmt::Display for SimulatedRigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Inertia(error) => write!(f, "simulated rig: {error}"),
@@ -79,4 +79,4 @@ impl fmt::Display for RigError {
     }
 }
 
-impl core::error::Error for RigError {}
+impl core::error::Error for SimulatedRigError {}

@@ -11,13 +11,13 @@ use hbot_core::Vec3;
 use hbot_core::device::MAX_JOINTS;
 use hbot_link::{Decoder, FromController, MAX_FEEDBACK_FRAME, ToController, encode};
 
-pub use self::config::{RigConfig, RigError};
-use crate::controller::{Controllers, Fault};
+pub use self::config::{SimulatedConfig, SimulatedRigError};
+use crate::controller::{InjectedFault, SimulatedControllers};
 use crate::hand::Grip;
+pub use crate::impairment::FrameCounts;
 use crate::impairment::Impairment;
-pub use crate::impairment::Traffic;
 use crate::phenomena::{Hand, Link, Phenomena, of_plant};
-use crate::plant::{Dynamics, JointTorques, State};
+use crate::plant::{Dynamics, JointTorques, PlantState};
 
 /// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
 ///
@@ -32,12 +32,12 @@ pub struct SimulatedRig {
     dynamics: Dynamics,
     /// Inertia of the sphere alone, kg m².
     sphere_inertia: f64,
-    state: State,
+    state: PlantState,
     phenomena: Phenomena,
     grip: Option<Grip>,
     line: Option<Box<Impairment>>,
     external: Vec3,
-    controllers: Controllers,
+    controllers: SimulatedControllers,
     decoder: Decoder<ToController>,
     max_step_ns: u64,
     max_jump_ns: u64,
@@ -54,13 +54,13 @@ impl SimulatedRig {
     /// # Errors
     /// Fails if the number of joints does not fit the device, or if the inertias of a wheel are
     /// physically impossible.
-    pub fn new(config: &RigConfig) -> Result<Self, RigError> {
+    pub fn new(config: &SimulatedConfig) -> Result<Self, SimulatedRigError> {
         let wanted = config.device.joints();
         if config.joints.len() != wanted {
-            return Err(RigError::Joints { given: config.joints.len(), wanted });
+            return Err(SimulatedRigError::Joints { given: config.joints.len(), wanted });
         }
         let dynamics = Dynamics::new(&config.device, &Phenomena::default(), config.method, &config.start)
-            .map_err(RigError::Inertia)?;
+            .map_err(SimulatedRigError::Inertia)?;
         let mut rig = Self {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
@@ -69,7 +69,7 @@ impl SimulatedRig {
             grip: None,
             line: None,
             external: Vec3::ZERO,
-            controllers: Controllers::new(
+            controllers: SimulatedControllers::new(
                 &config.joints,
                 &config.start.joints(),
                 config.phenomena.encoder.as_ref(),
@@ -221,13 +221,13 @@ impl SimulatedRig {
 
     /// Returns the true state of the plant: orientation, angular velocity and joint angles.
     #[must_use]
-    pub fn state(&self) -> &State {
+    pub fn state(&self) -> &PlantState {
         &self.state
     }
 
     /// Replaces the plant's state, for tests. The encoders count the change as if the rig had been
     /// moved there.
-    pub fn set_state(&mut self, state: State) {
+    pub fn set_state(&mut self, state: PlantState) {
         self.state = state;
         self.dynamics.adopt(&state);
         self.controllers.sense(&self.dynamics.encoder_angles(&state));
@@ -300,7 +300,7 @@ impl SimulatedRig {
     /// Returns the frame counts of an impaired line: first to the motor controllers, then to the
     /// host. `None` if the line is not impaired.
     #[must_use]
-    pub fn traffic(&self) -> Option<[Traffic; 2]> {
+    pub fn traffic(&self) -> Option<[FrameCounts; 2]> {
         self.line.as_ref().map(|line| [line.commands.traffic, line.answers.traffic])
     }
 
@@ -319,8 +319,8 @@ impl SimulatedRig {
     }
 
     /// Applies a fault to the motor controllers, such as a reboot, or switches one off.
-    pub fn inject(&mut self, fault: Fault) {
-        if fault == Fault::Reboot {
+    pub fn inject(&mut self, fault: InjectedFault) {
+        if fault == InjectedFault::Reboot {
             self.decoder.reset();
         }
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));

@@ -3,7 +3,7 @@
 use hbot_core::device::{Device, WheelSpec};
 use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use hbot_core::{Quat, Vec3};
-use hbot_sim::plant::{Load, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::plant::{Load, Plant, PlantState, Sine, SpringDamper, Sum};
 
 /// Returns the prototype's geometry (physics notes, section 12) with the given wheel radius and
 /// inertias.
@@ -48,12 +48,12 @@ pub(crate) fn task() -> (Plant, impl Load) {
 }
 
 /// Returns a state in which every coordinate is in motion.
-pub(crate) fn brisk() -> State {
-    State {
+pub(crate) fn brisk() -> PlantState {
+    PlantState {
         q: hbot_core::rotation::exp(Vec3::new(0.4, -1.1, 0.7)),
         omega: Vec3::new(1.0, 2.0, 3.0),
         steer: [0.3, -0.5, 1.1, -2.0, 0.9, 2.4, -0.2, 0.8],
-        ..State::default()
+        ..PlantState::default()
     }
 }
 

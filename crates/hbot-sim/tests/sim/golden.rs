@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use hbot_core::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
-use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 use serde_json::Value;
 
 /// Reads the cases of one file in the golden folder.
@@ -58,10 +58,10 @@ fn dynamics() {
     let (mut worst_acceleration, mut worst_energy): (f64, f64) = (0.0, 0.0);
     for (i, case) in cases("dynamics.json").iter().enumerate() {
         let plant = Plant::new(&device(&case["device"])).unwrap();
-        let state = State {
+        let state = PlantState {
             omega: vector(&case["omega"]),
             steer: padded(&numbers(&case["theta"])),
-            ..State::default()
+            ..PlantState::default()
         };
         let tau = padded(&numbers(&case["joint_torques"]));
         let wanted = vector(&case["acceleration"]);
@@ -80,15 +80,15 @@ fn dynamics() {
 
 struct Trajectory {
     plant: Plant,
-    start: State,
+    start: PlantState,
     spring: SpringDamper,
     drives: Vec<Sine>,
-    samples: Vec<(f64, State)>,
+    samples: Vec<(f64, PlantState)>,
 }
 
 impl Trajectory {
     fn new(case: &Value) -> Self {
-        let state = |q: &Value, theta: Vec<f64>, drive: Vec<f64>, omega: &Value| State {
+        let state = |q: &Value, theta: Vec<f64>, drive: Vec<f64>, omega: &Value| PlantState {
             q: quaternion(q),
             omega: vector(omega),
             steer: padded(&theta),
@@ -127,7 +127,7 @@ impl Trajectory {
 }
 
 /// Returns the largest difference between two states, in rad or rad/s.
-fn distance(a: &State, b: &State) -> f64 {
+fn distance(a: &PlantState, b: &PlantState) -> f64 {
     let joints = a.joints().iter().zip(b.joints()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
     rotation::angle_between(a.q, b.q).max((a.omega - b.omega).length()).max(joints)
 }

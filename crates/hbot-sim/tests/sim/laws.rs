@@ -2,7 +2,7 @@
 
 use hbot_core::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
-use hbot_sim::plant::{Method, Plant, State};
+use hbot_sim::plant::{Method, Plant, PlantState};
 
 use crate::devices::{brisk, prototype, toed};
 
@@ -108,7 +108,7 @@ fn power_in_is_energy_gained() {
 fn the_quaternion_stays_unit() {
     let (plant, _) = plants().remove(0);
     for method in Method::ALL {
-        let mut state = State { omega: Vec3::new(10.0, -20.0, 5.0), ..brisk() };
+        let mut state = PlantState { omega: Vec3::new(10.0, -20.0, 5.0), ..brisk() };
         for i in 0..20_000 {
             plant.step(method, &mut state, f64::from(i) * 1e-3, 1e-3, &[0.0; 16], &(Vec3::ZERO));
             assert!(

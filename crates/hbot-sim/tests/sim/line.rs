@@ -6,9 +6,9 @@ use hbot_link::{
     Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
     PROTOCOL_VERSION, ToController, encode,
 };
-use hbot_sim::controller::{Encoder, FIRMWARE, Fault};
-use hbot_sim::plant::State;
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::controller::{EncoderKind, FIRMWARE, InjectedFault};
+use hbot_sim::plant::PlantState;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use crate::devices::rig;
 
@@ -39,7 +39,7 @@ struct Host {
 }
 
 impl Host {
-    fn new(config: &RigConfig) -> Self {
+    fn new(config: &SimulatedConfig) -> Self {
         Self { rig: SimulatedRig::new(config).unwrap() }
     }
 
@@ -66,8 +66,8 @@ impl Host {
     }
 }
 
-fn prototype() -> RigConfig {
-    RigConfig::new(&rig())
+fn prototype() -> SimulatedConfig {
+    SimulatedConfig::new(&rig())
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn describe_is_answered_and_remembered() {
     assert_eq!(description.joints.iter().map(|j| j.counts_per_turn).collect::<Vec<_>>(), [16384; 4]);
     let feedback = host.command(2 * MS, false, &[0.0; 4]).unwrap();
     assert_eq!((feedback.sequence, feedback.flags), (7, ControllerFlags::empty()));
-    host.rig.inject(Fault::Reboot);
+    host.rig.inject(InjectedFault::Reboot);
     assert_eq!(host.command(3 * MS, false, &[0.0; 4]).unwrap().flags, ControllerFlags::UNDESCRIBED);
 }
 
@@ -108,7 +108,7 @@ fn counts_are_the_floor_of_the_angle_with_gear_and_sign_and_wrap() {
     let mut host = Host::new(&prototype());
     let (cpt, geared) = (16384.0 / TAU, -17.0 * 16384.0 / TAU);
     for (steer, drive) in [(0.3, 0.2), (-0.3, -1e-9), (1.0, 1e5), (-4.0, -1e6), (1e3, 3e5)] {
-        let state = State { steer: [steer; 8], drive: [drive; 8], ..State::default() };
+        let state = PlantState { steer: [steer; 8], drive: [drive; 8], ..PlantState::default() };
         host.rig.set_state(state);
         let feedback = host.command(0, false, &[0.0; 4]).unwrap();
         let wrapped = |exact: f64| (exact.floor() as i64).rem_euclid(1 << 32) as u32 as i32;
@@ -190,31 +190,31 @@ fn faults_show_and_end() {
     let mut host = Host::new(&prototype());
     let torque = [0.0, 0.1, 0.0, 0.1];
     host.describe(0).unwrap();
-    host.rig.inject(Fault::Failed(true));
+    host.rig.inject(InjectedFault::Failed(true));
     assert_eq!(host.command(0, true, &torque).unwrap().flags, ControllerFlags::FAULT);
     assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
-    host.rig.inject(Fault::Failed(false));
-    host.rig.inject(Fault::Hot { joint: 3, on: true });
+    host.rig.inject(InjectedFault::Failed(false));
+    host.rig.inject(InjectedFault::Hot { joint: 3, on: true });
     let feedback = host.command(0, true, &torque).unwrap();
     assert_eq!(
         (feedback.flags, feedback.joints[3].flags),
         (ControllerFlags::ENABLED, JointFlags::OVERTEMPERATURE)
     );
 
-    host.rig.inject(Fault::Mute(true));
+    host.rig.inject(InjectedFault::Mute(true));
     assert_eq!(host.command(10 * MS, true, &torque), None);
     host.rig.advance_to(25 * MS);
     assert!(host.rig.joint_torque()[1] != 0.0, "what a mute controller hears feeds its watchdog");
-    host.rig.inject(Fault::Mute(false));
-    host.rig.inject(Fault::Deaf(true));
+    host.rig.inject(InjectedFault::Mute(false));
+    host.rig.inject(InjectedFault::Deaf(true));
     assert_eq!(host.command(26 * MS, true, &torque), None);
     assert_eq!(host.describe(26 * MS), None);
     host.rig.advance_to(30 * MS);
     assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
 
-    host.rig.inject(Fault::Deaf(false));
-    host.rig.set_state(State::default());
-    host.rig.inject(Fault::Slipped { joint: 0, angle: TAU / 4.0 });
+    host.rig.inject(InjectedFault::Deaf(false));
+    host.rig.set_state(PlantState::default());
+    host.rig.inject(InjectedFault::Slipped { joint: 0, angle: TAU / 4.0 });
     assert_eq!(host.command(31 * MS, false, &torque).unwrap().joints[0].count, 4096);
 }
 
@@ -223,9 +223,10 @@ fn faults_show_and_end() {
 #[test]
 fn counts_after_a_reboot() {
     let mut config = prototype();
-    config.joints[2].encoder = Encoder::Indexed;
+    config.joints[2].encoder = EncoderKind::Indexed;
     let mut host = Host::new(&config);
-    let at = |steer: f64, drive: f64| State { steer: [steer; 8], drive: [drive; 8], ..State::default() };
+    let at =
+        |steer: f64, drive: f64| PlantState { steer: [steer; 8], drive: [drive; 8], ..PlantState::default() };
     host.rig.set_state(at(0.5, 0.25));
     let counts = |host: &mut Host| {
         let feedback = host.command(0, false, &[0.0; 4]).unwrap();
@@ -234,7 +235,7 @@ fn counts_after_a_reboot() {
     };
     let count = |angle: f64, gear: f64| (angle * gear * 16384.0 / TAU).floor() as i32;
     assert_eq!(counts(&mut host), (count(0.5, 1.0), count(0.25, -17.0), count(0.5, 1.0), false));
-    host.rig.inject(Fault::Reboot);
+    host.rig.inject(InjectedFault::Reboot);
     assert_eq!(counts(&mut host), (count(0.5, 1.0), 0, 0, false));
     host.rig.set_state(at(-0.1, 0.35));
     assert_eq!(counts(&mut host), (count(-0.1, 1.0), count(0.35 - 0.25, -17.0), count(-0.1, 1.0), true));

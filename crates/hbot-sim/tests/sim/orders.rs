@@ -2,7 +2,7 @@
 //! another program.
 
 use hbot_core::{Quat, Vec3, rotation};
-use hbot_sim::plant::{Method, Plant, State};
+use hbot_sim::plant::{Method, Plant, PlantState};
 
 use crate::devices::{brisk, prototype, task, toed};
 
@@ -11,7 +11,7 @@ use crate::devices::{brisk, prototype, task, toed};
 #[test]
 fn the_task_of_the_speed_comparison_ends_where_it_should() {
     let (plant, load) = task();
-    let mut state = State::default();
+    let mut state = PlantState::default();
     plant.advance_exactly(&mut state, 0.0, 2.0, &[0.0; 16], &load, 1e-13).unwrap();
     let q =
         Quat::from_xyzw(-0.011_088_770_246_2, -0.023_327_731_080_3, 0.002_250_636_229_4, 0.999_663_838_884_7);
@@ -28,12 +28,12 @@ fn the_task_of_the_speed_comparison_ends_where_it_should() {
 #[test]
 fn errors_fall_with_the_order() {
     let (plant, load) = task();
-    let mut exact = State::default();
+    let mut exact = PlantState::default();
     plant.advance_exactly(&mut exact, 0.0, 0.5, &[0.0; 16], &load, 1e-13).unwrap();
     for method in Method::ALL {
         let error = |steps: u32| {
             let h = 0.5 / f64::from(steps);
-            let mut state = State::default();
+            let mut state = PlantState::default();
             for i in 0..steps {
                 plant.step(method, &mut state, f64::from(i) * h, h, &[0.0; 16], &load);
             }
@@ -80,7 +80,7 @@ fn the_reference_runs_back() {
 #[test]
 fn a_load_that_is_no_number_is_refused_by_the_reference() {
     let (plant, _) = task();
-    let mut state = State::default();
+    let mut state = PlantState::default();
     let error = plant.advance_exactly(&mut state, 1.0, 1.0, &[0.0; 16], &Vec3::NAN, 1e-12).unwrap_err();
-    assert_eq!((error.t, state), (1.0, State::default()));
+    assert_eq!((error.t, state), (1.0, PlantState::default()));
 }

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use hbot_core::Vec3;
 use hbot_link::{ControllerFlags, Decoder, Feedback, FromController, ToController};
-use hbot_sim::controller::Fault;
+use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{Hand, Link};
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use rustix::event::{PollFd, PollFlags, poll};
 
@@ -21,7 +21,7 @@ use crate::line::{command, frame};
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn spawn() -> PtyRig {
-    let rig = SimulatedRig::new(&RigConfig::new(&rig())).unwrap();
+    let rig = SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap();
     spawn_pty(rig, PtyOptions::default()).unwrap()
 }
 
@@ -124,10 +124,10 @@ fn faults_reach_the_line() {
     let rig = spawn();
     let mut port = Port::open(&rig);
     port.command(1, true, 0.0);
-    rig.call(|rig| rig.inject(Fault::Mute(true))).unwrap();
+    rig.call(|rig| rig.inject(InjectedFault::Mute(true))).unwrap();
     port.file.write_all(&frame(&ToController::Describe)).unwrap();
     assert!(port.next(Duration::from_millis(50)).is_none());
-    rig.call(|rig| rig.inject(Fault::Mute(false))).unwrap();
+    rig.call(|rig| rig.inject(InjectedFault::Mute(false))).unwrap();
     assert_eq!(port.command(2, false, 0.0).sequence, 2);
 }
 
@@ -138,7 +138,7 @@ fn it_stops_at_once_and_its_start_can_be_seen() {
         idle: Duration::from_secs(3600),
         on_start: Box::new(move || sender.send(std::thread::current().name().map(str::to_owned)).unwrap()),
     };
-    let rig = SimulatedRig::new(&RigConfig::new(&rig())).unwrap();
+    let rig = SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap();
     let rig = spawn_pty(rig, options).unwrap();
     assert_eq!(started.recv_timeout(PATIENCE).unwrap().as_deref(), Some("hbot-sim"));
     rig.call(|rig| rig.set_external(Vec3::X)).unwrap();
@@ -160,7 +160,7 @@ fn a_panic_in_a_call_is_told_as_stopped() {
 #[test]
 fn a_late_answer_comes_by_itself() {
     let options = PtyOptions { idle: Duration::from_secs(3600), ..PtyOptions::default() };
-    let rig = spawn_pty(SimulatedRig::new(&RigConfig::new(&rig())).unwrap(), options).unwrap();
+    let rig = spawn_pty(SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap(), options).unwrap();
     let late =
         Link { latency_s: 0.05, command_latency_s: 0.05, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
     rig.call(move |rig| rig.set_link(Some(late))).unwrap();

@@ -3,14 +3,14 @@
 use hbot_core::Vec3;
 use hbot_link::ToController;
 use hbot_sim::phenomena::Hand;
-use hbot_sim::plant::{Method, Plant, State};
-use hbot_sim::rig::{RigConfig, RigError, SimulatedRig};
+use hbot_sim::plant::{Method, Plant, PlantState};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
 
 use crate::devices::{brisk, rig};
 use crate::line::{MS, command, frame};
 
-fn config() -> RigConfig {
-    RigConfig::new(&rig())
+fn config() -> SimulatedConfig {
+    SimulatedConfig::new(&rig())
 }
 
 #[test]
@@ -18,7 +18,7 @@ fn joints_and_device_must_fit() {
     let mut config = config();
     config.joints.pop();
     let error = SimulatedRig::new(&config).unwrap_err();
-    assert_eq!(error, RigError::Joints { given: 3, wanted: 4 });
+    assert_eq!(error, SimulatedRigError::Joints { given: 3, wanted: 4 });
     assert!(error.to_string().contains("3 joints"), "{error}");
 }
 
@@ -83,7 +83,7 @@ fn a_clock_that_jumps_moves_the_plant_by_a_tenth_of_a_second_and_one_that_goes_b
 fn a_hand_takes_hold_and_lets_go() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
     let bare = rig.dynamics().sphere_inertia();
-    rig.set_state(State { omega: Vec3::new(0.0, 0.5, 0.0), ..State::default() });
+    rig.set_state(PlantState { omega: Vec3::new(0.0, 0.5, 0.0), ..PlantState::default() });
     rig.advance_to(100 * MS);
     let before = *rig.state();
     rig.set_hand(Some(Hand::default()));

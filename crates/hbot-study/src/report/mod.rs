@@ -7,7 +7,7 @@ mod write;
 use hbot_plot::short;
 use serde_json::{Map, Value};
 
-use crate::machine::Machine;
+use crate::computer::Computer;
 use crate::names;
 use crate::timing::Time;
 
@@ -46,7 +46,7 @@ pub(crate) struct Family {
 
 /// A place in the text of a report: a byte offset between two of its blocks.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place(usize);
+pub(crate) struct ReportPlace(usize);
 
 /// The results of a study: text, plots, figures and checks.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ pub struct Report {
     study: &'static str,
     pub(crate) seconds: f64,
     pub(crate) quick: bool,
-    machine: Machine,
+    machine: Computer,
     body: String,
     plots: Vec<(String, String)>,
     /// Further files that are written with the report: name and content.
@@ -70,7 +70,7 @@ impl Report {
             study,
             seconds: 0.0,
             quick,
-            machine: Machine::here(),
+            machine: Computer::here(),
             body: String::new(),
             plots: Vec::new(),
             files: Vec::new(),
@@ -114,12 +114,12 @@ impl Report {
 
     /// Returns the current end of the text. A table can be inserted at this place later, when its
     /// content is known.
-    pub(crate) fn place(&self) -> Place {
-        Place(self.body.len())
+    pub(crate) fn place(&self) -> ReportPlace {
+        ReportPlace(self.body.len())
     }
 
     /// Inserts a table at `place`.
-    pub(crate) fn table_at(&mut self, place: Place, rows: &[Vec<String>]) {
+    pub(crate) fn table_at(&mut self, place: ReportPlace, rows: &[Vec<String>]) {
         self.body.insert_str(place.0, &tabled(rows));
     }
 

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
 use hbot_core::singularity::{Indices, interior_margin_over_all};
-use hbot_study::{Interrupt, Options, Report, Study, run};
+use hbot_study::{Interrupt, Report, Study, StudyOptions, run};
 
 use crate::{assert_documented, assert_holds, measure, options, value};
 
@@ -17,7 +17,7 @@ fn study() -> &'static (Report, tempfile::TempDir) {
     static RUN: OnceLock<(Report, tempfile::TempDir)> = OnceLock::new();
     RUN.get_or_init(|| {
         let folder = tempfile::tempdir().expect("a folder");
-        let options = Options { out: Some(folder.path().to_owned()), ..options() };
+        let options = StudyOptions { out: Some(folder.path().to_owned()), ..options() };
         let (report, _) = run(Study::Design, &options, &Interrupt::default()).expect("nobody stops it");
         (report, folder)
     })

@@ -1,6 +1,6 @@
 //! The files that a study leaves in its folder: all of them or none.
 
-use hbot_study::{Interrupt, Options, Study, StudyError, run};
+use hbot_study::{Interrupt, Study, StudyError, StudyOptions, run};
 use serde_json::Value;
 
 use crate::options;
@@ -9,7 +9,7 @@ use crate::options;
 fn a_study_leaves_a_report_plots_and_a_summary() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("deep/down");
-    let options = Options { out: Some(out.clone()), ..options() };
+    let options = StudyOptions { out: Some(out.clone()), ..options() };
     let (report, place) = run(Study::Effects, &options, &Interrupt::default()).expect("it runs");
     assert_eq!(place, out);
     let text = std::fs::read_to_string(out.join("report.md")).expect("a report");
@@ -51,7 +51,7 @@ fn a_study_that_is_stopped_leaves_nothing() {
     for study in [Study::Accuracy, Study::Effects, Study::Stability, Study::Paper, Study::Design] {
         let interrupt = Interrupt::default();
         interrupt.raise();
-        let options = Options { out: Some(out.clone()), ..options() };
+        let options = StudyOptions { out: Some(out.clone()), ..options() };
         assert!(matches!(run(study, &options, &interrupt), Err(StudyError::Interrupted)));
         assert!(!out.exists(), "{}", study.name());
     }
@@ -60,7 +60,7 @@ fn a_study_that_is_stopped_leaves_nothing() {
 #[test]
 fn a_folder_that_cannot_be_made_is_named() {
     let file = tempfile::NamedTempFile::new().expect("a file");
-    let options = Options { out: Some(file.path().join("below")), ..options() };
+    let options = StudyOptions { out: Some(file.path().join("below")), ..options() };
     let error = run(Study::Effects, &options, &Interrupt::default()).expect_err("a file is no folder");
     assert!(error.to_string().contains("below"), "{error}");
 }

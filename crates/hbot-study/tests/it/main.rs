@@ -13,11 +13,11 @@ mod stability;
 
 use std::collections::HashSet;
 
-use hbot_study::{Interrupt, Options, Report, Study};
+use hbot_study::{Interrupt, Report, Study, StudyOptions};
 
 /// Returns the options of a quick run that counts no instructions.
-fn options() -> Options {
-    Options { out: None, quick: true, counter: None }
+fn options() -> StudyOptions {
+    StudyOptions { out: None, quick: true, counter: None }
 }
 
 fn measure(study: Study) -> Report {

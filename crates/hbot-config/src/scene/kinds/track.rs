@@ -156,7 +156,7 @@ impl EffectKind for Track {
         let axis = unit_vector(self.axis, &join(path, "axis"), report);
         let target = target(self.reference, self.anchor, path, report);
         let swing = |to: f64, sweep: f64| {
-            Some(effects::Path::Swing {
+            Some(effects::TrackPath::Swing {
                 axis: axis?,
                 amplitude: self.amplitude,
                 from: self.frequency,
@@ -170,7 +170,7 @@ impl EffectKind for Track {
             Path::Chirp => swing(self.frequency_end, self.sweep_s),
             Path::Waypoints | Path::Record => {
                 self.check_points(path, report)?;
-                Some(effects::Path::Points { rest: self.path == Path::Waypoints, repeat: self.repeat })
+                Some(effects::TrackPath::Points { rest: self.path == Path::Waypoints, repeat: self.repeat })
             }
         };
         Some(Kind::Track(effects::Track {

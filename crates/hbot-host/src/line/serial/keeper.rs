@@ -142,7 +142,7 @@ mod tests {
 
     use hbot_config::RigConfig;
     use hbot_link::{Decoder, FromController, encode};
-    use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+    use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
     use serialport::{SerialPort as _, TTYPort};
 
     use super::*;

@@ -54,7 +54,7 @@ fn the_table_of_states_over_the_wire() {
     assert_eq!(mode(client.call(Op::Reset)), "idle");
     assert_eq!(fault_event(&mut client).mode, Mode::Idle);
 
-    bench.with_rig(|rig| rig.inject(hbot_sim::controller::Fault::Failed(true)));
+    bench.with_rig(|rig| rig.inject(hbot_sim::controller::InjectedFault::Failed(true)));
     let told = fault_event(&mut client);
     assert_eq!((told.mode, told.fault), (Mode::Fault, Some(hbot_api::Fault::ControllerFault)));
     let error = refused(client.call(Op::Enable));
@@ -62,7 +62,7 @@ fn the_table_of_states_over_the_wire() {
     assert!(error.message.contains("controller_fault"), "{error}");
     assert!(refused(client.call(Op::Reset)).message.contains("still there"));
     assert_eq!(mode(client.call(Op::Estop)), "estop", "a fault can be stopped as well");
-    bench.with_rig(|rig| rig.inject(hbot_sim::controller::Fault::Failed(false)));
+    bench.with_rig(|rig| rig.inject(hbot_sim::controller::InjectedFault::Failed(false)));
     bench.wait_ticks(5);
     assert_eq!(mode(client.call(Op::Reset)), "idle");
     let summary = bench.finish();

@@ -21,7 +21,7 @@ pub(super) fn still() -> (LoopEnd, Desk) {
     let (loop_end, end) = bridge().unwrap();
     let mut scene = RunningScene::new();
     let _ = scene.load(SceneFile::default_scene());
-    let setup = Setup {
+    let setup = ServiceSetup {
         rig: RigConfig::prototype(),
         scene,
         phenomena: None,

@@ -1,6 +1,6 @@
 //! Tests of faults, of the flight log, and of the end of the service.
 
-use hbot_sim::controller::Fault as Trouble;
+use hbot_sim::controller::InjectedFault;
 
 use super::*;
 
@@ -17,7 +17,7 @@ fn a_fault_leaves_a_log_of_the_second_before_and_a_tenth_after() {
     let bench = TestService::start(TestOptions { flight_dir: Some(path.clone()), ..TestOptions::default() });
     let mut client = bench.active();
     bench.wait_ticks(1200);
-    bench.with_rig(|rig| rig.inject(Trouble::Hot { joint: 1, on: true }));
+    bench.with_rig(|rig| rig.inject(InjectedFault::Hot { joint: 1, on: true }));
     let told = fault_event(&mut client);
     assert_eq!(told.fault, Some(hbot_api::Fault::Thermal));
     bench.wait_ticks(150);

@@ -26,12 +26,12 @@ use std::time::{Duration, Instant};
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
-use super::{Bounds, Control, SetPhenomena, Setup, Status, Summary, serve_within};
+use super::{Bounds, Control, ServiceSetup, SetPhenomena, Status, Summary, serve_within};
 use hbot_host::bridge::{EmergencyStop, bridge};
 use hbot_host::bus::hbot::HbotLink;
 use hbot_host::bus::{Expected, Protocol as _};
@@ -154,7 +154,8 @@ impl TestService {
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
                 ready.send((listener.local_addr().unwrap(), end.emergency_stop(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
-                let setup = Setup { accuracy, rig, scene: running, phenomena, token, encryption, flight_dir };
+                let setup =
+                    ServiceSetup { accuracy, rig, scene: running, phenomena, token, encryption, flight_dir };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
                 })

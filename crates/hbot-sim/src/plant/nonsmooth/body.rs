@@ -7,8 +7,8 @@ use hbot_core::{Vec3, rotation};
 
 use super::super::weights::Module;
 use super::law::{Element, Law, Row};
-use super::solver::Problem;
-use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
+use super::solver::StepProblem;
+use super::{JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
 use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
 /// Error of a gear's loss that is negligible, relative to the torque that would stop its motor in
@@ -114,7 +114,7 @@ impl Body {
     }
 
     /// Returns the geometry at `ahead` seconds after `state`, extrapolated with the present rates.
-    pub(super) fn instant(&self, state: &State, ahead: f64) -> Instant {
+    pub(super) fn instant(&self, state: &PlantState, ahead: f64) -> Instant {
         let mut now = Instant {
             frames: [ContactFrame::default(); MAX_WHEELS],
             radius: [self.device.sphere_radius(); MAX_WHEELS],
@@ -138,7 +138,7 @@ impl Body {
 
     /// Returns the present speeds: those of the sphere, then those of joints and motors that move
     /// separately.
-    pub(super) fn speeds(&self, state: &State) -> Vector {
+    pub(super) fn speeds(&self, state: &PlantState) -> Vector {
         let mut speeds = [0.0; MAX_SPEEDS];
         speeds[..3].copy_from_slice(&state.omega.to_array());
         for i in 0..self.wheels() {
@@ -192,7 +192,7 @@ impl Body {
         &self,
         elements: &mut Vec<Element>,
         share: f64,
-        state: &State,
+        state: &PlantState,
         now: &Instant,
         speeds: &Vector,
         h: f64,
@@ -316,7 +316,13 @@ impl Body {
     }
 
     /// Computes the masses and momenta of this step.
-    pub(super) fn assemble(&self, problem: &mut Problem, state: &State, now: &Instant, given: &Given<'_>) {
+    pub(super) fn assemble(
+        &self,
+        problem: &mut StepProblem,
+        state: &PlantState,
+        now: &Instant,
+        given: &Given<'_>,
+    ) {
         let Given { h, tau, impulse, implicit, guess, bounded } = *given;
         let n = self.size();
         problem.n = n;

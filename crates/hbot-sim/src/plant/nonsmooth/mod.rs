@@ -26,9 +26,9 @@ use hbot_core::{Vec3, rotation};
 use self::body::{Body, Given, Instant};
 use self::law::Element;
 pub use self::solver::Effort;
-use self::solver::{Problem, Workspace};
+use self::solver::{StepProblem, Workspace};
 use super::weights::{GRAVITY, Module, Spring, Weight};
-use super::{JointTorques, State};
+use super::{JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -60,7 +60,7 @@ pub(crate) struct Nonsmooth {
     elements: Vec<Element>,
     /// Length of the step to which the elements' impulses belong, s.
     last_step: f64,
-    problem: Problem,
+    problem: StepProblem,
     workspace: Workspace,
     effort: Effort,
 }
@@ -77,7 +77,7 @@ struct Motor {
 
 impl Nonsmooth {
     /// Creates the plant of `device` with the given phenomena, at `state`.
-    pub(super) fn new(device: &Device, phenomena: Phenomena, state: &State) -> Self {
+    pub(super) fn new(device: &Device, phenomena: Phenomena, state: &PlantState) -> Self {
         let capacity = 2 + 5 * device.wheels().len();
         let mut plant = Self {
             body: Body {
@@ -91,7 +91,7 @@ impl Nonsmooth {
             },
             elements: Vec::with_capacity(capacity),
             last_step: 1.0,
-            problem: Problem::EMPTY,
+            problem: StepProblem::EMPTY,
             workspace: Workspace::new(capacity),
             effort: Effort::default(),
         };
@@ -101,7 +101,7 @@ impl Nonsmooth {
 
     /// Adopts a state that was set from outside: joints roll without slip, motors stand in the
     /// middle of their play, and all friction impulses are cleared.
-    pub(super) fn adopt(&mut self, state: &State) {
+    pub(super) fn adopt(&mut self, state: &PlantState) {
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
             for k in 0..2 {
@@ -133,7 +133,7 @@ impl Nonsmooth {
 
     /// Returns the angles that the encoders measure, rad. If gears have play, the drive angles are
     /// those of the motors.
-    pub(super) fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
+    pub(super) fn encoder_angles(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         let mut angles = state.joints();
         if self.body.phenomena.gear.is_some() {
             for i in 0..self.body.wheels() {
@@ -156,7 +156,7 @@ impl Nonsmooth {
 
     /// Returns the slip velocity of each wheel along its axle (c1) and its rolling direction (c2),
     /// wheel minus sphere, m/s.
-    pub(super) fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
+    pub(super) fn slip(&self, state: &PlantState) -> [[f64; 2]; MAX_WHEELS] {
         let (now, speeds) = (self.body.instant(state, 0.0), self.body.speeds(state));
         core::array::from_fn(|i| {
             if i >= self.body.wheels() {
@@ -168,7 +168,7 @@ impl Nonsmooth {
 
     /// Returns the kinetic and potential energy of the plant, J. The energy of a hand's spring is
     /// not included.
-    pub(super) fn energy(&self, state: &State) -> f64 {
+    pub(super) fn energy(&self, state: &PlantState) -> f64 {
         let mut energy = 0.5 * self.body.inertia * state.omega.length_squared();
         for (i, wheel) in self.body.device.wheels().iter().enumerate() {
             let (steer, drive, motor) =
@@ -186,7 +186,7 @@ impl Nonsmooth {
     /// `external` acts on the sphere (frame N, N m), and a hand can hold it.
     pub(super) fn step(
         &mut self,
-        state: &mut State,
+        state: &mut PlantState,
         end: f64,
         h: f64,
         tau: &JointTorques,
@@ -256,7 +256,7 @@ impl Nonsmooth {
     }
 
     /// Stores the speeds at the end of the step, and moves all angles by them.
-    fn take(&mut self, state: &mut State, now: &Instant, speeds: &Vector, h: f64) {
+    fn take(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
         state.omega = Vec3::from_slice(&speeds[..3]);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
         for i in 0..self.body.wheels() {

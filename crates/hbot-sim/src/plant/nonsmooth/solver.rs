@@ -36,7 +36,7 @@ const MAX_HALVINGS: usize = 40;
 /// The function that the speeds must minimise. `mass` is stored by rows, and only its lower half is
 /// read.
 #[derive(Debug, Clone)]
-pub(super) struct Problem {
+pub(super) struct StepProblem {
     pub(super) n: usize,
     pub(super) mass: [Vector; MAX_SPEEDS],
     pub(super) momentum: Vector,
@@ -64,7 +64,7 @@ pub(super) struct Workspace {
     size: Vec<f64>,
 }
 
-impl Problem {
+impl StepProblem {
     pub(super) const EMPTY: Self =
         Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
 
@@ -101,7 +101,7 @@ impl Workspace {
     /// impulses from `elements`, and writes the results back.
     pub(super) fn solve(
         &mut self,
-        problem: &mut Problem,
+        problem: &mut StepProblem,
         elements: &mut [Element],
         speeds: &mut Vector,
     ) -> Effort {
@@ -151,7 +151,7 @@ impl Workspace {
     }
 
     /// Scales the problem so that the mass matrix has a unit diagonal.
-    fn normalize(&mut self, problem: &mut Problem, elements: &[Element]) {
+    fn normalize(&mut self, problem: &mut StepProblem, elements: &[Element]) {
         let n = problem.n;
         for i in 0..n {
             self.scale[i] = 1.0 / libm::sqrt(problem.mass[i][i]);
@@ -180,7 +180,7 @@ impl Workspace {
 
     /// Computes the impulses and the gradient at `speeds`. Returns the size of gradient that
     /// rounding alone can cause.
-    fn look(&mut self, problem: &Problem, speeds: &Vector, gradient: &mut Vector) -> f64 {
+    fn look(&mut self, problem: &StepProblem, speeds: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let pace = norm(&speeds[..n]);
         let mut terms = norm(&problem.momentum[..n]);
@@ -215,7 +215,7 @@ impl Workspace {
 
     /// Minimises with the present multipliers. Returns the number of Newton steps, and whether only
     /// rounding is left of the gradient. The responses are then those at the minimum.
-    fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> (u32, bool) {
+    fn minimize(&mut self, problem: &StepProblem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
         let mut floor = self.look(problem, speeds, &mut gradient);
@@ -244,7 +244,13 @@ impl Workspace {
     /// which the slope is not upward and at most half as steep as at the start. Up to such a point
     /// the function only falls. Beyond it the function can have risen, and steps could repeat in a
     /// cycle.
-    fn walk(&mut self, problem: &Problem, speeds: &mut Vector, step: &Vector, gradient: &mut Vector) -> f64 {
+    fn walk(
+        &mut self,
+        problem: &StepProblem,
+        speeds: &mut Vector,
+        step: &Vector,
+        gradient: &mut Vector,
+    ) -> f64 {
         let n = problem.n;
         let start = *speeds;
         let slope = dot(gradient, step, n).abs();
@@ -270,7 +276,7 @@ impl Workspace {
     }
 
     /// Computes the Cholesky factor of the Newton matrix at the present responses.
-    fn factorize(&mut self, problem: &Problem) {
+    fn factorize(&mut self, problem: &StepProblem) {
         let n = problem.n;
         for i in 0..n {
             self.factor[i][..=i].copy_from_slice(&problem.mass[i][..=i]);
@@ -334,7 +340,7 @@ impl Workspace {
 }
 
 /// Returns the mass matrix times `x`.
-fn multiplied(problem: &Problem, x: &Vector) -> Vector {
+fn multiplied(problem: &StepProblem, x: &Vector) -> Vector {
     let mut y = [0.0; MAX_SPEEDS];
     for i in 0..problem.n {
         for j in 0..i {

@@ -6,7 +6,7 @@ use core::f64::consts::TAU;
 use hbot_core::Vec3;
 use hbot_core::kinematics::Posture;
 use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::prototype;
 
@@ -34,7 +34,7 @@ fn back_drive_torques_are_those_of_cage_and_joints() {
         let (mut found, mut expected) = (0.0, 0.0);
         for i in 0..GRID {
             let at = |k: u32| TAU * (f64::from(k % GRID) + 0.5) / f64::from(GRID);
-            let mut state = State::default();
+            let mut state = PlantState::default();
             (state.steer[0], state.steer[1]) = (at(i), at(SKEW * i));
             let rows = Posture::new(&device, &state.steer);
             let turning: f64 = rows.rows()[..4].iter().map(|row| joints.coulomb * row.dot(axis).abs()).sum();

@@ -8,7 +8,7 @@ use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{
     CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
 };
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 /// A pseudo-random sequence: splitmix64 (Steele, Lea and Flood 2014).
 struct Dice(u64);
@@ -143,8 +143,11 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
     let mut dice = Dice(seed);
     let Some(device) = device(&mut dice) else { return };
     let phenomena = phenomena(&mut dice);
-    let mut state =
-        State { q: hbot_core::rotation::exp(dice.vector(3.0)), omega: dice.vector(10.0), ..State::default() };
+    let mut state = PlantState {
+        q: hbot_core::rotation::exp(dice.vector(3.0)),
+        omega: dice.vector(10.0),
+        ..PlantState::default()
+    };
     for i in 0..device.wheels().len() {
         (state.steer[i], state.drive[i]) = (dice.between(-9.0, 9.0), dice.between(-9.0, 9.0));
     }
@@ -158,7 +161,7 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
         dynamics.set_sphere_inertia(device.sphere_inertia() + hand.inertia);
         Grip::new(hand, 0.0, aside * state.q)
     });
-    let total = |dynamics: &Dynamics, state: &State| {
+    let total = |dynamics: &Dynamics, state: &PlantState| {
         dynamics.energy(state) + grip.map_or(0.0, |grip| grip.energy(0.0, state.q))
     };
     let swing = phenomena

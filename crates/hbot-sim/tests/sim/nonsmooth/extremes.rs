@@ -2,13 +2,13 @@
 
 use hbot_core::Vec3;
 use hbot_sim::phenomena::{JointFriction, Phenomena, Slip};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::prototype;
 
 /// Returns the state after a second in steps of 1 ms from a motion that can roll or slip. Checks
 /// that no step adds energy.
-fn a_second(inertia: f64, coulomb: f64, mu: f64) -> State {
+fn a_second(inertia: f64, coulomb: f64, mu: f64) -> PlantState {
     let device = prototype(0.0155, 2.7e-5 * inertia, 3.5e-6 * inertia);
     let phenomena = Phenomena {
         joint_friction: Some(JointFriction {
@@ -20,7 +20,7 @@ fn a_second(inertia: f64, coulomb: f64, mu: f64) -> State {
         slip: Some(Slip { mu, normal_force: 10.0 }),
         ..Phenomena::default()
     };
-    let mut state = State { omega: Vec3::new(1.0, 2.0, 3.0), ..State::default() };
+    let mut state = PlantState { omega: Vec3::new(1.0, 2.0, 3.0), ..PlantState::default() };
     let mut dynamics = Dynamics::new(&device, &phenomena, Method::Rk4, &state).unwrap();
     let start = dynamics.energy(&state);
     let mut before = start;

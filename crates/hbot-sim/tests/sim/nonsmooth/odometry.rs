@@ -4,7 +4,7 @@ use hbot_core::device::Device;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
 use hbot_sim::phenomena::{CageFriction, Phenomena, Slip, largest_grip};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::{prototype, toed};
 
@@ -38,7 +38,7 @@ fn slips(device: &Device, slip: Option<Slip>, torque: f64, h: f64) -> (f64, f64)
     // A cage with almost no friction selects the nonsmooth plant, with or without slip.
     let phenomena =
         Phenomena { slip, cage_friction: Some(CageFriction { torque: 1e-6 }), ..Phenomena::default() };
-    let mut state = State { steer: [0.3, -0.4, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
+    let mut state = PlantState { steer: [0.3, -0.4, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
     let mut dynamics = Dynamics::new(device, &phenomena, Method::Rk4, &state).unwrap();
     let mut tau = [0.0; 16];
     (tau[1], tau[3]) = (torque, 0.5 * torque);

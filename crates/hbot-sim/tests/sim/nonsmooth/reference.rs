@@ -14,7 +14,7 @@ use hbot_core::Quat;
 use hbot_core::device::Device;
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::{Phenomena, largest_grip, largest_pivoting_torque};
-use hbot_sim::plant::State;
+use hbot_sim::plant::PlantState;
 
 use super::dual::{Dual, Triple, constant, cross, dot, fixed, plus, solved, times, turned};
 
@@ -73,7 +73,7 @@ fn a0(l: [f64; 3], v: Triple) -> Triple {
 impl Reference<'_> {
     /// Returns the end of the motion, `seconds` after `state`. The wheels roll without slip at
     /// `state`.
-    pub(super) fn advance(&self, state: &State, seconds: f64) -> End {
+    pub(super) fn advance(&self, state: &PlantState, seconds: f64) -> End {
         let mut y = [0.0; SIZE];
         y[..4].copy_from_slice(&[state.q.w, state.q.x, state.q.y, state.q.z]);
         y[4..7].copy_from_slice(&state.omega.to_array());

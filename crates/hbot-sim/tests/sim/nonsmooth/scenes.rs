@@ -10,7 +10,7 @@ use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{
     CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
 };
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::reference::{End, Input, Reference, Sharpness};
 use crate::devices::{prototype, toed};
@@ -20,7 +20,7 @@ pub(super) struct Scene {
     pub(super) name: &'static str,
     pub(super) device: Device,
     pub(super) phenomena: Phenomena,
-    pub(super) start: State,
+    pub(super) start: PlantState,
     pub(super) input: Input,
     pub(super) seconds: f64,
     pub(super) sharpness: Sharpness,
@@ -94,7 +94,7 @@ pub(super) fn slide() -> Scene {
         name: "slip onset, slide and stop",
         device: prototype(0.0155, 2.7e-5, 3.5e-6),
         phenomena: Phenomena { slip: Some(Slip { mu: 0.5, normal_force: 2.0 }), ..Phenomena::default() },
-        start: State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() },
+        start: PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() },
         input: Input { tau: |t| [0.0, 0.022 * bump(t, 0.06), 0.0, 0.0], ..IDLE },
         seconds: 0.12,
         sharpness: SHARP,
@@ -116,7 +116,7 @@ pub(super) fn held() -> Scene {
             slip: Some(Slip::default()),
             ..Phenomena::default()
         },
-        start: State::default(),
+        start: PlantState::default(),
         input: Input { external: |t| [0.015 * bump(t, 0.4), 0.01 * bump(t, 0.4), 0.0], ..IDLE },
         seconds: 0.4,
         sharpness: SHARP,
@@ -126,7 +126,7 @@ pub(super) fn held() -> Scene {
 /// A slow spring pulls joints whose friction falls when they move.
 pub(super) fn stick_slip() -> Scene {
     let hand = Hand { stiffness: 3.0, damping: 0.0, inertia: 0.0, amplitude: 0.25, rate: 0.25 };
-    let start = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
+    let start = PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
     Scene {
         name: "stick-slip",
         device: prototype(0.0155, 2.7e-5, 3.5e-6),
@@ -155,7 +155,7 @@ pub(super) fn backlash() -> Scene {
             gear: Some(Gear { backlash: 0.05, efficiency: 1.0, rotor_share: 0.8 }),
             ..Phenomena::default()
         },
-        start: State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() },
+        start: PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() },
         input: Input { tau: |t| [0.0, 0.004 * (20.0 * PI * t).sin(), 0.0, 0.0], ..IDLE },
         seconds: 0.1,
         sharpness: SHARP,
@@ -187,7 +187,7 @@ pub(super) fn cage() -> Scene {
         name: "cage friction",
         device: toed(2),
         phenomena: Phenomena { cage_friction: Some(CageFriction { torque: 0.02 }), ..Phenomena::default() },
-        start: State { omega: Vec3::new(0.6, -0.3, 0.2), ..State::default() },
+        start: PlantState { omega: Vec3::new(0.6, -0.3, 0.2), ..PlantState::default() },
         input: IDLE,
         seconds: 0.4,
         sharpness: SHARP,
@@ -204,7 +204,7 @@ pub(super) fn pivoting() -> Scene {
             pivoting: Some(Pivoting { mu: 0.5, normal_force: 2.0, patch_radius: 5e-3 }),
             ..Phenomena::default()
         },
-        start: State { omega: Vec3::new(0.4, -0.3, 0.2), ..State::default() },
+        start: PlantState { omega: Vec3::new(0.4, -0.3, 0.2), ..PlantState::default() },
         input: Input { tau: |t| [0.08 * bump(t, 0.1), 0.0, 0.0, 0.0], ..IDLE },
         seconds: 0.2,
         sharpness: SHARP,
@@ -213,7 +213,7 @@ pub(super) fn pivoting() -> Scene {
 
 /// All phenomena of the plant at once.
 pub(super) fn everything() -> Scene {
-    let start = State { omega: Vec3::new(0.3, -0.2, 0.1), ..State::default() };
+    let start = PlantState { omega: Vec3::new(0.3, -0.2, 0.1), ..PlantState::default() };
     Scene {
         name: "all of them",
         device: toed(2),
@@ -259,11 +259,11 @@ pub(super) fn smooth() -> Scene {
             wheel_modules: Some(WheelModules { mass: 0.05 }),
             ..Phenomena::default()
         },
-        start: State {
+        start: PlantState {
             q: rotation::exp(Vec3::new(0.4, -1.1, 0.7)),
             omega: Vec3::new(1.0, 2.0, 3.0),
             steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-            ..State::default()
+            ..PlantState::default()
         },
         input: Input {
             // The inputs are constant, because a step holds them.

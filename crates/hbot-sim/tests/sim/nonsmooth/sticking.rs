@@ -4,12 +4,12 @@ use hbot_core::device::Device;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena, Slip, largest_grip};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::{prototype, toed};
 
-fn steered() -> State {
-    State { steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() }
+fn steered() -> PlantState {
+    PlantState { steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() }
 }
 
 /// Returns the angle by which the sphere turns in `seconds` under a steady load, rad.

@@ -3,10 +3,10 @@
 use core::f64::consts::TAU;
 
 use hbot_link::{Feedback, FromController, JointFlags, ToController};
-use hbot_sim::controller::{Encoder as Kind, Fault};
+use hbot_sim::controller::{EncoderKind, InjectedFault};
 use hbot_sim::phenomena::{Encoder, Phenomena};
-use hbot_sim::plant::State;
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::plant::PlantState;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use crate::devices::{brisk, rig};
 use crate::line::{command, frame, messages};
@@ -14,8 +14,8 @@ use crate::line::{command, frame, messages};
 /// Parameters of an encoder without errors.
 const EXACT: Encoder = Encoder { step: 1, turn_error: 0.0, index_error: 0.0, seed: 1 };
 
-fn with(encoder: Option<Encoder>, kind: Kind) -> SimulatedRig {
-    let mut config = RigConfig::new(&rig());
+fn with(encoder: Option<Encoder>, kind: EncoderKind) -> SimulatedRig {
+    let mut config = SimulatedConfig::new(&rig());
     for joint in &mut config.joints {
         (joint.encoder, joint.reversed) = (kind, false);
     }
@@ -33,15 +33,15 @@ fn read(rig: &mut SimulatedRig) -> Feedback {
 }
 
 fn counts(rig: &mut SimulatedRig, steer: f64, drive: f64) -> [i32; 4] {
-    rig.set_state(State { steer: [steer; 8], drive: [drive; 8], ..State::default() });
+    rig.set_state(PlantState { steer: [steer; 8], drive: [drive; 8], ..PlantState::default() });
     let feedback = read(rig);
     core::array::from_fn(|j| feedback.joints[j].count)
 }
 
 #[test]
 fn a_coarse_encoder_counts_in_steps() {
-    let mut coarse = with(Some(Encoder { step: 64, ..EXACT }), Kind::Absolute);
-    let mut fine = with(None, Kind::Absolute);
+    let mut coarse = with(Some(Encoder { step: 64, ..EXACT }), EncoderKind::Absolute);
+    let mut fine = with(None, EncoderKind::Absolute);
     for i in -500..500 {
         let angle = f64::from(i) * 0.0123;
         let (coarse, fine) = (counts(&mut coarse, angle, angle), counts(&mut fine, angle, angle));
@@ -49,7 +49,7 @@ fn a_coarse_encoder_counts_in_steps() {
             assert_eq!(coarse[j], fine[j].div_euclid(64) * 64, "joint {j} at {angle}");
         }
     }
-    let mut exact = with(Some(EXACT), Kind::Absolute);
+    let mut exact = with(Some(EXACT), EncoderKind::Absolute);
     assert_eq!(counts(&mut exact, 1.234, -5.6), counts(&mut fine, 1.234, -5.6));
 }
 
@@ -79,7 +79,7 @@ fn a_disc_out_of_centre_errs_by_a_sine_a_turn() {
     let encoder = Encoder { turn_error: 0.02, ..EXACT };
     let mut seen = Vec::new();
     for (joint, gear) in [(0, 1.0), (1, 17.0), (2, 1.0), (3, 17.0)] {
-        let (amplitude, phase, left) = fitted(&mut with(Some(encoder), Kind::Absolute), joint, gear);
+        let (amplitude, phase, left) = fitted(&mut with(Some(encoder), EncoderKind::Absolute), joint, gear);
         // Counts give a uniform error of at most half a count. Averaged over 2000 readings it is a
         // small part of that.
         assert!((amplitude - 0.02).abs() < 0.1 * count, "joint {joint}: {amplitude}");
@@ -88,22 +88,22 @@ fn a_disc_out_of_centre_errs_by_a_sine_a_turn() {
     }
     assert!((seen[0] - seen[2]).abs() > 0.01 && (seen[1] - seen[3]).abs() > 0.01, "{seen:?}");
     // The phase depends on the seed and on nothing else.
-    let phase = |seed| fitted(&mut with(Some(Encoder { seed, ..encoder }), Kind::Absolute), 0, 1.0).1;
+    let phase = |seed| fitted(&mut with(Some(Encoder { seed, ..encoder }), EncoderKind::Absolute), 0, 1.0).1;
     assert_eq!(phase(1), seen[0]);
     assert!((phase(2) - seen[0]).abs() > 0.01);
     // An incremental encoder starts at zero for any phase of its disc.
-    assert_eq!(counts(&mut with(Some(encoder), Kind::Incremental), 0.0, 0.0), [0; 4]);
+    assert_eq!(counts(&mut with(Some(encoder), EncoderKind::Incremental), 0.0, 0.0), [0; 4]);
 }
 
 /// The reported rate has the error that follows from the reported angle: it equals the slope of the
 /// counts.
 #[test]
 fn the_rate_errs_with_the_angle() {
-    let mut bad = with(Some(Encoder { turn_error: 0.1, ..EXACT }), Kind::Absolute);
+    let mut bad = with(Some(Encoder { turn_error: 0.1, ..EXACT }), EncoderKind::Absolute);
     let mut widest: f64 = 0.0;
     for i in 0..50 {
         let angle = f64::from(i) * 0.11;
-        let state = State { steer: [angle; 8], ..brisk() };
+        let state = PlantState { steer: [angle; 8], ..brisk() };
         bad.set_state(state);
         let rate = bad.joint_rates()[0];
         let told = f64::from(read(&mut bad).joints[0].rate);
@@ -123,17 +123,17 @@ fn a_zero_is_off_where_it_is_taken() {
     let off = Encoder { index_error: 0.1, ..EXACT };
     let count = 16384.0 / TAU;
     // Mounting error: equal at the start and after a reboot, and different for each joint.
-    let mut rig = with(Some(off), Kind::Absolute);
+    let mut rig = with(Some(off), EncoderKind::Absolute);
     let zeros = counts(&mut rig, 0.0, 0.0);
     assert!(zeros.iter().all(|zero| zero.abs() > 0) && zeros[0] != zeros[2], "{zeros:?}");
     assert!(f64::from(zeros[0].abs()) <= 0.1 * count + 1.0);
     assert!(f64::from(zeros[1].abs()) <= 0.1 * 17.0 * count + 1.0, "of the joint, behind the gear");
-    rig.inject(Fault::Reboot);
+    rig.inject(InjectedFault::Reboot);
     assert_eq!(counts(&mut rig, 0.0, 0.0), zeros);
     // Index error: it acts when the index is passed, not before.
-    let mut indexed = with(None, Kind::Indexed);
+    let mut indexed = with(None, EncoderKind::Indexed);
     counts(&mut indexed, 0.5, 0.5);
-    indexed.inject(Fault::Reboot);
+    indexed.inject(InjectedFault::Reboot);
     indexed.set_phenomena(Phenomena { encoder: Some(off), ..Phenomena::default() });
     assert_eq!(counts(&mut indexed, 0.5, 0.5), [0; 4]);
     let passed = counts(&mut indexed, -0.1, -0.1);
@@ -149,7 +149,7 @@ fn a_zero_is_off_where_it_is_taken() {
 /// such a jump for a motion of the joint.
 #[test]
 fn counts_do_not_jump_when_errors_come_and_go() {
-    for kind in [Kind::Absolute, Kind::Incremental] {
+    for kind in [EncoderKind::Absolute, EncoderKind::Incremental] {
         let mut rig = with(None, kind);
         let before = counts(&mut rig, 0.7, -0.4);
         for encoder in [Some(Encoder { turn_error: 0.1, index_error: 0.5, ..EXACT }), None, Some(EXACT), None]

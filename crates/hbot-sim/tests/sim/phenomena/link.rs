@@ -2,7 +2,7 @@
 
 use hbot_link::{Decoder, FrameError, FromController, ToController};
 use hbot_sim::phenomena::{Link, Phenomena};
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
@@ -12,7 +12,7 @@ const PERFECT: Link =
     Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
 
 fn with(link: Link) -> SimulatedRig {
-    let mut config = RigConfig::new(&rig());
+    let mut config = SimulatedConfig::new(&rig());
     config.phenomena = Phenomena { link: Some(link), ..Phenomena::default() };
     SimulatedRig::new(&config).unwrap()
 }

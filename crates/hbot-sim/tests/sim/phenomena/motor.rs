@@ -2,9 +2,9 @@
 //! so that nothing else moves.
 
 use hbot_link::{Feedback, JointFlags};
-use hbot_sim::controller::{Controllers, Fault, SimulatedJoint};
+use hbot_sim::controller::{InjectedFault, SimulatedControllers, SimulatedJoint};
 use hbot_sim::phenomena::{Motor, Phenomena};
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
@@ -22,15 +22,15 @@ const STILL: [f64; 16] = [0.0; 16];
 const PEAK: [f32; 2] = [0.93, 0.14];
 const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 
-fn controllers(motor: Motor) -> Controllers {
+fn controllers(motor: Motor) -> SimulatedControllers {
     let joints: Vec<_> = rig().joints[..4].iter().map(SimulatedJoint::from).collect();
     let joints: Vec<_> = joints.into_iter().map(|j| SimulatedJoint { reversed: false, ..j }).collect();
-    let mut controllers = Controllers::new(&joints, &STILL, None);
+    let mut controllers = SimulatedControllers::new(&joints, &STILL, None);
     controllers.set_motor(Some(motor));
     controllers
 }
 
-fn ask(controllers: &mut Controllers, enable: bool, torque: [f32; 4]) -> Feedback {
+fn ask(controllers: &mut SimulatedControllers, enable: bool, torque: [f32; 4]) -> Feedback {
     controllers.command(0, &command(1, enable, &torque), &STILL, &STILL).unwrap()
 }
 
@@ -68,7 +68,7 @@ fn a_lag_is_an_exact_exponential() {
     // A loss of power ends the current at once.
     ask(&mut controllers, true, [0.5; 4]);
     controllers.drive(1e-3, || STILL);
-    controllers.inject(Fault::Reboot, &STILL);
+    controllers.inject(InjectedFault::Reboot, &STILL);
     assert_eq!(controllers.torque(), &STILL);
 }
 
@@ -169,7 +169,7 @@ fn a_motor_that_holds_its_continuous_torque_never_gets_hot() {
 #[test]
 fn the_rig_s_plant_feels_what_its_motors_give() {
     let run = |motor: Option<Motor>| {
-        let mut config = RigConfig::new(&rig());
+        let mut config = SimulatedConfig::new(&rig());
         config.phenomena = Phenomena { motor, ..Phenomena::default() };
         let mut rig = SimulatedRig::new(&config).unwrap();
         let mut reply = Vec::new();

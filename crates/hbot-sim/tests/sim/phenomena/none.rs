@@ -2,9 +2,9 @@
 
 use hbot_core::Vec3;
 use hbot_link::ToController;
-use hbot_sim::controller::{Encoder, Fault};
-use hbot_sim::phenomena::{Encoder as Disc, Hand, Link, Motor, Phenomena};
-use hbot_sim::rig::{RigConfig, SimulatedRig};
+use hbot_sim::controller::{EncoderKind, InjectedFault};
+use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use crate::devices::{brisk, rig};
 use crate::line::{MS, command, frame};
@@ -21,10 +21,10 @@ fn hash(bytes: &[u8]) -> u64 {
 /// The run contains everything that a rig without phenomena can meet: all kinds of encoders, torque
 /// beyond the peak, an expired watchdog, a reboot, a damaged frame, and odd times.
 fn eventful(phenomena: Phenomena) -> Vec<u8> {
-    let mut config = RigConfig::new(&rig());
+    let mut config = SimulatedConfig::new(&rig());
     config.phenomena = phenomena;
-    config.joints[2].encoder = Encoder::Indexed;
-    config.joints[1].encoder = Encoder::Incremental;
+    config.joints[2].encoder = EncoderKind::Indexed;
+    config.joints[1].encoder = EncoderKind::Incremental;
     config.phenomena.hand = Some(Hand::default());
     let mut rig = SimulatedRig::new(&config).unwrap();
     let mut reply = Vec::new();
@@ -35,12 +35,12 @@ fn eventful(phenomena: Phenomena) -> Vec<u8> {
         let mut bytes = frame(&ToController::Command(command(k, k % 900 > 2, &torque)));
         match k {
             700..730 => continue,
-            1000 => rig.inject(Fault::Reboot),
+            1000 => rig.inject(InjectedFault::Reboot),
             1500 => bytes[3] ^= 0x11,
             2000 => rig.set_hand(None),
             2500 => rig.set_state(brisk()),
             3000 => rig.set_external(Vec3::new(0.01, -0.02, 0.005)),
-            3300 => rig.inject(Fault::Slipped { joint: 1, angle: 0.5 }),
+            3300 => rig.inject(InjectedFault::Slipped { joint: 1, angle: 0.5 }),
             3500.. => rig.advance_to(u64::from(k) * MS - u64::from(k) * 97 % MS),
             _ => {}
         }
@@ -62,7 +62,7 @@ fn bytes_are_those_of_the_ideal_rig() {
 fn phenomena_of_nothing_change_no_byte() {
     let link =
         Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 3 };
-    let encoder = Disc { step: 1, turn_error: 0.0, index_error: 0.0, seed: 3 };
+    let encoder = Encoder { step: 1, turn_error: 0.0, index_error: 0.0, seed: 3 };
     let motor = Motor {
         torque_scale: 1.0,
         lag_s: 0.0,
@@ -84,7 +84,7 @@ fn phenomena_of_nothing_change_no_byte() {
 /// With all phenomena of motor controllers and line, a tick still allocates nothing.
 #[test]
 fn a_tick_with_phenomena_allocates_nothing() {
-    let mut config = RigConfig::new(&rig());
+    let mut config = SimulatedConfig::new(&rig());
     config.phenomena = Phenomena {
         link: Some(Link {
             loss: 0.1,
@@ -93,7 +93,7 @@ fn a_tick_with_phenomena_allocates_nothing() {
             command_latency_s: 5e-3,
             ..Link::default()
         }),
-        encoder: Some(Disc::default()),
+        encoder: Some(Encoder::default()),
         motor: Some(Motor::default()),
         hand: Some(Hand::default()),
         ..Phenomena::default()

@@ -6,7 +6,7 @@ use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
 
 /// A device with precomputed data for evaluating its figures at many postures.
 #[derive(Debug, Clone)]
-pub(super) struct Machine {
+pub(super) struct RatedDevice {
     pub(super) device: Device,
     /// Largest torque of each joint, N m; 0 for a joint without a motor.
     pub(super) peak: [f64; MAX_JOINTS],
@@ -41,7 +41,7 @@ impl Quantity {
     }
 }
 
-impl Machine {
+impl RatedDevice {
     /// Prepares `device`. `peaks` are the largest torques of a steer and a drive motor, N m.
     pub(super) fn new(device: Device, peaks: [f64; 2]) -> Self {
         let (mut peak, mut inertia, mut give) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
@@ -163,12 +163,12 @@ mod tests {
     use crate::rng::Rng;
     use hbot_core::allocation::{JointLimits, allocate, capability, traction};
     use hbot_core::singularity::Indices;
-    use hbot_sim::plant::{Plant, State};
+    use hbot_sim::plant::{Plant, PlantState};
 
     const PEAKS: [f64; 2] = [0.93, 0.14];
 
-    fn machine(design: &Design) -> Machine {
-        Machine::new(Parts::prototype().device(design).expect("legal"), PEAKS)
+    fn machine(design: &Design) -> RatedDevice {
+        RatedDevice::new(Parts::prototype().device(design).expect("legal"), PEAKS)
     }
 
     fn designs() -> Vec<Design> {
@@ -199,7 +199,7 @@ mod tests {
                 // one.
                 assert!((machine.of(&posture, Quantity::Conditioning) - index).abs() < 1e-13 / index);
 
-                let mut state = State::default();
+                let mut state = PlantState::default();
                 state.steer[..design.wheels].copy_from_slice(&th[..design.wheels]);
                 let most = eigenvalues(&plant.apparent_inertia(&state))[2];
                 assert!((machine.of(&posture, Quantity::Inertia) / most - 1.0).abs() < 1e-12);

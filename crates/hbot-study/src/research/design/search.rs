@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::front::{Archive, Found, Volume, better_by};
-use super::local::Machine;
+use super::local::RatedDevice;
 use super::margins::{has_room, keeps};
 use super::space::{Design, Parts, Point};
 use super::torus::{Effort, Measures, SEARCH, kronecker};
@@ -200,9 +200,9 @@ pub(super) fn measure_all(
 
 /// Prepares a design with the prototype's motors at their peak torques. Returns `None` if the
 /// design can become singular.
-pub(super) fn machine(parts: &Parts, design: &Design) -> Option<Machine> {
+pub(super) fn machine(parts: &Parts, design: &Design) -> Option<RatedDevice> {
     let [steer, drive] = [parts.rig.joints[0].peak, parts.rig.joints[1].peak];
-    Some(Machine::new(parts.device(design)?, [steer, drive]))
+    Some(RatedDevice::new(parts.device(design)?, [steer, drive]))
 }
 
 /// Measures a design. Returns `None` if the design can become singular.

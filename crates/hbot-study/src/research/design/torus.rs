@@ -6,7 +6,7 @@ use core::f64::consts::TAU;
 use hbot_core::kinematics::Posture;
 use hbot_core::singularity::interior_margin_over_all;
 
-use super::local::{Machine, Quantity};
+use super::local::{Quantity, RatedDevice};
 use super::space::Design;
 
 /// How thoroughly the torus of steer angles is searched.
@@ -51,7 +51,7 @@ pub(super) struct Measures {
 
 impl Measures {
     /// Computes the figures of `design`, which is prepared as `machine`.
-    pub(super) fn of(machine: &Machine, design: &Design, effort: Effort) -> Self {
+    pub(super) fn of(machine: &RatedDevice, design: &Design, effort: Effort) -> Self {
         let n = effort.samples as f64;
         let mut values = [const { Vec::new() }; 4];
         let angles: Vec<Vec<f64>> = samples(design.wheels, effort.samples).collect();
@@ -125,7 +125,13 @@ fn ways(wheels: usize) -> Vec<Vec<f64>> {
 
 /// Returns the worst value of a quantity, by descending from the worst samples with steps that
 /// halve.
-fn worst(machine: &Machine, quantity: Quantity, angles: &[Vec<f64>], values: &[f64], starts: usize) -> f64 {
+fn worst(
+    machine: &RatedDevice,
+    quantity: Quantity,
+    angles: &[Vec<f64>],
+    values: &[f64],
+    starts: usize,
+) -> f64 {
     let mut order: Vec<usize> = (0..values.len()).collect();
     let by = |a: &usize, b: &usize| {
         let ascending = values[*a].total_cmp(&values[*b]);
@@ -170,7 +176,7 @@ mod tests {
 
     fn measured(design: &Design, effort: Effort) -> Measures {
         let device = Parts::prototype().device(design).expect("legal");
-        Measures::of(&Machine::new(device, PEAKS), design, effort)
+        Measures::of(&RatedDevice::new(device, PEAKS), design, effort)
     }
 
     /// docs/physics.md, sections 3, 7, 10 and 11: the prototype's figures, to the digits given

@@ -7,7 +7,7 @@ use hbot_core::kinematics::Posture;
 use hbot_core::{Device, Vec3};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Gear, JointFriction, Phenomena, Pivoting, Slip};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::comparison::Comparison;
 use crate::context::{Context, Interrupted};
@@ -49,7 +49,7 @@ fn posture(k: u32, grid: u32) -> [f64; 2] {
 
 /// Returns the torque about `axis` at which the sphere, held as by a hinge, begins to turn, N m.
 fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> f64 {
-    let mut state = State::default();
+    let mut state = PlantState::default();
     state.steer[..2].copy_from_slice(&steer);
     let dynamics = Dynamics::new(device, phenomena, Method::Rk4, &state);
     let mut dynamics = dynamics.unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));

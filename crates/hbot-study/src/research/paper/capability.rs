@@ -30,7 +30,7 @@ const ROWS: [Row; 2] = [
 ];
 
 /// The prototype's geometry and contacts.
-struct Rig {
+struct GrippedDevice {
     device: Device,
     arms: [ContactArms; 2],
     /// Largest friction force of a contact, mu N, in N.
@@ -73,7 +73,7 @@ impl Row {
     }
 }
 
-impl Rig {
+impl GrippedDevice {
     fn prototype() -> Self {
         let rig = RigConfig::prototype().rig;
         let device = rig.device;
@@ -166,7 +166,7 @@ pub(super) fn study(
     comparison: &mut Comparison,
 ) -> Result<(), Interrupted> {
     context.part("torque capability")?;
-    let rig = Rig::prototype();
+    let rig = GrippedDevice::prototype();
     report.heading("Torque capability (table II)");
     report.say(&format!(
         "The largest torque about each axis alone (none about the others) that the motors of section IV.B can give: 0.93 N m at a steer and 0.14 N m at a drive at peak, 0.073 and 0.023 N m \
@@ -236,8 +236,11 @@ pub(super) fn study(
 }
 
 /// Checks that two computations of the capability agree if the contacts set no limit.
-fn check(report: &mut Report, rig: &Rig) {
-    let loose = Rig { grip: f64::INFINITY, ..Rig { device: rig.device, arms: rig.arms, grip: 0.0 } };
+fn check(report: &mut Report, rig: &GrippedDevice) {
+    let loose = GrippedDevice {
+        grip: f64::INFINITY,
+        ..GrippedDevice { device: rig.device, arms: rig.arms, grip: 0.0 }
+    };
     let mut worst: f64 = 0.0;
     for th in torus::over(12, |th| th) {
         let posture = posture(&rig.device, th);
@@ -267,7 +270,7 @@ fn search(
     context: &Context,
     report: &mut Report,
     comparison: &mut Comparison,
-    rig: &Rig,
+    rig: &GrippedDevice,
     found: &[[[f64; 3]; 2]; 2],
 ) {
     let cells = if context.quick { 90 } else { 360 };

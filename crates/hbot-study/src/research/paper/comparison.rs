@@ -15,7 +15,7 @@
 //! A figure that the paper gives is also written to summary.json:
 //! `report.figure(id, ours).note("paper", theirs)`.
 
-use crate::report::{Place, Report, row};
+use crate::report::{Report, ReportPlace, row};
 
 /// The rows of the table so far, in the order of the sections.
 #[derive(Debug, Default)]
@@ -38,7 +38,7 @@ impl Comparison {
     }
 
     /// Inserts the table into `report` at `place`.
-    pub(crate) fn put(self, report: &mut Report, place: Place) {
+    pub(crate) fn put(self, report: &mut Report, place: ReportPlace) {
         let mut table = vec![row(["what", "the paper", "here", "why they differ"])];
         table.extend(self.rows);
         report.table_at(place, &table);

@@ -4,7 +4,7 @@
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Lines, Series};
 
-use super::indices::{Local, Rig, START};
+use super::indices::{IndexedDevice, Local, START};
 use super::so3;
 use super::torus::THREE;
 use super::turns::stepped;
@@ -17,7 +17,7 @@ use crate::rng::Rng;
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
-    rig: &Rig,
+    rig: &IndexedDevice,
     finest: &[(Quat, f64)],
     (cells, level): (usize, u8),
     [torus, so3]: [Local; 2],
@@ -110,7 +110,7 @@ pub(super) fn study(
 }
 
 /// Checks the closed form of a turn against the integrated kinematics.
-pub(super) fn steps(report: &mut Report, rig: &Rig, quick: bool) {
+pub(super) fn steps(report: &mut Report, rig: &IndexedDevice, quick: bool) {
     report.family(
         "turn_{steps}_steps_error_rad",
         "rad",

@@ -3,7 +3,7 @@
 
 use hbot_config::RigConfig;
 use hbot_core::{Device, Mat3, Quat};
-use hbot_sim::plant::{Plant, State};
+use hbot_sim::plant::{Plant, PlantState};
 
 use super::comparison::Comparison;
 use super::torus::{self, CHOICES, MOTORS, Motors, mean, posture};
@@ -30,13 +30,13 @@ pub(super) struct Local {
 }
 
 /// A device with precomputed data for evaluating indices at many postures.
-pub(super) struct Rig {
+pub(super) struct IndexedDevice {
     pub(super) device: Device,
     plant: Plant,
     turns: Turns,
 }
 
-impl Rig {
+impl IndexedDevice {
     pub(super) fn new(device: Device) -> Self {
         let Ok(plant) = Plant::new(&device) else { unreachable!("wheels without an inertia of their own") };
         Self { device, plant, turns: Turns::new(&device) }
@@ -44,7 +44,7 @@ impl Rig {
 
     /// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G, (kg m²)³.
     pub(super) fn inertia(&self, th: [f64; 2]) -> f64 {
-        let mut state = State::default();
+        let mut state = PlantState::default();
         state.steer[..2].copy_from_slice(&th);
         Mat3::determinant(&self.plant.apparent_inertia(&state))
     }
@@ -144,7 +144,7 @@ pub(super) fn study(
         "1",
         "global dynamic manipulability index, over the largest of the torus; {workspace} likewise",
     );
-    let rig = Rig::new(RigConfig::prototype().rig.device);
+    let rig = IndexedDevice::new(RigConfig::prototype().rig.device);
     let cells = if context.quick { 96 } else { 256 };
     let level = if context.quick { 3 } else { 4 };
     let over_torus = rig.over_torus(cells, &CHOICES);
@@ -198,7 +198,7 @@ pub(super) fn study(
 
 /// Reports the local measures that are not ratios: the manipulability and the largest dynamic
 /// manipulability.
-fn local(report: &mut Report, rig: &Rig, most: &[f64]) {
+fn local(report: &mut Report, rig: &IndexedDevice, most: &[f64]) {
     report.family(
         "manipulability_{motors}_{statistic}",
         "1",

@@ -9,7 +9,7 @@ use hbot_core::outputs::Outputs;
 use hbot_core::rotation::{self, error_eq24, shortest, vector_part};
 use hbot_core::{Device, MAX_JOINTS, Quat, Vec3};
 use hbot_sim::phenomena::{CageFriction, JointFriction, Motor, Phenomena};
-use hbot_sim::plant::{Plant, State};
+use hbot_sim::plant::{Plant, PlantState};
 use serde_json::json;
 
 use crate::context::{Context, Interrupted};
@@ -58,7 +58,7 @@ pub(super) struct Setting {
 /// Returns the apparent inertia about `axis` with both steer angles at zero, kg m².
 pub(super) fn inertia(device: &Device, axis: Vec3) -> f64 {
     let plant = Plant::new(device).unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
-    axis.dot(plant.apparent_inertia(&State::default()) * axis)
+    axis.dot(plant.apparent_inertia(&PlantState::default()) * axis)
 }
 
 /// A running position loop.
@@ -95,7 +95,7 @@ impl Loop {
             pair.copy_from_slice(&[scale * arm.steer * arm.steer, scale * arm.roll * arm.roll]);
         }
         Self {
-            run: Whole::new(&config, json!({"name": "study"}), phenomena, State::default()),
+            run: Whole::new(&config, json!({"name": "study"}), phenomena, PlantState::default()),
             setting,
             arms,
             gains,

@@ -6,7 +6,7 @@ use hbot_core::singularity::Indices;
 use hbot_core::{Device, Mat3, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series, short};
 
-use super::indices::{Known, Local, PAPER_GCI, PAPER_GMI, Rig, START};
+use super::indices::{IndexedDevice, Known, Local, PAPER_GCI, PAPER_GMI, START};
 use super::torus::{self, FOUR, THREE, mean, posture};
 use super::{literal, so3};
 use crate::context::{Context, Interrupted};
@@ -44,7 +44,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
     }
     for radius in RADII {
         let r = f64::from(radius) * 1.0e-6;
-        let rig = Rig::new(changed(|wheel| WheelSpec { radius: r, ..wheel }));
+        let rig = IndexedDevice::new(changed(|wheel| WheelSpec { radius: r, ..wheel }));
         let over = [rig.over_turns(&samples, START, &choices), rig.over_torus(64, &choices)];
         for (k, motors) in choices.iter().enumerate() {
             for (w, workspace) in ["so3", "torus"].iter().enumerate() {
@@ -86,7 +86,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
-    rig: &Rig,
+    rig: &IndexedDevice,
     known: &Known,
 ) -> Result<(), Interrupted> {
     context.part("other readings of the indices")?;
@@ -106,14 +106,14 @@ pub(super) fn study(
         let most = -torus::least(48, |th| -value(th)).1;
         mean(torus::over(cells, value)) / most
     };
-    let det = |rig: &Rig, th| THREE.determinant(&posture(&rig.device, th)).abs();
+    let det = |rig: &IndexedDevice, th| THREE.determinant(&posture(&rig.device, th)).abs();
     let scaled = |by: f64| {
         let change = |wheel: WheelSpec| WheelSpec {
             steer_inertia: by * wheel.steer_inertia,
             drive_inertia: by * wheel.drive_inertia,
             ..wheel
         };
-        let rig = Rig::new(changed(change));
+        let rig = IndexedDevice::new(changed(change));
         normal(&|th| det(&rig, th) / rig.inertia(th))
     };
     let letter = |th| literal::rows(&rig.device, th);

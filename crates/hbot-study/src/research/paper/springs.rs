@@ -4,7 +4,7 @@
 use hbot_core::mode::Mode;
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::plant::State;
+use hbot_sim::plant::PlantState;
 use serde_json::json;
 
 use crate::context::{Context, Interrupted};
@@ -85,7 +85,7 @@ pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, 
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "law": setting.law, "stiffness": asked, "damping": DAMPING, "fade_s": 0}
     ]});
-    let mut run = Whole::new(&config, scene, setting.phenomena, State::default());
+    let mut run = Whole::new(&config, scene, setting.phenomena, PlantState::default());
     for _ in 0..run.ticks(START_S) {
         run.step(None);
     }

@@ -3,7 +3,7 @@
 use hbot_core::Quat;
 use hbot_plot::{Map, maps};
 
-use super::indices::Rig;
+use super::indices::IndexedDevice;
 use super::so3;
 use super::torus::{self, THREE, mean};
 use crate::context::{Context, Interrupted};
@@ -14,7 +14,7 @@ use crate::report::Report;
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
-    rig: &Rig,
+    rig: &IndexedDevice,
     (start, ours): ([f64; 2], f64),
 ) -> Result<[f64; 2], Interrupted> {
     context.part("GCI against the start")?;

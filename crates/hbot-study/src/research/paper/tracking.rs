@@ -7,7 +7,7 @@ use hbot_core::mode::Mode;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Bar, Lines, Series, bars, short};
 use hbot_sim::phenomena::{Eccentric, Phenomena, Slip};
-use hbot_sim::plant::State;
+use hbot_sim::plant::PlantState;
 use serde_json::json;
 
 use super::comparison::Comparison;
@@ -87,7 +87,7 @@ fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, I
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": setting.stiffness, "damping": DAMPING, "fade_s": 0}
     ]});
-    let mut run = Whole::new(&config, scene, setting.phenomena, State::default());
+    let mut run = Whole::new(&config, scene, setting.phenomena, PlantState::default());
     for _ in 0..run.ticks(START_S) {
         run.step(None);
     }

@@ -5,7 +5,7 @@ use hbot_core::kinematics::Posture;
 use hbot_core::{Device, Quat, Vec3, rotation};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::extrapolation;
-use hbot_sim::plant::{Method, Plant, SpringDamper, State};
+use hbot_sim::plant::{Method, Plant, PlantState, SpringDamper};
 
 use super::sci;
 use crate::context::{Context, Interrupted};
@@ -73,8 +73,8 @@ fn growth(device: &Device) -> f64 {
 fn part_ways(report: &mut Report, device: &Device) {
     let Ok(plant) = Plant::new(device) else { unreachable!("the prototype is a plant") };
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };
-    let start = State { q: rotation::exp(Vec3::new(1.4, -1.0, 0.8)), ..State::default() };
-    let energy = |s: &State| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
+    let start = PlantState { q: rotation::exp(Vec3::new(1.4, -1.0, 0.8)), ..PlantState::default() };
+    let energy = |s: &PlantState| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
     let (mut a, mut b) = (start, start);
     let h = 1.0e-3;
     let mut series = ["steering angles, rad", "orientations, rad", "energies, J"].map(|name| Series {

@@ -5,7 +5,7 @@ use hbot_core::path::Trail;
 use hbot_core::rig::{Methods, Rig};
 use hbot_core::{Device, MAX_JOINTS};
 use hbot_plot::{Lines, Series};
-use hbot_sim::motion::{JOINTS, LEAD, MOTIONS, Moment, Motion, along, angle};
+use hbot_sim::motion::{JOINTS, LEAD, MOTIONS, MotionSample, TrueMotion, along, angle};
 
 use super::order::Errors;
 use super::{DRIFT_S, RATES, in_both_widths, sci};
@@ -78,8 +78,8 @@ struct Read {
 }
 
 impl Read {
-    fn new(rig: &Rig, moments: &[Moment], every: usize) -> Self {
-        let moments: Vec<&Moment> = moments.iter().step_by(every).collect();
+    fn new(rig: &Rig, moments: &[MotionSample], every: usize) -> Self {
+        let moments: Vec<&MotionSample> = moments.iter().step_by(every).collect();
         let exact: Vec<[f64; JOINTS]> = moments.iter().map(|m| m.joints).collect();
         let counted = exact.iter().map(|joints| {
             core::array::from_fn(|j| {
@@ -98,7 +98,7 @@ fn apart(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {
 }
 
 /// Returns the readings of a motion at each of [`RATES`].
-fn readings(motion: &Motion, rig: &Rig) -> Vec<Read> {
+fn readings(motion: &TrueMotion, rig: &Rig) -> Vec<Read> {
     let finest = RATES[RATES.len() - 1];
     RATES
         .iter()
@@ -221,7 +221,7 @@ fn introduce(report: &mut Report) {
 /// errors of the reference and of the track: 4800 steps of 1e-16.
 const FLOOR: f64 = 1.0e-13;
 
-fn order(report: &mut Report, motion: &Motion, choice: Choice, drifts: &[f64]) -> Vec<String> {
+fn order(report: &mut Report, motion: &TrueMotion, choice: Choice, drifts: &[f64]) -> Vec<String> {
     let (method, path) = (METHODS[choice.method].0, PATHS[choice.path].0);
     let errors = Errors(RATES.iter().zip(drifts).map(|(hz, drift)| (1.0 / f64::from(*hz), *drift)).collect());
     let theory = ORDERS[choice.method].min(PATH_ORDERS[choice.path]);
@@ -283,7 +283,7 @@ fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f6
 }
 
 /// Measures the errors of the rig's odometry methods on a motion that is read in each tick.
-pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget {
+pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[MotionSample]) -> Budget {
     let method = METHODS.iter().position(|(_, method)| *method == methods.odometry);
     let path = PATHS.iter().position(|(_, path)| *path == methods.path);
     let (Some(method), Some(path)) = (method, path) else { unreachable!("every method is in the list") };
@@ -296,7 +296,7 @@ pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget 
 fn parts(
     report: &mut Report,
     rig: &Rig,
-    motion: &Motion,
+    motion: &TrueMotion,
     choice: Choice,
     reads: &[Read],
     followed: &[Vec<[f64; 4]>],

@@ -3,7 +3,7 @@
 use hbot_core::device::WheelSpec;
 use hbot_core::{Device, Quat, Vec3, rotation};
 use hbot_plot::{Lines, Series};
-use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
+use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 
 use super::order::Errors;
 use super::sci;
@@ -46,7 +46,7 @@ fn task_load() -> impl Load + Copy {
 
 /// Simulates the task with steps of `step_us`. Returns the orientation at each sample.
 fn run(plant: &Plant, method: Method, step_us: u32, load: &impl Load) -> Vec<Quat> {
-    let (mut state, h) = (State::default(), f64::from(step_us) * 1.0e-6);
+    let (mut state, h) = (PlantState::default(), f64::from(step_us) * 1.0e-6);
     let steps = (TASK_S / h).round() as u32;
     let mut looks = Vec::new();
     for k in 0..steps {
@@ -59,7 +59,7 @@ fn run(plant: &Plant, method: Method, step_us: u32, load: &impl Load) -> Vec<Qua
 }
 
 fn reference(plant: &Plant, tolerance: f64, load: &impl Load) -> Vec<Quat> {
-    let mut state = State::default();
+    let mut state = PlantState::default();
     let every = f64::from(LOOK_US) * 1.0e-6;
     let looks = (TASK_S / every).round() as u32;
     (0..looks)

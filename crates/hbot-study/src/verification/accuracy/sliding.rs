@@ -8,7 +8,7 @@ use hbot_plot::{Lines, Series};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{Phenomena, Slip};
-use hbot_sim::plant::{Dynamics, Method, State};
+use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::order::Errors;
 use super::sci;
@@ -39,7 +39,8 @@ impl Scene<'_> {
     /// Simulates the scene with steps of `step_us / parts`. Returns the orientation at each sample,
     /// and the largest slip, m/s.
     fn run(&self, step_us: u32, parts: u32) -> (Vec<Quat>, f64) {
-        let mut state = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
+        let mut state =
+            PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
         let dynamics = Dynamics::new(self.device, &self.phenomena, Method::Rk4, &state);
         let mut dynamics = dynamics.unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
         let hand = Hand { amplitude: 0.0, ..Hand::default() };

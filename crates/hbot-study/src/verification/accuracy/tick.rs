@@ -6,7 +6,7 @@ use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, rotation};
 use hbot_plot::{Lines, Series, short};
-use hbot_sim::motion::{LEAD, MOTIONS, Moment, Motion, angle};
+use hbot_sim::motion::{LEAD, MOTIONS, MotionSample, TrueMotion, angle};
 use serde_json::json;
 
 use super::motions::{Budget, budget};
@@ -16,7 +16,7 @@ use crate::report::{Report, row, spread};
 use crate::timing::{Time, Timed, in_turn};
 
 /// The motion that is followed: brisk, without reversals.
-const MOTION: Motion = MOTIONS[1];
+const MOTION: TrueMotion = MOTIONS[1];
 /// Presets of the rig file.
 const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
 /// Duration of the motion, s.
@@ -45,9 +45,9 @@ fn scene() -> CompiledScene {
 }
 
 /// Returns the feedback that the motor controllers send in each tick of a motion.
-fn feedbacks(config: &RigConfig, motion: &Motion, moments: &[Moment]) -> Vec<JointFeedback> {
+fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<JointFeedback> {
     let rig = &config.rig;
-    let each = |(k, moment): (usize, &Moment)| {
+    let each = |(k, moment): (usize, &MotionSample)| {
         let omega = motion.omega(k as f64 / f64::from(RATE));
         let rates = Posture::new(&rig.device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
         let mut counts = [0; MAX_JOINTS];
@@ -122,7 +122,7 @@ fn followed(
     config: &RigConfig,
     scene: &CompiledScene,
     feedbacks: &[JointFeedback],
-    moments: &[Moment],
+    moments: &[MotionSample],
 ) -> (f64, Mode, Controller) {
     let mut controller = Controller::new(config.rig);
     let mut started = None;

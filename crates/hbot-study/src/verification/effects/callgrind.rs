@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::desk::{Desk, Setup};
+use super::desk::{Desk, SceneSetup};
 use crate::context::{Context, Interrupted};
 
 /// Number of ticks in the short call.
@@ -34,8 +34,8 @@ pub struct Counter {
 /// Fails if `setups` is not a JSON list of setups.
 pub fn count_worker(setups: &str) -> Result<(), String> {
     let value: Value = serde_json::from_str(setups).map_err(|error| error.to_string())?;
-    let setups: Option<Vec<Setup>> =
-        value.as_array().and_then(|all| all.iter().map(Setup::from_json).collect());
+    let setups: Option<Vec<SceneSetup>> =
+        value.as_array().and_then(|all| all.iter().map(SceneSetup::from_json).collect());
     let active = Desk::active();
     for setup in setups.ok_or("a list of {names, gone}")? {
         let desk = active.with(&setup);
@@ -58,7 +58,7 @@ impl Counter {
     pub(super) fn count(
         &self,
         context: &Context,
-        setups: &[Setup],
+        setups: &[SceneSetup],
     ) -> Result<Result<Vec<f64>, String>, Interrupted> {
         let folder = std::env::temp_dir().join(format!("hbot-callgrind-{}", std::process::id()));
         if let Err(error) = std::fs::create_dir_all(&folder) {
@@ -74,9 +74,9 @@ impl Counter {
         &self,
         context: &Context,
         folder: &Path,
-        setups: &[Setup],
+        setups: &[SceneSetup],
     ) -> Result<Result<Vec<f64>, String>, Interrupted> {
-        let list: Value = setups.iter().map(Setup::to_json).collect();
+        let list: Value = setups.iter().map(SceneSetup::to_json).collect();
         let out = folder.join("out");
         let child = Command::new("valgrind")
             .args(["--tool=callgrind", "--quiet"])

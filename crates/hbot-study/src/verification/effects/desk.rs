@@ -12,8 +12,8 @@ use hbot_core::outputs::Drive;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::motion::MOTIONS;
-use hbot_sim::plant::State;
-use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
+use hbot_sim::plant::PlantState;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::{Map, Value, json};
 
 /// Number of ticks until the soft start is over.
@@ -41,14 +41,14 @@ pub(super) fn is_kind(name: &str) -> bool {
 
 /// The effects and phenomena that a scene names.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Setup {
+pub(super) struct SceneSetup {
     /// Names of kinds of effect and of phenomena.
     pub(super) names: Vec<String>,
     /// Whether the scene has dropped these effects and phenomena again after it had them.
     pub(super) gone: bool,
 }
 
-impl Setup {
+impl SceneSetup {
     pub(super) fn of(names: &[&String]) -> Self {
         Self { names: names.iter().map(|name| (*name).clone()).collect(), gone: false }
     }
@@ -116,7 +116,7 @@ impl Desk {
         let mut running = RunningScene::new();
         let mut desk = Self {
             controller: Controller::new(rig),
-            scene: Rc::new(running.load(Setup::default().scene())),
+            scene: Rc::new(running.load(SceneSetup::default().scene())),
             running,
             readings: Rc::new(readings(&config)),
             exchange: Exchange::new(simulated, rig.device.joints()),
@@ -127,8 +127,8 @@ impl Desk {
     }
 
     /// Returns a copy of this desk after it has run `setup` until the blend is over.
-    pub(super) fn with(&self, setup: &Setup) -> Self {
-        let empty = Setup::default();
+    pub(super) fn with(&self, setup: &SceneSetup) -> Self {
+        let empty = SceneSetup::default();
         let mut desk = self.clone();
         desk.change(setup);
         // There are always two changes, so that all desks are at an equal tick number afterwards.
@@ -137,13 +137,13 @@ impl Desk {
     }
 
     /// Loads the scene of `setup`, runs until it is blended in, and then resets the rig's state.
-    fn change(&mut self, setup: &Setup) {
+    fn change(&mut self, setup: &SceneSetup) {
         let file = setup.scene();
         let shown = file.simulate().filter(|_| !setup.names.is_empty()).copied();
         self.exchange.rig_mut().set_phenomena(shown.unwrap_or_default());
         self.scene = Rc::new(self.running.load(file));
         self.run(BLEND);
-        self.exchange.rig_mut().set_state(State::default());
+        self.exchange.rig_mut().set_state(PlantState::default());
     }
 
     /// Runs `ticks` ticks. Returns a sum of their outputs, so that the compiler cannot remove the
@@ -185,7 +185,7 @@ fn drive(k: usize) -> Drive {
 fn readings(config: &RigConfig) -> Vec<JointFeedback> {
     let (motion, device) = (&MOTIONS[4], &config.rig.device);
     let moments = motion.moments(device, 1000, RECORDED, 0);
-    let each = |(k, moment): (usize, &hbot_sim::motion::Moment)| {
+    let each = |(k, moment): (usize, &hbot_sim::motion::MotionSample)| {
         let omega = motion.omega(k as f64 * 1.0e-3);
         let rates = Posture::new(device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
         let mut counts = [0; MAX_JOINTS];
@@ -210,7 +210,7 @@ mod tests {
         let active = Desk::active();
         let mut seen = Vec::new();
         for listed in scene::phenomena() {
-            let setup = Setup::of(&[&listed.name.to_owned()]);
+            let setup = SceneSetup::of(&[&listed.name.to_owned()]);
             let shown = *active.with(&setup).exchange.rig().phenomena();
             assert_ne!(shown, Phenomena::default(), "{}", listed.name);
             assert!(!seen.contains(&shown), "{}", listed.name);

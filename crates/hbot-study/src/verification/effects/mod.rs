@@ -13,7 +13,7 @@ use crate::report::{Report, row, spread};
 use crate::timing::{Time, Timed, in_turn};
 
 pub use callgrind::{Counter, count_worker};
-use desk::{Desk, Setup};
+use desk::{Desk, SceneSetup};
 use hbot_plot::{Bar, bars, short};
 
 /// Largest allowed number of instructions per tick that are left after a scene drops an effect or
@@ -30,7 +30,7 @@ const TICKS: usize = callgrind::MANY;
 
 /// Cost of a setup per tick.
 struct Cost {
-    setup: Setup,
+    setup: SceneSetup,
     time: Option<Time>,
     instructions: Option<f64>,
 }
@@ -41,14 +41,14 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
     let mut report = Report::new("effects", context.quick);
     introduce(&mut report);
     let names: Vec<String> = desk::names();
-    let none = Setup::default();
-    let singles: Vec<Setup> = names.iter().map(|name| Setup::of(&[name])).collect();
-    let gone: Vec<Setup> = singles.iter().map(Setup::gone).collect();
+    let none = SceneSetup::default();
+    let singles: Vec<SceneSetup> = names.iter().map(|name| SceneSetup::of(&[name])).collect();
+    let gone: Vec<SceneSetup> = singles.iter().map(SceneSetup::gone).collect();
     let mut pairs = Vec::new();
     for (k, a) in names.iter().enumerate().filter(|_| !context.quick) {
-        pairs.extend(names[k + 1..].iter().map(|b| Setup::of(&[a, b])));
+        pairs.extend(names[k + 1..].iter().map(|b| SceneSetup::of(&[a, b])));
     }
-    let all: Vec<Setup> = [none].into_iter().chain(singles).chain(gone).chain(pairs).collect();
+    let all: Vec<SceneSetup> = [none].into_iter().chain(singles).chain(gone).chain(pairs).collect();
     context.expect(3);
 
     context.part("instructions")?;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use hbot_core::{Device, Quat, Vec3, rotation};
 use hbot_plot::short;
-use hbot_sim::plant::{Method, Plant, SpringDamper, State};
+use hbot_sim::plant::{Method, Plant, PlantState, SpringDamper};
 
 use super::Context;
 use crate::context::Interrupted;
@@ -37,8 +37,8 @@ pub(super) struct Day {
 /// Simulates the ideal plant on an undamped spring, in steps of 1 ms.
 pub(super) fn day(context: &Context, plant: &Plant) -> Result<Day, Interrupted> {
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };
-    let energy = |s: &State| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
-    let mut state = State { q: rotation::exp(Vec3::new(0.6, -0.4, 0.3)), ..State::default() };
+    let energy = |s: &PlantState| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
+    let mut state = PlantState { q: rotation::exp(Vec3::new(0.6, -0.4, 0.3)), ..PlantState::default() };
     let start = energy(&state);
     let ticks = if context.quick { TEN_MINUTES } else { DAY };
     let started = Instant::now();

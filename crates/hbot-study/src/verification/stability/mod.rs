@@ -12,7 +12,7 @@ mod whole;
 
 use hbot_config::RigConfig;
 use hbot_core::Vec3;
-use hbot_sim::plant::{Plant, State};
+use hbot_sim::plant::{Plant, PlantState};
 
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
@@ -22,7 +22,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("stability", context.quick);
     let device = RigConfig::prototype().rig.device;
     let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
-    let inertia = Vec3::X.dot(plant.apparent_inertia(&State::default()) * Vec3::X);
+    let inertia = Vec3::X.dot(plant.apparent_inertia(&PlantState::default()) * Vec3::X);
     context.expect(7);
     report.say(&format!(
         "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \

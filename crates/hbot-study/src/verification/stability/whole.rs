@@ -2,10 +2,10 @@
 //! simulated rig in lock-step, with a spring.
 
 use hbot_core::mode::Mode;
-use hbot_core::outputs::State as Told;
+use hbot_core::outputs::State;
 use hbot_core::{MAX_JOINTS, Vec3, rotation};
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::plant::{Plant, State};
+use hbot_sim::plant::{Plant, PlantState};
 use serde_json::json;
 
 use crate::whole::{Whole, prototype};
@@ -43,7 +43,7 @@ impl Loop {
         let scene = json!({"name": "study", "effect": [
             {"id": "spring", "kind": "spring", "stiffness": wanted.stiffness, "damping": wanted.damping, "fade_s": 0}
         ]});
-        let whole = Whole::new(&config, scene, wanted.phenomena, State::default());
+        let whole = Whole::new(&config, scene, wanted.phenomena, PlantState::default());
         let mut new = Self { whole, given: 0.0 };
         for _ in 0..new.ticks(START_S) {
             new.step();
@@ -66,13 +66,13 @@ impl Loop {
     }
 
     /// Returns the state of the simulated rig.
-    pub(super) fn state(&self) -> &State {
+    pub(super) fn state(&self) -> &PlantState {
         self.whole.rig().state()
     }
 
     /// Sets the sphere's angular velocity to `omega` (rad/s in N), and resets the delivered energy.
     pub(super) fn tap(&mut self, omega: Vec3) {
-        let state = State { omega, ..*self.state() };
+        let state = PlantState { omega, ..*self.state() };
         self.whole.rig_mut().set_state(state);
         self.given = 0.0;
     }
@@ -89,7 +89,7 @@ impl Loop {
     }
 
     /// Runs one tick and returns the controller's state.
-    pub(super) fn step(&mut self) -> Told {
+    pub(super) fn step(&mut self) -> State {
         let rig = self.whole.rig();
         let (held, before) = (*rig.joint_torque(), rig.state().joints());
         let told = self.whole.step(None).state;
@@ -99,7 +99,7 @@ impl Loop {
     }
 
     /// Returns whether the mode is active, so that the motors can make torque.
-    pub(super) fn is_active(told: &Told) -> bool {
+    pub(super) fn is_active(told: &State) -> bool {
         told.mode == Mode::Active
     }
 }

@@ -19,7 +19,7 @@ fn friction(limit: f64, rows: &[Row]) -> Element {
 
 /// Returns the speeds of uncoupled masses after a step, and the solver's work.
 fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>, Effort) {
-    let mut problem = Problem::EMPTY;
+    let mut problem = StepProblem::EMPTY;
     problem.n = mass.len();
     for (i, mass) in mass.iter().enumerate() {
         problem.mass[i][i] = *mass;

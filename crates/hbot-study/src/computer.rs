@@ -1,10 +1,10 @@
-//! The machine on which a study ran, and how the program was compiled.
+//! The computer that a study ran on, and how the program was compiled.
 
 use serde_json::{Value, json};
 
 /// Description of the computer and of the build. Measured times mean nothing without it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Machine {
+pub(crate) struct Computer {
     cpu: String,
     cores: usize,
     os: String,
@@ -14,7 +14,7 @@ pub(crate) struct Machine {
     optimised: bool,
 }
 
-impl Machine {
+impl Computer {
     /// Describes the machine that this program runs on.
     pub(crate) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
