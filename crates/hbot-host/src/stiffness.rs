@@ -83,8 +83,9 @@ impl StiffnessBound {
     }
 }
 
-/// Square roots of the first primes, one for each wheel: no two of them and 1 have a common measure,
-/// so the wheels never advance together.
+/// Turns by which the steer angle of each wheel advances from one sample posture to the next. They
+/// are the square roots of the first primes: no two of them are in a rational ratio, so no two
+/// wheels advance together.
 const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     1.414_213_562_373_095_1,
     1.732_050_807_568_877_2,

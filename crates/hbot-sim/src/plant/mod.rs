@@ -4,7 +4,8 @@
 //! A [`Plant`] holds the constants of a device. A [`PlantState`] holds its angles and the sphere's
 //! angular velocity. A [`Load`] gives the torques on the sphere other than the wheels'.
 //! [`Plant::step`] advances a state by one fixed step of a [`Method`]. [`Plant::advance_exactly`]
-//! is the adaptive reference against which the methods are compared.
+//! is the adaptive reference against which the methods are compared. [`Dynamics`] chooses between
+//! this plant and one with stick, slip and play.
 //!
 //! Steps allocate nothing, call no function of the platform, and fuse no operations. They therefore
 //! give the same bits on every machine.
