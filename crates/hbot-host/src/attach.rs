@@ -11,8 +11,7 @@ use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, RigError, SimulatedRig};
 use thiserror::Error;
 
-use crate::bus::hbot::HbotLink;
-use crate::bus::{Expected, MeetError, MotorBus, Protocol as _, driver};
+use crate::bus::{Expected, MeetError, MotorBus, driver};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
 use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
@@ -78,6 +77,7 @@ pub(crate) fn simulated(
     time: Time,
 ) -> Result<(Box<dyn MotorBus>, Simulator), AttachError> {
     let mut config = SimulatedConfig::new(&rig.rig);
+    config.protocol = rig.link.protocol;
     config.phenomena = Phenomena { link: None, ..phenomena };
     let simulated = SimulatedRig::new(&config)?;
     let (line, place): (Box<dyn Line>, _) = match time {
@@ -100,16 +100,16 @@ pub(crate) fn simulated(
     Ok((bus, simulator))
 }
 
-/// The bus on a line to a simulated rig, which speaks hbot's own link whatever `link.protocol` says of
-/// the real one.
+/// The bus on a line to a simulated rig.
 pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,
     mut line: Box<dyn Line>,
 ) -> Result<Box<dyn MotorBus>, AttachError> {
     let expected = Expected::new(&Port::Sim.to_string(), &rig.rig, layout, 0);
-    HbotLink.meet(line.as_mut(), &expected)?;
-    Ok(HbotLink.bus(line, expected))
+    let protocol = driver(rig.link.protocol);
+    protocol.meet(line.as_mut(), &expected)?;
+    Ok(protocol.bus(line, expected))
 }
 
 fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {

@@ -20,8 +20,10 @@ pub struct Layout {
 pub struct Place {
     /// The bus that carries it, from 0.
     pub bus: usize,
-    /// Its place on that bus, from 0.
+    /// Its place on that bus, from 0: the joints of a bus stand in the order of their ids.
     pub at: usize,
+    /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its place.
+    pub id: u8,
 }
 
 impl Layout {
@@ -36,16 +38,30 @@ impl Layout {
         }
         if rig.link.port == Port::Sim {
             // The simulated controllers stand on one bus in the order of the joints.
-            return Self { offsets, ..Self::single(0..rig.controllers.len()) };
+            let first = rig.link.protocol.ids().map_or(0, |ids| *ids.start() as u8);
+            return Self { offsets, ..Self::single(0..rig.controllers.len()).numbered_from(first) };
         }
-        let places = rig.ports.iter().zip(&rig.controllers).map(|(bus, at)| Place { bus: *bus, at: *at });
-        Self { places: places.collect(), offsets }
+        let all = || rig.ports.iter().zip(&rig.controllers);
+        let place = |(bus, id): (&usize, &usize)| {
+            let at = all().filter(|(other, before)| *other == bus && *before < id).count();
+            Place { bus: *bus, at, id: *id as u8 }
+        };
+        Self { places: all().map(place).collect(), offsets }
+    }
+
+    /// With the ids of a bus that begin at `first` and follow one another.
+    #[must_use]
+    pub fn numbered_from(mut self, first: u8) -> Self {
+        for place in &mut self.places {
+            place.id = first + place.at as u8;
+        }
+        self
     }
 
     /// All joints on one bus: `places` in the order steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>) -> Self {
-        let places = places.into_iter().map(|at| Place { bus: 0, at }).collect();
+        let places = places.into_iter().map(|at| Place { bus: 0, at, id: at as u8 }).collect();
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 
@@ -57,7 +73,11 @@ impl Layout {
 
     /// The joints of the rig on one bus, each with its place there.
     pub fn joints(&self, bus: usize) -> impl Iterator<Item = (usize, usize)> {
-        let all = self.places.iter().enumerate();
-        all.filter(move |(_, place)| place.bus == bus).map(|(joint, place)| (joint, place.at))
+        self.on(bus).map(|(joint, place)| (joint, place.at))
+    }
+
+    /// The joints of the rig on one bus, each with where it stands.
+    pub fn on(&self, bus: usize) -> impl Iterator<Item = (usize, &Place)> {
+        self.places.iter().enumerate().filter(move |(_, place)| place.bus == bus)
     }
 }

@@ -1,8 +1,8 @@
 //! What a bad line does to the bytes on it: frames late, lost, damaged ([`Link`]).
 //!
-//! It works on frames (everything up to a zero), knows nothing of what is in them, and reorders nothing within a
-//! direction. A frame begun is kept until its end has come. Its memory is bounded and taken at the start: of a line that
-//! carries more than fits, frames are lost.
+//! It works on frames (everything up to the byte that ends one in the protocol of the line), knows nothing of what is in
+//! them, and reorders nothing within a direction. A frame begun is kept until its end has come. Its memory is bounded and
+//! taken at the start: of a line that carries more than fits, frames are lost.
 
 use std::collections::VecDeque;
 
@@ -16,7 +16,7 @@ use crate::phenomena::Link;
 const FRAMES: usize = 1024;
 const BYTES: usize = 128 * 1024;
 
-/// The longest frame, with a zero before it. What is longer without a zero is no frame; it travels in pieces of this size.
+/// The longest frame, with its end before it. What is longer without an end is no frame; it travels in pieces of this size.
 pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
 /// What became of the frames of one direction since the line was impaired.
@@ -41,11 +41,12 @@ pub(crate) struct Impairment {
 }
 
 impl Impairment {
-    pub(crate) fn new(link: &Link) -> Self {
+    /// A line on which `end` ends a frame.
+    pub(crate) fn new(link: &Link, end: u8) -> Self {
         let mut line = Self {
             random: Rand64::new(0),
-            commands: Lane::new(),
-            answers: Lane::new(),
+            commands: Lane::new(end),
+            answers: Lane::new(end),
             scratch: Vec::with_capacity(4 * LONGEST),
         };
         line.replace(link);
@@ -86,6 +87,8 @@ struct Frame {
 /// One direction of the line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
+    /// The byte that ends a frame.
+    end: u8,
     latency_ns: u64,
     jitter_ns: f64,
     loss: f64,
@@ -100,8 +103,9 @@ pub(crate) struct Lane {
 }
 
 impl Lane {
-    fn new() -> Self {
+    fn new(end: u8) -> Self {
         Self {
+            end,
             latency_ns: 0,
             jitter_ns: 0.0,
             loss: 0.0,
@@ -144,8 +148,9 @@ impl Lane {
         for byte in bytes {
             self.begun[self.length] = *byte;
             self.length += 1;
-            // Zeros alone end no frame: they belong to the next.
-            let ends = *byte == 0 && self.begun[..self.length].iter().any(|byte| *byte != 0);
+            // Ends alone are no frame: they belong to the next.
+            let end = self.end;
+            let ends = *byte == end && self.begun[..self.length].iter().any(|byte| *byte != end);
             if ends || self.length == LONGEST {
                 self.put(now_ns, random);
                 self.length = 0;

@@ -9,7 +9,10 @@ use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::settings::{Api, Limits, Link, Loop};
+use super::settings::{Api, Limits, Link, Loop, Protocol};
+
+/// Stands in for the counts a turn that a file leaves out by mistake.
+const MISSING_COUNTS: u32 = legal::COUNTS_PER_TURN.least as u32;
 
 /// A rig file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -89,14 +92,17 @@ pub(crate) struct Joint {
     #[serde(default)]
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
-    /// Position of the joint on its serial line, from 0; its place in the order steer, drive of each wheel among the joints of
-    /// its port where absent. All joints of a port together name each position once.
+    /// The controller of the joint on its serial line. Protocol `hbot`: its position there, from 0 to 15; its place in the order
+    /// steer, drive of each wheel among the joints of its port where absent. All joints of a port together name each position
+    /// once. Protocols `moteus` (1 to 127) and `odrive` (0 to 63): the controller's id on the bus; required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "u32", range(min = 0, max = 15))]
+    #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,
-    /// Encoder counts in one turn of the encoder (lines times 4), before the gear.
-    #[schemars(range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
-    pub(crate) counts_per_turn: u32,
+    /// Encoder counts in one turn of the encoder (lines times 4), before the gear. Required with protocol `hbot`. Absent with the
+    /// others, which report turns: the driver counts 131072 a turn with `moteus` and 2097152 with `odrive`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u32", range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
+    pub(crate) counts_per_turn: Option<u32>,
     /// Turns of the encoder for one turn of the joint.
     #[serde(default = "one")]
     #[schemars(range(min = legal::GEAR.least, max = legal::GEAR.most))]
@@ -130,13 +136,15 @@ pub(crate) struct Joint {
 }
 
 impl Joint {
-    /// The joint without its motor.
-    pub(crate) fn encoder(&self) -> core::Joint {
+    /// The joint without its motor, on a controller that speaks `protocol`.
+    pub(crate) fn encoder(&self, protocol: Protocol) -> core::Joint {
+        // A count that is missing has its own message; this one is legal.
+        let counts = protocol.counts_per_turn().or(self.counts_per_turn).unwrap_or(MISSING_COUNTS);
         core::Joint {
             gear: self.gear,
             reversed: self.sign < 0,
             zero: self.zero,
-            ..core::Joint::new(self.counts_per_turn, 0.0)
+            ..core::Joint::new(counts, 0.0)
         }
     }
 }

@@ -12,6 +12,7 @@ use std::sync::LazyLock;
 
 use hbot_core::inputs::OnClientLost;
 use hbot_core::rig::Rig;
+use serde::Deserialize as _;
 use serde_json::Value;
 
 pub use self::settings::Protocol;
@@ -38,7 +39,8 @@ pub struct RigConfig {
     pub wheels: Vec<String>,
     /// For each joint (steer, drive of each wheel) the serial line that carries it.
     pub ports: Vec<usize>,
-    /// For each joint its position on that line: those of one line are a permutation of 0..n of them.
+    /// For each joint its controller on that line: those of one line differ. With hbot's own protocol positions, a permutation of
+    /// 0..n of the joints there; with the others ids on the bus.
     pub controllers: Vec<usize>,
     /// For each joint its angle where its encoder says zero, rad.
     pub zero_offsets: Vec<f64>,
@@ -208,12 +210,13 @@ impl RigConfig {
         let Document { tree, mut report } = document;
         validate(&SCHEMA, &tree, "", &mut report);
         // Each wheel is checked even where other parts are not legal, so that all its mistakes are told at once.
+        let protocol = Protocol::deserialize(&tree["link"]["protocol"]).unwrap_or(Protocol::Hbot);
         for (i, wheel) in tree["wheel"].as_array().into_iter().flatten().enumerate() {
             let path = format!("wheel[{i}]");
             if report.clean_under(&path)
                 && let Some(wheel) = decode(wheel, &path, &mut report)
             {
-                compile::check_wheel(&wheel, &path, &mut report);
+                compile::check_wheel(&wheel, protocol, &path, &mut report);
             }
         }
         let mut config = None;

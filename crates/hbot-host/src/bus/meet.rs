@@ -6,7 +6,7 @@ use std::time::Duration;
 use hbot_core::Rig;
 use thiserror::Error;
 
-use crate::layout::Layout;
+use crate::layout::{Layout, Place};
 use crate::line::Line;
 
 /// How often a question is asked.
@@ -93,6 +93,9 @@ pub struct Expected {
 pub struct ExpectedJoint {
     /// Its number in the rig, from 0: steer, drive of each wheel.
     pub number: usize,
+    /// The id of its controller on the bus: `controller` of the rig file, or its place on the
+    /// simulated line. Joints stand on a bus in the order of their ids.
+    pub id: u8,
     /// Counts of its encoder in one turn of the encoder.
     pub counts_per_turn: u32,
     /// Turns of the encoder in one turn of the joint.
@@ -103,11 +106,11 @@ impl Expected {
     /// The controllers of `rig` on bus number `bus` of `layout`, on a port that is called `port`.
     #[must_use]
     pub fn new(port: &str, rig: &Rig, layout: &Layout, bus: usize) -> Self {
-        let mut joints: Vec<_> = layout.joints(bus).collect();
-        joints.sort_by_key(|(_, at)| *at);
-        let expected = |(number, _): (usize, usize)| {
+        let mut joints: Vec<_> = layout.on(bus).collect();
+        joints.sort_by_key(|(_, place)| place.at);
+        let expected = |(number, place): (usize, &Place)| {
             let joint = &rig.joints[number];
-            ExpectedJoint { number, counts_per_turn: joint.counts_per_turn, gear: joint.gear }
+            ExpectedJoint { number, id: place.id, counts_per_turn: joint.counts_per_turn, gear: joint.gear }
         };
         Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect() }
     }

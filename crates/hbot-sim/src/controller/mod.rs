@@ -1,33 +1,31 @@
-//! The virtual motor controllers of one port: what the firmware at the far end of a serial line does.
+//! The virtual motor controllers of one line: what the firmware at its far end does, in each protocol that a rig
+//! file may name.
 //!
-//! They know time in nanoseconds as they are told it, the true joint angles and rates, and the messages of
-//! `hbot-link`; they know nothing of the sphere. Encoders are exact but for the floor to a count, and motors give what is
-//! asked of them, unless [`phenomena`] say otherwise.
+//! | module | what it does |
+//! |---|---|
+//! | `joints` (`joint`, `disc`, `motors`) | what all protocols stand on: encoders that count, motors that push |
+//! | [`hbot`] | the firmware of docs/link.md |
+//!
+//! They know time in nanoseconds as they are told it, the true joint angles and rates, and the bytes of their line;
+//! they know nothing of the sphere. Encoders are exact but for the floor to a count, and motors give what is asked of
+//! them, unless [`phenomena`] say otherwise. A firmware is one type that implements `Speaks`, and its arm in
+//! `Firmware`.
 
 mod disc;
+pub mod hbot;
 mod joint;
+mod joints;
 mod motors;
 
+use hbot_config::rig::Protocol;
 use hbot_core::device::MAX_JOINTS;
-use hbot_link::{
-    Command, ControllerFlags, Description, Feedback, JointDescription, JointFlags, JointReading,
-    PROTOCOL_VERSION,
-};
 
-use self::disc::Disc;
-use self::joint::Axis;
+pub use self::hbot::FIRMWARE;
 pub use self::joint::{Encoder, SimulatedJoint};
-use self::motors::Motors;
+use self::joints::Joints;
+pub use self::joints::Truth;
 use crate::phenomena;
 use crate::plant::JointTorques;
-
-/// What the motors' sensors read, degrees Celsius.
-const TEMPERATURE: f32 = 25.0;
-
-const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
-
-/// What its [`Description`] calls the firmware.
-pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
 /// Trouble to make, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,13 +33,29 @@ pub enum Fault {
     /// Power lost and back: torque zero, undescribed, counts anew (an absolute encoder's stay), watchdog forgotten.
     /// What [`Fault`]s are on stays on.
     Reboot,
+    /// [`Fault::Reboot`] of the controller of one joint. Where one controller has all joints, of that.
+    RebootOne(usize),
     /// Whether commands still act but nothing is answered: the line back is cut.
     Mute(bool),
     /// Whether nothing is heard or answered: the line is cut both ways.
     Deaf(bool),
-    /// Whether the controller reports [`ControllerFlags::FAULT`] and gives no torque.
+    /// Whether the controller of one joint hears and answers nothing. Where one controller has all joints, none does.
+    DeafOne {
+        /// Which joint.
+        joint: usize,
+        /// Whether it is.
+        on: bool,
+    },
+    /// Whether the controllers report a fault of their own and give no torque.
     Failed(bool),
-    /// Whether a joint reports [`JointFlags::OVERTEMPERATURE`]; torque goes on.
+    /// [`Fault::Failed`] of the controller of one joint. Where one controller has all joints, of that.
+    FailedOne {
+        /// Which joint.
+        joint: usize,
+        /// Whether it has.
+        on: bool,
+    },
+    /// Whether a joint reports that it is too hot; torque goes on.
     Hot {
         /// Which joint.
         joint: usize,
@@ -57,229 +71,180 @@ pub enum Fault {
     },
 }
 
-/// The controllers of one port, for all joints.
+/// What firmware does, whatever it speaks.
+trait Speaks {
+    /// Takes in `bytes` at `now_ns` and appends its answers to `reply`.
+    fn hear(
+        &mut self,
+        now_ns: u64,
+        bytes: &[u8],
+        joints: &mut Joints,
+        truth: &Truth<'_>,
+        reply: &mut Vec<u8>,
+    );
+
+    /// When it next does something by itself, ns: a watchdog expires, or it speaks unasked.
+    fn next_ns(&self) -> Option<u64>;
+
+    /// When it next speaks unasked, ns. At that time [`next_ns`](Self::next_ns) is due.
+    fn next_word_ns(&self) -> Option<u64> {
+        None
+    }
+
+    /// Does what is due by itself at `now_ns`. What it says unasked is appended to `reply`.
+    fn pass(&mut self, now_ns: u64, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>);
+
+    /// Makes trouble, or ends it, at the joint angles `angles`, rad.
+    fn inject(&mut self, fault: Fault, joints: &mut Joints, angles: &[f64; MAX_JOINTS]);
+
+    /// How many frames were refused since power-up: damaged, or of no meaning.
+    fn refused(&self) -> u64;
+}
+
+/// The firmware of one line.
+#[derive(Debug, Clone)]
+enum Firmware {
+    Hbot(Box<hbot::Hbot>),
+}
+
+impl Firmware {
+    fn new(protocol: Protocol, _joints: usize) -> Option<Self> {
+        match protocol {
+            Protocol::Hbot => Some(Self::Hbot(Box::new(hbot::Hbot::new()))),
+            Protocol::Moteus | Protocol::Odrive => None,
+        }
+    }
+
+    fn speaks(&self) -> &dyn Speaks {
+        match self {
+            Self::Hbot(it) => it.as_ref(),
+        }
+    }
+
+    fn speaks_mut(&mut self) -> &mut dyn Speaks {
+        match self {
+            Self::Hbot(it) => it.as_mut(),
+        }
+    }
+}
+
+/// The byte that ends a frame of `protocol` on a serial line.
+#[must_use]
+pub const fn frame_end(protocol: Protocol) -> u8 {
+    match protocol {
+        Protocol::Hbot => 0,
+        Protocol::Moteus => b'\n',
+        Protocol::Odrive => b'\r',
+    }
+}
+
+/// The controllers of one line, for all joints.
 #[derive(Debug, Clone)]
 pub struct Controllers {
-    joints: usize,
-    axes: [Axis; MAX_JOINTS],
-    discs: Option<Box<[Disc; MAX_JOINTS]>>,
-    motors: Option<Box<Motors>>,
-    /// Commanded and clamped, joint's sense, N m.
-    torque: JointTorques,
-    enabled: bool,
-    expired: bool,
-    described: bool,
-    /// When the last valid command runs out, ns; none since power-up: `None`.
-    deadline: Option<u64>,
+    joints: Joints,
+    firmware: Firmware,
     mute: bool,
     deaf: bool,
-    failed: bool,
 }
 
 impl Controllers {
-    /// Controllers that have just powered up with all joints of `specs` (at most [`MAX_JOINTS`] are taken) at the angle
-    /// zero; `angles` is where they are, rad. `encoder` is what is wrong with their encoders.
+    /// Controllers that speak `protocol` and have just powered up with all joints of `specs` (at most [`MAX_JOINTS`] are
+    /// taken) at the angle zero; `angles` is where they are, rad. `encoder` is what is wrong with their encoders. `None`
+    /// for a protocol that no virtual controller speaks yet.
     #[must_use]
     pub fn new(
+        protocol: Protocol,
         specs: &[SimulatedJoint],
         angles: &[f64; MAX_JOINTS],
         encoder: Option<&phenomena::Encoder>,
-    ) -> Self {
-        let none = SimulatedJoint {
-            counts_per_turn: 1,
-            gear: 1.0,
-            reversed: false,
-            peak: 0.0,
-            continuous: 0.0,
-            encoder: Encoder::Incremental,
-        };
-        let discs = encoder.map(Disc::all);
-        let axes = core::array::from_fn(|j| {
-            Axis::new(specs.get(j).copied().unwrap_or(none), angles[j], disc(&discs, j))
-        });
-        Self {
-            joints: specs.len().min(MAX_JOINTS),
-            axes,
-            discs,
-            motors: None,
-            torque: NO_TORQUE,
-            enabled: false,
-            expired: false,
-            described: false,
-            deadline: None,
-            mute: false,
-            deaf: false,
-            failed: false,
-        }
+    ) -> Option<Self> {
+        let joints = Joints::new(specs, angles, encoder);
+        let firmware = Firmware::new(protocol, joints.count())?;
+        Some(Self { joints, firmware, mute: false, deaf: false })
     }
 
     /// Has the errors of the encoders replaced, with the joints at `angles`, rad. Counts go on from where they are: a zero
     /// once taken stays until one is taken again.
     pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
-        let new = encoder.map(Disc::all);
-        for (j, axis) in self.axes.iter_mut().enumerate() {
-            axis.replace_disc(angles[j], disc(&self.discs, j), disc(&new, j));
-        }
-        self.discs = new;
+        self.joints.set_encoder(encoder, angles);
     }
 
     /// Has the motors' figures replaced. Motors that were ideal are cold and give what they gave; others keep current and
     /// heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
-        self.motors = motor.map(|motor| match self.motors.take() {
-            None => Box::new(Motors::new(motor, self.asked())),
-            Some(mut motors) => {
-                motors.replace(motor);
-                motors
-            }
-        });
+        self.joints.set_motor(motor);
     }
 
     /// The torques that act at the joints at this moment, in the joints' own sense, N m.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
-        self.motors.as_ref().map_or_else(|| self.asked(), |motors| &motors.acting)
+        self.joints.torque()
     }
 
     /// Moves the motors on by `h` seconds and returns the torques to hold for as long, N m: of motors with a lag, the mean.
     /// `rates` gives the joints' rates at the start, rad/s, where they matter.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
-        let asked = *self.asked();
-        match &mut self.motors {
-            None => asked,
-            Some(motors) => motors.drive(h, &self.axes[..self.joints], &asked, &rates()),
-        }
+        self.joints.drive(h, rates)
     }
 
-    /// What is asked of the motors, N m.
-    fn asked(&self) -> &JointTorques {
-        if self.gives_torque() { &self.torque } else { &NO_TORQUE }
-    }
-
-    /// When the watchdog expires if nothing is heard before, ns; `None` where it has, or never was fed.
+    /// When they next do something by themselves, ns: a watchdog expires, or one speaks unasked.
     #[must_use]
-    pub fn deadline(&self) -> Option<u64> {
-        self.deadline.filter(|_| !self.expired)
+    pub fn next_ns(&self) -> Option<u64> {
+        self.firmware.speaks().next_ns()
     }
 
-    /// Lets the watchdog see the time `now_ns`.
-    pub fn watch(&mut self, now_ns: u64) {
-        if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
-            self.expired = true;
+    /// When one of them next speaks unasked, ns.
+    #[must_use]
+    pub fn next_word_ns(&self) -> Option<u64> {
+        self.firmware.speaks().next_word_ns()
+    }
+
+    /// Has them do what is due by themselves at `now_ns`; what they say unasked is appended to `reply`.
+    pub fn pass(&mut self, now_ns: u64, truth: &Truth<'_>, reply: &mut Vec<u8>) {
+        let before = reply.len();
+        self.firmware.speaks_mut().pass(now_ns, &mut self.joints, truth, reply);
+        if self.mute || self.deaf {
+            reply.truncate(before);
         }
     }
 
     /// Lets the encoders see the joint angles, rad, so that an index passed is not missed.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
-        for (j, (axis, angle)) in self.axes[..self.joints].iter_mut().zip(angles).enumerate() {
-            axis.sense(*angle, disc(&self.discs, j));
-        }
+        self.joints.sense(angles);
     }
 
-    /// Answers [`hbot_link::ToController::Describe`].
-    pub fn describe(&mut self) -> Option<Description> {
+    /// Takes in bytes of the line at `now_ns`, with the truth of that instant, and appends the answers to `reply`.
+    pub fn hear(&mut self, now_ns: u64, bytes: &[u8], truth: &Truth<'_>, reply: &mut Vec<u8>) {
         if self.deaf {
-            return None;
+            return;
         }
-        self.described = true;
-        let joint = |axis: &Axis| JointDescription { counts_per_turn: axis.joint.counts_per_turn };
-        (!self.mute).then(|| Description {
-            protocol: PROTOCOL_VERSION,
-            firmware: FIRMWARE.try_into().unwrap_or_default(),
-            joints: self.axes[..self.joints].iter().map(joint).collect(),
-        })
-    }
-
-    /// Takes a command in at `now_ns`, with the true joint angles (rad) and rates (rad/s) of that instant, and
-    /// answers it. A command that is not valid is not answered and changes nothing.
-    pub fn command(
-        &mut self,
-        now_ns: u64,
-        command: &Command,
-        angles: &[f64; MAX_JOINTS],
-        rates: &[f64; MAX_JOINTS],
-    ) -> Option<Feedback> {
-        let valid = command.torque.len() == self.joints && command.torque.iter().all(|t| t.is_finite());
-        if self.deaf || !valid {
-            return None;
+        let before = reply.len();
+        self.firmware.speaks_mut().hear(now_ns, bytes, &mut self.joints, truth, reply);
+        if self.mute {
+            reply.truncate(before);
         }
-        self.watch(now_ns);
-        if !command.enable {
-            self.expired = false;
-        }
-        self.enabled = command.enable;
-        self.deadline = Some(now_ns.saturating_add(u64::from(command.watchdog_ms) * 1_000_000));
-        self.watch(now_ns);
-        for ((axis, torque), asked) in self.axes.iter_mut().zip(&mut self.torque).zip(&command.torque) {
-            let given = asked.clamp(-axis.peak, axis.peak);
-            axis.flags.set(JointFlags::OVERCURRENT, command.enable && given != *asked);
-            *torque = f64::from(if axis.joint.reversed { -given } else { given });
-        }
-        (!self.mute).then(|| self.feedback(command.sequence, angles, rates))
     }
 
     /// Makes trouble, or ends it, at the joint angles `angles`, rad. A joint that does not exist is ignored.
     pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
         match fault {
-            Fault::Reboot => self.reboot(angles),
             Fault::Mute(on) => self.mute = on,
             Fault::Deaf(on) => self.deaf = on,
-            Fault::Failed(on) => self.failed = on,
-            Fault::Hot { joint, on } => {
-                if let Some(axis) = self.axes.get_mut(joint) {
-                    axis.flags.set(JointFlags::OVERTEMPERATURE, on);
-                }
-            }
-            Fault::Slipped { joint, angle } => {
-                if let Some(axis) = self.axes.get_mut(joint) {
-                    axis.slipped = angle;
-                }
+            Fault::Hot { joint, on } => self.joints.set_hot(joint, on),
+            Fault::Slipped { joint, angle } => self.joints.slip(joint, angle),
+            Fault::Reboot
+            | Fault::RebootOne(_)
+            | Fault::DeafOne { .. }
+            | Fault::Failed(_)
+            | Fault::FailedOne { .. } => {
+                self.firmware.speaks_mut().inject(fault, &mut self.joints, angles);
             }
         }
     }
 
-    fn reboot(&mut self, angles: &[f64; MAX_JOINTS]) {
-        self.torque = NO_TORQUE;
-        (self.enabled, self.expired, self.described, self.deadline) = (false, false, false, None);
-        for (j, (axis, angle)) in self.axes.iter_mut().zip(angles).enumerate() {
-            axis.reboot(*angle, disc(&self.discs, j));
-        }
-        if let Some(motors) = &mut self.motors {
-            motors.reboot();
-        }
+    /// How many frames were refused since power-up: damaged, or of no meaning.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.firmware.speaks().refused()
     }
-
-    fn gives_torque(&self) -> bool {
-        self.enabled && !self.expired && !self.failed
-    }
-
-    fn feedback(&self, sequence: u32, angles: &[f64; MAX_JOINTS], rates: &[f64; MAX_JOINTS]) -> Feedback {
-        let mut flags = ControllerFlags::empty();
-        flags.set(ControllerFlags::ENABLED, self.gives_torque());
-        flags.set(ControllerFlags::WATCHDOG_EXPIRED, self.expired);
-        flags.set(ControllerFlags::FAULT, self.failed);
-        flags.set(ControllerFlags::UNDESCRIBED, !self.described);
-        let reading = |j: usize| {
-            let (axis, disc) = (&self.axes[j], disc(&self.discs, j));
-            let mut flags = axis.flags;
-            if let Some(motors) = &self.motors
-                && motors.derates(j, axis, self.asked()[j])
-            {
-                flags |= JointFlags::OVERTEMPERATURE;
-            }
-            JointReading {
-                count: axis.count(angles[j], disc),
-                rate: axis.rate(angles[j], rates[j], disc),
-                current: 0.0,
-                temperature: TEMPERATURE,
-                flags,
-            }
-        };
-        Feedback { sequence, flags, joints: (0..self.joints).map(reading).collect() }
-    }
-}
-
-/// The disc of a joint's encoder, where encoders have errors.
-fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
-    discs.as_deref().map(|discs| &discs[j])
 }

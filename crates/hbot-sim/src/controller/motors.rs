@@ -1,5 +1,7 @@
 //! Motors as they are: between the torque that is asked of them and the one that acts.
 
+use core::ops::Range;
+
 use hbot_core::device::MAX_JOINTS;
 
 use super::joint::Axis;
@@ -34,9 +36,9 @@ impl Motors {
         self.act();
     }
 
-    /// Power lost: no current, and no cooler for it.
-    pub(super) fn reboot(&mut self) {
-        self.current = [0.0; MAX_JOINTS];
+    /// Power lost at some joints: no current, and no cooler for it.
+    pub(super) fn reboot(&mut self, joints: Range<usize>) {
+        self.current[joints].fill(0.0);
         self.act();
     }
 

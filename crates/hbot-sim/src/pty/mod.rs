@@ -291,6 +291,7 @@ mod tests {
             encoder: Encoder::Absolute,
         };
         let config = RigConfig {
+            protocol: hbot_config::rig::Protocol::Hbot,
             device: Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)]).unwrap(),
             joints: vec![joint; 4],
             start: State::default(),

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use hbot_config::rig::Protocol;
 use hbot_core::device::Device;
 use hbot_core::rig::Rig;
 
@@ -12,6 +13,8 @@ use crate::plant::{ImpossibleInertia, Method, State};
 /// What a simulated rig is made of.
 #[derive(Debug, Clone)]
 pub struct RigConfig {
+    /// What its controllers speak.
+    pub protocol: Protocol,
     /// Geometry and masses.
     pub device: Device,
     /// One a joint, in the order steer, drive of each wheel.
@@ -30,11 +33,12 @@ pub struct RigConfig {
 }
 
 impl RigConfig {
-    /// The rig as the controller knows it: at rest at zero, without phenomena, [`Method::Rk4`] in steps of at most
+    /// The rig as the controller knows it, with controllers of hbot's own protocol: at rest at zero, without phenomena, [`Method::Rk4`] in steps of at most
     /// 1 ms, at most 100 ms at once.
     #[must_use]
     pub fn new(rig: &Rig) -> Self {
         Self {
+            protocol: Protocol::Hbot,
             device: rig.device,
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
             start: State::default(),
@@ -49,6 +53,8 @@ impl RigConfig {
 /// Why there is no such rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RigError {
+    /// No virtual controller speaks this protocol yet.
+    Protocol(Protocol),
     /// The device's inertias contradict each other.
     Inertia(ImpossibleInertia),
     /// The joints are not as many as the device's.
@@ -63,6 +69,13 @@ pub enum RigError {
 impl fmt::Display for RigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Protocol(protocol) => {
+                write!(
+                    f,
+                    "simulated rig: it has no controllers that speak {}; set link.protocol",
+                    protocol.name()
+                )
+            }
             Self::Inertia(error) => write!(f, "simulated rig: {error}"),
             Self::Joints { given, wanted } => {
                 write!(

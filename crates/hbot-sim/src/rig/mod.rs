@@ -8,10 +8,9 @@ mod config;
 
 use hbot_core::Vec3;
 use hbot_core::device::MAX_JOINTS;
-use hbot_link::{Decoder, FromController, MAX_FEEDBACK_FRAME, ToController, encode};
 
 pub use self::config::{RigConfig, RigError};
-use crate::controller::{Controllers, Fault};
+use crate::controller::{Controllers, Fault, Truth, frame_end};
 use crate::hand::Grip;
 use crate::impairment::Impairment;
 pub use crate::impairment::Traffic;
@@ -21,6 +20,9 @@ use crate::plant::{Dynamics, JointTorques, State};
 /// The longest step of a plant where something sticks, slips or has play, ns. It is stable at any, and of order 1: this one is a
 /// quarter of a tick's error for four times its cost, which still leaves time for a tick at 4 kHz (`docs/simulator.md`).
 const MAX_NONSMOOTH_STEP_NS: u64 = 250_000;
+
+/// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it nothing more is kept.
+const UNASKED: usize = 64 * 1024;
 
 /// A rig that exists in memory alone.
 #[derive(Debug, Clone)]
@@ -34,14 +36,16 @@ pub struct SimulatedRig {
     line: Option<Box<Impairment>>,
     external: Vec3,
     controllers: Controllers,
-    decoder: Decoder<ToController>,
+    /// The byte that ends a frame on the line.
+    frame_end: u8,
+    /// What controllers have said unasked and the host has not read yet.
+    unasked: Vec<u8>,
     max_step_ns: u64,
     max_jump_ns: u64,
     /// What the owner's clock said last.
     now_ns: u64,
     /// How long the plant has moved.
     simulated_ns: u64,
-    refused: u64,
 }
 
 impl SimulatedRig {
@@ -56,6 +60,10 @@ impl SimulatedRig {
         }
         let dynamics = Dynamics::new(&config.device, &Phenomena::default(), config.method, &config.start)
             .map_err(RigError::Inertia)?;
+        let angles = config.start.joints();
+        let encoder = config.phenomena.encoder.as_ref();
+        let controllers = Controllers::new(config.protocol, &config.joints, &angles, encoder)
+            .ok_or(RigError::Protocol(config.protocol))?;
         let mut rig = Self {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
@@ -64,17 +72,13 @@ impl SimulatedRig {
             grip: None,
             line: None,
             external: Vec3::ZERO,
-            controllers: Controllers::new(
-                &config.joints,
-                &config.start.joints(),
-                config.phenomena.encoder.as_ref(),
-            ),
-            decoder: Decoder::new(),
+            controllers,
+            frame_end: frame_end(config.protocol),
+            unasked: Vec::with_capacity(UNASKED),
             max_step_ns: config.max_step_ns.max(1),
             max_jump_ns: config.max_jump_ns,
             now_ns: 0,
             simulated_ns: 0,
-            refused: 0,
         };
         rig.phenomena.encoder = config.phenomena.encoder;
         rig.set_phenomena(config.phenomena);
@@ -88,6 +92,7 @@ impl SimulatedRig {
     /// [`MAX_FEEDBACK_FRAME`] bytes a message.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        reply.append(&mut self.unasked);
         let Some(mut line) = self.line.take() else { return self.hear(bytes, reply) };
         line.command(self.now_ns, bytes);
         self.arrivals(&mut line, self.now_ns);
@@ -95,57 +100,44 @@ impl SimulatedRig {
         self.line = Some(line);
     }
 
-    /// Moves the plant on to `now_ns` and appends to `reply` what reached the host before then. Only on an impaired line
-    /// ([`next_arrival_ns`](Self::next_arrival_ns)) there is any.
+    /// Moves the plant on to `now_ns` and appends to `reply` what reached the host before then. Only on an impaired line, or
+    /// from controllers that speak unasked ([`next_arrival_ns`](Self::next_arrival_ns)), there is any.
     ///
     /// For an owner that reads first and then writes at the same instant, as a loop in virtual time does: what is late by
     /// less than a period is read in the next one, as from a real line.
     pub fn deliver(&mut self, now_ns: u64, reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        reply.append(&mut self.unasked);
         if let (Some(line), Some(before)) = (&mut self.line, now_ns.checked_sub(1)) {
             while line.answers.take(before, |bytes| reply.extend_from_slice(bytes)) {}
         }
     }
 
-    /// When the next frame arrives at either end of an impaired line, ns of the owner's clock.
+    /// When the next frame arrives at either end of an impaired line, or a controller speaks unasked, ns of the owner's clock.
     #[must_use]
     pub fn next_arrival_ns(&self) -> Option<u64> {
-        self.line.as_ref().and_then(|line| line.next_ns())
+        if !self.unasked.is_empty() {
+            return Some(self.now_ns);
+        }
+        let line = self.line.as_ref().and_then(|line| line.next_ns());
+        let own = self.controllers.next_word_ns();
+        line.map_or(own, |line| Some(own.map_or(line, |own| own.min(line))))
     }
 
     /// The controllers hear `bytes` now; their answers are appended to `reply`.
     fn hear(&mut self, bytes: &[u8], reply: &mut Vec<u8>) {
-        let Self { dynamics, state, controllers, decoder, refused, now_ns, .. } = self;
-        decoder.feed(bytes, |result| {
-            let answer = match result {
-                Ok(ToController::Describe) => controllers.describe().map(FromController::Description),
-                Ok(ToController::Command(command)) => controllers
-                    .command(
-                        *now_ns,
-                        &command,
-                        &dynamics.encoder_angles(state),
-                        &dynamics.encoder_rates(state),
-                    )
-                    .map(FromController::Feedback),
-                Err(_) => {
-                    *refused += 1;
-                    None
-                }
-            };
-            if let Some(answer) = answer {
-                let mut frame = [0; MAX_FEEDBACK_FRAME];
-                // No message is longer than such a frame, so there is always one.
-                if let Ok(length) = encode(&answer, &mut frame) {
-                    reply.extend_from_slice(&frame[..length]);
-                }
-            }
-        });
+        if bytes.is_empty() {
+            return;
+        }
+        let Self { dynamics, state, controllers, now_ns, .. } = self;
+        let (angles, rates) = (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
+        controllers.hear(*now_ns, bytes, &Truth { angles: &angles, rates: &rates }, reply);
     }
 
     /// Lets the controllers hear what reaches them by `now_ns`, each frame at its very time.
     fn arrivals(&mut self, line: &mut Impairment, now_ns: u64) {
         while let Some(due_ns) = line.commands.next_ns().filter(|due_ns| *due_ns <= now_ns) {
-            self.move_to(due_ns);
+            self.move_to(due_ns, Some(line));
             let Impairment { commands, scratch, .. } = line;
             commands.take(due_ns, |bytes| self.hear(bytes, scratch));
             line.answer(self.now_ns);
@@ -155,24 +147,44 @@ impl SimulatedRig {
     /// Moves the plant on to `now_ns` under the torques held. What arrives on the way, and a watchdog that expires, act at
     /// their very time. A time before the last one is ignored.
     pub fn advance_to(&mut self, now_ns: u64) {
-        if let Some(mut line) = self.line.take() {
-            self.arrivals(&mut line, now_ns);
-            self.line = Some(line);
+        let mut line = self.line.take();
+        if let Some(line) = &mut line {
+            self.arrivals(line, now_ns);
         }
-        self.move_to(now_ns);
+        self.move_to(now_ns, line.as_deref_mut());
+        self.line = line;
     }
 
-    fn move_to(&mut self, now_ns: u64) {
+    /// Moves the plant on to `now_ns`. What controllers say unasked meanwhile goes on `line` where it is impaired.
+    fn move_to(&mut self, now_ns: u64, mut line: Option<&mut Impairment>) {
         let Some(passed) = now_ns.checked_sub(self.now_ns) else { return };
         let mut left = passed.min(self.max_jump_ns);
-        if let Some(deadline) = self.controllers.deadline().filter(|deadline| *deadline <= now_ns) {
-            let held = deadline.saturating_sub(self.now_ns).min(left);
+        // Each pass takes what is due then away.
+        while let Some(due_ns) = self.controllers.next_ns().filter(|due_ns| *due_ns <= now_ns) {
+            let held = due_ns.saturating_sub(self.now_ns).min(left);
             self.simulate(held);
-            self.controllers.watch(deadline);
             left -= held;
+            self.now_ns = self.now_ns.max(due_ns);
+            self.pass(line.as_deref_mut());
         }
         self.simulate(left);
         self.now_ns = now_ns;
+    }
+
+    /// Has the controllers do what is due by themselves now.
+    fn pass(&mut self, line: Option<&mut Impairment>) {
+        let Self { dynamics, state, controllers, now_ns, unasked, .. } = self;
+        let (angles, rates) = (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
+        let truth = Truth { angles: &angles, rates: &rates };
+        match line {
+            Some(line) => {
+                controllers.pass(*now_ns, &truth, &mut line.scratch);
+                line.answer(*now_ns);
+            }
+            // Of a line that nobody reads bytes are lost.
+            None if unasked.len() > UNASKED / 2 => controllers.pass(*now_ns, &truth, &mut Vec::new()),
+            None => controllers.pass(*now_ns, &truth, unasked),
+        }
     }
 
     /// Sets the clock without moving the plant: the time from which the next interval counts, ns.
@@ -267,7 +279,7 @@ impl SimulatedRig {
     pub fn set_link(&mut self, link: Option<Link>) {
         self.phenomena.link = link;
         self.line = link.map(|link| match self.line.take() {
-            None => Box::new(Impairment::new(&link)),
+            None => Box::new(Impairment::new(&link, self.frame_end)),
             Some(mut line) => {
                 line.replace(&link);
                 line
@@ -295,15 +307,12 @@ impl SimulatedRig {
 
     /// Makes trouble at the controllers, or ends it.
     pub fn inject(&mut self, fault: Fault) {
-        if fault == Fault::Reboot {
-            self.decoder.reset();
-        }
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));
     }
 
     /// How many frames were refused since power-up: damaged, or of no meaning.
     #[must_use]
     pub fn refused_frames(&self) -> u64 {
-        self.refused
+        self.controllers.refused()
     }
 }

@@ -1,7 +1,8 @@
 //! Motors: torque scale, lag, back-EMF, heat. Controllers alone, so that nothing else moves.
 
-use hbot_link::{Feedback, JointFlags};
-use hbot_sim::controller::{Controllers, Fault, SimulatedJoint};
+use hbot_config::rig::Protocol;
+use hbot_link::{Decoder, Feedback, FromController, JointFlags, ToController};
+use hbot_sim::controller::{Controllers, Fault, SimulatedJoint, Truth};
 use hbot_sim::phenomena::{Motor, Phenomena};
 use hbot_sim::rig::{RigConfig, SimulatedRig};
 
@@ -24,13 +25,22 @@ const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 fn controllers(motor: Motor) -> Controllers {
     let joints: Vec<_> = rig().joints[..4].iter().map(SimulatedJoint::from).collect();
     let joints: Vec<_> = joints.into_iter().map(|j| SimulatedJoint { reversed: false, ..j }).collect();
-    let mut controllers = Controllers::new(&joints, &STILL, None);
+    let controllers = Controllers::new(Protocol::Hbot, &joints, &STILL, None);
+    let mut controllers = controllers.expect("the simulated rig speaks hbot's own protocol");
     controllers.set_motor(Some(motor));
     controllers
 }
 
 fn ask(controllers: &mut Controllers, enable: bool, torque: [f32; 4]) -> Feedback {
-    controllers.command(0, &command(1, enable, &torque), &STILL, &STILL).unwrap()
+    let (truth, mut reply) = (Truth { angles: &STILL, rates: &STILL }, Vec::new());
+    let command = ToController::Command(command(1, enable, &torque));
+    controllers.hear(0, &frame(&command), &truth, &mut reply);
+    let mut answer = None;
+    Decoder::<FromController>::new().feed(&reply, |message| answer = message.ok());
+    match answer {
+        Some(FromController::Feedback(feedback)) => feedback,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The current loop is exactly first order whatever the steps, and what is held over a step has the exact impulse.
