@@ -1,4 +1,4 @@
-//! What a message costs to encode and to decode: frames on the serial line, messages over TCP.
+//! The time to encode and decode messages: frames on the serial line, and messages over TCP.
 //!
 //! `cargo bench --bench codecs`
 

@@ -1,5 +1,6 @@
-//! What each kind of effect costs a tick: rendering alone for an empty scene, each kind with its defaults and 16 of mixed kinds; and the whole
-//! tick of a controller for the empty scene and the 16.
+//! The time that each kind of effect takes per tick. Rendering alone is measured for an empty
+//! scene, for each kind with default parameters, and for 16 effects of mixed kinds. The whole tick
+//! of a `Controller` is measured for the empty scene and for the 16 effects.
 //!
 //! `cargo bench --bench effects`
 
@@ -21,7 +22,7 @@ fn scene(effects: &[Value]) -> CompiledScene {
     RunningScene::new().load(file)
 }
 
-/// One of each kind, and a second spring somewhere else.
+/// Returns a scene with one effect of each kind, and a second spring with another reference.
 fn mixed() -> CompiledScene {
     let mut effects: Vec<Value> = kinds().iter().map(|k| json!({"id": k.name, "kind": k.name})).collect();
     effects.push(json!({"id": "other", "kind": "spring", "reference": [1, 0.1, 0, 0], "damping": 0.01}));
@@ -29,7 +30,8 @@ fn mixed() -> CompiledScene {
     scene(&effects)
 }
 
-/// A sphere that wanders: every tick differs, and no law takes a short cut for rest.
+/// Returns the motion of a sphere that wanders. Every tick differs, so that no effect takes a
+/// shortcut for rest.
 fn motions() -> Vec<Motion> {
     let turn = |k: usize| {
         let t = k as f64 * 0.01;
@@ -65,7 +67,8 @@ fn rendering(c: &mut Criterion) {
 }
 
 fn whole_ticks(c: &mut Criterion) {
-    // The feedback below is no turning sphere: its slip is no fault here, and it stays near all references.
+    // The feedback below is not that of a turning sphere, so the limits are wide enough that its
+    // slip is no fault. The motion also stays near all references.
     let Limits { slip, speed, enable_max_angle, .. } = Limits::WIDEST;
     let rig = RigConfig::prototype().rig;
     let rig = rig
@@ -81,7 +84,8 @@ fn whole_ticks(c: &mut Criterion) {
             let mut rates = [0.0; MAX_JOINTS];
             for i in 0..4 {
                 counts[i] = (600.0 * (phase + i as f64).sin()) as i32;
-                // The rate of these counts at 1 kHz: controllers whose rates disagree with them are a fault.
+                // The rate that matches these counts at 1 kHz. A rate that disagrees with the
+                // counts would be a fault.
                 rates[i] = 600.0 * 6.0 * (phase + i as f64).cos() * rig.joints[i].radians_per_count();
             }
             let complaints = Complaints::default();

@@ -1,4 +1,5 @@
-//! What it costs to hand a sample from the loop to the service: into the ring, and to another thread and back.
+//! The time to pass a sample from the loop to the service: through the ring alone, and to another
+//! thread and back.
 //!
 //! `cargo bench --bench handover`
 

@@ -1,7 +1,8 @@
-//! How well the wall-clock loop keeps its time over the pseudo-terminal, beside a bare absolute-sleep loop at the same priority: pairs,
-//! interleaved, at 1, 2 and 4 kHz.
+//! The lateness of the wall-clock loop over a pseudo-terminal, compared with a bare loop that
+//! sleeps to absolute deadlines at the same priority. The two run alternately in pairs, at 1, 2 and
+//! 4 kHz.
 //!
-//! `cargo bench --bench loop_timing`; with `-- SECONDS` each run takes so long (default 3).
+//! `cargo bench --bench loop_timing`. With `-- SECONDS` each run lasts that long (default 3).
 
 use std::time::Duration;
 
@@ -16,7 +17,8 @@ use serde_json::json;
 
 const PAIRS: usize = 5;
 
-/// Lateness of a loop that does nothing but sleep to absolute deadlines: median and 99 % in us, and late ticks of how many.
+/// Measures a loop that only sleeps to absolute deadlines. Returns the median and the 99 % quantile
+/// of its lateness in us, the number of late ticks, and the number of all ticks.
 fn bare(rate: u32, seconds: f64) -> [f64; 4] {
     let body = move || {
         let _ = real_time(LOOP_PRIORITY);
@@ -39,7 +41,8 @@ fn bare(rate: u32, seconds: f64) -> [f64; 4] {
     std::thread::spawn(body).join().expect("it ends")
 }
 
-/// The server, its simulated rig at the other end of a pseudo-terminal, nobody connected.
+/// Runs the server with the simulated rig at the other end of a pseudo-terminal, without clients.
+/// Returns its statistics.
 fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
     let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
     let options = Options {
@@ -74,7 +77,8 @@ fn main() {
     args.retain(|a| !a.starts_with("--"));
     let seconds = if smoke { 0.2 } else { args.first().and_then(|s| s.parse().ok()).unwrap_or(3.0) };
     let pairs = if smoke { 1 } else { PAIRS };
-    // In a thread of its own: the service runs in this one and must not have the loop's priority.
+    // In a separate thread, because the service runs in this one and must not have the loop's
+    // priority.
     let priority = std::thread::spawn(|| real_time(LOOP_PRIORITY)).join().expect("it ends");
     for refused in [lock_memory(), priority].into_iter().filter_map(Result::err) {
         println!("not in real time: {refused}");

@@ -1,4 +1,5 @@
-//! What a step of the simulated plant costs, by method, for 2 and 4 wheels, spring-held and driven by two sines.
+//! The time of one step of the simulated plant, by integration method, for 2 and 4 wheels. The
+//! sphere is held by a spring and driven by two sines.
 //!
 //! `cargo bench --bench plant`
 

@@ -1,10 +1,11 @@
-//! What each stage of the tick costs, the whole, and each limit in it, for 2 and 4 wheels, in f64 and f32.
+//! The time of a whole tick, of each of its stages, and of each limit in it, for 2 and 4 wheels, in
+//! f64 and f32.
 //!
 //! `cargo bench --bench tick`
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 
-/// The same benches for a core of either width.
+/// Defines the benches for a core of either floating-point width.
 macro_rules! width {
     ($name:ident, $core:ident, $real:ty) => {
         mod $name {
@@ -66,7 +67,7 @@ macro_rules! width {
                 CompiledScene::new(1, &[effect(0, kinds[0]), effect(1, kinds[1])]).expect("a legal scene")
             }
 
-            /// The feedback of a sphere that swings about a skew axis: every tick differs.
+            /// Returns the feedback of joints that swing sinusoidally. Every tick differs.
             fn feedback(rig: &Rig, tick: u64) -> JointFeedback {
                 let n = rig.device.joints();
                 let phase = tick as $real * 0.006;
@@ -80,16 +81,18 @@ macro_rules! width {
                 for i in 0..n {
                     let swing = 0.3 + 0.1 * i as $real;
                     feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;
-                    // The rate of these counts at 1 kHz.
+                    // The rate that matches these counts at 1 kHz.
                     feedback.rates[i] =
                         swing * (phase + i as $real).cos() * 2000.0 * 6.0 * rig.joints[i].radians_per_count();
                 }
                 feedback
             }
 
-            /// The ticks of a controller past its soft start: what is timed is the active tick.
+            /// Returns a function that runs one tick of a controller in mode `active`, after its
+            /// soft start.
             fn active(rig: Rig) -> impl FnMut() -> Outputs {
-                // The feedback above is no turning sphere: its slip is no fault here.
+                // The feedback above is not that of a turning sphere, so the slip limit is wide
+                // enough that its slip is no fault.
                 let rig = rig.with(|rig| rig.limits.slip = 100.0).expect("a legal rig");
                 let mut controller = Controller::new(rig);
                 let scene = scene();
@@ -130,8 +133,9 @@ macro_rules! width {
                 group.finish();
             }
 
-            /// The balanced tick with each limit that a rig may do without: none, one of them alone, all. Each is far from being
-            /// reached, so that it is asked in every tick and ends none of them; passivity is as it is when a rig file says `true`.
+            /// Measures the balanced tick with the optional limits: with none, with each of them
+            /// alone, and with all. Each limit is checked in every tick but is far from being
+            /// reached. Passivity has the settings of a rig file that says `true`.
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {
@@ -162,7 +166,7 @@ macro_rules! width {
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
                             b.iter(|| black_box(run()).state.torque);
                         });
-                        // Another tick than the active one would be a cheaper one.
+                        // A tick in another mode would be cheaper.
                         assert_eq!(run().state.mode, $core::mode::Mode::Active, "{name}");
                     }
                 }

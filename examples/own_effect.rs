@@ -1,13 +1,15 @@
-//! Shows an effect of one's own: a ratchet, which no scene has. It lets the sphere turn forwards about n3 and holds it against
-//! turning back over the last tooth.
+//! Shows how to write an effect that no scene has: a ratchet. It lets the sphere turn forwards
+//! about n3, and prevents it from turning back past the last tooth.
 //!
 //! ```text
 //! cargo run --example own_effect
 //! ```
 //!
-//! The kinds of a scene are closed, because every one is checked for all that a hand may do. A law of one's own is a stream instead:
-//! it takes the state of a tick, and its torque enters the next one within all limits of the rig. Here it runs in one process with the
-//! controller and a simulated rig in which a hand turns the sphere to and fro; over TCP, `stream_torque` does likewise.
+//! The kinds of effects in a scene are fixed, because each one is tested with everything that a
+//! hand can do. Any other haptic law is a stream: it computes a torque from the state of a tick.
+//! This torque acts in the next tick, within all limits of the rig. Here the law runs in one
+//! process with the controller and a simulated rig, in which a hand turns the sphere back and
+//! forth. The example `stream_torque` does something similar over TCP.
 
 use std::error::Error;
 
@@ -20,25 +22,26 @@ use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::Hand;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 
-/// From tooth to tooth, rad.
+/// Angle between two teeth, rad.
 const TOOTH: f64 = 0.1;
-/// How stiff a tooth holds, N m/rad, and its damping, N m s/rad.
+/// Stiffness of a tooth, N m/rad, and its damping, N m s/rad.
 const STIFFNESS: f64 = 8.0;
 const DAMPING: f64 = 0.02;
-/// Ticks of a run: 10 s.
+/// Number of ticks in a run: 10 s.
 const TICKS: u64 = 10_000;
 
-/// A ratchet about n3, with what it remembers.
+/// The state of a ratchet about n3.
 #[derive(Default)]
 struct Ratchet {
-    /// The sphere's turn about n3 so far, rad.
+    /// Turn of the sphere about n3 since the start, rad.
     angle: f64,
-    /// The last tooth passed, rad.
+    /// Angle of the last tooth that was passed, rad.
     held: f64,
 }
 
 impl Ratchet {
-    /// Moves on by `dt` seconds to `state`. Returns the torque on the sphere in N, N m.
+    /// Advances the ratchet by `dt` seconds to `state`. Returns the torque on the sphere in frame
+    /// N, N m.
     fn render(&mut self, state: &State, dt: f64) -> Vec3 {
         self.angle += state.omega.z * dt;
         self.held = self.held.max((self.angle / TOOTH).floor() * TOOTH);
@@ -47,7 +50,8 @@ impl Ratchet {
     }
 }
 
-/// How far the sphere turned about n3 and came back from there, rad.
+/// Runs the simulated rig. Returns how far the sphere turned about n3, and how far it came back
+/// from there, rad.
 fn run(rig: &Rig, mut ratchet: Option<Ratchet>) -> Result<[f64; 2], Box<dyn Error>> {
     let mut simulated = SimulatedRig::new(&SimulatedConfig::new(rig))?;
     simulated.set_hand(Some(Hand { stiffness: 1.0, ..Hand::default() }));
@@ -63,7 +67,8 @@ fn run(rig: &Rig, mut ratchet: Option<Ratchet>) -> Result<[f64; 2], Box<dyn Erro
         let command = if tick == 3 {
             Command::Enable
         } else {
-            // It holds for this tick and the next: if the law stopped, so would its torque.
+            // The torque is valid for this tick and the next. If the law stopped, its torque would
+            // stop too.
             let stamp = Stamp { seq: None, tick: Some(tick - 1) };
             Command::Stream { torque, valid_ticks: 2, stamp }
         };
@@ -89,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [most, back] = run(&rig, Some(Ratchet::default()))?;
     println!("without: the hand turns the sphere by {free:.3} rad and brings it back by {free_back:.3} rad");
     println!("with it: by {most:.3} rad, and back by {back:.3} rad; a tooth is {TOOTH} rad");
-    // Back to the tooth, and as far into it as the hand can push.
+    // The sphere goes back to the tooth, and as far into it as the hand can push.
     if back < TOOTH + 0.6 / STIFFNESS && free_back > 2.0 * back {
         Ok(())
     } else {

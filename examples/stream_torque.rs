@@ -1,13 +1,17 @@
-//! Shows how a client renders for itself: it reads each state and streams back the torque of a spring, which the server adds
-//! to its scene. The spring pulls to where the sphere stood when the program began.
+//! Shows how a client renders an effect itself: it reads each state and streams back the torque of
+//! a spring, which the server adds to its scene. The spring pulls towards the orientation that the
+//! sphere had when the program started.
 //!
 //! ```text
 //! cargo run server                                           # in one terminal: a simulated rig
-//! cargo run --example stream_torque -- [ADDRESS] [SECONDS]   # in another; 127.0.0.1:4268 and 5 s unless told
+//! cargo run --example stream_torque -- [ADDRESS] [SECONDS]   # in another terminal
 //! ```
 //!
-//! A torque that a client renders is some milliseconds old before it acts, so such a spring must be softer than one of a scene, which
-//! the loop renders itself. Each message says how long it holds: when the program ends or hangs, its torque goes to zero.
+//! The defaults are 127.0.0.1:4268 and 5 s.
+//!
+//! A torque that a client computes is some milliseconds old when it acts. Such a spring must
+//! therefore be softer than one of a scene, which the loop renders itself. Each message states how
+//! long it is valid: if the program ends or hangs, its torque goes to zero.
 
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -18,7 +22,7 @@ use hbot_core::{Vec3, rotation};
 /// Stiffness, N m/rad, and damping, N m s/rad.
 const STIFFNESS: f64 = 0.3;
 const DAMPING: f64 = 0.005;
-/// How long a torque holds that no other follows, ms.
+/// How long a torque is valid if no other follows, ms.
 const VALID_MS: u64 = 50;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -27,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seconds: f64 = args.next().map_or(Ok(5.0), |seconds| seconds.parse())?;
 
     let mut client = Client::connect(&address, "stream_torque")?;
-    // Only who holds the lease may stream. It is given back when the connection ends.
+    // Only the holder of the lease can stream. The lease is given back when the connection ends.
     client.acquire(false)?;
     client.enable()?;
     client.subscribe(1)?;
@@ -39,19 +43,21 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let state = match event {
             Event::State(state) => state,
-            // A stream is not answered: what the server refuses of it comes as an event.
+            // A stream gets no answers: if the server refuses a message, it reports this as an
+            // event.
             Event::Refused(refused) => return Err(format!("{refused:?}").into()),
             _ => continue,
         };
         let q = rotation::from_wxyz(state.q).ok_or("an orientation that is none")?;
         let reference = *reference.get_or_insert(q);
-        // The turn in N that would bring the sphere back, rad.
+        // The turn in frame N that would bring the sphere back, rad.
         let back = rotation::difference(reference, q);
         let torque = back * STIFFNESS - Vec3::from_array(state.omega) * DAMPING;
         client.torque(TorqueCommand {
             torque: torque.to_array(),
             valid_ms: VALID_MS,
-            // Names the state that it was computed from, so that the server can refuse it if it is too old.
+            // The tick of the state from which the torque was computed. The server can refuse a
+            // torque that is too old.
             tick: Some(state.tick),
             seq: Some(state.tick),
         })?;

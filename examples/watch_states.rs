@@ -1,16 +1,19 @@
-//! Shows how a client connects to a running server and reads its states. It takes no lease, so it disturbs nobody.
+//! Shows how a client connects to a running server and reads its states. It takes no lease, so it
+//! does not disturb other clients.
 //!
 //! ```text
 //! cargo run server                                         # in one terminal: a simulated rig
-//! cargo run --example watch_states -- [ADDRESS] [STATES]   # in another; 127.0.0.1:4268 and 20 states unless told
+//! cargo run --example watch_states -- [ADDRESS] [STATES]   # in another terminal
 //! ```
+//!
+//! The defaults are 127.0.0.1:4268 and 20 states.
 
 use std::error::Error;
 use std::time::Duration;
 
 use hbot_api::{Client, Event};
 
-/// States a second, from a loop of 1 kHz.
+/// Number of ticks from one state to the next: ten states per second at 1 kHz.
 const EVERY: u64 = 100;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -25,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let Some(event) = client.next_event(Duration::from_secs(5))? else {
             return Err("no state for 5 s: does the server's loop run?".into());
         };
-        // Other events tell of faults, modes and leases; this program is about states.
+        // Other events report faults, modes and leases. This program shows states only.
         let Event::State(state) = event else { continue };
         let [w, x, y, z] = state.q;
         let torque = state.torque.iter().map(|t| t * t).sum::<f64>().sqrt();

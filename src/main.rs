@@ -1,7 +1,7 @@
-//! The program on the rig PC of an Hbot: parse the command line, do what it says, tell by the exit code whether all went
-//! well.
+//! The program that runs on the PC of a rig. It parses the command line and runs the command. Its
+//! exit code tells whether everything went well.
 
-// Where they cannot write they end in a panic; `cli/out.rs` has what does not.
+// These macros panic if the output cannot be written. `cli/out.rs` has replacements that do not.
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 mod cli;

@@ -1,8 +1,10 @@
-//! The golden vectors: figures that an independent program computed from the physics notes (golden/README.md).
+//! The golden vectors: figures that an independent program computed from the physics notes
+//! (tests/golden/README.md).
 //!
-//! Reads every file of the folder that the variable `HBOT_GOLDEN` names, or of tests/golden/ where it is not set, and
-//! checks every figure of every case, with the core in 64 and in 32 bits. `cargo test --test golden -- --nocapture` prints how
-//! near to its tolerance the worst of each field came.
+//! The test reads every file of the folder in the variable `HBOT_GOLDEN`, or of tests/golden/ if it
+//! is not set. It checks every figure of every case, with the core in 64 and in 32 bits.
+//! `cargo test --test golden -- --nocapture` prints for each field how close the worst figure is to
+//! its tolerance.
 
 #![allow(unreachable_pub, reason = "a test has no outside")]
 
@@ -11,7 +13,7 @@ mod golden_support;
 use golden_support::{Failure, Ledger, check_folder};
 use std::path::{Path, PathBuf};
 
-/// The vectors that come with the sources.
+/// Folder of the vectors in this repository.
 const HERE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden");
 
 fn failures(ledgers: &[Ledger]) -> Vec<String> {
@@ -42,7 +44,7 @@ fn the_sources_bring_all_seven_files() {
     assert_eq!(files, known.map(|name| format!("{name}.json")));
 }
 
-/// An empty folder of this test's own.
+/// Creates an empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("golden-{name}"));
     let _ = std::fs::remove_dir_all(&folder);
@@ -50,7 +52,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// The first case of a file that comes with the sources, with one piece of its text replaced.
+/// Returns a file of this repository with the first occurrence of `what` replaced.
 fn altered(file: &str, what: &str, by: &str) -> String {
     let text = std::fs::read_to_string(Path::new(HERE).join(file)).unwrap();
     assert!(text.contains(what), "{file} has no {what}");
@@ -85,13 +87,13 @@ fn files_fields_and_texts_that_nobody_knows_are_refused_by_name() {
 #[test]
 fn every_wrong_figure_is_named_with_its_file_case_and_field() {
     let folder = folder("wrong");
-    // A figure cut after its tenth place, and a rather wrong one.
+    // One figure is cut after its tenth place, and one is clearly wrong.
     let case = "{\"theta\": 1.0, \"phi\": 0.5, \"psi\": 2.0, \"q\": [W, 0.7384602626041288, 0.033913221008892595, 0.47822457120764106]}";
     let cases = ["0.4741598817790379", "0.4741598817", "0.48"].map(|w| case.replace('W', w)).join(", ");
     std::fs::write(folder.join("hopf.json"), format!("{{\"about\": \"\", \"cases\": [{cases}]}}")).unwrap();
     let ledgers = check_folder(&folder).unwrap_or_else(|message| panic!("{message}"));
     let failures = failures(&ledgers);
-    // In 32 bits what was cut is below rounding.
+    // In 32 bits the cut is below rounding.
     assert_eq!(failures.len(), 3, "{failures:#?}");
     assert!(failures[0].starts_with("hopf.json (f64), case 1, q[0]: got 4.74"), "{}", failures[0]);
     assert!(failures[1].starts_with("hopf.json (f64), case 2, q[0]: got 4.74"), "{}", failures[1]);

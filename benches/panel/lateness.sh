@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The loop's lateness with the panel watching and without it, in turn, so that both meet the same load. Without a screen it
-# needs Xvfb. On a machine where nothing else runs:
+# Measures the lateness of the loop without the panel and with it, alternately, so that other load on
+# the machine affects both. Without a screen it needs Xvfb. Run it on an otherwise idle machine:
 #
 #   benches/panel/lateness.sh [rounds] [seconds a run]
 set -euo pipefail
@@ -21,7 +21,7 @@ if [[ -z ${DISPLAY:-}${WAYLAND_DISPLAY:-} ]]; then
     sleep 1
 fi
 
-# Median and 99 % of lateness, us, of one run of the server.
+# Prints the median and the 99 % quantile of the lateness in one run of the server, us.
 server() {
     "$bin/hbot" server --listen "$address" --duration "$seconds" 2>/dev/null |
         sed -n 's/.*lateness \([0-9.]*\) (\([0-9.]*\)).*/\1 \2/p'

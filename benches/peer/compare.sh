@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The balanced tick against the same formulas in plain C (tick.c), in turn, so that both meet the same load.
+# Compares the time of the balanced tick with the same formulas in plain C (tick.c). The programs run
+# alternately, so that other load on the machine affects all of them.
 #
 #   benches/peer/compare.sh [rounds]
 set -euo pipefail
@@ -12,7 +13,7 @@ mkdir -p "$peer"
 
 flags=(-std=gnu11 -O3 -ffp-contract=fast)
 gcc "${flags[@]}" -march=native benches/peer/tick.c -o "$peer/tick" -lm
-# Like the Rust build: for any processor of the kind.
+# Like the Rust build, for any processor of this architecture.
 gcc "${flags[@]}" benches/peer/tick.c -o "$peer/tick-baseline" -lm
 cargo bench --quiet --bench tick --no-run
 
@@ -25,7 +26,7 @@ rust() {
     local out
     out=$("${pin[@]}" cargo bench --quiet --bench tick -- "$bench" \
         --warm-up-time 1 --measurement-time 3 --discard-baseline 2>&1)
-    # time: [low median high], each with its unit.
+    # The line is "time: [low median high]", each number with its unit. Convert the median to ns.
     awk '$1 == "time:" || $2 == "time:" {
         sub(/.*\[/, ""); sub(/\].*/, "")
         k = $4 == "ns" ? 1 : $4 == "ps" ? 1e-3 : $4 == "ms" ? 1e6 : 1e3
@@ -43,7 +44,7 @@ for ((i = 1; i <= rounds; i++)); do
     printf '%-6d %10s %12s %16s\n' "$i" "${r[-1]}" "${n[-1]}" "${b[-1]}"
 done
 
-# Median, least and largest of the arguments.
+# Prints the median, the smallest and the largest of the arguments.
 spread() {
     printf '%s\n' "$@" | sort -g | awk '{ v[NR] = $1 } END {
         m = NR % 2 ? v[(NR + 1) / 2] : (v[NR / 2] + v[NR / 2 + 1]) / 2

@@ -1,14 +1,20 @@
 #!/usr/bin/env python3
-"""The task of docs/simulator.md in MuJoCo, for anyone who wants that side of the table.
+"""Runs the task of docs/simulator.md in MuJoCo, to reproduce the MuJoCo rows of its table.
 
     pip install mujoco numpy
     python3 benches/peer/mujoco_task.py [--quick]
 
-A sphere of R 102 mm on two steered and driven wheels of r 10.2 mm, held by a geodesic spring (K 4 N m/rad, D 0.05 N m s/rad) and
-driven by 0.5 sin(2 pi 2 t) about n1 and 0.3 sin(2 pi 3 t) about n2, from rest, for 2 s. Contacts are sphere against cylinder
-with an elliptic cone and much friction; the reference time of friction goes with the step (refsafe off), or nothing
-converges. Printed for each integrator and step: microseconds a step, milliseconds a simulated second, and the error of
-the orientation at 2 s against the exact answer of the reduced model.
+A sphere of radius 102 mm rests on two steered and driven wheels of radius 10.2 mm. A geodesic spring
+holds it (4 N m/rad, 0.05 N m s/rad). The torques 0.5 sin(2 pi 2 t) about n1 and 0.3 sin(2 pi 3 t) about
+n2, in N m, drive it from rest for 2 s.
+
+Contacts are between a sphere and cylinders, with an elliptic friction cone and high friction. The
+reference time of the friction is proportional to the step (with refsafe off), because the solution does
+not converge otherwise.
+
+For each integrator and step, the program prints the time per step in microseconds, the time per simulated
+second in milliseconds, and the error of the orientation at 2 s relative to the exact solution of the
+reduced model.
 """
 
 import argparse
@@ -24,7 +30,7 @@ EXACT = np.array([0.9996638388847, -0.0110887702462, -0.0233277310803, 0.0022506
 
 
 def least_rotation(l):
-    """Takes n3 to l by the least rotation."""
+    """Returns the matrix of the smallest rotation that takes n3 to the unit vector l."""
     f = 1.0 / (1.0 + l[2])
     return np.array([
         [1 - f * l[0] ** 2, -f * l[0] * l[1], l[0]],
@@ -39,7 +45,7 @@ def wheel(i, x, preload):
     frame = least_rotation(l) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     centre = (R + RW - preload) * frame[:, 2]
     axle = frame[:, 0]
-    # A cylinder's axis is its z: turn z onto the axle.
+    # The axis of a cylinder is its z, so the wheel's z is along the axle.
     end = centre + 0.002 * axle
     start = centre - 0.002 * axle
     spin, across = 0.5 * WHEEL_MASS * RW**2, 0.25 * WHEEL_MASS * RW**2

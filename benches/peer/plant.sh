@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The simulated plant against the same equations in plain C (reduced.c), in turn on one core: the task of
-# docs/simulator.md, 2 s of a spring-held sphere driven by two sines, by each method.
+# Compares the time of the simulated plant with the same equations in plain C (reduced.c), alternately
+# on one core. The task is that of docs/simulator.md: 2 s of a sphere that is held by a spring and
+# driven by two sines, with each method.
 #
 #   benches/peer/plant.sh [rounds]
 set -euo pipefail
@@ -21,13 +22,13 @@ if command -v taskset >/dev/null && taskset -c 1 true 2>/dev/null; then
 fi
 file=$target/peer/marks.bin
 
-# Method of hbot, its number in C, and the steps in 10 ms.
+# The method of hbot, its number in the C program (- if it has none), and the number of steps in 10 ms.
 tasks=(
     "SemiImplicitEuler 0 10" "Rk4 1 10" "Rkmk4 2 10"
     "Rk4 1 1" "Rk4 1 2" "Rk4 1 80" "Midpoint - 2" "Midpoint - 10"
 )
 row='%-18s %7s  %9s %9s  %10s %10s  %22s  %9s %9s\n'
-# The value below which a part of the others lies.
+# Prints a quantile: the value below which the fraction `part` of the other arguments lies.
 quartile() {
     local part=$1
     shift

@@ -1,14 +1,18 @@
-/* One tick of the balanced controller in plain C, to compare the speed of the Rust one with.
+/* One tick of the balanced controller in plain C, for comparing its speed with the Rust version.
  *
- * The formulas are those of docs/physics.md and the steps those of `tick/f64/balanced/2` in benches/tick.rs: two wheels of the
- * prototype, midpoint odometry, a geodesic spring and a damper. Left out is what that bench never does: commands other than
- * enable, streams, corrections from outside, moving references, rows of G close to losing rank. Torques over a joint's
- * limit are scaled down as a whole, which the bench does not come to either (the program says how often it did).
+ * The formulas are those of docs/physics.md. The steps are those of the bench `tick/f64/balanced/2` in
+ * benches/tick.rs: two wheels of the prototype, midpoint odometry, a geodesic spring and a damper.
+ *
+ * Things that the bench never does are left out: commands other than enable, streams, corrections
+ * from outside, moving references, and rows of G that are close to losing rank. If a joint torque
+ * exceeds its limit, all torques are scaled down together. This does not happen in the bench either,
+ * and the program prints how often it happened.
  *
  *   tick [ticks] [repetitions] [ticks a repetition]
  *
- * runs the first `ticks` ticks and prints the last one's torque with a checksum, and the median ns a tick over the
- * repetitions that follow. -DMAX_WHEELS=2 makes all arrays as small as the prototype.
+ * The program runs `ticks` ticks first and prints the last torque and a checksum. Then it prints the
+ * minimum, median and maximum time per tick in ns over the repetitions. -DMAX_WHEELS=2 makes all
+ * arrays just large enough for the prototype.
  */
 #define _GNU_SOURCE
 #include <math.h>
@@ -66,7 +70,7 @@ static inline quat product(quat a, quat b)
 static inline quat conjugate(quat q) { return (quat){q.w, -q.x, -q.y, -q.z}; }
 static inline quat scaled(quat q, double k) { return (quat){q.w * k, q.x * k, q.y * k, q.z * k}; }
 static inline bool same(quat a, quat b) { return a.w == b.w && a.x == b.x && a.y == b.y && a.z == b.z; }
-/* One Newton step for 1/sqrt: q is unit but for rounding. */
+/* Normalizes q by one Newton step for 1/sqrt. q must have unit norm except for rounding. */
 static inline quat renormalized(quat q)
 {
     return scaled(q, 1.5 - 0.5 * (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z));
@@ -92,7 +96,7 @@ static inline quat exponential(vec3 v)
     return (quat){c, v.x * k, v.y * k, v.z * k};
 }
 
-/* t / sin(t/2) of (eta, e), eta >= 0. */
+/* Returns t / sin(t/2), where t is the angle of the unit quaternion (eta, e) with eta >= 0. */
 static inline double angle_over_sine(double eta, vec3 e)
 {
     double s2 = dot(e, e);
@@ -104,7 +108,7 @@ static inline double angle_over_sine(double eta, vec3 e)
     return 2.0 * atan2(s, eta) / s;
 }
 
-/* Symmetric 3x3. */
+/* Symmetric 3x3 matrices. */
 
 typedef struct { double xx, yy, zz, xy, xz, yz; } sym3;
 
@@ -132,7 +136,8 @@ static inline vec3 times(const sym3 *m, vec3 v)
     return vec(m->xx * v.x + m->xy * v.y + m->xz * v.z, m->xy * v.x + m->yy * v.y + m->yz * v.z,
                m->xz * v.x + m->yz * v.y + m->zz * v.z);
 }
-/* The least eigenvalue is above `ratio` times the largest, and not by rounding. */
+/* Returns whether the smallest eigenvalue of m is larger than `ratio` times the largest one, and not
+ * only because of rounding. a is the adjugate of m, det its determinant. */
 static inline bool rank_above(const sym3 *m, const sym3 *a, double det, double ratio)
 {
     double pairs = a->xx + a->yy + a->zz, sum = m->xx + m->yy + m->zz;
@@ -216,14 +221,14 @@ static inline frame frame_at(const wheel *w, double th)
                    add(add(mul(w->p[2], c), mul(w->q[2], s)), w->s[2])};
 }
 
-/* H zd of one wheel. */
+/* Computes H zd of one wheel: the velocity of its contact due to its joints, along c2 (u) and c1 (v). */
 static inline void wheel_velocity(const device *d, const wheel *w, const double *zd, double *u, double *v)
 {
     *u = d->radius * w->axis_c2 * zd[0];
     *v = w->radius * zd[1] - d->radius * w->axis_c1 * zd[0];
 }
 
-/* w = -(Z'Z)^-1 Z' H zd. */
+/* Returns the angular velocity of the sphere, w = -(Z'Z)^-1 Z' H zd. */
 static inline vec3 forward(const device *d, const frame *frames, const double *zd)
 {
     vec3 b = {0};
@@ -384,7 +389,8 @@ static inline enum cause rates(controller *c, const feedback *f)
     return NONE;
 }
 
-/* Angles, posture with the rows of G, the sphere's rate and the slip. */
+/* Computes the joint angles, the posture with the rows of G, the sphere's angular velocity, and the
+ * slip. */
 static inline void locate(controller *c)
 {
     const device *d = &c->device;
@@ -410,7 +416,7 @@ static inline void locate(controller *c)
     c->slip = sqrt(most);
 }
 
-/* The torque of command `sequence`; what was skipped held the last one. */
+/* Records the torque of command `sequence`. Skipped commands count as a repetition of the last one. */
 static inline void sent(controller *c, uint32_t sequence, vec3 torque)
 {
     int32_t ahead = (int32_t)(sequence - c->newest);
@@ -530,7 +536,8 @@ static inline enum cause fault(controller *c, const inputs *in, uint64_t elapsed
     return NONE;
 }
 
-/* T = -R_d M' K p, p = log(q_d^-1 q), M' = I + [p]/2 + k [p]^2. */
+/* Returns the torque of the geodesic spring: T = -R_d M' K p, p = log(q_d^-1 q),
+ * M' = I + [p]/2 + k [p]^2. */
 static inline vec3 geodesic(quat desired, quat q, const mat3 *stiffness, vec3 *branch)
 {
     quat x = product(conjugate(desired), q);
@@ -612,7 +619,8 @@ static inline vec3 wanted(controller *c, const scene *scene, uint64_t tick, doub
     return add(c->torque, limited(sub(torque, c->torque), c->torque_rate * dt));
 }
 
-/* Joint torques of least cost for `t`; false where the driven rows are close to losing rank. */
+/* Computes the joint torques with the smallest weighted square sum that produce the torque `t`.
+ * Returns false if the driven rows of G are close to losing rank. */
 static inline bool allocate(const controller *c, vec3 t, double *tau, double *scale)
 {
     int n = 2 * c->device.wheels;
@@ -634,7 +642,8 @@ static inline bool allocate(const controller *c, vec3 t, double *tau, double *sc
     vec3 u = mul(t, 1.0 / size), y = mul(times(&a, u), 1.0 / det);
     for (int i = 0; i < n; i++)
         tau[i] = give[i] > 0.0 ? give[i] * dot(c->rows[i], y) : 0.0;
-    /* One step of refinement: the adjugate alone loses the square of the rows' condition. */
+    /* One step of iterative refinement, because the error of the adjugate alone grows with the square
+     * of the rows' condition number. */
     vec3 left = u;
     for (int i = 0; i < n; i++)
         left = sub(left, give[i] > 0.0 ? mul(c->rows[i], tau[i]) : vec(0.0, 0.0, 0.0));
@@ -657,7 +666,8 @@ static inline bool allocate(const controller *c, vec3 t, double *tau, double *sc
     return true;
 }
 
-/* Scales the torques down to the grip of the most loaded contact; returns that load. */
+/* Scales the torques down so that the most loaded contact does not exceed its grip. Returns the load
+ * of that contact as a fraction of its grip, at most 1. */
 static inline double traction(const controller *c, double *tau, double *scale)
 {
     double most = 0.0;
@@ -871,7 +881,7 @@ int main(int argc, char **argv)
         double start = now_ns();
         for (long k = 0; k < each; k++) {
             run(number++, &out);
-            __asm__ volatile("" : : "r"(&out) : "memory"); /* the result counts as read */
+            __asm__ volatile("" : : "r"(&out) : "memory"); /* makes the compiler treat the result as used */
         }
         ns[i] = (now_ns() - start) / (double)each;
     }

@@ -1,4 +1,5 @@
-//! Tells the studies what they were compiled with: the machine's description in every report names it.
+//! Records the compiler version, profile and optimisation level in environment variables at compile
+//! time. Every report names them in its description of the machine.
 
 use std::process::Command;
 

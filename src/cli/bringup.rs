@@ -1,4 +1,5 @@
-//! `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over it. No server may hold its port meanwhile.
+//! `hbot rig test` and `hbot rig calibrate`: commands for a rig before its control loop is closed.
+//! No server can use the rig's port at the same time.
 
 #[cfg(test)]
 mod tests;
@@ -22,20 +23,21 @@ use serde_json::json;
 use super::out::{note, say};
 use super::style;
 
-/// Readings are this far apart, s: long enough that a count is little of what has moved, short enough that wheels hardly turn.
+/// Time between two readings, s. It is long enough that one count is small relative to the motion,
+/// and short enough that the steer angles hardly change.
 const APART_S: f64 = 0.02;
-/// A zero that is off by less is as good as it gets by hand, rad.
+/// Error of a zero that is as small as it can be made by hand, rad.
 const TRIFLE: f64 = 0.01;
-/// Radii that are further apart than their measures in the file, as a share of them, are none that somebody has misread.
+/// Relative difference of two wheels' radii that is too large for a misread caliper.
 const CALIPER: f64 = 0.1;
 
-/// Which rig.
+/// The rig to work on.
 #[derive(Debug, Args)]
 pub(crate) struct Which {
     /// Rig file (TOML) [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
-    /// `sim` for the simulated rig, or a serial device, in place of the rig file's
+    /// `sim` for the simulated rig, or a serial device, in place of the rig file's port
     #[arg(long, value_name = "sim|DEVICE")]
     port: Option<String>,
 }
@@ -53,13 +55,13 @@ impl Which {
 pub(crate) struct TestArgs {
     #[command(flatten)]
     which: Which,
-    /// Which joint, from 1, in the order steer, drive of each wheel
+    /// Number of the joint, from 1, in the order steer, drive of each wheel
     #[arg(long, value_name = "N")]
     joint: usize,
-    /// Torque at the joint in its controller's own sense, N m; begin with a hundredth of its peak
+    /// Torque at the joint with its controller's own sign, N m; begin with a hundredth of its peak
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     torque: f64,
-    /// Stop where the joint turns faster, rad/s
+    /// Stop if any joint turns faster than this, rad/s
     #[arg(long, value_name = "RATE", default_value_t = 5.0)]
     speed: f64,
 }
@@ -69,7 +71,7 @@ pub(crate) struct TestArgs {
 pub(crate) struct CalibrateArgs {
     #[command(flatten)]
     which: Which,
-    /// How long to watch
+    /// How long to watch the joints
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u32).range(5..=600))]
     seconds: u32,
 }
@@ -78,8 +80,9 @@ fn joint_name(rig: &RigConfig, joint: usize) -> String {
     format!("{} of wheel {}", if joint.is_multiple_of(2) { "steer" } else { "drive" }, rig.wheels[joint / 2])
 }
 
-/// Does `what` on the lines of a rig, which are open meanwhile. A signal that ends it switches the motors off first and then ends the
-/// process as Ctrl-C does, so that a loop in a shell does not go on to the next joint.
+/// Opens the lines of a rig, runs `what` on them, and closes them. If a signal ends it, the motors
+/// are switched off first. The process then ends as with Ctrl-C, so that a loop in a shell does not
+/// continue with the next joint.
 fn on_the_lines<T>(
     rig: &RigConfig,
     turned: bool,
@@ -163,7 +166,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     Ok(if as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The counts of all joints for so long, motors off.
+/// Records the counts of all joints for `seconds`, with motors off.
 fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
     let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
     let ticks = (f64::from(seconds) / bench.period_s()) as u32;
@@ -177,7 +180,8 @@ fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
     Ok(counts)
 }
 
-/// What is to be said of what was seen, and whether the rig is as its file says.
+/// Evaluates recorded counts. Returns the message for the user, and whether the rig is as its file
+/// states.
 fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
     let dead = still(&rig.rig, counts);
     if !dead.is_empty() && dead.len() < rig.rig.device.joints() {
@@ -192,7 +196,7 @@ fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
                 style::OFF
             )?;
         }
-        // Of others nothing can be told without it.
+        // Without this joint, nothing can be concluded about the others.
         return Ok((words, false));
     }
     let found = calibrate(&rig.rig, counts).context("nothing has moved: turn the sphere while this runs")?;
@@ -221,7 +225,7 @@ fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
     Ok((words, as_filed))
 }
 
-/// What was found in words, and whether the rig is as its file says.
+/// Describes a calibration in words, and returns whether the rig is as its file states.
 fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::fmt::Error> {
     let mut words = String::new();
     writeln!(
@@ -239,7 +243,7 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::f
         return Ok((words, false));
     }
     if !explains(&rig.rig, found) {
-        // Its zeros are none to be set.
+        // The zeros found are not valid then and must not be set.
         return Ok((words, false));
     }
     let mut as_filed = true;
@@ -294,8 +298,9 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::f
     Ok((words, as_filed))
 }
 
-/// The wheels that are furthest apart in how their radii stand to those of the file, and by how much, where no caliper errs so far.
-/// What all have in common cannot be seen: a smaller sphere turns likewise.
+/// Compares the radii found with those of the file. Returns the two wheels whose ratios differ
+/// most, and by how much, if the difference is too large for a caliper's error. A common factor of
+/// all radii cannot be seen, because a smaller sphere turns in the same way.
 fn radii_apart(rig: &RigConfig, found: &Calibration) -> Option<(usize, usize, f64)> {
     let share: Vec<f64> = found
         .wheels

@@ -1,8 +1,9 @@
-//! What `hbot server` writes: what it says at start and at its end, its log, and the status line of a terminal.
+//! The output of `hbot server`: messages at its start and end, its log, and the status line of a
+//! terminal.
 //!
-//! A thread of its own writes, behind a queue that nobody waits for: a pipe that nobody reads, a terminal that was told to
-//! hold still (Ctrl-S) and a device that is full hold up neither clients nor signals. What does not fit the queue is lost and
-//! counted.
+//! A separate thread writes the output. It takes the lines from a queue that nobody waits for. A
+//! pipe without a reader, a terminal stopped by Ctrl-S or a full device therefore delays neither
+//! clients nor signals. Lines that do not fit into the queue are dropped and counted.
 
 use std::ffi::OsStr;
 use std::io::{IsTerminal as _, Result, Write as _};
@@ -18,38 +19,39 @@ use tracing_subscriber::filter::LevelFilter;
 
 use super::{status, style};
 
-/// The environment variable that says what is logged.
+/// The environment variable that selects what is logged.
 const HBOT_LOG: &str = "HBOT_LOG";
-/// Lines that wait for a slow reader.
+/// Capacity of the queue, lines.
 const WAITING: usize = 1024;
-/// The status line is drawn so often.
+/// How often the status line is redrawn.
 const BEAT: Duration = Duration::from_millis(200);
 /// How long a server that has ended waits for its last lines to be written.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Where nobody has asked for more, so many lines of the log are written at once and then so many a second: a client that has one
-/// written by all that it does fills no disk.
+/// Unless `HBOT_LOG` selects what is logged, a token bucket limits the log: this many lines at
+/// once, then `PER_S` lines per second. A client that causes a log line with every request then
+/// cannot fill a disk.
 const BURST: f64 = 500.0;
 const PER_S: f64 = 20.0;
 
-/// Where a server writes.
+/// The output of a server.
 pub(crate) struct Console {
     lines: Lines,
-    /// Nothing ever comes; it closes once all is written.
+    /// A channel that carries no values. It closes after everything has been written.
     written: Receiver<()>,
 }
 
-/// One write to be done.
+/// One entry of the queue.
 enum Line {
-    /// To standard output, in colours.
+    /// A line for standard output, with colours.
     Out(String),
-    /// To standard error, as the log has it.
+    /// A line for standard error, formatted by the log.
     Log(Vec<u8>),
-    /// What the status line shows from now on.
+    /// Sets the status that the status line shows. `None` removes the line.
     Status(Option<watch::Receiver<Status>>),
     End,
 }
 
-/// The way to the thread that writes.
+/// The sending end of the queue to the thread that writes.
 #[derive(Clone)]
 struct Lines {
     queue: SyncSender<Line>,
@@ -64,7 +66,7 @@ impl Lines {
     }
 }
 
-/// One line of the log at a time, as tracing-subscriber hands them over.
+/// A writer for tracing-subscriber, which calls it once for each line of the log.
 struct Log(Lines);
 
 impl std::io::Write for Log {
@@ -79,7 +81,8 @@ impl std::io::Write for Log {
 }
 
 impl Console {
-    /// Starts to write, log lines too: by default warnings and what is worse; `HBOT_LOG` says otherwise.
+    /// Starts the thread that writes, and the log. By default the log has warnings and errors;
+    /// `HBOT_LOG` selects something else.
     pub(crate) fn start() -> Result<Self> {
         let (asked, mistake) = match std::env::var_os(HBOT_LOG).map(|text| filter(&text)) {
             None => (None, None),
@@ -101,7 +104,7 @@ impl Console {
             .with_env_filter(asked.unwrap_or_else(|| EnvFilter::new("warn")))
             .with_writer(move || Log(log.clone()))
             .with_ansi(std::io::stderr().is_terminal())
-            // It would complain on standard error itself, and panic where it cannot.
+            // Otherwise it would report errors directly on standard error, and panic if that fails.
             .log_internal_errors(false)
             .init();
         tell_panics(lines.clone());
@@ -116,12 +119,12 @@ impl Console {
         self.lines.put(Line::Out(text));
     }
 
-    /// Draws the status line from now on, where there is a terminal to draw it on, or takes it away.
+    /// Shows the status line from now on, if standard error is a terminal. `None` removes it.
     pub(crate) fn status(&self, status: Option<watch::Receiver<Status>>) {
         self.lines.put(Line::Status(status));
     }
 
-    /// Waits until all is written, but not for ever.
+    /// Waits until everything has been written, but at most [`PATIENCE`].
     pub(crate) fn end(self) {
         let until = Instant::now() + PATIENCE;
         let mut end = Line::End;
@@ -132,18 +135,20 @@ impl Console {
             end = back;
             std::thread::sleep(Duration::from_millis(10));
         }
-        // Closed: written. Time is up: nobody reads.
+        // If the channel closes, everything has been written. If the time runs out, nobody reads
+        // the output.
         let _ = self.written.recv_timeout(until.saturating_duration_since(Instant::now()));
     }
 }
 
-/// What `HBOT_LOG` asks for: nothing where it is empty.
+/// Parses the value of `HBOT_LOG`. Returns `None` if it is empty.
 fn filter(text: &OsStr) -> std::result::Result<Option<EnvFilter>, String> {
     let Some(text) = text.to_str() else { return Err("it is not UTF-8".to_owned()) };
     if text.trim().is_empty() {
         return Ok(None);
     }
-    // A filter takes any other word for the name of a module, of which it then shows all, and of others nothing.
+    // `EnvFilter` would take any other word as the name of a module, and would log everything of
+    // this module and nothing of others.
     let word = |part: &&str| part.chars().all(|c| c.is_ascii_alphanumeric() || "_:-".contains(c));
     let level = |part: &&str| part.is_empty() || part.parse::<LevelFilter>().is_ok();
     if let Some(part) = text.split(',').map(str::trim).filter(word).find(|part| !level(part)) {
@@ -154,7 +159,8 @@ fn filter(text: &OsStr) -> std::result::Result<Option<EnvFilter>, String> {
     EnvFilter::builder().parse(text).map(Some).map_err(|error| format!("{text:?}: {error}"))
 }
 
-/// Has panics told the same way. A loop that panics must not wait for a terminal before it switches the motors off.
+/// Sends panic messages through the queue as well. A loop that panics must not wait for a terminal
+/// before it switches the motors off.
 fn tell_panics(lines: Lines) {
     std::panic::set_hook(Box::new(move |panic| {
         let thread = std::thread::current();
@@ -164,7 +170,7 @@ fn tell_panics(lines: Lines) {
     }));
 }
 
-/// How many lines of the log may be written: a bucket that fills.
+/// A token bucket that limits the lines of the log.
 struct Rate {
     left: f64,
     at: Instant,
@@ -187,16 +193,16 @@ impl Rate {
     }
 }
 
-/// The thread that writes.
+/// The state of the thread that writes.
 struct Writer {
     lost: Arc<AtomicU64>,
     rate: Option<Rate>,
-    /// Lines of the log that came too fast.
+    /// Number of log lines that were left out because they came too fast.
     left_out: u64,
     terminal: bool,
-    /// A status line stands in the terminal.
+    /// True if the terminal shows a status line.
     drawn: bool,
-    /// It was said that standard output fails.
+    /// True after a failure of standard output has been reported.
     failed: bool,
 }
 
@@ -252,7 +258,7 @@ impl Writer {
         }
     }
 
-    /// Makes room for a line of the log; the status line is drawn again a moment later.
+    /// Writes a line of the log. The status line is removed first and is redrawn a moment later.
     fn log(&mut self, text: &[u8]) {
         self.clear();
         error_out(text);
@@ -262,7 +268,7 @@ impl Writer {
         let Some(status) = status else { return };
         let line = status::line(&status.borrow());
         error_out(style::SAME_LINE.as_bytes());
-        // Nowhere is left to say that it failed.
+        // A failure cannot be reported anywhere.
         let _ = write!(anstream::stderr(), "{line}");
         error_out(style::LINE_END.as_bytes());
         self.drawn = true;
@@ -275,9 +281,9 @@ impl Writer {
     }
 }
 
-/// To standard error as it stands.
+/// Writes bytes to standard error without changes.
 fn error_out(bytes: &[u8]) {
-    // Nowhere is left to say that it failed.
+    // A failure cannot be reported anywhere.
     let _ = std::io::stderr().write_all(bytes);
 }
 

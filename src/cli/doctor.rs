@@ -1,4 +1,5 @@
-//! `hbot doctor`: whether this machine can run a rig, with the numbers behind it, and how to mend what is wanting.
+//! `hbot doctor`: checks whether this machine can run a rig, with the numbers behind each result
+//! and advice on how to correct problems.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,16 +17,16 @@ use serde_json::{Value, json};
 use super::out::say;
 use super::{ServerAddress, orders, server, style};
 
-/// Flight logs shown.
+/// Number of flight logs that are listed.
 const LOGS: usize = 5;
 
 /// Options of `hbot doctor`.
 #[derive(Debug, Args)]
 pub(crate) struct DoctorArgs {
-    /// Rig file whose port and rate are meant [default: the prototype, built in]
+    /// Rig file with the port and rate to check [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
-    /// Serial device to look at, in place of the rig file's
+    /// Serial device to check, in place of the rig file's
     #[arg(long, value_name = "DEVICE")]
     port: Option<String>,
     /// Ticks a second to measure at, in place of the rig file's
@@ -34,19 +35,19 @@ pub(crate) struct DoctorArgs {
     /// Processor of the loop, from 0, in place of the rig file's
     #[arg(long, value_name = "N")]
     cpu: Option<u32>,
-    /// How long to measure
+    /// How long to measure the lateness of this machine
     #[arg(long, value_name = "SECONDS", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
-    /// Also ask a running server how its loop does
+    /// Also show the statistics of a running server's loop
     #[arg(long, value_name = "ADDR")]
     server: Option<String>,
     /// File with the token that the server asks for
     #[arg(long, value_name = "FILE", requires = "server")]
     token_file: Option<PathBuf>,
-    /// File with the certificate of a server that encrypts, or of the authority that signed it (PEM)
+    /// File with the server's TLS certificate, or that of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE", requires = "server")]
     ca: Option<PathBuf>,
-    /// One object of JSON, for programs
+    /// Print one object of JSON, for programs
     #[arg(long)]
     json: bool,
 }
@@ -59,7 +60,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         .chain(over("loop.cpu", "--cpu", args.cpu.map(Value::from)))
         .collect();
     let rig = RigConfig::load(args.rig.as_deref(), &overrides)?;
-    // What the server would hold while it runs is held for the measurement too.
+    // The limit that the server would set while it runs also applies during the measurement.
     let (limit, held) = rig.wake_us.map(wake_latency).unzip();
     let machine = Machine::default();
     let machine = match (&held, rig.wake_us) {
@@ -75,7 +76,8 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     }
     let address =
         args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
-    // Asked for first: who waits for the measurement has a server to be told of.
+    // The server is contacted before the measurement, so that the user does not wait for nothing if
+    // it does not answer.
     let mut server = match address.map(|address| orders::connect(&address, "hbot doctor")).transpose() {
         Ok(server) => server,
         Err(error) => {
@@ -139,7 +141,7 @@ fn show(finding: &Finding) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a running server says of its loop.
+/// Prints the statistics of a running server's loop.
 fn show_server(stats: &StatsOk) -> anyhow::Result<()> {
     say!(
         "\nthe running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
@@ -170,7 +172,7 @@ fn show_server(stats: &StatsOk) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The newest flight logs; their names sort by time.
+/// Returns the newest flight logs. Their names sort by time.
 fn flight_logs() -> Vec<PathBuf> {
     let entries = server::flight_dir().and_then(|dir| std::fs::read_dir(dir).ok());
     let mut logs: Vec<PathBuf> = entries

@@ -1,4 +1,4 @@
-//! The command line.
+//! The command line of `hbot`.
 
 mod bringup;
 mod console;
@@ -17,14 +17,16 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
-/// The server address that commands use where none is given.
+/// The server address that commands use by default.
 const SERVER: &str = "127.0.0.1:4268";
-/// The command with which this program starts itself as the helper that switches motors off (see `hbot_host::last_word`).
+/// The hidden command with which this program starts itself as the helper that switches motors off
+/// (see `hbot_host::last_word`).
 const LAST_WORD: &str = "last-word";
 
 /// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
 ///
-/// `hbot server` runs the rig, a simulated one where there is none. The other commands are its clients, or check files.
+/// `hbot server` runs the rig, or a simulated one if there is no rig. The other commands are its
+/// clients, or check files.
 #[derive(Debug, Parser)]
 #[command(name = "hbot", version, propagate_version = true, max_term_width = 110)]
 pub(crate) struct Cli {
@@ -44,29 +46,30 @@ enum Command {
     /// Check rig files
     #[command(subcommand)]
     Rig(rig::RigCommand),
-    /// Check this machine for real-time use and serial access, measure, and say how to mend what is wanting
+    /// Check this machine for real-time use and serial access, and say how to correct what is
+    /// missing
     Doctor(doctor::DoctorArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
     Estop(ServerAddress),
-    /// Let a running server's torque ramp down
+    /// Ramp down the torque of a running server
     Disable(ServerAddress),
-    /// Let a running server render: soft start over half a second
+    /// Enable the torque of a running server: soft start over half a second
     Enable(ServerAddress),
-    /// Leave a fault or an emergency stop, once its cause is gone
+    /// Leave a fault or an emergency stop after its cause is gone
     Reset(ServerAddress),
-    /// Started by `hbot server` and `hbot rig`: switches motors off where they cannot
+    /// Switch motors off if `hbot server` or `hbot rig` dies (started by them)
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
-    /// Says which program runs the studies
+    /// Show the command that runs the studies
     #[command(hide = true, disable_help_flag = true, disable_version_flag = true)]
     Study {
-        /// What the study was asked for.
+        /// Arguments for the study.
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         words: Vec<String>,
     },
 }
 
-/// Which server.
+/// The server to connect to, with the files that authenticate both sides.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct ServerAddress {
     /// Address and port of the server
@@ -75,14 +78,14 @@ pub(crate) struct ServerAddress {
     /// File with the token that the server asks for
     #[arg(long, value_name = "FILE")]
     token_file: Option<std::path::PathBuf>,
-    /// File with the certificate of a server that encrypts, or of the authority that signed it (PEM)
+    /// File with the server's TLS certificate, or that of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]
     ca: Option<std::path::PathBuf>,
 }
 
 impl Cli {
-    /// Does what the command line says. An exit code other than 0 without an error: what was asked was done, and
-    /// its result is bad.
+    /// Runs the command. If the command was carried out but its result is bad, returns an exit code
+    /// other than 0.
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         match self.command {
             Command::Server(args) => server::run(args),
@@ -95,7 +98,7 @@ impl Cli {
             Command::Enable(address) => orders::run(&address, orders::Order::Enable),
             Command::Reset(address) => orders::run(&address, orders::Order::Reset),
             Command::LastWord => {
-                // Nobody is left to read of an error.
+                // An error cannot be reported: the program that started this one is gone.
                 let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
                 Ok(ExitCode::SUCCESS)
             }
@@ -104,7 +107,8 @@ impl Cli {
     }
 }
 
-/// Says with which command the study runs that `words` ask for. The exit code is that of a wrong command line.
+/// Tells the user which command runs the study named by `words`. Returns the exit code of a wrong
+/// command line.
 fn studies_are_elsewhere(words: &[String]) -> ExitCode {
     let words = if words.is_empty() { "--help".to_owned() } else { words.join(" ") };
     out::error(&format!(

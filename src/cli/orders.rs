@@ -1,4 +1,4 @@
-//! `hbot estop`, `disable`, `enable`, `reset`: one order to a running server.
+//! `hbot estop`, `disable`, `enable` and `reset`: send one order to a running server.
 
 use std::process::ExitCode;
 
@@ -8,7 +8,7 @@ use hbot_api::{Client, ClientError, ConnectOptions, Trust};
 use super::ServerAddress;
 use super::out::say;
 
-/// What to order.
+/// The order to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Order {
     Estop,
@@ -29,7 +29,7 @@ pub(crate) fn run(address: &ServerAddress, order: Order) -> anyhow::Result<ExitC
     Ok(ExitCode::SUCCESS)
 }
 
-/// A connection to the server, with the token where one is given.
+/// Connects to the server, with a token if one is given.
 pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Client> {
     let mut options = ConnectOptions::new(name);
     if let Some(file) = &address.token_file {
@@ -43,14 +43,14 @@ pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Cli
     })
 }
 
-/// Does `what` with the lease to command, and gives it back.
+/// Acquires the lease, runs `what`, and releases the lease.
 pub(crate) fn holding<T>(
     client: &mut Client,
     what: impl FnOnce(&mut Client) -> Result<T, hbot_api::ClientError>,
 ) -> Result<T, hbot_api::ClientError> {
     client.acquire(false)?;
     let result = what(client);
-    // A server that stops in between has taken the lease back itself.
+    // A server that stops meanwhile has already taken the lease back.
     let released = client.release();
     let value = result?;
     released?;

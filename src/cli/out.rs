@@ -1,12 +1,15 @@
-//! What commands write, and what becomes of it where it cannot be written.
+//! The output of commands, and what happens if it cannot be written.
 //!
-//! Standard output: a reader who has gone away (`| head`) has read what he wanted. What is left to say is dropped, quietly,
-//! and the command goes on to its end, so that its exit code says how that went; `hbot watch`, which does nothing but
-//! write, ends with 0. Anything else that hinders, such as a full device, is an error as any other: one line, exit code 1.
+//! Standard output: if the reader has gone away (`| head`), it has read what it needed. The rest of
+//! the output is dropped silently. The command continues to its end, so that its exit code shows
+//! whether it succeeded. Only `hbot watch`, which does nothing but write, ends with exit code 0.
+//! Any other problem, such as a full device, is an ordinary error: one line, exit code 1.
 //!
-//! Standard error is the last place to complain: what cannot be written there is lost.
+//! Standard error: text that cannot be written there is lost, because there is no other place to
+//! report it.
 //!
-//! `hbot server` never waits for a reader and never ends for the want of one: it writes through `console.rs`.
+//! `hbot server` never waits for a reader and does not end without one. It writes through
+//! `console.rs`.
 
 use std::fmt::{Arguments, Display};
 use std::io::{ErrorKind, Result, Write as _};
@@ -17,26 +20,27 @@ use hbot_api::Plain;
 
 use super::style;
 
-/// Writes a line to standard output, as `println!` does, but hands back an error instead of ending in a panic.
+/// Writes a line to standard output like `println!`, but returns an error instead of panicking.
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::out::line(format_args!($($text)*)) };
 }
 pub(crate) use say;
 
-/// Writes a line to standard error.
+/// Writes a line to standard error. Failures are ignored.
 macro_rules! note {
     ($($text:tt)*) => { $crate::cli::out::aside(format_args!($($text)*)) };
 }
 pub(crate) use note;
 
-/// Whether anybody reads what is written.
+/// Whether the output still has a reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reader {
     There,
     Gone,
 }
 
-/// What writing to standard output came to.
+/// Converts the result of writing to standard output. A closed pipe is not an error: it means that
+/// the reader is gone.
 pub(crate) fn written(result: Result<()>) -> anyhow::Result<Reader> {
     match result {
         Ok(()) => Ok(Reader::There),
@@ -45,41 +49,43 @@ pub(crate) fn written(result: Result<()>) -> anyhow::Result<Reader> {
     }
 }
 
-/// What `say!` does.
+/// Writes a line to standard output, for `say!`.
 pub(crate) fn line(text: Arguments<'_>) -> anyhow::Result<()> {
     let mut out = anstream::stdout().lock();
     written(writeln!(out, "{text}").and_then(|()| out.flush())).map(|_| ())
 }
 
-/// What `note!` does.
+/// Writes a line to standard error, for `note!`.
 pub(crate) fn aside(text: Arguments<'_>) {
-    // Nowhere is left to say that it failed.
+    // A failure cannot be reported anywhere.
     let _ = writeln!(anstream::stderr(), "{text}");
 }
 
-/// Says why a command failed. Part of it may be a server's words.
+/// Prints the error that ended a command. Its text can contain text from a server.
 pub(crate) fn error(error: &impl Display) {
     note!("{}error:{} {}", style::BAD, style::OFF, foreign_lines(&format!("{error:#}")));
 }
 
-/// Text of a server, which may be anybody's, for a line of a terminal: nothing in it moves the cursor, ends the line, turns its
-/// direction or hides.
+/// Makes text from a server safe to print on one line of a terminal, because anybody could have
+/// written it. The result cannot move the cursor, end the line, change the writing direction or
+/// hide anything.
 pub(crate) fn foreign(text: &str) -> Plain<'_> {
     Plain(text)
 }
 
-/// The same of several lines. All but the first are set in, so that none passes for a line of the program's own.
+/// Makes text of several lines from a server safe to print. All lines except the first are
+/// indented, so that none looks like a line of this program.
 fn foreign_lines(text: &str) -> String {
     text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
 }
 
-/// Says what the command line itself has to say: what was wrong with it, the help or the version that was asked for.
+/// Prints clap's answer to the command line: an error, the help or the version.
 pub(crate) fn answer(answer: &clap::Error) -> anyhow::Result<ExitCode> {
     let printed = answer.print();
     if !answer.use_stderr() {
         written(printed)?;
     }
-    // 2 for a wrong command line, as clap has it.
+    // clap uses exit code 2 for a wrong command line.
     Ok(u8::try_from(answer.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from))
 }
 

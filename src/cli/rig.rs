@@ -1,4 +1,5 @@
-//! `hbot rig check`: a rig file's margins over all steering angles, what it can do, and whether its line is fast enough.
+//! `hbot rig check`: prints a rig's margins over all steer angles, its torque and stiffness, and
+//! whether its serial line is fast enough.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,20 +20,22 @@ use hbot_host::stiffness::{DELAY_TICKS, Expected, USUAL_DAMPING};
 use super::out::say;
 use super::{bringup, style};
 
-/// Steering angles looked at for each wheel; the torus of two wheels is sampled at their square.
+/// Number of postures that are examined.
 const SAMPLES: usize = 4096;
 
-/// What to do with a rig.
+/// The subcommands of `hbot rig`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum RigCommand {
     /// Check a rig file: margins over all steering angles, capability, indices, serial line
     Check {
-        /// The rig file (TOML); the prototype where none is given
+        /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
     },
-    /// Push one joint with a small torque, within watched limits, the sphere taken out: sign, counts, gear
+    /// Test one joint (sign, counts, gear) with a small torque within watched limits, the sphere
+    /// taken out
     Test(bringup::TestArgs),
-    /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, motors off
+    /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, with
+    /// motors off
     Calibrate(bringup::CalibrateArgs),
 }
 
@@ -133,7 +136,7 @@ fn abilities(config: &RigConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What stiffness to expect, and under which assumptions.
+/// Prints the stiffness that the rig can render, and the assumptions behind it.
 fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     let Some(expected) = Expected::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
@@ -160,19 +163,21 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )
 }
 
-/// Steering angles spread evenly over the torus: a Kronecker sequence of the generalised golden ratio (Roberts 2018).
+/// Returns steer angles spread evenly over all postures: a Kronecker sequence of the generalised
+/// golden ratio (Roberts 2018).
 fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
     let n = device.wheels().len();
-    // The root of x^(n+1) = x + 1.
+    // The root of x^(n+1) = x + 1, by fixed-point iteration.
     let g = (0..64).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..SAMPLES).map(move |k| {
         (1..=n).map(|i| (0.5 + k as f64 * g.powi(-(i as i32))).fract() * std::f64::consts::TAU).collect()
     })
 }
 
-/// Whether a frame a tick each way fits on the lines.
+/// Prints the load of each serial line. Returns whether every line can carry one command and one
+/// reading per tick.
 fn line(config: &RigConfig) -> anyhow::Result<bool> {
-    // The simulated rig has one line for all.
+    // The simulated rig has one line for all joints.
     let lines = match &config.link.port {
         Port::Sim => vec![("sim".to_owned(), config.rig.device.joints())],
         Port::Devices(devices) => devices
@@ -188,13 +193,13 @@ fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<boo
     say!("\nserial line {name} at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz)?;
     let mut fits = true;
     let traffic = driver(config.link.protocol).traffic(joints);
-    // The controllers' own time stands between a command and its answer.
+    // The controllers' own processing time lies between a command and its answer.
     let turnaround = f64::from(traffic.turnaround_us) * 1e-6 * f64::from(config.rate_hz);
     for (name, bytes, extra) in
         [("commands", traffic.commands, 0.0), ("feedback", traffic.feedback, turnaround)]
     {
         let load = config.link.load(bytes, config.rate_hz) + extra;
-        // The simulated port and USB take bytes faster than any baud rate says.
+        // The simulated port and USB accept bytes faster than the baud rate suggests.
         let simulated = config.link.port == Port::Sim;
         let verdict = if load <= 0.9 {
             format!("{}fits{}", style::GOOD, style::OFF)

@@ -13,7 +13,7 @@ use hbot_config::SceneFile;
 use super::out::{foreign, say};
 use super::{ServerAddress, orders, style};
 
-/// What to do with a scene.
+/// The subcommands of `hbot scene`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum SceneCommand {
     /// Check a scene file without running it
@@ -28,7 +28,7 @@ pub(crate) enum SceneCommand {
         #[command(flatten)]
         address: ServerAddress,
     },
-    /// Draw what a scene will feel like: torque against angle, and the wells of snaps
+    /// Plot a scene: its torque against angle, and the energy wells of snaps
     Plot(plot::PlotArgs),
     /// List every kind of effect with its parameters, and the phenomena of the simulated rig
     List {

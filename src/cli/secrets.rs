@@ -1,4 +1,4 @@
-//! Tokens from their files, and what a user should know about secrets before a server starts.
+//! Reads tokens from files, and warns about weak secrets before a server starts.
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use hbot_config::RigConfig;
 
-/// The fewest characters of a token.
+/// Smallest length of a token, characters.
 const MIN_TOKEN: usize = 16;
 
-/// The token in a file.
+/// Reads the token from a file.
 fn read(file: &Path) -> anyhow::Result<String> {
     let text = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
     let token = text.trim();
@@ -23,7 +23,8 @@ fn read(file: &Path) -> anyhow::Result<String> {
     Ok(token.to_owned())
 }
 
-/// What clients must show. Without it only this machine is let in.
+/// Returns the token that clients must present, or `None` if only clients on this machine are
+/// allowed.
 pub(crate) fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
     if rig.api.needs_token() && rig.api.token_file.is_none() {
         bail!(
@@ -34,7 +35,8 @@ pub(crate) fn token(rig: &RigConfig) -> anyhow::Result<Option<String>> {
     rig.api.token_file.as_deref().map(read).transpose()
 }
 
-/// What a scrape of the metrics must show. It goes over the network in the clear, so it must not be the one that commands.
+/// Returns the token that a request for metrics must present. It travels over the network without
+/// encryption, so it must differ from `commanding`, the token of clients.
 pub(crate) fn metrics_token(
     at: std::net::SocketAddr,
     file: Option<&Path>,
@@ -58,7 +60,7 @@ pub(crate) fn metrics_token(
     Ok(Some(token))
 }
 
-/// What is weak about the secrets of a server that starts all the same.
+/// Returns notices about weak secrets that do not prevent the server from starting.
 pub(crate) fn notices(rig: &RigConfig, metrics_token_file: Option<&Path>) -> Vec<String> {
     let mut notices = Vec::new();
     if rig.api.needs_token() && rig.api.tls.is_none() {
@@ -69,7 +71,7 @@ pub(crate) fn notices(rig: &RigConfig, metrics_token_file: Option<&Path>) -> Vec
     }
     let key = rig.api.tls.as_ref().map(|tls| tls.key.as_path());
     for file in [rig.api.token_file.as_deref(), metrics_token_file, key].into_iter().flatten() {
-        // One that cannot be looked at ends the start elsewhere.
+        // A file that cannot be examined is reported elsewhere and stops the start.
         if std::fs::metadata(file).is_ok_and(|found| found.permissions().mode() & 0o004 != 0) {
             let file = file.display();
             notices

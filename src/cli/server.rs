@@ -1,4 +1,4 @@
-//! `hbot server`: run the loop and the TCP service until somebody stops them.
+//! `hbot server`: runs the loop and the TCP service until they are stopped.
 
 use std::future::poll_fn;
 use std::io::ErrorKind;
@@ -24,7 +24,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use super::console::Console;
 use super::{secrets, status, style};
 
-/// Options of `hbot server`. What is not given comes from the rig file.
+/// Options of `hbot server`. Values that are not given come from the rig file.
 #[derive(Debug, Args)]
 pub(crate) struct ServerArgs {
     /// Rig file (TOML) [default: the prototype, built in]
@@ -36,53 +36,55 @@ pub(crate) struct ServerArgs {
     /// `sim` for the simulated rig, or a serial device
     #[arg(long, value_name = "sim|DEVICE")]
     port: Option<String>,
-    /// Address to listen on; another than loopback needs a token
+    /// Address to listen on; addresses other than loopback need a token
     #[arg(long, value_name = "ADDR:PORT")]
     listen: Option<SocketAddr>,
     /// Ticks a second
     #[arg(long, value_name = "HZ")]
     rate: Option<u32>,
-    /// Processor that the loop's thread stays on, from 0
+    /// Processor that the loop's thread is pinned to, from 0
     #[arg(long, value_name = "N")]
     cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]
     accuracy: Option<Accuracy>,
-    /// The cheapest methods that err by no more than this in 10 s of brisk motion, as measured at start
+    /// Use the cheapest methods whose error is at most this in 10 s of brisk motion, as measured at
+    /// start
     #[arg(long, value_name = "RAD", value_parser = radians, allow_negative_numbers = true, conflicts_with = "accuracy")]
     accuracy_target: Option<f64>,
-    /// Real time, or as fast as the machine goes (simulated rig only)
+    /// Wall-clock time, or as fast as the machine allows (simulated rig only)
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
     time: TimeArg,
-    /// End after this time of the loop
+    /// Stop after this time of the loop
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// File with the token that clients must know
+    /// File with the token that clients must present
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; another address than loopback needs a token for the page
+    /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; addresses other than loopback need
+    /// a token for the page
     #[arg(long, value_name = "ADDR:PORT")]
     metrics: Option<SocketAddr>,
-    /// File with the token that scrapes of the metrics must show; not that of clients
+    /// File with the token that requests for metrics must present; must not be the clients' token
     #[arg(long, value_name = "FILE", requires = "metrics")]
     metrics_token_file: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Accuracy {
-    /// Least time
+    /// Shortest computing time
     Fast,
-    /// Accurate beyond usual encoders
+    /// More accurate than usual encoders
     Balanced,
-    /// Least error with fine encoders
+    /// Smallest error with fine encoders
     Exact,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum TimeArg {
-    /// Absolute deadlines on the clock
+    /// Ticks at deadlines of the system clock
     Wall,
-    /// Lock-step with the simulated rig
+    /// Ticks in lock-step with the simulated rig
     Virtual,
 }
 
@@ -101,7 +103,7 @@ fn radians(text: &str) -> Result<f64, String> {
 }
 
 impl ServerArgs {
-    /// What the command line puts in place of the rig file's values.
+    /// Returns the values of the command line that replace those of the rig file.
     fn overrides(&self) -> Vec<Override> {
         let mut list = Vec::new();
         let mut put = |path, from, value: Option<serde_json::Value>| {
@@ -209,14 +211,15 @@ async fn serve(
     Ok(if finished.failed.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-/// What the rig's methods cost here and what they err; with a `target` (rad), of the cheapest that meet it, which become the
-/// rig's. Measured before the loop runs, so that neither disturbs the other.
+/// Measures what the rig's methods cost on this machine and how large their error is. With a
+/// `target`, rad, it selects the cheapest methods whose error is at most that and sets them in
+/// `rig`. It runs before the loop starts, so that neither disturbs the other.
 fn expected(rig: &mut RigConfig, target: Option<f64>) -> anyhow::Result<Expectation> {
     let Some(target) = target else { return Ok(expectation::of(&rig.rig)) };
     match expectation::cheapest(&rig.rig, target) {
         Ok(choice) => {
             rig.rig = rig.rig.with(|parts| parts.methods = choice.chosen(&parts.methods))?;
-            // As in a rig file that names each.
+            // The preset has this name if a rig file chooses each method itself.
             rig.accuracy = "custom";
             Ok(choice)
         }
@@ -240,7 +243,8 @@ fn too_slow(rig: &RigConfig, expected: &Expectation) -> String {
     )
 }
 
-/// What the server says at start: rig, port, rate, methods with what they cost and err, scene, address.
+/// Returns the text that the server prints at start: rig, port, rate, methods with their cost and
+/// error, scene, address.
 fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expected: &Expectation) -> String {
     let (name, off) = (style::NAME, style::OFF);
     let how = match time {
@@ -271,7 +275,7 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
     )
 }
 
-/// A socket that listens on `at`; an error says what hinders and how to mend it.
+/// Returns a socket that listens on `at`. An error states the reason and how to correct it.
 async fn bind(at: SocketAddr, option: &str) -> anyhow::Result<TcpListener> {
     TcpListener::bind(at).await.map_err(|error| {
         let what = cannot_listen(at, option, error.kind());
@@ -292,7 +296,8 @@ fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind) -> String {
     format!("cannot listen on {at}: {what}")
 }
 
-/// Where flight logs go: the user's state folder (XDG base directories).
+/// Returns the directory for flight logs, in the user's state directory (XDG base directories).
+/// Returns `None` if neither `XDG_STATE_HOME` nor `HOME` is an absolute path.
 pub(crate) fn flight_dir() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));

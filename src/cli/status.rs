@@ -1,4 +1,5 @@
-//! The status line of a server that runs in a terminal, and the figures at its end.
+//! The status line of a server that runs in a terminal, and the statistics that it prints at its
+//! end.
 
 use std::fmt::Write as _;
 
@@ -9,7 +10,8 @@ use hbot_server::service::Status;
 use super::out::foreign;
 use super::style;
 
-/// One line: time, mode, orientation, torque, how punctual, who is there.
+/// Returns the status line: time, mode, orientation, torque, late ticks, clients and holder of the
+/// lease.
 pub(crate) fn line(status: &Status) -> String {
     let Some(sample) = &status.sample else { return "waiting for the first tick".to_owned() };
     let (state, counters) = (&sample.state, &sample.counters);
@@ -36,7 +38,7 @@ pub(crate) fn line(status: &Status) -> String {
     line
 }
 
-/// The figures at the end.
+/// Returns the statistics that are printed when the server ends.
 pub(crate) fn summary(finished: &Finished) -> String {
     let s = &finished.summary;
     let mut text = format!(
@@ -69,7 +71,7 @@ pub(crate) fn summary(finished: &Finished) -> String {
 }
 
 fn pair(d: &Distribution) -> String {
-    // A tick that was waited for awake is late by less than 0.1 us.
+    // A thread that wakes early and waits awake is less than 0.1 µs late.
     let shown = |us: f64| if us < 1.0 { format!("{us:.3}") } else { format!("{us:.1}") };
     format!("{} ({})", shown(d.p50), shown(d.p99))
 }

@@ -1,4 +1,4 @@
-//! Colours, which anstream takes out where the output is not a terminal or NO_COLOR is set.
+//! Colours. anstream removes them if the output is not a terminal or NO_COLOR is set.
 
 use anstyle::{AnsiColor, Reset, Style};
 
@@ -9,15 +9,16 @@ pub(crate) const NAME: Style = Style::new().bold();
 pub(crate) const DIM: Style = Style::new().dimmed();
 pub(crate) const OFF: Reset = Reset;
 
-/// Goes to the start of the terminal's line, empties it, and has what follows cut at the right edge instead of wrapped. For a
-/// terminal only; written past anstream, which would take it out with the colours.
+/// Escape sequence that goes to the start of the terminal's line and clears it. The terminal then
+/// cuts the following text at its right edge instead of wrapping it. For terminals only. It must be
+/// written without anstream, which would remove it together with the colours.
 pub(crate) const SAME_LINE: &str = "\r\x1b[2K\x1b[?7l";
-/// Ends what [`SAME_LINE`] began.
+/// Escape sequence that ends the effect of [`SAME_LINE`].
 pub(crate) const LINE_END: &str = "\x1b[?7h";
-/// Empties the terminal's line for something else.
+/// Escape sequence that clears the terminal's line, so that something else can be written there.
 pub(crate) const CLEAR_LINE: &str = "\r\x1b[2K";
 
-/// The colour of a mode.
+/// Returns the colour of a mode.
 pub(crate) fn of_mode(mode: &str) -> Style {
     match mode {
         "active" | "enabling" => GOOD,

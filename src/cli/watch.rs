@@ -1,4 +1,4 @@
-//! `hbot watch`: the state of a running server, live.
+//! `hbot watch`: shows the state of a running server, live.
 
 use std::io::{IsTerminal as _, Stdout, Write as _};
 use std::process::ExitCode;
@@ -38,7 +38,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             args.address.server,
             hello.rate_hz
         )?;
-        // Cut at the edge of a terminal like the rows below it.
+        // A terminal cuts the header at its right edge, like the rows below it.
         print(&header(), screen, screen)?;
         if screen {
             say!("")?;
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Prints a line; on a terminal a state takes the place of the state before it.
+/// Prints a line. On a terminal, a state replaces the previous state.
 fn print(line: &str, screen: bool, again: bool) -> anyhow::Result<Reader> {
     raw(|out| {
         if again {
@@ -93,7 +93,7 @@ fn print(line: &str, screen: bool, again: bool) -> anyhow::Result<Reader> {
     })
 }
 
-/// Has `write` write to standard output past anstream, all at once.
+/// Runs `write` on standard output, bypassing anstream, and flushes it.
 fn raw(write: impl FnOnce(&mut Stdout) -> std::io::Result<()>) -> anyhow::Result<Reader> {
     let mut out = std::io::stdout();
     written(write(&mut out).and_then(|()| out.flush()))

@@ -1,4 +1,5 @@
-//! A rig on the bench: a sphere that turns as it is told, encoders that read it, and a controller.
+//! A rig on a test bench: a sphere that turns as commanded, encoders that read it, and a
+//! controller.
 
 use crate::designs;
 use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
@@ -10,12 +11,12 @@ use hbot_core::outputs::{Outputs, Reply};
 use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Traction, Zero};
 use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
 
-/// The loop's period, s.
+/// Period of the loop, s.
 pub const DT: f64 = 1e-3;
-/// The slope that torque may have in [`rig`], N m/s.
+/// Slew limit of the torque in [`rig`], N m/s.
 pub const TORQUE_RATE: f64 = 200.0;
 
-/// The prototype's rig, with motors that take a torque of 1 N m about any axis.
+/// Returns the prototype's rig with motors strong enough for 1 N m about any axis.
 pub fn rig() -> Rig {
     let joint = |peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) };
     let parts =
@@ -32,34 +33,36 @@ pub fn rig() -> Rig {
     Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
 }
 
-/// `rig` as `alter` changes it.
+/// Returns `rig` as changed by `alter`.
 pub fn altered(rig: &Rig, alter: impl FnOnce(&mut RigParts)) -> Rig {
     rig.with(alter).expect("still a legal rig")
 }
 
-/// [`rig`] with contacts that hold `grip` newton.
+/// Returns [`rig`] with contacts that hold the force `grip`, N.
 pub fn rig_with_grip(grip: f64) -> Rig {
     altered(&rig(), |rig| rig.limits.traction = Some(Traction { mu: 1.0, normal_force: grip }))
 }
 
-/// An effect in `slot` that begins with its full torque.
+/// Returns an effect in `slot` that begins with its full torque.
 pub fn effect(slot: u8, epoch: u32, kind: Kind) -> Effect {
     Effect::new(slot, epoch, kind)
 }
 
-/// A geodesic spring of `stiffness` and `damping` towards `reference`.
+/// Returns a geodesic spring towards `reference`, with `stiffness` (N m/rad) and `damping` (N m
+/// s/rad).
 pub fn spring(stiffness: f64, damping: f64, reference: Quat, anchor: Anchor) -> Kind {
     let [k, d] = [stiffness, damping].map(|x| Mat3::from_diagonal(Vec3::splat(x)));
     Kind::Spring(Spring::new(SpringLaw::Geodesic, k, d, reference, anchor).unwrap())
 }
 
-/// A scene of one such spring in slot 0, epoch 1; the sphere at the identity is `turn` away from its reference.
+/// Returns a scene with a geodesic spring in slot 0. Its reference is `turn` (rotation vector,
+/// rad), so a sphere at the identity is that far from it.
 pub fn spring_scene(revision: u64, stiffness: f64, turn: Vec3) -> CompiledScene {
     let kind = spring(stiffness, 0.0, rotation::exp(turn), Anchor::Absolute);
     CompiledScene::new(revision, &[effect(0, revision as u32, kind)]).unwrap()
 }
 
-/// A sphere and its wheels, turned without slip.
+/// A sphere with its wheels, which turns without slip.
 #[derive(Clone)]
 pub struct Sphere {
     device: Device,
@@ -73,9 +76,10 @@ impl Sphere {
         Self { device, q: Quat::IDENTITY, omega: Vec3::ZERO, angle: [0.0; MAX_JOINTS] }
     }
 
-    /// Turns it with the angular velocity `omega` (N, rad/s) for `time` seconds.
+    /// Turns the sphere with the angular velocity `omega` (rad/s in N) for `time` seconds.
     pub fn turn(&mut self, omega: Vec3, time: f64) {
-        // Midpoint in sixteenths: steering at 100 rad/s is then followed to 1e-6 rad over a tick of 1 ms.
+        // The midpoint method in sixteen steps follows steering at 100 rad/s to 1e-6 rad over a
+        // tick of 1 ms.
         let h = time / 16.0;
         for _ in 0..16 {
             let half = self.moved(&self.rates(omega), 0.5 * h);
@@ -99,11 +103,12 @@ impl Sphere {
     }
 }
 
-/// What the encoders of `rig` read of `sphere`, in answer to the command `sequence`.
+/// Returns what the encoders of `rig` read of `sphere`, as the answer to the command `sequence`.
 pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
     let mut counts = [0; MAX_JOINTS];
     for j in 0..rig.device.joints() {
-        // What wraps in the encoder wraps here. Counts and rates are in the joint's sense, whatever `reversed` says.
+        // Counts wrap as in the encoder. Counts and rates have the joint's sign, regardless of
+        // `reversed`.
         counts[j] = (sphere.angle[j] / rig.joints[j].radians_per_count().abs()).round() as i64 as i32;
     }
     JointFeedback {
@@ -119,11 +124,11 @@ pub struct Bench {
     pub controller: Controller,
     pub scene: CompiledScene,
     pub sphere: Sphere,
-    /// The next tick.
+    /// Number of the next tick.
     pub tick: u64,
-    /// Counts that the encoders stood at when the bench began.
+    /// Encoder counts at the start of the bench.
     pub offset: [i32; MAX_JOINTS],
-    /// The last tick whose command has arrived at the controllers.
+    /// Last tick whose command has arrived at the motor controllers.
     sent: u64,
     rig: Rig,
 }
@@ -141,18 +146,19 @@ impl Bench {
         }
     }
 
-    /// A bench whose first tick is `tick`.
+    /// Creates a bench whose first tick is `tick`.
     pub fn from_tick(rig: Rig, tick: u64) -> Self {
         Self { tick, sent: tick - 1, ..Self::new(rig) }
     }
 
-    /// A bench that renders `scene` at full torque.
+    /// Creates a bench that renders `scene` at full torque.
     pub fn active(rig: Rig, scene: CompiledScene) -> Self {
         let mut bench = Self::new(rig);
         bench.scene = scene;
         bench.step();
         assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
-        // Half a second, and a tick for the sum of five hundred roundings.
+        // Half a second for the soft start, and one tick more for the rounding of five hundred
+        // sums.
         for _ in 0..501 {
             bench.step();
         }
@@ -164,12 +170,12 @@ impl Bench {
         &self.rig
     }
 
-    /// The number of the last command, as feedback repeats it.
+    /// Returns the sequence number of the last command, which feedback repeats.
     pub fn sent(&self) -> u32 {
         self.sent as u32
     }
 
-    /// What the encoders read now, in answer to the last command.
+    /// Returns what the encoders read now, as the answer to the last command.
     pub fn feedback(&self) -> JointFeedback {
         let mut feedback = reading(&self.rig, &self.sphere, self.sent as u32);
         for (count, offset) in feedback.counts.iter_mut().zip(self.offset) {
@@ -178,17 +184,17 @@ impl Bench {
         feedback
     }
 
-    /// The inputs of an ordinary tick.
+    /// Returns the inputs of an ordinary tick.
     pub fn inputs(&self) -> Inputs {
         Inputs { feedback: Some(self.feedback()), ..Inputs::quiet(self.tick) }
     }
 
-    /// An ordinary tick.
+    /// Runs an ordinary tick.
     pub fn step(&mut self) -> Outputs {
         self.step_with(|_| {})
     }
 
-    /// A tick whose inputs `alter` changes.
+    /// Runs a tick whose inputs `alter` changes.
     pub fn step_with(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
         let mut inputs = self.inputs();
         alter(&mut inputs);
@@ -199,25 +205,25 @@ impl Bench {
         outputs
     }
 
-    /// An ordinary tick with one command.
+    /// Runs an ordinary tick with one command.
     pub fn command(&mut self, command: Command) -> Outputs {
         self.step_with(|inputs| inputs.commands.push(command).unwrap())
     }
 
-    /// A tick in which nothing is heard.
+    /// Runs a tick without feedback.
     pub fn deaf(&mut self) -> Outputs {
         self.step_with(|inputs| inputs.feedback = None)
     }
 
-    /// Turns the sphere for a tick, and ticks. As on the line, the reading is of the moment when the last command arrived,
-    /// before the turn that was made while its torque was held.
+    /// Turns the sphere for a tick, and runs the tick. As on a real line, the reading was measured
+    /// when the last command arrived, before the turn made under its torque.
     pub fn turn(&mut self, omega: Vec3) -> Outputs {
         let reading = self.feedback();
         self.sphere.turn(omega, DT);
         self.step_with(|inputs| inputs.feedback = Some(reading))
     }
 
-    /// So many ordinary ticks; the last one's outputs.
+    /// Runs `ticks` ordinary ticks and returns the outputs of the last one.
     pub fn run(&mut self, ticks: u32) -> Outputs {
         for _ in 1..ticks {
             self.step();
@@ -226,7 +232,7 @@ impl Bench {
     }
 }
 
-/// The answer to the first command.
+/// Access to the reply to the first command of a tick.
 pub trait FirstReply {
     fn reply(&self) -> Reply;
 }
@@ -237,12 +243,13 @@ impl FirstReply for Outputs {
     }
 }
 
-/// A stream of `torque` for `valid_ticks`.
+/// Returns a command that streams `torque` (N m in N) for `valid_ticks` ticks.
 pub fn stream(torque: Vec3, valid_ticks: u32) -> Command {
     Command::Stream { torque, valid_ticks, stamp: Stamp::default() }
 }
 
-/// Every number that a tick gives out is finite, and no torque leaves while the motors are not enabled.
+/// Asserts that every number in the outputs is finite, and that there is no torque while the motors
+/// are not enabled.
 pub fn assert_finite(outputs: &Outputs) {
     let s = &outputs.state;
     let all = s.q.is_finite()
@@ -262,7 +269,7 @@ pub fn assert_finite(outputs: &Outputs) {
     }
 }
 
-/// A bench that renders a soft spring a tenth of a radian away.
+/// Creates an active bench with a soft spring whose reference is 0.1 rad away.
 pub fn active() -> Bench {
     Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.1))
 }

@@ -1,4 +1,4 @@
-//! Heat of the motors and energy into the hand: faults that add up.
+//! Faults that build up over time: heat of the motors, and energy delivered to the hand.
 
 use crate::bench::{Bench, DT, FirstReply, altered, rig, spring_scene, stream};
 use hbot_core::inputs::Command;
@@ -12,7 +12,7 @@ fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
     let thermal_time = 4.0;
     let ticks_until_hot = |factor: f64| {
         let rig = altered(&rig(), |rig| rig.limits.thermal_time = Some(thermal_time));
-        // The joint that works hardest holds `factor` times its continuous torque.
+        // The joint with the largest load holds `factor` times its continuous torque.
         let mut probe = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
         let torques = probe.run(10).state.joint_torque;
         let rig = altered(&rig, |rig| {
@@ -28,7 +28,7 @@ fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
         let ticks = ticks_until_hot(factor).expect("hot some time");
         let square = factor * factor;
         let expected = thermal_time * (square / (square - 1.0)).ln() / DT;
-        // Half the fade of the new scene (50 ms) comes on top, and a thousandth for the steps.
+        // Half the blend of the new scene (50 ms) is added, and a thousandth for the ticks.
         let off = ticks as f64 - expected;
         assert!((-20.0..80.0).contains(&off), "{factor}: {ticks} ticks, {expected} expected");
     }
@@ -37,7 +37,8 @@ fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {
 
 #[test]
 fn energy_beyond_its_limit_is_a_fault_when_it_has_added_up_and_not_before() {
-    // The sphere turns along with 0.3 N m at 2 rad/s: 0.6 W into the hand; or against it, out of the hand.
+    // The sphere turns along with 0.3 N m at 2 rad/s, which delivers 0.6 W to the hand. Or it turns
+    // against the torque and absorbs energy.
     let ticks_until = |burst: f64, power: f64, omega: f64| {
         let rig = altered(&rig(), |rig| rig.limits.energy = Some(EnergyLimit { burst, power }));
         let mut bench = Bench::active(rig, CompiledScene::empty());
@@ -57,7 +58,8 @@ fn energy_beyond_its_limit_is_a_fault_when_it_has_added_up_and_not_before() {
     for (burst, power) in [(0.1, 0.1), (0.05, 0.4), (0.5, 0.35)] {
         let expected = burst / (0.6 - power) / DT;
         let ticks = ticks_until(burst, power, 2.0).expect("some time");
-        // The slew of the torque, a tick's delay of the reading, and rounding.
+        // The tolerance covers the slew of the torque, a tick of delay of the reading, and
+        // rounding.
         assert!(
             (ticks as f64 - expected).abs() <= 8.0,
             "{burst} J, {power} W: {ticks} ticks, not {expected}"

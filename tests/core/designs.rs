@@ -1,9 +1,9 @@
-//! Devices to test with: the prototype, and legal ones at random.
+//! Devices for tests: the prototype, and random legal devices.
 
 use hbot_core::{Device, Mat3, Quat, Vec3, WheelSpec, rotation};
 use proptest::prelude::*;
 
-/// Wheels of the prototype (physics notes, section 12).
+/// Returns the wheels of the prototype (physics notes, section 12).
 pub fn prototype_wheels() -> [WheelSpec; 2] {
     [1.0, -1.0].map(|side| WheelSpec {
         axis: Vec3::new(side, 0.0, -1.0),
@@ -16,7 +16,7 @@ pub fn prototype_wheels() -> [WheelSpec; 2] {
     })
 }
 
-/// The prototype.
+/// Returns the prototype.
 pub fn prototype() -> Device {
     Device::new(0.102, 0.467, &prototype_wheels()).unwrap()
 }
@@ -32,12 +32,12 @@ pub fn vector(size: f64) -> impl Strategy<Value = Vec3> {
     (unit_vector(), 0.0..size).prop_map(|(axis, length)| axis * length)
 }
 
-/// Anywhere on SO(3).
+/// Any orientation, over all of SO(3).
 pub fn orientation() -> impl Strategy<Value = Quat> {
     vector(core::f64::consts::PI).prop_map(rotation::exp)
 }
 
-/// Symmetric positive definite, with eigenvalues from 0.1 to 10 times `size`.
+/// Symmetric positive definite matrices with eigenvalues from 0.1 to 10 times `size`.
 pub fn impedance(size: f64) -> impl Strategy<Value = Mat3> {
     (orientation(), prop::array::uniform3(-1.0..1.0_f64)).prop_map(move |(q, e)| {
         let r = Mat3::from_quat(q);
@@ -61,7 +61,7 @@ pub fn wheel() -> impl Strategy<Value = WheelSpec> {
     })
 }
 
-/// Legal devices of 2 to 8 wheels with steering angles.
+/// Legal devices of 2 to 8 wheels, with steer angles.
 pub fn device_and_steering() -> impl Strategy<Value = (Device, Vec<f64>)> {
     let wheels = prop::collection::vec((wheel(), -3.2..3.2_f64), 2..=8);
     (wheels, 0.05..0.5_f64).prop_filter_map("not a legal device", |(wheels, radius)| {

@@ -1,4 +1,5 @@
-//! Same inputs, same bits: over a hundred thousand ticks of everything that can happen, in debug and in release.
+//! Equal inputs give equal bits, over a hundred thousand ticks of everything that can happen, in
+//! debug and in release.
 
 use crate::bench::{altered, assert_finite, effect, rig, spring};
 use crate::rng::Rng;
@@ -14,14 +15,15 @@ use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3, rotation};
 
 const TICKS: u64 = 100_000;
 
-/// The hash of all outputs, for every machine and every profile. It changes when what the core computes does; the test
-/// then prints the new one. Two builds that differ in it do not compute the same.
+/// The hash of all outputs, valid for every machine and every profile. It changes when the core
+/// computes something else; the test then prints the new hash. Two builds with different hashes do
+/// not compute the same outputs.
 const GOLDEN: u64 = 0xA7E8_5358_E7EE_2A97;
 
-/// The same of the stages that a rig has only where it asks for them.
+/// The hash of all outputs with the optional stages of a rig.
 const GOLDEN_STAGES: u64 = 0x02DA_B862_0AD4_311F;
 
-/// FNV-1a, over words (Fowler, Noll and Vo).
+/// The hash function FNV-1a over words (Fowler, Noll and Vo).
 struct Hash(u64);
 
 impl Hash {
@@ -70,7 +72,7 @@ impl Hash {
     }
 }
 
-/// Joints that turn as they please, and a server that does as it likes.
+/// A source of random inputs: joints that turn at random, and a server that sends random commands.
 struct Weather {
     rng: Rng,
     counts: [i32; MAX_JOINTS],
@@ -87,7 +89,7 @@ impl Weather {
             *scene = rng.below(4) as usize;
         }
         for j in 0..MAX_JOINTS {
-            // Rates walk at random; a small force keeps them small.
+            // The rates are a random walk, with a decay that keeps them small.
             rates[j] = 0.98 * rates[j] + rng.between(-0.3, 0.3);
             counts[j] = counts[j].wrapping_add((rates[j] * if j % 2 == 0 { 2.6 } else { 44.3 }) as i32);
         }
@@ -182,7 +184,8 @@ fn rigs() -> [Rig; 3] {
     [plain, weak, slippery]
 }
 
-/// Drives a controller through the weather of `seed`; what came in, and the hash of what came out.
+/// Runs a controller with the random inputs of `seed`. Returns the inputs, and the number of ticks
+/// in each mode.
 fn run(rig: Rig, seed: u64, ticks: u64, hash: &mut Hash) -> (Vec<(usize, Inputs)>, [u64; 6]) {
     let scenes = scenes();
     let mut weather =
@@ -210,14 +213,14 @@ fn a_hundred_thousand_ticks_give_the_same_bits_on_every_machine() {
         let (_, modes) = run(rig, seed as u64, TICKS.div_ceil(3), &mut hash);
         (0..6).for_each(|k| seen[k] += modes[k]);
     }
-    // The weather is varied enough to mean something.
+    // The random inputs are varied enough for a meaningful test.
     for mode in [Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop] {
         assert!(seen[mode as usize] > 1000, "{mode:?} in {} ticks only: {seen:?}", seen[mode as usize]);
     }
     assert_eq!(hash.0, GOLDEN, "the outputs hash to 0x{:016X}", hash.0);
 }
 
-/// The stages that a rig has only where it asks for them, together.
+/// Returns rigs with the optional stages, in combination.
 fn rigs_with_more_stages() -> [Rig; 3] {
     let [plain, weak, slippery] = rigs();
     let with = |rig: Rig, rate, path, damping| {
@@ -225,7 +228,7 @@ fn rigs_with_more_stages() -> [Rig; 3] {
         altered(&rig, |rig| {
             rig.methods =
                 Methods { odometry: OdometryMethod::Magnus4, path, rate, passivity, ..Methods::BALANCED };
-            // Counts that walk at random have rates to match.
+            // Counts that walk at random have large rates.
             rig.limits.speed = 500.0;
             rig.limits.slip = 50.0;
         })
@@ -264,7 +267,7 @@ fn a_recording_of_inputs_replays_to_the_same_bits() {
     }
     assert_eq!(replayed.0, hash.0);
 
-    // And one bit of one input is enough to tell.
+    // A change of one bit of one input changes the hash.
     let mut altered = Hash(1);
     let mut controller = Controller::new(rig);
     for (k, (scene, inputs)) in recording.iter().enumerate() {

@@ -1,11 +1,13 @@
-//! The passivity observer: energy given out, booked with the torque that was truly held (physics notes, section 9).
+//! The passivity observer: the energy delivered, computed with the torque that was actually held
+//! (physics notes, section 9).
 
 use crate::bench::{Bench, DT, effect, rig, spring_scene};
 use hbot_core::effects::{Damper, Kind};
 use hbot_core::inputs::{Command, JointFeedback};
 use hbot_core::{CompiledScene, Mat3, Vec3, rotation};
 
-/// A closed cycle of `ticks` out and back along an arc and around, imposed on the sphere; what each tick turned.
+/// Moves the sphere along a closed path in `ticks` ticks. Returns the sum of the squared turns of
+/// the ticks, rad².
 fn cycle(bench: &mut Bench, ticks: u32) -> f64 {
     let angle = |k: u32| core::f64::consts::TAU * f64::from(k) / f64::from(ticks);
     let place = |k: u32| {
@@ -22,8 +24,9 @@ fn cycle(bench: &mut Bench, ticks: u32) -> f64 {
     squares
 }
 
-/// A reading is a tick old when its torque begins, which is then held for a tick: on the average the spring's torque
-/// is that of one and a half ticks ago. Over a turn of delta a tick it gives out K (1/2 + 1) delta² too much.
+/// Mean delay of the torque, ticks. A reading is a tick old when its torque begins, and the torque
+/// is then held for a tick. On average the spring's torque is therefore 1.5 ticks late. If each
+/// tick turns by delta, the spring delivers K (1/2 + 1) delta² too much per tick.
 const LATE: f64 = 1.5;
 
 #[test]
@@ -35,12 +38,13 @@ fn around_a_cycle_a_spring_gives_out_only_what_its_delay_costs() {
         let before = bench.step().state.energy;
         let squares = cycle(&mut bench, ticks);
         *leak = bench.run(3).state.energy - before;
-        // The rest is encoder counts (0.4 mrad of steering, 1e-4 rad of the sphere, at 0.5 N m), which do not add up.
+        // The rest comes from encoder counts, which do not add up: 0.4 mrad of steering, 1e-4 rad
+        // of the sphere, at 0.5 N m.
         let want = LATE * STIFFNESS * squares;
         assert!((*leak - want).abs() < 0.05 * want, "{leak} J, expected {want} J");
         assert!(*leak > 0.0, "a leak is never a gain");
     }
-    // Of order 1: with twice the ticks a cycle half of it is left.
+    // The leak is of order 1: with twice as many ticks per cycle, half of it is left.
     assert!((leaks[0] / leaks[1] - 2.0).abs() < 0.1, "{leaks:?}");
 }
 
@@ -56,7 +60,7 @@ fn what_a_spring_stores_is_booked_as_taken_in() {
     let booked = before - bench.run(2).state.energy;
     let (angle, step) = (200.0 * 2.0 * DT, 2.0 * DT);
     let want = 0.5 * STIFFNESS * angle * angle - LATE * STIFFNESS * 200.0 * step * step;
-    // Encoder counts again: 1e-4 rad of 0.4 rad.
+    // The tolerance is encoder counts: 1e-4 rad out of 0.4 rad.
     assert!((booked - want).abs() < 1e-3 * want, "{booked} J, expected {want} J");
 }
 
@@ -69,16 +73,17 @@ fn a_damper_takes_energy_and_never_gives_it_back() {
     let before = bench.step().state.energy;
     let squares = cycle(&mut bench, 1000) / DT;
     let taken = before - bench.run(3).state.energy;
-    // D w² over the time; a tick of delay shifts it by a thousandth of the cycle.
+    // D w² integrated over time. A tick of delay shifts it by a thousandth of the cycle.
     assert!((taken - DAMPING * squares).abs() < 0.02 * DAMPING * squares, "{taken} J");
 }
 
-/// The torque of a command that has not arrived yet is not the one that turns the sphere.
+/// A command that has not arrived yet does not turn the sphere.
 #[test]
 fn on_a_slow_line_the_torque_that_was_held_is_the_one_that_counts() {
     let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::ZERO));
     let before = bench.step().state.energy;
-    // Commands take four ticks to arrive; each is answered, by a reading of that moment, in time for the next tick.
+    // Commands take four ticks to arrive. Each is answered with a reading of that moment, in time
+    // for the next tick.
     let mut commands = std::collections::VecDeque::from([Vec3::ZERO; 4].map(|torque| (bench.sent(), torque)));
     let (mut truth, mut reading) = (0.0, None);
     for k in 0..400 {
@@ -91,7 +96,7 @@ fn on_a_slow_line_the_torque_that_was_held_is_the_one_that_counts() {
         bench.sphere.turn(omega, DT);
     }
     let booked = bench.deaf().state.energy - before;
-    // To the noise of encoder counts: 1e-4 rad at up to 1 N m.
+    // The tolerance is the noise of encoder counts: 1e-4 rad at up to 1 N m.
     assert!((booked - truth).abs() < 1e-4, "{booked} J booked, {truth} J given out");
     assert!(truth.abs() > 0.01, "{truth}");
 }
@@ -100,7 +105,7 @@ fn on_a_slow_line_the_torque_that_was_held_is_the_one_that_counts() {
 fn over_skipped_ticks_the_last_torque_is_the_one_that_was_held() {
     for (command, torque) in [(Command::Estop, 0.0), (Command::Enable, 0.6)] {
         let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::Y * 0.3));
-        // Where there is no torque any more, there was some 64 ticks ago.
+        // After the estop there is no torque, but there still was 64 ticks earlier.
         bench.command(command);
         for _ in 0..5 {
             let before = bench.step().state;

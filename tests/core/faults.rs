@@ -1,4 +1,4 @@
-//! When a link, a clock or an encoder is bad enough to stop, and when it is not.
+//! The limits at which a bad link, clock or encoder becomes a fault.
 
 use crate::bench::{Bench, FirstReply, active, altered, rig};
 use crate::rng::Rng;
@@ -41,7 +41,7 @@ fn a_link_is_lost_after_its_time_out_and_not_before() {
     for timeout in [1, 20, 100] {
         let rig = altered(&rig(), |rig| rig.timing.timeout_ticks = timeout);
         let mut bench = Bench::active(rig, CompiledScene::empty());
-        // So many ticks may miss their feedback; one more, and the link is lost.
+        // This many ticks can lack feedback. With one more the link is lost.
         for k in 1..=timeout {
             assert_eq!(bench.deaf().state.cause, None, "{k} of {timeout} ticks without feedback");
         }
@@ -72,7 +72,7 @@ fn a_rig_that_never_answers_is_a_lost_link_too() {
 #[test]
 fn one_frame_in_a_hundred_may_be_damaged_and_every_second_one_may_not() {
     let mut rng = Rng(21);
-    // 100 s at 1 kHz. A damaged frame is also one that is missing.
+    // 100 s at 1 kHz. A damaged frame is also a missing one.
     let mut bench = active();
     for _ in 0..100_000 {
         let damaged = rng.once_in(100);
@@ -96,7 +96,7 @@ fn one_frame_in_a_hundred_may_be_damaged_and_every_second_one_may_not() {
         outputs.state.cause == Some(Cause::LinkCorrupt)
     });
     assert!(stopped.is_some_and(|tick| tick < 60), "{stopped:?}");
-    // Any number of damaged frames at once is forgiven within half a second.
+    // After any number of damaged frames in one tick, reset works again within half a second.
     bench.step_with(|inputs| inputs.corrupt_frames = u16::MAX);
     bench.run(400);
     assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
@@ -110,7 +110,7 @@ fn readings_that_answer_too_old_a_command_are_a_lost_link_for_as_long_as_they_do
         let mut cause = None;
         for k in 0..400_u32 {
             line.push_back(bench.feedback());
-            // Later and later, so that no gap is long.
+            // The delay increases slowly, so that no gap is long.
             let now = line.len() as u32 > late.min(k / 4);
             let reading = if now { line.pop_front() } else { None };
             cause = bench.step_with(|inputs| inputs.feedback = reading).state.cause;

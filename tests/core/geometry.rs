@@ -1,4 +1,5 @@
-//! Designs: what is legal, what is refused and why, and the constants of a wheel (physics notes, sections 1 to 3).
+//! Designs: which are legal, which are refused and why, and the constants of a wheel (physics
+//! notes, sections 1 to 3).
 
 use crate::designs::{device_and_steering, prototype_wheels};
 use hbot_core::device::DeviceError;
@@ -13,7 +14,7 @@ proptest! {
         let posture = Posture::new(&device, &theta);
         for (wheel, f) in device.wheels().iter().zip(posture.frames()) {
             let (l, a, b) = (wheel.spec().axis, wheel.spec().cone, wheel.spec().toe);
-            // Sums of a dozen products of sines.
+            // The tolerance is the rounding of sums of a dozen products of sines.
             let near = |x: f64, y: f64| (x - y).abs() < 32.0 * f64::EPSILON;
             prop_assert!(near(l.dot(f.c1), a.sin() * b.sin()));
             prop_assert!(near(l.dot(f.c2), a.sin() * b.cos()));
@@ -32,13 +33,13 @@ proptest! {
         let [a, b] = [posture.frames()[0], posture.frames()[1]];
         let [s1, s2, s3] = singular_values(&[-a.c2, a.c1, -b.c2, b.c1]);
         let c = a.c3.dot(b.c3).abs();
-        // Squares of singular values that are good to a rounding of the largest.
+        // Singular values have the rounding of the largest one. Their squares are compared.
         let near = |s: f64, want: f64| (s * s - want).abs() < 64.0 * f64::EPSILON;
         prop_assert!(near(s1, 2.0) && near(s2, 1.0 + c) && near(s3, 1.0 - c), "{s1} {s2} {s3}, cos {c}");
     }
 }
 
-/// Axes from 0.1 rad to nothing away from -n3, in several directions.
+/// Returns steering axes at 0.1 rad down to zero from -n3, in several directions.
 fn near_straight_down() -> impl Iterator<Item = Vec3> {
     let off = [0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-7, 3e-8, 1e-8, 1e-9, 1e-12, 1e-16, 1e-30, 1e-200, 0.0];
     off.into_iter().flat_map(|off| {
@@ -74,7 +75,7 @@ fn an_axis_near_straight_down_still_makes_contact_frames() {
     }
 }
 
-/// The same in 32 bits, where squares underflow sooner.
+/// The 32-bit version of the test above. Squares underflow sooner in 32 bits.
 #[test]
 fn an_axis_near_straight_down_still_makes_contact_frames_in_32_bits() {
     use hbot_core_f32::{Device, Vec3, WheelSpec, kinematics::Posture};
@@ -113,14 +114,15 @@ fn straight_down_is_a_half_turn_about_n1() {
     }
 }
 
-/// The prototype with one wheel altered.
+/// Returns the prototype with one wheel changed.
 fn altered(wheel: usize, alter: impl Fn(&mut WheelSpec)) -> Result<Device, DeviceError> {
     let mut wheels = prototype_wheels();
     alter(&mut wheels[wheel]);
     Device::new(0.102, 0.467, &wheels)
 }
 
-/// NaN never equals itself, so errors are compared as they are printed.
+/// Asserts that a design is refused. Errors are compared as text, because a NaN does not equal
+/// itself.
 #[track_caller]
 fn refused(design: Result<Device, DeviceError>, error: DeviceError, says: &str) {
     let got = design.expect_err(says);
@@ -171,7 +173,7 @@ fn designs_as_a_whole_are_refused_by_what_is_wrong_with_them() {
     let opposite = WheelSpec { axis: -a.axis, ..a };
     let error = DeviceError::InteriorSingular { wheels: [0, 1], meeting: Meeting::Antipodal };
     refused(Device::new(0.1, 0.5, &[a, opposite]), error, "opposite");
-    // A third wheel that stays clear of the other two mends it.
+    // A third wheel that stays clear of the other two makes the design legal.
     assert!(Device::new(0.1, 0.5, &[a, a, b]).is_ok());
 }
 

@@ -1,4 +1,5 @@
-//! Numbers that nobody should send: refused or a fault, never passed on, and forgotten after reset.
+//! Numbers that nobody should send. They are refused or cause a fault, are never passed on, and
+//! leave no trace after reset.
 
 use crate::bench::{Bench, FirstReply, rig, spring_scene};
 use hbot_core::device::MAX_JOINTS;
@@ -14,13 +15,13 @@ fn active() -> Bench {
     Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.1))
 }
 
-/// The rig does what it did before anything bad came in.
+/// Asserts that the rig behaves as it did before the bad input.
 fn works_again(mut bench: Bench, what: &str) {
     let like_new = active().run(100).state;
     if matches!(bench.step().state.mode, Mode::Fault | Mode::Estop) {
         assert_eq!(bench.command(Command::Reset).reply(), Reply::Done, "{what}");
     }
-    // Streams and rates expire, and so does what a reference was moved by.
+    // The wait lets streams and rates expire. The new scene undoes any motion of the reference.
     bench.scene = spring_scene(bench.scene.revision() + 1, 2.0, Vec3::X * 0.1);
     bench.run(1200);
     assert_eq!(bench.command(Command::Enable).reply(), Reply::Done, "{what}");
@@ -77,7 +78,7 @@ fn any_count_is_a_reading_or_a_fault() {
     }
 }
 
-/// Where a believed reading may have turned the sphere, only that it works is asked.
+/// Asserts only that the rig works again. A reading that was accepted can have turned the sphere.
 fn works_again_in_place(mut bench: Bench, what: &str) {
     bench.command(Command::Disable);
     bench.command(Command::Reset);
@@ -91,7 +92,7 @@ fn works_again_in_place(mut bench: Bench, what: &str) {
     assert_eq!(bench.run(600).state.mode, Mode::Active, "{what}");
 }
 
-/// Every place of a command that holds a number, with something bad in it.
+/// Returns every command that holds a number, with `bad` at each place of a number.
 fn bad_commands(bad: f64) -> Vec<(String, Command)> {
     let stamp = Stamp::default();
     let mut commands = Vec::new();
@@ -122,7 +123,8 @@ fn a_bad_number_in_a_command_is_refused_or_stays_without_harm() {
         for (what, command) in bad_commands(bad) {
             let mut bench = active();
             let reply = bench.command(command).reply();
-            // A torque or a rate may be any number; where it goes, it is limited. An orientation or a weight may not.
+            // A torque or a rate can be any finite number, as it is limited later. An orientation
+            // or a weight cannot.
             let only_large = bad.is_finite()
                 && match command {
                     Command::Stream { .. } => true,
@@ -131,7 +133,7 @@ fn a_bad_number_in_a_command_is_refused_or_stays_without_harm() {
                 };
             let want = if only_large { Reply::Done } else { Reply::Refused(Refusal::NotFinite) };
             assert_eq!(reply, want, "{what}");
-            // Every tick checks that what comes out is finite.
+            // Every tick checks that its outputs are finite.
             for _ in 0..100 {
                 let state = bench.step().state;
                 assert!(state.torque.length() < 2.0 + 1e-12, "{what}");
@@ -166,7 +168,8 @@ fn quaternions_that_are_not_unit_are_refused() {
 
 #[test]
 fn a_sum_that_is_not_finite_stops_the_motors_in_its_own_tick() {
-    // A scene's torque and a stream's may each be finite, and limited, and their sum not be a number to limit.
+    // The torques of a scene and of a stream can each be finite and limited, while their sum
+    // overflows.
     let stiff = spring_scene(1, 1e305, Vec3::X * 0.3);
     let mut bench = Bench::active(rig(), stiff);
     let before = bench.step().state;
@@ -175,7 +178,7 @@ fn a_sum_that_is_not_finite_stops_the_motors_in_its_own_tick() {
     assert_eq!(outputs.reply(), Reply::Done);
     assert_eq!((outputs.state.mode, outputs.state.cause), (Mode::Fault, Some(Cause::NonFinite)));
     assert!(outputs.state.torque == Vec3::ZERO && !outputs.drive.enable);
-    // With the stream gone, so is the cause.
+    // The cause ends with the stream.
     assert_eq!(bench.run(3).state.torque, Vec3::ZERO);
     assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
     bench.run(30);

@@ -1,5 +1,5 @@
-//! Springs are gradients of their energies, dampers take energy out, and no law sees the sign of a quaternion
-//! (physics notes, section 6).
+//! Springs are gradients of their energies, dampers absorb energy, and no law depends on the sign
+//! of a quaternion (physics notes, section 6).
 
 use crate::designs::{impedance, orientation, vector};
 use hbot_core::impedance::{Elastic, damper, first_order_law, geodesic_law, quaternion_law, rotation_vector};
@@ -14,12 +14,13 @@ fn geodesic(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic {
 
 const LAWS: [(&str, Law); 2] = [("quaternion", quaternion_law), ("geodesic", geodesic)];
 
-/// The largest entry: what torques and energies scale with.
+/// Returns the largest entry of a matrix, to which torques and energies are proportional.
 fn size(m: &Mat3) -> f64 {
     m.to_cols_array().iter().fold(0.0, |a: f64, x| a.max(x.abs()))
 }
 
-/// The work that a torque does on the sphere around a closed path, by the midpoint rule in `n` steps.
+/// Returns the work that a torque does on the sphere along a closed path, J, by the midpoint rule
+/// in `n` steps.
 fn loop_work(path: impl Fn(f64) -> Quat, n: u32, torque: impl Fn(Quat) -> Vec3) -> f64 {
     let at = |k: f64| path(k / f64::from(n));
     (0..n)
@@ -30,7 +31,8 @@ fn loop_work(path: impl Fn(f64) -> Quat, n: u32, torque: impl Fn(Quat) -> Vec3) 
         .sum()
 }
 
-/// A loop through orientations up to 2.9 rad from `desired`, where the geodesic law is still smooth.
+/// Returns a closed path through orientations up to 2.9 rad from `desired`, where the geodesic law
+/// is still smooth.
 fn around(desired: Quat, [a, b, c]: [Vec3; 3]) -> impl Fn(f64) -> Quat {
     move |s| {
         let (s1, c1) = (core::f64::consts::TAU * s).sin_cos();
@@ -48,8 +50,9 @@ proptest! {
     ) {
         let q = desired * rotation::exp(turn);
         for (name, law) in LAWS {
-            // A central difference over h: the third derivative leaves h² K or so (within 3 rad all derivatives of the
-            // logarithm are of order 1), rounding of the energy eps E / h. Both are near 1e-9 of K here.
+            // The slope is a central difference over h. Its error is about h² K (within 3 rad all
+            // derivatives of the logarithm are of order 1), plus the rounding eps E / h of the
+            // energy. Both are near 1e-9 of K here.
             let h = 1e-5;
             let energy = |h: f64| law(desired, rotation::exp(axis * h) * q, &k).energy;
             let slope = (energy(h) - energy(-h)) / (2.0 * h);
@@ -66,7 +69,8 @@ proptest! {
     ) {
         let path = around(desired, shape);
         for (name, law) in LAWS {
-            // The midpoint rule over 2000 steps of up to 5 mrad: their squares over 24, of the work done on the way.
+            // The error of the midpoint rule with 2000 steps of up to 5 mrad is their squares over
+            // 24, relative to the work.
             let work = loop_work(&path, 2000, |q| law(desired, q, &k).torque);
             prop_assert!(work.abs() < 2e-5 * size(&k), "{name}: {work} J");
         }
@@ -94,7 +98,8 @@ proptest! {
             let q = desired * rotation::exp(p);
             for (name, law) in LAWS {
                 let want = -(desired * (k * p));
-                // The second order is half the angle; below it there is the rounding of a unit quaternion.
+                // The term of second order is half the angle. For smaller angles the rounding of a
+                // unit quaternion dominates.
                 let within = size(&k) * (2.0 * angle * angle + 16.0 * f64::EPSILON);
                 prop_assert!((law(desired, q, &k).torque - want).length() < within, "{name} at {angle}");
             }
@@ -107,7 +112,8 @@ proptest! {
         let q = desired * rotation::exp(turn);
         let angle = turn.length();
         let axis = desired * turn.normalize_or_zero();
-        // A few roundings of a torque of up to 6 N m; near a half turn M's cotangent loses none.
+        // The tolerance is a few roundings of a torque of up to 6 N m. The cotangent in M adds none
+        // near a half turn.
         let within = 64.0 * f64::EPSILON * 6.0;
         prop_assert!((quaternion_law(desired, q, &k).torque + axis * (2.0 * angle.sin())).length() < within);
         prop_assert!((geodesic(desired, q, &k).torque + axis * (2.0 * angle)).length() < within);
@@ -122,14 +128,15 @@ proptest! {
     ) {
         let relative = omega - omega_d;
         let power = damper(desired, &d, omega, omega_d).dot(relative);
-        // At least the smallest eigenvalue's worth, 0.01 here, goes in, but for rounding.
+        // The damper absorbs at least the smallest eigenvalue, 0.01 here, times the squared rate,
+        // except for rounding.
         let rounding = 64.0 * f64::EPSILON * size(&d) * relative.length_squared();
         prop_assert!(power <= -0.00999 * relative.length_squared() + rounding, "{power} W");
     }
 
     #[test]
     fn logarithm_and_exponential_undo_each_other(v in vector(core::f64::consts::PI), q in orientation()) {
-        // A rounding of the quaternion is at most two of pi in its logarithm.
+        // One rounding of the quaternion is at most two roundings of pi in its logarithm.
         let within = 16.0 * f64::EPSILON;
         prop_assert!((rotation::log(rotation::exp(v)) - v).length() <= within * core::f64::consts::PI);
         let back = rotation::exp(rotation::log(q));
@@ -137,7 +144,7 @@ proptest! {
     }
 }
 
-/// What the tests above would miss if they could not see it: the law that is not a gradient gives energy out.
+/// Shows that the tests above can detect a violation: a law that is not a gradient delivers energy.
 #[test]
 fn stiffness_times_the_rotation_vector_does_net_work_where_stiffness_is_uneven() {
     let k = Mat3::from_diagonal(Vec3::new(1.0, 4.0, 9.0));
@@ -165,13 +172,14 @@ fn at_exactly_a_half_turn_the_spring_keeps_pulling_the_way_it_did() {
     }
 }
 
-/// The first-order form is a gradient where K is isotropic, and gives out energy around a loop where it is not.
+/// The first-order law is a gradient if K is isotropic. If not, it delivers energy along a closed
+/// path.
 #[test]
 fn the_first_order_law_is_passive_for_one_stiffness_about_all_axes_only() {
     let path = around(Quat::IDENTITY, [Vec3::X * 0.1, Vec3::new(0.9, 0.2, 0.1), Vec3::new(0.0, 0.3, 0.9)]);
     let work = |k: &Mat3, law: Law| loop_work(&path, 4000, |q| law(Quat::IDENTITY, q, k).torque);
     let (even, uneven) = (Mat3::IDENTITY, Mat3::from_diagonal(Vec3::new(1.0, 4.0, 9.0)));
-    // The midpoint rule leaves some 1/n² of a joule.
+    // The error of the midpoint rule is about 1/n² J.
     assert!(work(&even, first_order_law).abs() < 1e-6, "{} J", work(&even, first_order_law));
     assert!(work(&uneven, quaternion_law).abs() < 1e-6, "{} J", work(&uneven, quaternion_law));
     assert!(work(&uneven, first_order_law).abs() > 0.1, "{} J", work(&uneven, first_order_law));
@@ -193,7 +201,7 @@ fn the_first_order_law_is_the_exact_ones_limit_by_its_orders() {
             assert!((measured - order).abs() < 0.02, "{measured}");
         }
     }
-    // 2 K sin(angle/2), and its energy is the integral of that.
+    // 2 K sin(angle/2), and the energy is the integral of that.
     let q = desired * rotation::exp(axis * 1.3);
     let got = first_order_law(desired, q, &Mat3::IDENTITY);
     assert!((got.torque + desired * axis * (2.0 * 0.65_f64.sin())).length() < 4.0 * f64::EPSILON);

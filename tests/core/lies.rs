@@ -1,4 +1,4 @@
-//! What encoders and controllers say is not believed where it cannot be true.
+//! Readings from encoders and motor controllers that cannot be true are refused.
 
 use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use crate::rng::Rng;
@@ -10,7 +10,7 @@ use hbot_core::{Vec3, rotation};
 
 #[test]
 fn more_than_half_a_turn_between_readings_is_not_believed() {
-    // A person may spin a dead sphere, up to where the way that a joint went is lost.
+    // A person can spin an unpowered sphere until the direction of a joint's turn is ambiguous.
     for (joint, half) in [(0, 8192), (1, 139_264), (2, 8192), (3, 139_264)] {
         for sign in [1, -1] {
             let jump = |counts: i32| {
@@ -36,7 +36,7 @@ fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
         let row = Posture::new(&rig.device, &[0.0; 2]).rows()[joint].length();
         let most = 4.0 * rig.limits.speed * row * DT / rig.joints[joint].radians_per_count();
         for (share, cause) in [(0.99, None), (1.01, Some(Cause::ImplausibleFeedback))] {
-            // Two counts are left to rounding.
+            // Two counts are allowed for rounding.
             let by = (most * share + if share > 1.0 { 3.0 } else { 0.0 }) as i32;
             for sign in [1, -1] {
                 let mut bench = active();
@@ -49,8 +49,8 @@ fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
     }
 }
 
-/// Runs a powered rig whose counts move by `counts` a tick in each joint and whose controllers report
-/// `rates`: the fault that it ends in, and after how many ticks.
+/// Runs an active rig whose joints move by `counts` per tick while the motor controllers report
+/// `rates` (rad/s). Returns the fault in which it ends, and after how many ticks.
 fn lie(counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
     let mut bench = active();
     (1..200).find_map(|tick| {
@@ -66,7 +66,8 @@ fn lie(counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
 
 #[test]
 fn a_sphere_that_turns_too_fast_by_its_counts_alone_is_overspeed_within_50_ms() {
-    // Both drives roll: 41 rad/s at the sphere, of which 30 are allowed, with rates that say 0.
+    // Both drives roll, which is 41 rad/s at the sphere, above the limit of 30. The reported rates
+    // are 0.
     let counts = (41.0 * 0.102 / 0.0155 * DT / std::f64::consts::TAU * 16384.0 * 17.0) as i32;
     let (cause, tick) = lie([0, counts, 0, counts], [0.0; 4]).expect("a fault");
     assert!(cause == Cause::Overspeed && tick <= 50, "{cause:?} after {tick} ms");
@@ -75,7 +76,8 @@ fn a_sphere_that_turns_too_fast_by_its_counts_alone_is_overspeed_within_50_ms() 
 
 #[test]
 fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
-    // What no turn of the sphere explains of drive A's rolling, so that a contact slips at 0.2 m/s.
+    // The part of drive A's rolling that no turn of the sphere explains, scaled so that a contact
+    // slips at 0.2 m/s.
     let rig = rig();
     let posture = Posture::new(&rig.device, &[0.0; 2]);
     let alone = posture.forward(&rig.device, &[0.0, 1.0, 0.0, 0.0]);
@@ -91,8 +93,8 @@ fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
 
 #[test]
 fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
-    // A steering joint that drifts at 1 rad/s, below the limit of slip, with rates that say 0; and rates
-    // of 1 rad/s with counts that stand.
+    // First a steer joint drifts at 1 rad/s, below the slip limit, with reported rates of 0. Then
+    // the reported rate is 1 rad/s while the counts stand still.
     let drift = (DT / std::f64::consts::TAU * 16384.0).ceil() as i32;
     for (counts, rates) in [([drift, 0, 0, 0], [0.0; 4]), ([0; 4], [1.0, 0.0, 0.0, 0.0])] {
         let (cause, tick) = lie(counts, rates).expect("a fault");
@@ -101,7 +103,7 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
             "{cause:?} after {tick} ms"
         );
     }
-    // A lag of 5 ms in the rates of a sphere that is turned to and fro is no lie.
+    // A lag of 5 ms in the rates is accepted while the sphere turns back and forth.
     let mut bench = active();
     let mut rates = [0.0; 4];
     for k in 0..2000 {
@@ -123,8 +125,8 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
 
 #[test]
 fn readings_that_come_late_or_after_gaps_are_no_lies() {
-    // A sphere that is turned to and fro. Now and then the line stands for up to 200 ms: the controllers
-    // then answer the oldest command first, with what they read at that moment.
+    // The sphere turns back and forth. From time to time the line stops for up to 200 ms. Then the
+    // motor controllers answer the oldest command first, with what they read at that moment.
     let rig = altered(&rig(), |rig| rig.timing.timeout_ticks = 1000);
     for pace in [0.002, 0.02, 0.1] {
         let mut bench = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
@@ -173,7 +175,7 @@ fn motors_that_are_on_or_off_against_the_command_for_20_ms_are_a_fault() {
         let tick = (1..100).find(|_| bench.step_with(disobey).state.cause == Some(Cause::ControllerFault));
         assert_eq!(tick, Some(21), "powered: {powered}");
         assert!(bench.command(Command::Reset).reply() == Reply::Done, "it obeys again");
-        // Now and then is no fault: a power stage that wakes.
+        // A single disagreement is not a fault, for example while a power stage starts.
         for _ in 0..100 {
             bench.step_with(disobey);
             assert_eq!(bench.step().state.cause, None);
@@ -183,7 +185,7 @@ fn motors_that_are_on_or_off_against_the_command_for_20_ms_are_a_fault() {
 
 #[test]
 fn after_a_reading_that_was_not_believed_the_rig_works_again() {
-    // One reading alone, and joints that were turned far while nobody looked.
+    // Either a single reading is wrong, or the joints were turned far between two readings.
     for stays in [false, true] {
         let mut bench = active();
         let before = bench.step().state;
@@ -196,7 +198,8 @@ fn after_a_reading_that_was_not_believed_the_rig_works_again() {
         bench.run(2);
         assert_eq!(bench.command(Command::Reset).reply(), Reply::Done, "stays: {stays}");
         let after = bench.step().state;
-        // Which way the sphere went is not known, so no turn is made of it; the steering angle is what is read now.
+        // The direction of the sphere's turn is unknown, so its orientation stays. The steer angle
+        // is the one that is read now.
         assert!(rotation::angle_between(after.q, before.q) < 1e-12);
         let steering = if stays { core::f64::consts::TAU * 10_000.0 / 16384.0 } else { 0.0 };
         let off = rotation::wrap_angle(after.angle[0] - before.angle[0] - steering);

@@ -1,4 +1,5 @@
-//! The behaviour of the core: what a rig feels, does and refuses. One binary, a module for each subject.
+//! Tests of the core's behaviour: what a rig renders, does and refuses. They are one binary with a
+//! module for each subject.
 
 #![allow(unreachable_pub, reason = "a test has no outside")]
 

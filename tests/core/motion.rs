@@ -11,7 +11,8 @@ proptest! {
         let posture = Posture::new(&device, &theta);
         let rates = posture.inverse(omega);
         let forward = posture.forward(&device, &rates);
-        // Rates are good to rounding of |G| w; the least squares magnify that by their condition, n / sigma_min².
+        // Rates have the rounding of |G| w. The least-squares solution amplifies it by its
+        // condition, n / sigma_min².
         let condition = device.wheels().len() as f64 / interior_margin(&posture).powi(2);
         let lever = device.wheels().iter().map(|w| 1.0 / w.axis_along_roll()).fold(1.0, f64::max);
         let within = 32.0 * f64::EPSILON * (1.0 + omega.length()) * condition * lever;
@@ -32,7 +33,7 @@ proptest! {
         let torque = posture.torque_on_sphere(tau);
         let rates = posture.inverse(omega);
         let power: f64 = rates.iter().zip(tau).map(|(rate, tau)| rate * tau).sum();
-        // Rounding of each term of the double sum.
+        // The tolerance is the rounding of each term of the double sum.
         let terms: f64 =
             posture.rows().iter().zip(tau).map(|(row, tau)| row.length() * tau.abs() * omega.length()).sum();
         prop_assert!((torque.dot(omega) - power).abs() <= 32.0 * f64::EPSILON * terms);
@@ -46,7 +47,8 @@ proptest! {
     ) {
         let posture = Posture::new(&device, &theta);
         let forward = posture.forward(&device, &rates);
-        // Where the sum of squares is least, slip is orthogonal to what any turn of the sphere makes of it.
+        // At the least sum of squares, the slip is orthogonal to the slip that any turn of the
+        // sphere makes.
         let (r, mut dot, mut size) = (device.sphere_radius(), 0.0, 0.0);
         for (frame, slip) in posture.frames().iter().zip(&forward.slip) {
             let by_turn = [-r * frame.c2.dot(other), r * frame.c1.dot(other)];

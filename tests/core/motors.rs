@@ -1,4 +1,4 @@
-//! What motors and contacts leave of a torque.
+//! Limits of the torque by motors and contacts.
 
 use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, spring_scene, stream};
 use crate::rng::Rng;
@@ -7,7 +7,8 @@ use hbot_core::{CompiledScene, Vec3};
 
 #[test]
 fn torque_that_motors_or_contacts_limit_keeps_the_slew_limit() {
-    // Far more than the motors make, or than the contacts hold, in one direction after another.
+    // The wanted torques are far above what the motors can make or the contacts can hold, in
+    // changing directions.
     for rig in [rig(), rig_with_grip(6.0)].map(|rig| altered(&rig, |rig| rig.limits.torque = 8.0)) {
         let mut bench = Bench::active(rig, CompiledScene::empty());
         let mut rng = Rng(5);
@@ -35,11 +36,11 @@ fn a_torque_beyond_the_rig_keeps_its_direction() {
         let direction = rng.vector(1.0).normalize();
         bench.command(stream(direction * size, 40));
         let state = bench.run(39).state;
-        // The rig's 2 N m, or what the motors have of it.
+        // The torque is at most the rig's limit of 2 N m, or what the motors can make of it.
         assert!(state.torque.length() > 0.9, "{size:e} N m gives {}", state.torque);
         assert!(state.torque.length() < 2.0 + ROUNDING);
         assert!((state.torque.normalize() - direction).length() < 1e-9, "{size:e}");
-        // What was sent over what was wanted.
+        // The ratio of the torque sent and the torque wanted.
         assert!(
             (state.scale * (size / state.torque.length()) - 1.0).abs() < 1e-9,
             "{size:e}: {}",
@@ -77,7 +78,7 @@ fn contacts_are_never_asked_for_more_than_they_hold() {
     let free = Bench::active(rig_with_grip(1e4), scene.clone()).step().state;
     let grip = 1e4 * free.traction;
     assert!(free.traction > 0.0 && free.traction < 1e-2, "{}", free.traction);
-    // Just enough, and half of what would be needed.
+    // First just enough grip, then half of what is needed.
     let enough = Bench::active(rig_with_grip(grip * 1.001), scene.clone()).step().state;
     assert!((enough.torque - free.torque).length() < ROUNDING && enough.traction < 1.0);
     assert_eq!(enough.scale, 1.0);
@@ -85,11 +86,12 @@ fn contacts_are_never_asked_for_more_than_they_hold() {
     let mut least = 2.0_f64;
     for _ in 0..200 {
         let state = bench.step().state;
-        // A limit of size alone, found anew each tick from a torque that is a slew away from the last.
+        // Only the size is limited. The limit is computed anew in each tick, for a torque at most a
+        // slew step away from the last.
         assert!((state.torque.normalize() - Vec3::X).length() < 1e-9);
         assert!(state.torque.x <= 0.5 * free.torque.x + ROUNDING);
         least = least.min(state.torque.x);
-        // What the contacts carry, which is all that they can.
+        // The contacts carry all that they can hold.
         assert_eq!(state.traction, 1.0);
         assert!(state.scale < 1.0);
     }

@@ -1,4 +1,4 @@
-//! The methods of odometry have the orders that they are said to have (physics notes, section 4).
+//! The methods of odometry have their stated orders (physics notes, section 4).
 
 use crate::bench;
 use crate::designs::prototype_wheels;
@@ -11,14 +11,15 @@ use hbot_core::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
 use hbot_core::rig::PathFit::{self, Cubic, Quadratic, Straight};
 use hbot_core::{CompiledScene, Controller, Device, Quat, Vec3, WheelSpec, kinematics::Posture, rotation};
 
-/// A device with its joints at constant rates, none of which fits the others: the sphere slips as well.
+/// A device whose joints turn at constant rates that do not match each other, so that the sphere
+/// slips as well.
 struct Segment {
     device: Device,
     theta: Vec<f64>,
     rates: Vec<f64>,
 }
 
-/// How long it lasts, s.
+/// Duration of a segment, s.
 const TIME: f64 = 0.3;
 
 impl Segment {
@@ -38,7 +39,7 @@ impl Segment {
         Self { device, theta, rates }
     }
 
-    /// The orientation after it, in `n` steps.
+    /// Returns the orientation at the end of the segment, computed in `n` steps.
     fn end(&self, method: OdometryMethod, n: u32) -> Quat {
         let h = TIME / f64::from(n);
         let delta: Vec<f64> = self.rates.iter().map(|rate| rate * h).collect();
@@ -53,13 +54,14 @@ impl Segment {
 fn euler_midpoint_and_magnus_have_orders_1_2_and_4() {
     let mut rng = Rng(3);
     let segments: Vec<Segment> = (0..15).map(|_| Segment::new(&mut rng)).collect();
-    // Steps in which the steering turns by some 5 to 20 mrad: each method's leading error is far above rounding (Magnus: 1e-10)
-    // and far above its next order.
+    // The steering turns by 5 to 20 mrad per step. The leading error of each method is then far
+    // above rounding (Magnus: 1e-10), and far above its next order.
     for (method, order, n) in [(Euler, 1.0, 4000), (Midpoint, 2.0, 1000), (Magnus4, 4.0, 250)] {
         let mut orders: Vec<f64> = segments
             .iter()
             .map(|segment| {
-                // Sixteen times as fine, Magnus's error is 65,536 times smaller than that of the coarser steps.
+                // With steps sixteen times finer, the error of the Magnus method is 65,536 times
+                // smaller than with the coarser steps.
                 let reference = segment.end(Magnus4, 4000);
                 let [coarse, fine] =
                     [n, 2 * n].map(|n| rotation::angle_between(segment.end(method, n), reference));
@@ -82,25 +84,27 @@ fn midpoint_and_magnus_are_exact_where_the_steering_stands_still() {
         }
         let reference = segment.end(Magnus4, 1);
         for method in [Euler, Midpoint, Magnus4] {
-            // The frames stand still: one step is as good as a hundred, but for their rounding.
+            // The contact frames do not move, so one step is as accurate as a hundred, except for
+            // rounding.
             let off = rotation::angle_between(segment.end(method, 100), reference);
             assert!(off < 100.0 * f64::EPSILON * 8.0, "{method:?}: {off:e}");
         }
     }
 }
 
-/// The joints of a prototype that a person turns about, and where its sphere is.
+/// The true orientation of a prototype's sphere and its joint angles, while a person turns it.
 #[derive(Clone, Copy)]
 struct Truth {
     q: Quat,
     joints: [f64; 4],
 }
 
-/// Steps of the truth in a millisecond.
+/// Number of steps of the truth per millisecond.
 const FINE: usize = 16;
 
-/// A smooth motion of 1 s, `FINE` times a millisecond: the sphere turns about all three axes with up to 3 rad/s, each at its
-/// own pace, and its wheels roll. By the classical Runge-Kutta method, whose error in such steps is below 1e-13.
+/// Returns a smooth motion of 1 s with `FINE` samples per millisecond. The sphere turns about all
+/// three axes at up to 3 rad/s, with three different frequencies, and the wheels roll. The
+/// integration by the classic Runge-Kutta method has an error below 1e-13.
 fn motion(seed: u64) -> Vec<Truth> {
     let device = Device::new(0.102, 0.467, &prototype_wheels()).unwrap();
     let mut rng = Rng(seed);
@@ -141,8 +145,9 @@ fn motion(seed: u64) -> Vec<Truth> {
         .collect()
 }
 
-/// The error of orientation that odometry adds up in 0.6 s, with readings every `ms` milliseconds times `pattern`, which
-/// repeats. The first readings, which a fit of this degree needs to get going, are before that.
+/// Returns the orientation error that odometry accumulates in 0.6 s, rad. Readings come every `ms`
+/// milliseconds times the numbers of `pattern`, which repeats. The first readings, which the fit
+/// needs to start, come before the 0.6 s.
 fn drift(truth: &[Truth], method: OdometryMethod, fit: PathFit, ms: f64, pattern: &[usize]) -> f64 {
     let device = Device::new(0.102, 0.467, &prototype_wheels()).unwrap();
     let unit = (ms * FINE as f64) as usize;
@@ -175,12 +180,13 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// What the path costs, beside the method (the table of the physics notes, section 4).
+/// The error of the path, in addition to that of the method (the table of the physics notes,
+/// section 4).
 #[test]
 fn the_path_s_order_is_the_number_of_readings_that_it_goes_through() {
     let motions: Vec<Vec<Truth>> = (0..9).map(motion).collect();
     let even = [1];
-    // As when one reading in four is lost.
+    // As if one reading in four were lost.
     let uneven = [1, 1, 2, 1, 1, 1, 3, 1];
     for (method, fit, order) in [
         (Midpoint, Straight, 2.0),
@@ -195,21 +201,23 @@ fn the_path_s_order_is_the_number_of_readings_that_it_goes_through() {
             let errors = steps.map(|ms| {
                 median(motions.iter().map(|truth| drift(truth, method, fit, ms, pattern)).collect())
             });
-            // Drifts of 4e-5 down to 1e-10 rad, over the reference's own 1e-13: the leading error is all there is.
+            // The drifts go from 4e-5 down to 1e-10 rad, above the reference's 1e-13, so that only
+            // the leading error counts.
             for pair in errors.windows(2) {
                 let measured = (pair[0] / pair[1]).log2();
                 assert!((measured - order).abs() < 0.1, "{method:?}, {fit:?}: {measured} of {errors:?}");
             }
         }
     }
-    // The sizes of the notes' table, for a motion of another hand: within a factor of three.
+    // The sizes in the notes' table belong to another motion, hence a factor of three.
     for (fit, noted) in [(Straight, 6.2e-6), (Quadratic, 3.0e-8), (Cubic, 6.4e-10)] {
         let got = median(motions.iter().map(|truth| drift(truth, Magnus4, fit, 1.0, &even)).collect());
         assert!((noted / 4.0..noted * 3.0).contains(&got), "{fit:?}: {got:e} where the notes have {noted:e}");
     }
 }
 
-/// In 32 bits the path still pays: what is left is rounding, far below what a straight path is off.
+/// In 32 bits a curved path still pays off. The remaining error is rounding, far below the error of
+/// a straight path.
 #[test]
 fn in_single_precision_rounding_is_what_is_left() {
     use hbot_core::rotation::angle_between;
@@ -256,16 +264,17 @@ fn in_single_precision_rounding_is_what_is_left() {
         let q = Quat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into());
         angle_between(q, truth[700 * FINE].q)
     };
-    // 153 steps, each of which rounds the quaternion and a turn of at most 12 mrad: 1e-7 times sqrt(153).
+    // 153 steps, each of which rounds the quaternion and a turn of at most 12 mrad: 1e-7 times
+    // sqrt(153).
     let rounding = 2e-6;
     assert!(drift(rig::PathFit::Cubic) < rounding, "{:e}", drift(rig::PathFit::Cubic));
     assert!(drift(rig::PathFit::Straight) > 5.0 * rounding, "{:e}", drift(rig::PathFit::Straight));
 }
 
-/// The controller gives the fit its readings at the ticks that they answer, whatever is lost on the way.
+/// The controller assigns readings to the ticks that they answer, even if some are lost.
 #[test]
 fn the_controller_follows_a_curved_path_over_lost_readings() {
-    // Counts so fine that their rounding (3e-9 rad at the joint) is no matter.
+    // The counts are so fine that their rounding (3e-9 rad at the joint) does not matter.
     let fine = |rig: &mut hbot_core::RigParts| {
         rig.joints.iter_mut().for_each(|joint| (joint.counts_per_turn, joint.gear) = (1 << 30, 2.0));
     };
@@ -301,7 +310,7 @@ fn the_controller_follows_a_curved_path_over_lost_readings() {
             }
             if ms == 699 {
                 let (then, q) = first.unwrap();
-                // The turn since, in N: what is off at the start is carried along.
+                // The turn since then, in N. An initial error stays in both orientations.
                 let (made, want) = (state.q * q.conjugate(), last.unwrap() * then.conjugate());
                 return rotation::angle_between(made, want);
             }

@@ -1,5 +1,5 @@
-//! The passivity controller on a simulated prototype: a spring far too stiff for the loop buzzes without it and comes to rest
-//! with it (physics notes, section 9).
+//! The passivity controller on a simulated prototype. A spring far too stiff for the loop
+//! oscillates without it and comes to rest with it (physics notes, section 9).
 
 use crate::bench::{altered, effect, rig, spring};
 use hbot_core::device::MAX_JOINTS;
@@ -15,13 +15,15 @@ use hbot_sim::plant::{Method, Plant, SpringDamper, State as Motion, Sum};
 
 pub const DT: f64 = 1e-3;
 
-/// The device's own damping, N m s/rad: less than bearings and a light hand have.
+/// The rig's own viscous damping, N m s/rad. It is less than that of bearings and a light hand.
 const OWN: f64 = 0.005;
 
-/// The stiffest spring that is stable in a loop of 1 kHz with one tick of delay: b / (h (1/2 + 1)), 3.3 N m/rad.
+/// The stiffest stable spring in a loop of 1 kHz with one tick of delay: b / (h (1/2 + 1)), 3.3 N
+/// m/rad.
 pub const BORDER: f64 = OWN / (1.5 * DT);
 
-/// A rig whose controllers answer each command with a reading of that moment and hold its torque for a tick.
+/// A simulated rig with its controller. The motor controllers answer each command with a reading of
+/// that moment and hold its torque for a tick.
 pub struct Loop {
     controller: Controller,
     scene: CompiledScene,
@@ -31,9 +33,10 @@ pub struct Loop {
     held: [f64; MAX_JOINTS],
     tick: u64,
     pub rig: Rig,
-    /// Energy that the motors have given out, J: torque held times turn made, joint by joint.
+    /// Energy that the motors have delivered, J: the sum over joints of the held torque times the
+    /// turn made.
     given: f64,
-    /// The most that `given` has been.
+    /// Largest value of `given` so far, J.
     pub most: f64,
 }
 
@@ -58,7 +61,7 @@ impl Loop {
         run
     }
 
-    /// A hand takes hold.
+    /// Lets a hand hold the sphere.
     fn grip(&mut self, hand: Hand) {
         self.grip = Some(Grip::new(hand, self.tick as f64 * DT, self.motion.q));
         self.plant.set_sphere_inertia(self.rig.device.sphere_inertia() + hand.inertia);
@@ -108,7 +111,8 @@ impl Loop {
         self.step(None)
     }
 
-    /// The largest torque and rate of so many ticks.
+    /// Runs `ticks` ticks. Returns the largest torque (N m) and the largest rate of the sphere
+    /// (rad/s).
     pub fn largest(&mut self, ticks: u32) -> (f64, f64) {
         (0..ticks).fold((0.0, 0.0), |(torque, rate): (f64, f64), _| {
             let state = self.step(None);
@@ -126,12 +130,12 @@ pub fn guarded(rate: RateEstimate) -> Rig {
     altered(&rig(), |rig| {
         rig.methods.rate = rate;
         rig.methods.passivity = Some(PassivityLimit::of(&rig.device, DT));
-        // What a difference of counts sees as slip is the counts' noise.
+        // A difference of counts is noisy, and the slip limit must not react to that noise.
         rig.limits.slip = 10.0;
     })
 }
 
-/// A tap on the sphere: 1.6 mJ of motion.
+/// Angular velocity after a tap on the sphere, rad/s in N: 1.6 mJ of motion.
 pub const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
 
 #[test]
@@ -141,7 +145,7 @@ fn a_spring_far_too_stiff_buzzes_without_it_and_comes_to_rest_with_it() {
         let mut run = Loop::new(bare, stiff(times));
         run.motion.omega = TAP;
         let state = run.run(3000);
-        // It swings as fast as the torque's limit lets it, or until that is too fast for the rig.
+        // The sphere swings as fast as the torque limit allows, or until its speed is a fault.
         let stopped = state.mode == Mode::Fault && state.cause == Some(Cause::Overspeed);
         assert!(stopped || run.largest(500).1 > 20.0, "{times}: {} rad/s", run.motion.omega);
         assert!(run.most > 1.0, "{times}: {} J", run.most);
@@ -152,8 +156,9 @@ fn a_spring_far_too_stiff_buzzes_without_it_and_comes_to_rest_with_it() {
             run.run(3000);
             let (torque, rate) = run.largest(500);
             assert!(torque < 0.1 && rate < 0.1, "{times}, {estimate:?}: {torque} N m, {rate} rad/s");
-            // Beyond the allowance no more than what a spring two ticks late leaks in its first cycle: 2 pi times twice the tick
-            // in radians of its oscillation, of what it holds.
+            // Beyond the allowance the energy is at most what a spring two ticks late leaks in its
+            // first cycle: 2 pi times twice the tick in radians of its oscillation, times the
+            // energy it holds.
             let inertia = run.rig.device.sphere_inertia();
             let tick = DT * (times * BORDER / inertia).sqrt();
             let leak = 4.0
@@ -182,7 +187,7 @@ fn a_spring_within_its_limits_feels_the_same_with_it() {
         assert_eq!(state, without.step(None));
         assert_eq!(state.damping, 0.0);
     }
-    // It has been wound up and let back, many times the allowance.
+    // The spring was wound up and released, with many times the energy of the allowance.
     assert!(wound > 0.1, "{wound} J");
 }
 
@@ -204,7 +209,8 @@ fn what_was_dissipated_before_buys_no_more_than_the_store() {
         (run.given, run.most) = (0.0, 0.0);
         run.run(6000);
         let (torque, rate) = run.largest(500);
-        // At 33 N m/rad the sphere then swings with the energy of the store; what a cycle leaks of that (1.2 times) comes on top.
+        // At 33 N m/rad the sphere then swings with the energy of the store. The leak of one cycle,
+        // 1.2 times that energy, is added.
         assert!(run.most < 2.2 * store, "{} J of a store of {store} J", run.most);
         assert!(torque < 0.1 && rate < 0.1, "{store}: {torque} N m, {rate} rad/s");
     }

@@ -1,5 +1,5 @@
-//! The angular velocity by each rate estimate: over lost readings, after what was implausible, and with motors that count
-//! backwards.
+//! The angular velocity by each rate estimate: with lost readings, after implausible readings, and
+//! with motors that count backwards.
 
 use crate::bench::{Bench, DT, altered, rig};
 use hbot_core::Vec3;
@@ -7,12 +7,15 @@ use hbot_core::mode::Cause;
 use hbot_core::outputs::State;
 use hbot_core::rig::{RateEstimate, Rig};
 
-/// Each estimate, with how far off it may be about the sphere at a steady turn of 0.7 rad/s with 4096 x 4 counts, rad/s.
+/// Each estimate with its largest allowed error of the sphere's rate, rad/s, at a steady turn of
+/// 0.7 rad/s with 4096 x 4 counts.
 const ESTIMATES: [(RateEstimate, f64); 5] = [
     (RateEstimate::Controller, 1e-3),
-    // A count of each joint over the shortest step: 0.38 rad/s of the steering, 0.066 of it at the sphere, of two wheels.
+    // One count of each joint over the shortest step is 0.38 rad/s of the steering, and 0.066 of
+    // that at the sphere, for two wheels.
     (RateEstimate::Difference, 0.13),
-    // Half of that is left by 100 Hz; it is 2 ms late, in which the steering's own rate changes by 7 %.
+    // A filter of 100 Hz leaves half of that. It is 2 ms late, in which the steering rate changes
+    // by 7 %.
     (RateEstimate::LowPass { cutoff_hz: 100.0 }, 0.1),
     (RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 32 }, 0.06),
     (RateEstimate::Kalman { acceleration: 100.0 }, 0.06),
@@ -22,7 +25,8 @@ fn rig_with(rate: RateEstimate) -> Rig {
     altered(&rig(), |rig| (rig.methods.rate, rig.joints[1].reversed) = (rate, true))
 }
 
-/// The reading that [`Bench`] sends has all counts forwards; this rig's second joint counts backwards.
+/// Runs a tick in which the sphere turns. All counts from [`Bench`] run forwards, but the second
+/// joint of this rig counts backwards.
 fn turn(bench: &mut Bench, omega: Vec3, heard: bool) -> State {
     let mut reading = bench.feedback();
     reading.counts[1] = -reading.counts[1];
@@ -39,7 +43,7 @@ fn lost_readings_make_no_rate_wrong() {
             let mut bench = Bench::new(rig_with(rate));
             let mut worst: f64 = 0.0;
             for k in 0..1500_u32 {
-                // Two in a row, at times.
+                // Sometimes two readings in a row are lost.
                 let heard = k % lost != 0 && k % (5 * lost) != 1;
                 let estimate = turn(&mut bench, omega, heard).omega;
                 if k > 200 {
@@ -59,14 +63,15 @@ fn after_an_implausible_reading_rates_begin_anew() {
         for _ in 0..200 {
             turn(&mut bench, omega, true);
         }
-        // There and back: the angles are then the wheels' again.
+        // The counts jump and return, so that the angles are right again.
         let jump = bench.rig().joints[0].counts_per_turn as i32 * 3 / 5;
         for jump in [jump, -jump] {
             bench.offset[0] += jump;
             assert_eq!(turn(&mut bench, omega, true).cause, Some(Cause::ImplausibleFeedback));
         }
         let after: Vec<Vec3> = (0..200).map(|_| turn(&mut bench, omega, true).omega).collect();
-        // Nothing of the jump is seen: noise as ever, and a start from zero where the estimate has one.
+        // The jump leaves no trace: there is ordinary noise, and a start from zero if the estimate
+        // has one.
         for (k, estimate) in after.iter().enumerate() {
             let off = (*estimate - omega).length();
             assert!(

@@ -1,4 +1,4 @@
-//! Readings and ticks that are late, doubled, out of order or far along.
+//! Readings and ticks that are late, repeated, out of order or far ahead.
 
 use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
 use hbot_core::inputs::{Command, JointFeedback};
@@ -23,7 +23,7 @@ fn joints_turned_far_during_a_lost_link_do_not_keep_it_from_being_reset() {
 
 #[test]
 fn counts_that_wrap_at_32_bits_change_nothing() {
-    // As many whole turns of each encoder as there are below 2^31, so that the angles are the same.
+    // As many whole turns of each encoder as fit below 2^31, so that the angles do not change.
     let whole = |turn: i32| i32::MAX / turn * turn;
     for sign in [1, -1] {
         let mut plain = Bench::new(rig());
@@ -52,8 +52,8 @@ fn odometry_follows_a_sphere_that_turns() {
         bench.turn(Vec3::new(2.0 * (3.0 * t).cos(), 1.5, -2.0 * (2.0 * t).sin()));
     }
     let state = bench.step().state;
-    // 16384 counts a turn and straight joint paths between readings 1 ms apart: 1e-4 rad over 3 s at the most (physics notes,
-    // section 4: 2.6e-5 in 2 s).
+    // With 16384 counts per turn and straight joint paths between readings 1 ms apart, the error is
+    // at most 1e-4 rad over 3 s (physics notes, section 4: 2.6e-5 in 2 s).
     let drift = rotation::angle_between(state.q, bench.sphere.q);
     assert!(drift < 1e-4, "{drift:e} rad");
     assert!((state.omega - bench.sphere.omega).length() < 1e-2);
@@ -74,7 +74,7 @@ fn feedback_that_is_old_or_comes_twice_is_left_out() {
         assert!(!state.fresh);
         assert_eq!((state.q, state.omega, state.angle), (taken.q, taken.omega, taken.angle));
     }
-    // And does not keep a dead link alive.
+    // Repeated feedback does not keep a dead link alive.
     for _ in 0..16 {
         assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(newest)).state.cause, None);
     }
@@ -113,7 +113,7 @@ fn a_tick_that_comes_twice_or_is_of_the_past_takes_no_time() {
         assert_eq!(state.mode, Mode::Enabling);
         assert!((state.torque - now.torque).length() < 1e-14, "no time, no ramp: tick {tick}");
     }
-    // Time goes on from there.
+    // Time continues from there.
     assert!(bench.step().state.torque.x > now.torque.x);
 }
 

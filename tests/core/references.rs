@@ -1,4 +1,4 @@
-//! References that move, and the orientation as it is seen from outside.
+//! References that move, and corrections of the orientation from outside.
 
 use crate::bench::{Bench, DT, FirstReply, effect, rig, spring, spring_scene};
 use hbot_core::effects::Anchor;
@@ -6,7 +6,7 @@ use hbot_core::inputs::{Command, Stamp};
 use hbot_core::outputs::{Refusal, Reply};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
-/// A spring in slot 3, epoch 9, at rest where the sphere is.
+/// Returns a scene with a spring in slot 3, epoch 9, at rest at the sphere's initial orientation.
 fn scene(stiffness: f64, damping: f64) -> CompiledScene {
     CompiledScene::new(1, &[effect(3, 9, spring(stiffness, damping, Quat::IDENTITY, Anchor::Absolute))])
         .unwrap()
@@ -24,7 +24,8 @@ fn align(q: Quat, weight: f64, tick: u64) -> Command {
 fn a_reference_moves_at_most_at_its_rate_and_arrives() {
     let mut bench = Bench::active(rig(), scene(1.0, 0.0));
     let goal = Vec3::new(0.6, -0.8, 0.0);
-    // The sphere is held, so the torque is where the reference is: 5 rad/s, 5 mrad a tick, 200 ticks.
+    // The sphere is held, so the torque shows the reference. It moves at 5 rad/s: 5 mrad per tick
+    // for 200 ticks.
     let mut last = bench.command(reference(rotation::exp(goal), Vec3::ZERO, 1)).state.torque;
     assert!((last - goal * 0.005).length() < 1e-12, "{last}");
     for k in 2..=205 {
@@ -43,11 +44,13 @@ fn the_state_says_where_the_reference_is() {
     bench.command(reference(rotation::exp(goal), Vec3::ZERO, 1));
     for k in 2..=205 {
         let state = bench.step().state;
-        // The sphere is held at the identity: 1 N m/rad times the way to the reference of this tick.
+        // The sphere is held at the identity. The torque is 1 N m/rad times the turn to the
+        // reference of this tick.
         let way = rotation::log(state.reference.expect("the spring has one"));
         assert!((state.torque - way).length() < 1e-12, "tick {k}: {way} for {}", state.torque);
     }
-    // Anchored where the sphere is, and gone with the effect that had it.
+    // A reference anchored at the sphere is reported too, and no reference after its effect is
+    // removed.
     let here = CompiledScene::new(2, &[effect(3, 10, spring(1.0, 0.0, rotation::exp(goal), Anchor::Here))]);
     bench.scene = here.unwrap();
     let state = bench.step().state;
@@ -87,7 +90,8 @@ fn a_reference_to_an_effect_that_is_not_there_is_refused() {
     }
 }
 
-/// A client that writes four digits means the rotation next to them, not a spring that is stiffer by what they miss.
+/// A quaternion with four digits stands for the nearest rotation. Its missing length must not make
+/// the spring stiffer.
 #[test]
 fn a_reference_of_four_digits_is_taken_as_the_rotation_that_it_means() {
     let q = rotation::exp(Vec3::new(0.3, 0.2, -0.1));
@@ -96,7 +100,7 @@ fn a_reference_of_four_digits_is_taken_as_the_rotation_that_it_means() {
         bench.command(reference(q, Vec3::Z, 1000));
         bench.run(150).state.torque
     });
-    // To rounding: the scale carries no meaning.
+    // Equal to rounding: the scale of the quaternion has no meaning.
     assert!((exact - rough).length() < 1e-14, "{exact} and {rough}");
 }
 
@@ -108,7 +112,7 @@ fn an_outside_orientation_corrects_at_its_rate_while_powered() {
     let reply = bench.command(align(rotation::exp(offset), 1.0, seen)).reply();
     let Reply::Aligned { angle } = reply else { panic!("{reply:?}") };
     assert!((angle - 0.05).abs() < 1e-12, "{angle}");
-    // 0.5 rad/s: 0.05 rad take 100 ms.
+    // At 0.5 rad/s, 0.05 rad take 100 ms.
     for k in 1..=110 {
         let q = bench.step().state.q;
         let want = offset * (f64::from(k) * 0.5 * DT / 0.05).min(1.0);
@@ -149,13 +153,13 @@ fn an_outside_orientation_is_held_against_the_moment_that_it_shows() {
     }
     let q = bench.step().state.q;
     truth.push((bench.tick - 1, offset * q));
-    // 300 ms later: what is seen is of the past, what is corrected is the present.
+    // 300 ms later: the measurement is of the past, and the present orientation is corrected.
     let (tick, q) = truth[100];
     bench.command(align(q, 1.0, tick));
     let now = bench.step().state.q;
     let (_, last) = truth[400];
     assert!(rotation::angle_between(now, last) < 1e-12);
-    // A second look at the past is held against the past as corrected by then.
+    // A second measurement of the past is compared with the past as already corrected.
     let (tick, q) = truth[200];
     let reply = bench.command(align(q, 1.0, tick)).reply();
     assert!(matches!(reply, Reply::Aligned { angle } if angle < 1e-12), "{reply:?}");
@@ -171,7 +175,7 @@ fn moments_that_are_too_old_or_not_yet_there_are_refused() {
         assert_eq!(reply(&mut bench, old), Reply::Refused(Refusal::NotInHistory), "tick {old}, now {now}");
     }
     assert!(matches!(reply(&mut bench, now - 900), Reply::Aligned { .. }));
-    // Before the history is full, what is not in it is not in it either.
+    // Before the history is full, moments that it lacks are refused as well.
     let mut young = Bench::new(rig());
     young.run(3);
     for seen in [0, 100, 1023, 1024, u64::MAX, u64::MAX - 1] {
@@ -187,7 +191,7 @@ fn the_sign_of_the_orientation_is_continuous_turn_after_turn_and_through_correct
     for k in 0..4000 {
         let mut state = bench.turn(Vec3::Y * 4.0).state;
         if k == 700 {
-            // Seen from outside, with the other sign, and a little off.
+            // A measurement from outside with the other sign and a small error.
             let seen = -(rotation::exp(Vec3::X * 0.02) * state.q);
             state = bench.command(align(seen, 1.0, state.tick)).state;
         }

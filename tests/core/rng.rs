@@ -1,6 +1,6 @@
-//! Numbers at random, the same ones on every machine and at every run.
+//! Random numbers that are equal on every machine and in every run.
 
-/// SplitMix64 (Steele, Lea and Flood 2014).
+/// The random number generator SplitMix64 (Steele, Lea and Flood 2014).
 pub struct Rng(pub u64);
 
 impl Rng {
@@ -12,22 +12,23 @@ impl Rng {
         z ^ (z >> 31)
     }
 
-    /// From 0 up to `n` (not included).
+    /// Returns a random integer from 0 up to but not including `n`.
     pub fn below(&mut self, n: u64) -> u64 {
         self.next() % n
     }
 
-    /// Evenly from `low` to `high`; 53 bits, so exact and the same everywhere.
+    /// Returns a random number, uniform between `low` and `high`. It has 53 bits, so it is exact
+    /// and equal everywhere.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * ((self.next() >> 11) as f64 / (1_u64 << 53) as f64)
     }
 
-    /// Evenly in the cube of half-width `size`.
+    /// Returns a random vector, uniform in the cube of half-width `size`.
     pub fn vector(&mut self, size: f64) -> hbot_core::Vec3 {
         hbot_core::Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
     }
 
-    /// True once in `n`.
+    /// Returns true once in `n` calls, on average.
     pub fn once_in(&mut self, n: u64) -> bool {
         self.below(n) == 0
     }

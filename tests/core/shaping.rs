@@ -1,4 +1,4 @@
-//! What stands between the scene and the motors: soft start, ramps, blending, streams, limits.
+//! The stages between the scene and the motors: soft start, ramps, blending, streams, limits.
 
 use crate::bench::{Bench, DT, FirstReply, TORQUE_RATE, altered, effect, rig, spring, spring_scene, stream};
 use crate::rng::Rng;
@@ -8,10 +8,10 @@ use hbot_core::mode::Mode;
 use hbot_core::outputs::{Refusal, Reply};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
-/// Half a newton metre about n1, from a spring of 2 N m/rad.
+/// The turn of a spring, rad. With 2 N m/rad it gives 0.5 N m about n1.
 pub const WOUND: Vec3 = Vec3::new(0.25, 0.0, 0.0);
 
-/// Torque through the joints and back is the torque wanted to rounding.
+/// Rounding of a torque that goes through the joints and back, N m.
 pub const ROUNDING: f64 = 1e-13;
 
 #[test]
@@ -22,13 +22,14 @@ fn torque_comes_softly_over_half_a_second() {
     assert_eq!(bench.command(Command::Enable).state.mode, Mode::Enabling);
     let torque: Vec<f64> = (0..600).map(|_| bench.step().state.torque.x).collect();
     assert!(torque.windows(2).all(|w| w[1] >= w[0] - ROUNDING), "it only grows");
-    // In the first 50 ms the scene itself is blended in; from then on the gain alone counts.
+    // In the first 50 ms the scene itself is blended in. After that only the gain of the soft start
+    // matters.
     for at in [100, 250, 400] {
         let want = 0.5 * (at + 2) as f64 / 500.0;
         assert!((torque[at] - want).abs() < 1e-9, "after {at} ms: {}", torque[at]);
     }
     assert!((torque[599] - 0.5).abs() < ROUNDING);
-    // The gain is a sum of 500 roundings: half a second may be a tick longer.
+    // The gain is a sum of 500 rounded terms, so half a second can take a tick longer.
     let full = torque.iter().position(|t| (t - 0.5).abs() < ROUNDING).unwrap();
     assert!((497..=500).contains(&full), "full after {full} ticks");
     assert_eq!(bench.step().state.mode, Mode::Active);
@@ -42,7 +43,7 @@ fn torque_goes_within_50_ms_of_disable() {
     assert!(first.drive.enable, "the ramp needs its motors");
     let torque: Vec<f64> = (1..60).map(|_| bench.step().state.torque.x).collect();
     for at in [10, 25, 40] {
-        // Tick k after the command has seen k + 1 steps of the ramp.
+        // k ticks after the command, k + 1 steps of the ramp have been made.
         let want = 0.5 * (1.0 - (at + 1) as f64 / 50.0);
         assert!((torque[at - 1] - want).abs() < 1e-9, "after {at} ms: {}", torque[at - 1]);
     }
@@ -50,7 +51,7 @@ fn torque_goes_within_50_ms_of_disable() {
     assert!(!bench.step().drive.enable);
 }
 
-/// A torque that does not change, in slot 0.
+/// Returns a scene with a constant torque (N m in N) in slot 0.
 fn constant(revision: u64, torque: Vec3) -> CompiledScene {
     let kind = Kind::Constant(Constant { torque, frame: Frame::World });
     CompiledScene::new(revision, &[effect(0, revision as u32, kind)]).unwrap()
@@ -59,7 +60,8 @@ fn constant(revision: u64, torque: Vec3) -> CompiledScene {
 #[test]
 fn full_torque_comes_over_half_a_second_however_much_is_asked_for() {
     let rig = altered(&rig(), |rig| rig.limits.torque = 0.9);
-    // Within the limit, ten times and ten thousand times as much, and a stiff spring at its largest angle.
+    // A torque within the limit, ten times and ten thousand times as much, and a stiff spring at
+    // its largest angle.
     let scenes = [
         constant(1, Vec3::Y * 0.8),
         constant(1, Vec3::Y * 9.0),
@@ -98,7 +100,7 @@ fn a_disable_and_the_end_of_a_stream_keep_the_slew_limit_however_much_is_asked_f
             };
             let mut bench = Bench::active(rig, constant(1, Vec3::Y * size));
             bench.command(Command::Disable);
-            // No step is above the slew limit, nor above the ramp of 50 ms.
+            // No step exceeds the slew limit, or the ramp of 50 ms.
             let most = (torque_rate * DT).min(0.9 / 50.0);
             let took = ends(&mut bench, most);
             assert!((ms - 12..=ms).contains(&took), "disabled in {took} ms at {torque_rate} N m/s");
@@ -122,7 +124,8 @@ fn a_far_scene_or_reference_under_power_comes_over_half_a_second() {
         let effect = Effect { reference_revision, ..effect(0, 1, spring) };
         move |revision| CompiledScene::new(revision, &[effect]).unwrap()
     };
-    // Another effect, the same effect's reference, and the stiffness of one that is far already.
+    // Another effect, a new reference for an effect, and a new stiffness for an effect whose
+    // reference is already far.
     let far_effect =
         CompiledScene::new(2, &[effect(3, 9, spring(1000.0, 0.0, half_a_turn, Anchor::Absolute))]);
     let far_reference = placed(1, 1000.0, half_a_turn);
@@ -132,7 +135,7 @@ fn a_far_scene_or_reference_under_power_comes_over_half_a_second() {
         assert!((before.length() - 0.4).abs() < 1e-9);
         bench.scene = scene;
         let torque: Vec<Vec3> = (0..700).map(|_| bench.step().state.torque).collect();
-        // What was felt goes within 50 ms, and full torque takes half a second.
+        // The old torque is gone within 50 ms, and full torque takes half a second.
         assert!((torque[0] - before).length() < 0.05, "{name}: no step");
         for k in 0..500 {
             let left = 0.4 * (1.0 - k as f64 / 50.0).max(0.0);
@@ -141,7 +144,7 @@ fn a_far_scene_or_reference_under_power_comes_over_half_a_second() {
         }
         assert!(torque[699].length() > 0.899, "{name}: {}", torque[699]);
     }
-    // The hand holds a soft spring far from its reference: its stiffness moves as it is told.
+    // The hand holds a soft spring far from its reference. A change of its stiffness acts at once.
     let mut bench = Bench::active(rig, placed(0, 0.2, Quat::IDENTITY)(1));
     for _ in 0..600 {
         bench.turn(Vec3::Y * 2.0);
@@ -153,7 +156,7 @@ fn a_far_scene_or_reference_under_power_comes_over_half_a_second() {
         let torque = bench.run(20).state.torque.length();
         assert!(torque >= before - ROUNDING, "{torque} N m of {before}");
     }
-    // But not to a hundred times as much at once.
+    // A change to a hundred times the stiffness does not act at once.
     bench.scene = placed(0, 20.0, Quat::IDENTITY)(100);
     let torque: Vec<f64> = (0..600).map(|_| bench.step().state.torque.length()).collect();
     assert!(torque[80] < 0.2 && torque[440] < 0.85 && torque[599] > 0.899, "{} {}", torque[80], torque[440]);
@@ -172,7 +175,7 @@ fn enable_is_refused_where_a_reference_is_too_far_with_slot_and_angle() {
     };
     assert!((angle - 0.6).abs() < 1e-15, "{angle}");
     assert_eq!(outputs.state.mode, Mode::Idle);
-    // The sphere is turned nearer: then it may.
+    // After the sphere is turned nearer, enable is accepted.
     for _ in 0..200 {
         bench.turn(Vec3::Y);
     }
@@ -187,7 +190,7 @@ fn a_reference_anchored_here_is_never_too_far_and_begins_without_torque() {
         bench.scene =
             CompiledScene::new(1, &[effect(0, 1, spring(2.0, 0.0, reference, Anchor::Here))]).unwrap();
         bench.step();
-        // Somewhere far from where the scene was loaded.
+        // The sphere is far from where the scene was loaded.
         for _ in 0..700 {
             bench.turn(Vec3::new(2.0, 1.0, -1.0));
         }
@@ -211,11 +214,12 @@ fn a_reference_that_is_anchored_anew_takes_the_torque_over_without_a_step() {
     bench.command(Command::Disable);
     let mut last = bench.run(20).state.torque;
     assert!(last.length() > 0.5 * wound);
-    // Enabled again in its ramp, the spring begins anew, without torque, from where the sphere is now.
+    // Enabled again within its ramp, the spring starts without torque at the present orientation of
+    // the sphere.
     bench.command(Command::Enable);
     for k in 0..60 {
         let torque = bench.step().state.torque;
-        // The steepest slope of the fade, and that of the gain from where it was.
+        // The steepest slope of the blend, and that of the gain from its present value.
         assert!((torque - last).length() < wound * (STEEPEST + 1.0 / 500.0), "tick {k}: {last} to {torque}");
         last = torque;
     }
@@ -224,14 +228,15 @@ fn a_reference_that_is_anchored_anew_takes_the_torque_over_without_a_step() {
 
 #[test]
 fn a_scene_that_is_set_again_every_tick_acts_as_if_it_were_not() {
-    // A sphere that turns while a client sets the same parameters again and again.
+    // The sphere turns while a client sets equal parameters again and again.
     let torque = |every: Option<u64>| {
         let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
         for k in 1..=300 {
             if every.is_some_and(|every| k % every == 0) {
                 bench.scene = spring_scene(1 + k, 2.0, WOUND);
             }
-            // Within what `enable` accepts: beyond it each load would begin the soft start again.
+            // The sphere stays within what `enable` accepts. Beyond it each load would begin the
+            // soft start again.
             bench.turn(Vec3::Y * 1.4);
         }
         bench.step().state.torque
@@ -255,12 +260,13 @@ fn a_change_takes_effect_though_the_scene_is_set_every_tick() {
         bench.scene = CompiledScene::new(2 + k, &[]).unwrap();
         bench.step();
     }
-    // Nothing of the spring is left: each change fades, the first a hundred ticks ago.
+    // The spring's torque is gone: each change fades, and the first was a hundred ticks ago.
     assert!(bench.step().state.torque.length() < 1e-6, "{}", bench.step().state.torque);
 }
 
-/// The steepest part of a critically damped fade at 200/s that one tick of 1 ms shows, of the step: 200 / e = 73.6 a second,
-/// and less than 1 % more for the tick being finite and the rest being taken away at 50 ms.
+/// Largest change of a critically damped fade at 200/s in one tick of 1 ms, relative to the step.
+/// It is 200 / e = 73.6 per second. Less than 1 % is added because the tick is finite and the rest
+/// is removed at 50 ms.
 const STEEPEST: f64 = 0.0736 * 1.01;
 
 #[test]

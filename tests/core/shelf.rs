@@ -1,4 +1,4 @@
-//! Every scene of scenes/ on every rig of rigs/, held by a simulated hand, for ten seconds.
+//! Every scene of scenes/ runs on every rig of rigs/ for ten seconds, held by a simulated hand.
 
 use std::path::PathBuf;
 
@@ -23,16 +23,16 @@ fn files(folder: &str) -> Vec<PathBuf> {
     all
 }
 
-/// What a run showed.
+/// Results of a run.
 #[derive(Default)]
 struct Seen {
-    /// The largest torque, N m.
+    /// Largest torque, N m.
     torque: f64,
-    /// The largest change of it in a tick, N m.
+    /// Largest change of the torque in a tick, N m.
     change: f64,
-    /// How far the sphere has turned, rad.
+    /// Angle by which the sphere has turned, rad.
     turned: f64,
-    /// The least share of the torque that the motors and contacts left.
+    /// Smallest share of the torque that motors and contacts allowed.
     scale: f64,
 }
 
@@ -40,7 +40,7 @@ fn counts(joint: &Joint, angle: f64) -> i32 {
     (angle / joint.radians_per_count()).round() as i64 as i32
 }
 
-/// Runs a scene for so many seconds; every reading is a tick old when its torque begins.
+/// Runs a scene for `seconds`. Every reading is a tick old when its torque begins.
 fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
     let rig = altered(&config.rig, |rig| rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume));
     let scene = RunningScene::new().load(file.clone());
@@ -116,7 +116,8 @@ fn every_scene_runs_on_every_rig() {
             );
             assert!(seen.turned > 0.5, "{}: the hand turned it by {} rad", file.name(), seen.turned);
             assert!(seen.torque > 1e-3, "{}: nothing was felt", file.name());
-            // The slew limit, to rounding; and a scene on the shelf is within what a rig can give.
+            // The slew limit holds to rounding, and scenes of this repository stay within what a
+            // rig can make.
             let limits = &config.rig.limits;
             assert!(
                 seen.change <= limits.torque_rate * config.rig.timing.period_s() + 1e-12,
@@ -128,7 +129,8 @@ fn every_scene_runs_on_every_rig() {
     }
 }
 
-/// A heavy ball held by nobody but a light hand is still calm: the virtual mass does not ring with the loop's delay.
+/// A heavy ball held only by a light hand is still calm: the virtual mass does not oscillate with
+/// the delay of the loop.
 #[test]
 fn a_heavy_ball_is_heavier_and_calm() {
     let config = RigConfig::prototype();

@@ -1,4 +1,4 @@
-//! Interior singularities against brute force over steering angles (physics notes, section 3).
+//! Interior singularities compared with a search over steer angles (physics notes, section 3).
 
 use crate::designs::prototype_wheels;
 use crate::rng::Rng;
@@ -6,14 +6,14 @@ use hbot_core::device::DeviceError;
 use hbot_core::singularity::{Meeting, closest_approach, interior_margin_over_all};
 use hbot_core::{Device, Vec3, WheelSpec};
 
-/// A contact circle: the points at `cone` from `axis`.
+/// A contact circle: the points at the angle `cone` from `axis`.
 struct Circle {
     axis: Vec3,
     cone: f64,
 }
 
 impl Circle {
-    /// The point at the steering angle `t` from some zero.
+    /// Returns the point at the steer angle `t`, which counts from an arbitrary zero.
     fn at(&self, t: f64) -> Vec3 {
         let e1 = self.axis.any_orthonormal_vector();
         let e2 = self.axis.cross(e1);
@@ -21,7 +21,7 @@ impl Circle {
         self.axis * self.cone.cos() + (e1 * c + e2 * s) * self.cone.sin()
     }
 
-    /// How far the line through `u` and the centre is from this circle, rad.
+    /// Returns the angle between the line through `u` and the centre and this circle, rad.
     fn off(&self, u: Vec3) -> f64 {
         [u, -u]
             .map(|u| (u.dot(self.axis).clamp(-1.0, 1.0).acos() - self.cone).abs())
@@ -47,7 +47,8 @@ fn circle(rng: &mut Rng) -> Circle {
     Circle { axis: direction(rng), cone: rng.between(0.1, 3.0) }
 }
 
-/// The least distance of any line through the centre from all circles, among `n` lines through the first circle.
+/// Returns the smallest distance of a line through the centre from all circles, rad. It tries `n`
+/// lines through the first circle.
 fn brute_force(circles: &[Circle], n: u32) -> f64 {
     let step = core::f64::consts::TAU / f64::from(n);
     (0..n)
@@ -63,8 +64,8 @@ fn judged(circles: &[Circle]) -> Result<Device, DeviceError> {
     Device::new(0.1, 0.5, &wheels)
 }
 
-/// Lines are tried every 2 pi / 4000 = 1.6 mrad, so a distance that vanishes is seen as less than half of that, and one
-/// seen as more does not vanish.
+/// Lines are tried every 2 pi / 4000 = 1.6 mrad. A distance that is truly zero is therefore found
+/// as less than half of that, and a larger result means that the distance is not zero.
 #[test]
 fn two_and_three_wheels_are_judged_like_brute_force_judges_them() {
     const GRID: f64 = core::f64::consts::TAU / 4000.0;
@@ -79,7 +80,8 @@ fn two_and_three_wheels_are_judged_like_brute_force_judges_them() {
             assert!(verdict.is_ok(), "{wheels} wheels, {distance} rad apart: {verdict:?}");
             legal[wheels - 2] += 1;
         } else if wheels == 2 {
-            // Two circles that come so near nearly always cross; those that only touch are left to the next test.
+            // Two circles this close nearly always cross. Circles that only touch are left to the
+            // next test.
             let crosses = brute_force(&circles, 400_000) < GRID / 90.0;
             assert_eq!(verdict.is_err(), crosses, "{distance} rad apart");
             singular[0] += 1;
@@ -94,7 +96,7 @@ fn wheels_that_can_all_reach_one_line_are_refused() {
     for case in 0..400 {
         let wheels = 2 + case % 4;
         let u = direction(&mut rng);
-        // Each circle through u or through -u.
+        // Each circle goes through u or through -u.
         let circles: Vec<Circle> = (0..wheels)
             .map(|_| {
                 loop {
@@ -109,7 +111,8 @@ fn wheels_that_can_all_reach_one_line_are_refused() {
             .collect();
         let verdict = judged(&circles);
         assert!(matches!(verdict, Err(DeviceError::InteriorSingular { .. })), "{wheels} wheels: {verdict:?}");
-        // With one circle made smaller by 10 mrad, three and more circles no longer share a line, but for a chance.
+        // If one circle is 10 mrad smaller, three or more circles no longer share a line, except by
+        // chance.
         if wheels > 2 {
             let mut apart = circles;
             apart[0].cone -= 0.01;
@@ -125,7 +128,7 @@ fn the_closest_approach_of_two_circles_is_that_of_their_points() {
     let mut rng = Rng(9);
     for _ in 0..60 {
         let [a, b] = [circle(&mut rng), circle(&mut rng)];
-        // A safe pair elsewhere makes the device legal, whatever these two do.
+        // A safe pair of other wheels makes the device legal, whatever these two do.
         let [c, d] = prototype_wheels();
         let device = Device::new(0.1, 0.5, &[a.wheel(), b.wheel(), c, d]).unwrap();
         const N: u32 = 500;
@@ -134,7 +137,8 @@ fn the_closest_approach_of_two_circles_is_that_of_their_points() {
             let mut nearest = 9.0_f64;
             for i in 0..N {
                 let u = a.at(grid * f64::from(i));
-                // Of circle b the point nearest to u is on the great circle through u and its axis.
+                // The point of circle b nearest to u is on the great circle through u and the axis
+                // of b.
                 nearest = nearest.min(((u * sign).dot(b.axis).clamp(-1.0, 1.0).acos() - b.cone).abs());
             }
             let claimed = closest_approach(&device.wheels()[0], &device.wheels()[1], meeting);
@@ -153,7 +157,7 @@ fn the_least_margin_of_two_wheels_is_met_and_never_passed() {
         tried += 1;
         let distance = brute_force(&circles, 4000);
         let margin = (1.0 - distance.cos()).sqrt();
-        // The grid is 1.6 mrad; the margin changes by at most 1/sqrt 2 of the angle.
+        // The grid is 1.6 mrad, and the margin changes by at most 1/sqrt 2 of the angle.
         assert!((interior_margin_over_all(&device) - margin).abs() < 1e-3, "{distance}");
     }
 }

@@ -12,7 +12,8 @@ use hbot_core::{CompiledScene, Vec3};
 const MODES: [Mode; 6] =
     [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
 
-/// A bench in `mode`, its spring wound up by 0.2 rad; the fault is a controller's and over.
+/// Creates a bench in `mode`, with its spring wound up by 0.2 rad. In mode fault, the cause is a
+/// past fault of a motor controller.
 fn bench_in(mode: Mode) -> Bench {
     let rig = altered(&rig(), |rig| rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Index));
     let mut bench = Bench::new(rig);
@@ -93,7 +94,7 @@ fn commands_lead_where_the_table_says() {
     }
 }
 
-/// Makes the condition of a fault: whether it is one without power too, and how.
+/// Creates the condition of a fault and returns the outputs of the tick.
 fn provoke(cause: Cause, bench: &mut Bench) -> Outputs {
     match cause {
         Cause::LinkLost => {
@@ -128,7 +129,8 @@ fn provoke(cause: Cause, bench: &mut Bench) -> Outputs {
     }
 }
 
-/// Joint rates that no turn of the sphere has a part in, with a slip well above the limit.
+/// Returns joint rates (rad/s) in which no turn of the sphere has a part, with a slip well above
+/// the limit.
 fn pure_slip(bench: &Bench) -> [f64; 16] {
     use hbot_core::kinematics::Posture;
     let device = &bench.rig().device;
@@ -152,17 +154,18 @@ fn every_fault_stops_the_torque_in_its_own_tick_from_every_mode() {
             let place = format!("{cause:?} from {from:?}: {:?} {:?}", state.mode, state.cause);
             let only_powered = matches!(cause, Cause::Overspeed | Cause::Slip);
             if only_powered && !powered {
-                // A hand may spin or lift a sphere that nothing drives.
+                // A hand can spin or lift a sphere without torque.
                 assert_eq!((state.mode, state.cause), (from, was.cause), "{place}");
                 continue;
             }
-            // The first cause stands.
+            // The first cause stays.
             let first = if from == Mode::Fault { Cause::ControllerFault } else { cause };
             assert_eq!((state.mode, state.cause), (Mode::Fault, Some(first)), "{place}");
             assert!(state.torque == Vec3::ZERO && !outputs.drive.enable, "{place}");
             assert_eq!(outputs.drive.torque, [0.0; 16], "{place}");
 
-            // Once it is gone (a damaged link is forgiven in half a second), reset leads back, and the rig works again.
+            // After the cause is gone (a damaged link recovers in half a second), reset leads back,
+            // and the rig works again.
             bench.run(500);
             let reset = bench.command(Command::Reset);
             assert_eq!(reset.reply(), Reply::Done, "{place}");
@@ -235,7 +238,7 @@ fn taking_the_zeros_leads_from_unreferenced_to_idle_and_from_nowhere_else() {
 #[test]
 fn each_way_to_a_steering_zero_becomes_known_when_it_should() {
     let idle_after = |zero: Zero, seen: u16| {
-        // The zero of a drive joint means nothing.
+        // The zero of a drive joint has no meaning.
         let zeros = [zero, Zero::Calibrate, zero];
         let rig = altered(&rig(), |rig| (0..3).for_each(|joint| rig.joints[joint].zero = zeros[joint]));
         let mut bench = Bench::new(rig);
@@ -250,7 +253,7 @@ fn each_way_to_a_steering_zero_becomes_known_when_it_should() {
     );
     assert!(idle_after(Zero::Index, 0b0101));
     assert!(!idle_after(Zero::Calibrate, u16::MAX));
-    // Nothing is known before anything is heard.
+    // Nothing is known before the first reading.
     let mut deaf = Bench::new(rig());
     assert_eq!(deaf.deaf().state.mode, Mode::Unreferenced);
     assert_eq!(deaf.step().state.mode, Mode::Idle);
@@ -264,7 +267,7 @@ fn a_reboot_is_a_fault_after_which_the_zeros_must_be_found_anew() {
         for from in MODES {
             let mut bench = bench_in(from);
             if zero != Zero::Index {
-                // bench_in needs the index to tell unreferenced from idle.
+                // bench_in needs the index to distinguish unreferenced from idle.
                 let zeros =
                     |rig: &mut hbot_core::RigParts| rig.joints.iter_mut().for_each(|joint| joint.zero = zero);
                 bench = Bench::new(altered(&rig(), zeros));
@@ -318,7 +321,8 @@ fn a_motor_that_is_too_hot_by_its_torques_is_a_fault_wherever_it_has_torque() {
         bench.scene = spring_scene(1, 2.0, Vec3::new(0.2, 0.0, 0.0));
         bench.run(2);
         assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
-        // Softly enough that it is active before it is hot, or not.
+        // If the mode is active, the torque rises so slowly that the motor is active before it is
+        // too hot.
         if from == Mode::Active {
             bench.scene = CompiledScene::empty();
             bench.run(600);

@@ -1,4 +1,5 @@
-//! A client's torque: it adds to the scene, ends when it is not renewed, and goes with its client.
+//! A client's torque stream: it adds to the scene, ends if it is not renewed, and ends with its
+//! client.
 
 use crate::bench::{Bench, FirstReply, rig, spring_scene, stream};
 use crate::shaping::{ROUNDING, WOUND};
@@ -62,10 +63,11 @@ fn stream_messages_name_themselves_and_are_refused_when_too_old() {
     let late = bench.command(aged(&bench, 51));
     assert_eq!(late.reply(), Reply::Refused(Refusal::TooOld { age_ticks: 51 }));
     assert_eq!(late.state.client.unwrap().seq, Some(50), "nothing changed");
-    // One that names no tick is as old as its arrival.
+    // The age of a stream that names no tick counts from its arrival.
     bench.command(stream(Vec3::ZERO, 5));
     assert_eq!(bench.run(3).state.client.unwrap().age_ticks, 3);
-    // One from the future would count as fresh until then; one of this very tick is as fresh as can be.
+    // A stream from the future would count as fresh until that tick, so it is refused. One from the
+    // present tick has age zero.
     let ahead = |tick| Command::Stream {
         torque: Vec3::ZERO,
         valid_ticks: 1,

@@ -1,27 +1,29 @@
-//! What must hold for every input of every decoder, whatever drives it: libFuzzer (`fuzz/`) or the seeded mutations beside this
-//! file. Each function takes any bytes and panics where something does not hold.
+//! Properties that must hold for every input of every decoder. The functions are called by
+//! libFuzzer (`fuzz/`) and by the seeded mutations in this folder. Each takes arbitrary bytes and
+//! panics if a property does not hold.
 
 use hbot_api::{Encoding, MAX_REQUEST_BYTES, Request, Splitter};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_link::{Decoder, FromController, Message, ToController, encode};
 
-/// Bytes of a connection read at once, as the server does.
+/// Number of bytes read from a connection at once, as in the server.
 const PIECE: usize = 16 * 1024;
-/// What a refusal may say at most, bytes: it quotes what it refuses, but not all of it.
+/// Longest allowed error message, bytes. A message quotes what it refuses, but not all of it.
 const LONGEST_MESSAGE: usize = 4096;
 
-/// Frames from motor controllers.
+/// Checks frames from motor controllers.
 pub(crate) fn link_from_controller(bytes: &[u8]) {
     link::<FromController>(bytes);
 }
 
-/// Frames to motor controllers.
+/// Checks frames to motor controllers.
 pub(crate) fn link_to_controller(bytes: &[u8]) {
     link::<ToController>(bytes);
 }
 
-/// The same results in whatever pieces the bytes come, as many as there are frames at most, and every message that was taken is
-/// one that can be sent: it goes through its own frame unchanged.
+/// Checks the decoder of the link protocol. The results do not depend on how the bytes are divided,
+/// there are at most as many results as frames, and every decoded message can be encoded and
+/// decoded again unchanged.
 fn link<M: Message>(bytes: &[u8]) {
     let (mut whole, mut pieces) = (Decoder::<M>::new(), Decoder::<M>::new());
     let mut again = Decoder::<M>::new();
@@ -35,7 +37,7 @@ fn link<M: Message>(bytes: &[u8]) {
             assert!(n <= M::MAX_FRAME);
             let mut taken = 0;
             again.feed(&sent[..n], |result| {
-                // Compared as bytes: a NaN is not equal to itself.
+                // The messages are compared as bytes, because a NaN is not equal to itself.
                 let m = encode(&result.expect("it was a frame"), &mut resent).expect("it fits");
                 taken += 1;
                 assert_eq!(m, n);
@@ -55,17 +57,18 @@ fn link<M: Message>(bytes: &[u8]) {
     assert_eq!(at, kinds.len());
 }
 
-/// Lines of JSON from clients.
+/// Checks lines of JSON from clients.
 pub(crate) fn api_json(bytes: &[u8]) {
     api(Encoding::Json, bytes);
 }
 
-/// MessagePack from clients.
+/// Checks MessagePack from clients.
 pub(crate) fn api_msgpack(bytes: &[u8]) {
     api(Encoding::Msgpack, bytes);
 }
 
-/// No more is kept than a message and a piece; a refusal is short; what was taken goes through its own encoding unchanged.
+/// Checks the decoder of the TCP API. It buffers at most one message and one piece, error messages
+/// are short, and every decoded request can be encoded and decoded again unchanged.
 fn api(encoding: Encoding, bytes: &[u8]) {
     let mut splitter = Splitter::new(encoding);
     let mut again = Vec::new();
@@ -79,7 +82,7 @@ fn api(encoding: Encoding, bytes: &[u8]) {
                     encoding.encode(&request, &mut again).expect("what was taken can be sent");
                     let mut splitter = Splitter::new(encoding);
                     splitter.push(&again);
-                    // A number may be written longer than it came: 1e5 as 100000.0.
+                    // An encoded number can be longer than the original, such as 100000.0 for 1e5.
                     let Some(Ok(message)) = splitter.next_message() else { continue };
                     assert_eq!(Request::read(encoding, message).ok().as_ref(), Some(&request));
                 }
@@ -90,7 +93,7 @@ fn api(encoding: Encoding, bytes: &[u8]) {
     }
 }
 
-/// Rig files.
+/// Checks rig files.
 pub(crate) fn rig_file(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match RigConfig::from_toml(text, "x.toml") {
@@ -103,7 +106,7 @@ pub(crate) fn rig_file(bytes: &[u8]) {
     }
 }
 
-/// Scene files, and the same as JSON.
+/// Checks scene files, and their conversion to JSON and back.
 pub(crate) fn scene_file(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match SceneFile::from_toml(text, "x.toml") {
@@ -118,13 +121,13 @@ pub(crate) fn scene_file(bytes: &[u8]) {
 /// A decoder under test.
 #[derive(Clone, Copy)]
 pub(crate) struct Target {
-    /// What it is called: its file in `fuzz/fuzz_targets`, its folder in `fuzz/corpus`.
+    /// Name of the decoder: its file in `fuzz/fuzz_targets` and its folder in `fuzz/corpus`.
     pub(crate) name: &'static str,
-    /// What must hold for every input.
+    /// Function that checks one input. It panics if a property does not hold.
     pub(crate) check: fn(&[u8]),
 }
 
-/// All of them.
+/// All decoders under test.
 pub(crate) const TARGETS: [Target; 6] = [
     Target { name: "link_from_controller", check: link_from_controller },
     Target { name: "link_to_controller", check: link_to_controller },

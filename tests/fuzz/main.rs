@@ -1,5 +1,6 @@
-//! The decoders under inputs at random: seeded mutations of `fuzz/corpus`, the same ones in every run. So many a decoder as
-//! `HBOT_FUZZ_INPUTS` says (default 20,000); ten million are minutes in release:
+//! Runs the decoders on seeded mutations of `fuzz/corpus`, which are equal in every run.
+//! `HBOT_FUZZ_INPUTS` sets the number of inputs per decoder (default 20,000). Ten million take
+//! minutes in release:
 //!
 //! ```text
 //! HBOT_FUZZ_INPUTS=10000000 cargo test --release --test fuzz -- --nocapture
@@ -13,25 +14,25 @@ use std::time::Instant;
 use harness::{TARGETS, Target};
 use oorandom::Rand64;
 
-/// Inputs of a decoder where nobody says how many.
+/// Default number of inputs per decoder.
 const INPUTS: u64 = 20_000;
-/// The longest input, bytes: several frames, a line with room to grow.
+/// Longest input, bytes: several frames, or a line with room to grow.
 const LONGEST: usize = 4096;
 
 fn corpus(target: &Target) -> Vec<Vec<u8>> {
     let folder = Path::new("fuzz/corpus").join(target.name);
     let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let mut paths: Vec<_> = entries.map(|entry| entry.expect("a file").path()).collect();
-    // The system gives them in any order.
+    // The file system returns the files in any order.
     paths.sort();
     assert!(!paths.is_empty(), "{} is empty", folder.display());
     paths.iter().map(|path| std::fs::read(path).expect("readable")).collect()
 }
 
-/// Bytes that decoders take for something.
+/// Bytes that have a meaning for decoders.
 const TELLING: &[u8] = b"\0\x01\x7f\x80\xfe\xff\n\"{}[],:.-+eE0#='\\ ";
 
-/// Changes an input by one of the ways in which it may go wrong.
+/// Changes an input in one random way.
 fn mutate(input: &mut Vec<u8>, others: &[Vec<u8>], random: &mut Rand64) {
     let below = |n: usize, random: &mut Rand64| random.rand_range(0..n.max(1) as u64) as usize;
     let at = below(input.len(), random);
@@ -57,7 +58,7 @@ fn mutate(input: &mut Vec<u8>, others: &[Vec<u8>], random: &mut Rand64) {
     input.truncate(LONGEST);
 }
 
-/// Mends the check of a link frame, so that what is behind it is reached too.
+/// Corrects the checksum of a link frame, so that the code behind the check is reached too.
 fn reframe(input: &mut Vec<u8>) {
     let end = input.iter().position(|byte| *byte == 0).unwrap_or(input.len());
     let mut body = input[..end].to_vec();

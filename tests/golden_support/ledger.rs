@@ -1,4 +1,5 @@
-//! Every comparison that was made: the failures in full, and how near to its tolerance the worst of each field came.
+//! Record of all comparisons: every failure, and for each field the figure closest to its
+//! tolerance.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,7 +13,7 @@ pub struct Ledger {
     worst: BTreeMap<&'static str, Worst>,
 }
 
-/// One figure that is not what it should be, or a case that could not be computed at all.
+/// A figure outside its tolerance, or a case that could not be computed.
 pub struct Failure {
     file: String,
     width: &'static str,
@@ -23,7 +24,7 @@ pub struct Failure {
 
 #[derive(Clone, Copy, Default)]
 struct Worst {
-    /// Of the deviation to the tolerance; up to 1 is a pass.
+    /// Ratio of deviation and tolerance. A value up to 1 passes.
     ratio: f64,
     deviation: f64,
     case: usize,
@@ -41,12 +42,12 @@ impl Ledger {
         Self { file: file.to_owned(), width, case: 0, failures: Vec::new(), worst: BTreeMap::new() }
     }
 
-    /// What is compared from now on belongs to case `index`, counted from 0.
+    /// Sets the case of the comparisons that follow. Cases are counted from 0.
     pub fn case(&mut self, index: usize) {
         self.case = index;
     }
 
-    /// A case that cannot be computed.
+    /// Records a case that cannot be computed.
     pub fn fail(&mut self, field: &str, what: String) {
         self.failures.push(Failure {
             file: self.file.clone(),
@@ -57,7 +58,8 @@ impl Ledger {
         });
     }
 
-    /// Compares one figure; `index` says which of the field, where it has several. A NaN fails.
+    /// Compares a figure. `index` gives its place in the field if the field has several. A NaN
+    /// fails.
     pub fn number(&mut self, field: &'static str, index: &[usize], got: f64, want: f64, tolerance: f64) {
         let deviation = (got - want).abs();
         let ratio = if deviation == 0.0 { 0.0 } else { deviation / tolerance };
@@ -75,7 +77,7 @@ impl Ledger {
         }
     }
 
-    /// Compares figures one by one, and how many there are.
+    /// Compares lists of figures, and their lengths.
     pub fn numbers(
         &mut self,
         field: &'static str,
@@ -94,7 +96,7 @@ impl Ledger {
         }
     }
 
-    /// Compares unit quaternions that may come with either sign.
+    /// Compares unit quaternions regardless of their signs.
     pub fn rotation(
         &mut self,
         field: &'static str,
@@ -108,13 +110,13 @@ impl Ledger {
         self.numbers(field, index, &got.map(|x| sign * x), &want, tolerance);
     }
 
-    /// How many figures have been compared.
+    /// Returns the number of compared figures.
     pub fn compared(&self) -> usize {
         self.worst.values().map(|w| w.count).sum()
     }
 }
 
-/// The worst of each field.
+/// Prints the worst figure of each field.
 impl fmt::Display for Ledger {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} ({}): {} figures", self.file, self.width, self.compared())?;

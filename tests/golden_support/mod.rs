@@ -10,7 +10,7 @@ pub use ledger::{Failure, Ledger};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
-/// Everything in f64.
+/// The checks in f64.
 #[path = "."]
 pub mod double {
     pub use hbot_core as core;
@@ -20,7 +20,7 @@ pub mod double {
     pub mod checks;
 }
 
-/// Everything in f32.
+/// The checks in f32.
 #[path = "."]
 pub mod single {
     pub use hbot_core_f32 as core;
@@ -30,13 +30,13 @@ pub mod single {
     pub mod checks;
 }
 
-/// One file in one width.
+/// A function that checks one case in one width.
 type Check<Case> = fn(&Case, &mut Ledger);
 
-/// Reads every file of `folder` and checks it.
+/// Reads and checks every file of `folder`.
 ///
 /// # Errors
-/// Where there is nothing to read, or a file that is not one of the known ones.
+/// Fails if the folder cannot be read, has no vectors, or has an unknown file.
 pub fn check_folder(folder: &Path) -> Result<Vec<Ledger>, String> {
     let listing =
         std::fs::read_dir(folder).map_err(|e| format!("no golden vectors in {}: {e}", folder.display()))?;
@@ -46,7 +46,7 @@ pub fn check_folder(folder: &Path) -> Result<Vec<Ledger>, String> {
         names.push(entry.file_name().to_string_lossy().into_owned());
     }
     names.sort();
-    // What people read lies beside what is checked.
+    // The folder also holds Markdown pages, which are not checked.
     names.retain(|name| !name.ends_with(".md"));
     if names.is_empty() {
         return Err(format!("no golden vectors in {}: the folder is empty", folder.display()));

@@ -1,4 +1,4 @@
-//! Motion without slip, by the simulated rig's plant; in f64 alone, as it is.
+//! Checks of motion without slip, by the simulated rig's plant. The plant exists in f64 only.
 
 use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
 use hbot_core::singularity::singular_values;
@@ -8,8 +8,9 @@ use hbot_sim::plant::{Method, Plant, Sine, SpringDamper, State, Sum};
 use super::double::checks::{array, device, norm, quaternion, row_condition, tolerance, vector, worst, wxyz};
 use super::{Ledger, vectors};
 
-/// What the samples of a trajectory are compared to: golden/README.md says 1e-10 for them, and the reference, at 1e-13 a
-/// step, adds about as much over the few thousand steps of two seconds.
+/// Tolerance for the samples of a trajectory. The vectors are accurate to 1e-10
+/// (tests/golden/README.md). The reference, with 1e-13 per step, adds about as much in the few
+/// thousand steps of two seconds.
 const TRAJECTORY: f64 = 1e-9;
 
 fn plant(of: &vectors::Device, ledger: &mut Ledger) -> Option<(Device, Plant)> {
@@ -34,8 +35,9 @@ pub fn dynamics(case: &vectors::Dynamics, ledger: &mut Ledger) {
     let inertia = plant.apparent_inertia(&state);
     let [largest, _, least] = singular_values(&[inertia.x_axis, inertia.y_axis, inertia.z_axis]);
     let rows = worst(&case.device, &case.theta, row_condition);
-    // Torques in and gyroscopic torques, J |g|³ w², which rounding of the rows moves in proportion to their size; then one
-    // solution with the apparent inertia.
+    // The terms are the torques applied and the gyroscopic torques J |g|³ w². Rounding of the rows
+    // changes them in proportion to their size. Then one linear system with the apparent inertia is
+    // solved.
     let posture = super::double::checks::posture(&device, &case.theta);
     let mut terms = norm(&case.torque);
     for (j, row) in posture.rows().iter().enumerate() {
@@ -48,12 +50,12 @@ pub fn dynamics(case: &vectors::Dynamics, ledger: &mut Ledger) {
     let within = tolerance(terms / least, rows * largest / least);
     let got = plant.acceleration(&state, vector(case.torque), &tau);
     ledger.numbers("acceleration", &[], &array(got), &case.acceleration, within);
-    // A sum of squares of rates: no cancellation but in the rates themselves.
+    // The energy is a sum of squares of rates. Only the rates themselves can have cancellation.
     let scale = 0.5 * largest * norm(&case.omega).powi(2);
     ledger.number("energy", &[], plant.energy(&state), case.energy, tolerance(scale, rows));
 }
 
-/// The state at a sample, by `step` from the start; all samples in turn.
+/// Compares the state at a sample with the expected one.
 fn compare(
     ledger: &mut Ledger,
     index: usize,
@@ -112,8 +114,9 @@ pub fn trajectory(case: &vectors::Trajectory, ledger: &mut Ledger) {
         compare(ledger, k, sample, &state, wheels, TRAJECTORY);
     }
 
-    // RK4 to its order at the first sample after the start: half the step leaves a sixteenth of the error, or what the
-    // vectors are good to; half as much again is for the next order.
+    // RK4 is checked by its order at the first sample after the start: with half the step, a
+    // sixteenth of the error remains, or the accuracy of the vectors. Another half is allowed for
+    // the next order.
     let Some(sample) = case.samples.iter().find(|sample| sample.t > 0.0) else { return };
     let [coarse, fine] = [200, 400].map(|steps| {
         let h = sample.t / f64::from(steps);

@@ -1,20 +1,21 @@
-//! How far the exact allocation moves when what goes into it does.
+//! Sensitivity of the exact allocation to its inputs.
 //!
-//! The answer is unique and goes piecewise smoothly with rows, torque, limits and weights, but how steeply depends on
-//! which joints are at their limits. Nothing is guessed: each input is moved in turn and the changes are added up.
+//! The solution is unique and depends piecewise smoothly on rows, torque, limits and weights. The
+//! slope depends on which joints are at their limits. It is measured, not estimated: each input is
+//! changed in turn and the changes of the solution are added up.
 
 use hbot_core::Vec3;
 use hbot_core::allocation::{JointLimits, allocate, capability};
 use hbot_core::singularity::singular_values;
 
-/// All that comes out: scale, cost, capability along n1, n2, n3, then the joint torques.
+/// All results: scale, cost, the capabilities along n1, n2 and n3, then the joint torques.
 pub type Answer = Vec<f64>;
 
-/// Where in an [`Answer`] the torques begin.
+/// Index of the first joint torque in an [`Answer`].
 pub const TORQUES: usize = 5;
 
-/// The part of itself by which each input is moved: far above rounding, far below what separates one set of
-/// saturated joints from the next, mostly; where not, the steeper side counts.
+/// Relative change of each input. It is far above rounding, and mostly far below the changes at
+/// which other joints saturate. If it is not, the steeper side counts.
 const STEP: f64 = 1e-6;
 
 pub fn answer(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer {
@@ -27,7 +28,8 @@ pub fn answer(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer {
     answer
 }
 
-/// For each figure of the answer the most that it moves, over the relative change of all inputs at once.
+/// Returns for each result its largest change if all inputs change at once, divided by the relative
+/// change of the inputs.
 pub fn sensitivity(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer {
     let start = answer(rows, limits, torque);
     let mut sum = vec![0.0; start.len()];
@@ -65,7 +67,8 @@ pub fn sensitivity(rows: &[Vec3], limits: &JointLimits, torque: Vec3) -> Answer 
     sum
 }
 
-/// The condition of the moments sum g gᵀ / w, from which least-cost torques are found: the square of the rows'.
+/// Returns the condition of the moments sum g gᵀ / w, from which least-cost torques are computed.
+/// It is the square of the rows' condition.
 pub fn moment_condition(rows: &[Vec3], limits: &JointLimits) -> f64 {
     let scaled: Vec<Vec3> =
         rows.iter().zip(limits.weight).map(|(row, weight)| *row / weight.sqrt()).collect();

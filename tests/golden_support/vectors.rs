@@ -1,4 +1,4 @@
-//! The golden files as they stand on disk. A field that is not named here is refused, so none goes unchecked.
+//! The format of the golden files. An unknown field is refused, so that no field goes unchecked.
 
 use serde::Deserialize;
 
@@ -9,7 +9,7 @@ pub type Matrix = [[f64; 3]; 3];
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct File<Case> {
-    /// For people.
+    /// Explanation for readers of the file.
     #[serde(rename = "about")]
     pub _about: String,
     pub cases: Vec<Case>,

@@ -1,4 +1,5 @@
-//! What the server says of its methods at start, and methods by the error that they may make.
+//! What the server reports about its methods at start, and the choice of methods by a largest
+//! allowed error.
 
 use hbot_config::RigConfig;
 use hbot_core::rig::OdometryMethod;
@@ -7,7 +8,7 @@ use hbot_study::{Interrupt, Options, Study};
 
 use crate::process::Process;
 
-/// The line of the methods.
+/// Starts a server with `args` and returns the line about its methods.
 fn methods(args: &[&str]) -> String {
     let state = tempfile::tempdir().expect("a folder");
     let server = Process::start(&[&["--time", "virtual"], args].concat(), state.path());
@@ -22,23 +23,24 @@ fn it_says_what_its_methods_cost_and_err() {
         assert!(line.contains(words), "{words} in: {line}");
     }
     assert!(methods(&["--accuracy", "exact"]).contains("magnus4, cubic"));
-    // A quick loop is not followed for longer than a slow one: it would hold up the start.
+    // A fast loop is evaluated over a shorter time than a slow one, so that the start does not take
+    // longer.
     assert!(methods(&["--rate", "20000"]).contains("rad in 1 s of brisk motion"));
 }
 
 #[test]
 fn a_target_picks_methods_that_are_as_cheap_as_it_allows() {
-    // Euler errs by 7e-3 rad, and the best methods take half as long again.
+    // Euler has an error of 7e-3 rad, and the best methods take half as long again.
     let line = methods(&["--accuracy-target", "1e-2"]);
     assert!(line.contains("euler") || line.contains("midpoint"), "{line}");
-    // The counts' own error is 1e-4 rad: no better method is called for.
+    // The counts alone have an error of 1e-4 rad, so no better method is needed.
     let line = methods(&["--accuracy-target", "3e-4"]);
     assert!(line.contains("midpoint"), "{line}");
 }
 
-/// What the server says at start is the whole tick's error of the accuracy study, by another way: the scene's torque moves
-/// nothing here. Both are the largest over 10 s, of counts that are off differently by where the motion begins: within a
-/// factor of 2.
+/// The server's error at start is the error of the whole tick in the accuracy study, computed in
+/// another way: here the scene's torque moves nothing. Both are the largest errors over 10 s. The
+/// error of the counts depends on where the motion begins, so they agree within a factor of 2.
 #[test]
 fn what_it_says_is_what_the_study_finds() {
     let options = Options { out: None, quick: true, counter: None };
@@ -50,7 +52,7 @@ fn what_it_says_is_what_the_study_finds() {
     assert!(expected < 2.0 * whole && whole < 2.0 * expected, "{expected:e} against {whole:e}");
 }
 
-/// The figures of the prototype that docs/accuracy.md quotes. They are the same on every machine.
+/// docs/accuracy.md quotes the figures of the prototype, which are equal on every machine.
 #[test]
 fn the_page_quotes_what_it_says() {
     let page = include_str!("../../docs/accuracy.md").split_whitespace().collect::<Vec<_>>().join(" ");
@@ -70,6 +72,6 @@ fn the_page_quotes_what_it_says() {
     ] {
         assert!(page.contains(&said), "docs/accuracy.md should say:\n{said}");
     }
-    // "Nothing below": to the digits that are said.
+    // "Nothing below" holds to the number of digits that the page gives.
     assert_eq!(format!("{best:.1e}"), format!("{:.1e}", of(OdometryMethod::Midpoint).error));
 }

@@ -1,4 +1,5 @@
-//! The machine and the rig before any loop runs: `hbot doctor`, `hbot rig test`, `hbot rig calibrate`; metrics of one that does.
+//! The machine and the rig before a loop runs: `hbot doctor`, `hbot rig test`,
+//! `hbot rig calibrate`. Also the metrics of a running server.
 
 use std::io::{Read as _, Write as _};
 
@@ -64,7 +65,8 @@ fn each_joint_of_the_simulated_rig_passes_its_test() {
 #[test]
 fn the_simulated_rig_is_as_its_file_says_and_one_with_another_zero_is_not() {
     run(&["rig", "calibrate"]).success().stdout(contains("slip over rolling"));
-    // The file says that the encoder's zero is at 0.2 rad; the rig is not asked and has it at 0.
+    // The file says that the encoder's zero is at 0.2 rad. The simulated rig does not know the file
+    // and has its zero at 0.
     let off = include_str!("../../rigs/prototype.toml").replacen(
         "zero = \"assume\"",
         "zero = \"assume\"\nzero_offset = 0.2 #",

@@ -1,4 +1,4 @@
-//! A client that sends JSON by hand, against a server in virtual time.
+//! A client that sends handwritten JSON to a server in virtual time.
 
 use serde_json::Value;
 
@@ -14,7 +14,8 @@ fn hello_acquire_set_subscribe_and_the_torque_changes() {
     let (server, _state) = server();
     let mut client = Lines::greeted(&server.address);
     assert_eq!(client.ask(r#"{"id": 1, "op": "acquire"}"#)["ok"], serde_json::json!({}));
-    // A hand that holds the sphere still where it was: off the reference, and the torque is the stiffness's alone.
+    // The hand holds the sphere still at its start, away from the reference, so that the torque
+    // depends only on the stiffness.
     let scene = r#"{"id": 2, "op": "load_scene", "scene": {"name": "still", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": 0.2, "reference": [0.9950041652780258, 0.09983341664682815, 0, 0]}],
         "simulate": {"hand": {"stiffness": 50, "damping": 1, "amplitude": 0}}}}"#
@@ -32,7 +33,8 @@ fn hello_acquire_set_subscribe_and_the_torque_changes() {
         serde_json::json!({})
     );
     let stiff = norm(&settled(&mut client)["torque"]);
-    // Twice, but that the hand (50 N m/rad) gives way by another 0.4 % to the stiffer spring.
+    // The torque doubles, except that the hand (50 N m/rad) yields by another 0.4 % to the stiffer
+    // spring.
     assert!((stiff / soft - 2.0).abs() < 0.02, "{soft} to {stiff}");
 }
 
@@ -53,12 +55,12 @@ fn bad_lines_are_answered_and_nothing_is_lost() {
         assert_eq!(answer["error"]["code"], "bad_request", "{line}: {answer}");
         assert_eq!(answer["id"], id, "{line}: {answer}");
     }
-    // A line that comes in halves is one line.
+    // A line that arrives in two halves counts as one line.
     client.send(r#"{"id": 6, "op": "pi"#);
     std::thread::sleep(std::time::Duration::from_millis(20));
     let answer = client.ask(r#"ng", "data": "still here"}"#);
     assert_eq!(answer["ok"]["data"], "still here");
-    // And half a line is none: another client finds everything as it was.
+    // Half a line counts as none. Another client finds the state unchanged.
     client.send(r#"{"id": 7, "op": "est"#);
     drop(client);
     let mut other = Lines::greeted(&server.address);

@@ -1,4 +1,4 @@
-//! The rig files that the design study writes are rigs, for `hbot rig check` and for a server.
+//! The rig files that the design study writes are accepted by `hbot rig check` and by a server.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,7 +17,8 @@ fn rigs(folder: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// The rig is accepted without a word of warning, and a server runs it for a second of its time without a fault.
+/// Asserts that `hbot rig check` accepts the rig without a warning, and that a server runs it for 1
+/// s of virtual time without a fault.
 fn assert_is_a_rig(rig: &Path, wheels: &str, state: &Path) {
     let path = rig.to_str().expect("UTF-8");
     assert_cmd::Command::from_std(hbot())
@@ -31,7 +32,7 @@ fn assert_is_a_rig(rig: &Path, wheels: &str, state: &Path) {
     let (said, status) = server.end();
     assert!(status.success(), "{path}: {status}: {said}");
     assert!(said.contains("after 1000 ticks"), "{path}: {said}");
-    // A fault would have left the log of its last second.
+    // A fault would have left a flight log of its last second.
     let logs = std::fs::read_dir(state.join("hbot/flight")).expect("the folder of flight logs").count();
     assert_eq!(logs, 0, "{path}: {said}");
 }
@@ -58,7 +59,7 @@ fn every_rig_file_of_the_design_study_is_checked_and_runs() {
     }
 }
 
-/// Those that were kept, too.
+/// The rig files of this repository are accepted too.
 #[test]
 fn the_rigs_of_the_shelf_are_checked_and_run() {
     let folder = tempfile::tempdir().expect("a folder");

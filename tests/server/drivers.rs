@@ -1,4 +1,4 @@
-//! A driver of one's own under the real server: motors that speak no protocol of hbot's.
+//! A custom driver under the real server: motors that do not use hbot's protocol.
 
 #[allow(unreachable_pub, reason = "a test has no outside")]
 #[path = "../../crates/hbot-host/tests/toy/mod.rs"]
@@ -22,15 +22,15 @@ use tokio::net::TcpListener;
 use toy::Toy;
 use toy::motors::HeldMotors;
 
-/// How long a test waits for what must come.
+/// Longest time that a test waits for an expected event.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A line in memory to some motors; the test looks at them too.
+/// A line in memory to some motors, which the test can also inspect.
 #[derive(Clone)]
 struct Cable(Arc<Mutex<(HeldMotors, Vec<u8>)>>);
 
 impl Cable {
-    /// A line to `motors`.
+    /// Creates a line to `motors`.
     fn new(motors: HeldMotors) -> Self {
         Self(Arc::new(Mutex::new((motors, Vec::with_capacity(4096)))))
     }
@@ -39,7 +39,7 @@ impl Cable {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the motors were last told to give, N m: nothing where they are off.
+    /// Returns the last commanded joint torques, N m. They are zero if the motors are off.
     fn torque(&self) -> Vec<f64> {
         self.held().0.torque(0)
     }
@@ -61,11 +61,12 @@ impl Line for Cable {
     }
 }
 
-/// A server on the motors behind `cable`. Ends when what it returns is sent to or dropped.
+/// Starts a server on the motors behind `cable`. The server ends when the returned sender sends or
+/// is dropped.
 fn serve(cable: &Cable) -> (String, tokio::sync::oneshot::Sender<()>, std::thread::JoinHandle<()>) {
     let mut rig = RigConfig::prototype();
     rig.link.port = Port::Devices(vec!["toy".to_owned()]);
-    // A busy machine does not step on these.
+    // Time limits that a busy machine does not exceed.
     rig.link.watchdog_ms = 1000;
     rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let expected = Expected::new("toy", &rig.rig, &Layout::of(&rig), 0);
@@ -100,7 +101,7 @@ fn serve(cable: &Cable) -> (String, tokio::sync::oneshot::Sender<()>, std::threa
     (started.recv_timeout(PATIENCE).expect("it starts"), shutdown, server)
 }
 
-/// Waits until the motors give the torques that `right` accepts, N m.
+/// Waits until `right` accepts the torques of the motors, N m.
 fn until(cable: &Cable, what: &str, mut push: impl FnMut(), right: impl Fn(&[f64]) -> bool) {
     let start = Instant::now();
     while !right(&cable.torque()) {
@@ -117,12 +118,13 @@ fn a_client_s_torque_reaches_motors_of_another_protocol_and_a_stop_takes_it_from
     let (address, shutdown, server) = serve(&cable);
     let mut client = Client::connect(&address, "pusher").expect("it lets clients in");
     client.acquire(false).expect("nobody else is there");
-    // Joint torques for 0.1 N m about n2 with all wheels where they stand at the start.
+    // The joint torques for 0.1 N m about n2, with all wheels at their initial steer angles.
     let torque = hbot_core::Vec3::new(0.0, 0.1, 0.0);
     let posture = hbot_core::kinematics::Posture::new(&rig.device, &[0.0, 0.0]);
     let makes = |joints: &[f64]| (posture.torque_on_sphere(joints) - torque).length();
     let push = |client: &mut Client| {
-        // A machine that stands still for 20 ms makes a fault, which is not what is looked at here.
+        // A machine that stands still for 20 ms causes a fault, which is not the subject of this
+        // test.
         let _ = client.reset().and_then(|_| client.enable());
         let torque = TorqueCommand { torque: [0.0, 0.1, 0.0], valid_ms: 1000, tick: None, seq: None };
         let _ = client.torque(torque);

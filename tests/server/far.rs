@@ -1,4 +1,5 @@
-//! Motor controllers at the far end of a pseudo-terminal that keep all commands they hear. The tests of hbot-server use it too.
+//! Motor controllers at the far end of a pseudo-terminal that record all commands. The tests of
+//! hbot-server use this file too.
 
 use std::io::{Read as _, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,9 +12,9 @@ use hbot_link::{Command, Decoder, ToController};
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 use serialport::{SerialPort as _, TTYPort};
 
-/// A simulated rig with a memory.
+/// A simulated rig that records the commands it receives.
 pub(crate) struct Far {
-    /// The port to open.
+    /// Path of the port to open.
     pub(crate) path: String,
     heard: Arc<Mutex<Vec<Command>>>,
     over: Arc<AtomicBool>,
@@ -30,7 +31,8 @@ impl Far {
         let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("it can be simulated");
         let (record, stop) = (Arc::clone(&heard), Arc::clone(&over));
         let thread = std::thread::spawn(move || {
-            // Open for as long as this thread, so that the near end hears no hang-up.
+            // The far end stays open as long as this thread runs, so that the near end sees no
+            // hang-up.
             let _far = far;
             let mut decoder = Decoder::<ToController>::new();
             let (start, mut buffer, mut reply) = (Instant::now(), [0; 4096], Vec::new());
@@ -43,30 +45,30 @@ impl Far {
                 });
                 reply.clear();
                 simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);
-                // What is not taken is a reading that is missed.
+                // An answer that the line does not take becomes a missed reading.
                 let _ = near.write(&reply);
             }
         });
         Self { path, heard, over, thread: Some(thread) }
     }
 
-    /// How many commands have been heard.
+    /// Returns the number of commands received.
     pub(crate) fn count(&self) -> usize {
         self.heard.lock().expect("no panic").len()
     }
 
-    /// Whether a command after the first `count` was so.
+    /// Returns whether any command after the first `count` satisfies `so`.
     pub(crate) fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
         self.heard.lock().expect("no panic")[count..].iter().any(so)
     }
 
-    /// Whether a command with torque has been heard.
+    /// Returns whether a command with torque has been received.
     pub(crate) fn pushed(&self) -> bool {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
-    /// Ends in zero torque and motors off, said three times: all that has been heard, once nothing more comes, is held to it. Returns the
-    /// last command.
+    /// Waits until no more commands arrive. Asserts that the last three commands are zero torque
+    /// with motors off, and returns the last one.
     pub(crate) fn ends_still(mut self) -> Command {
         let mut before = 0;
         while self.count() > before {
@@ -86,7 +88,7 @@ impl Drop for Far {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // One that has panicked has said so.
+            // A thread that panicked has already reported it.
             let _ = thread.join();
         }
     }

@@ -1,4 +1,5 @@
-//! A server that is killed or aborts while motors push: a helper process switches them off in its place.
+//! A server that is killed or aborts while motors make torque: a helper process switches the motors
+//! off in its place.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,8 +12,9 @@ use rustix::process::{Pid, Signal, getpgid, kill_process};
 use crate::far::Far;
 use crate::process::{Lines, PATIENCE, Process, STOPPING, patient_rig};
 
-/// The watchdog time in the helper's frames, ms; the server's own have that of the patient rig.
+/// Watchdog time in the helper's commands, ms.
 const HELPERS: u16 = 1;
+/// Watchdog time in the server's own commands, ms, as in the patient rig file.
 const SERVERS: u16 = 1000;
 
 fn waits_until(what: &str, mut so: impl FnMut() -> bool) {
@@ -23,7 +25,7 @@ fn waits_until(what: &str, mut so: impl FnMut() -> bool) {
     }
 }
 
-/// A scene that pushes always, and a rig file: their paths.
+/// Writes a rig file and a scene with a constant torque. Returns their paths.
 fn files(folder: &Path) -> (String, String) {
     let scene = folder.join("push.toml");
     let text = "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
@@ -31,19 +33,19 @@ fn files(folder: &Path) -> (String, String) {
     (patient_rig(folder), scene.to_str().expect("UTF-8").to_owned())
 }
 
-/// Has the server push.
+/// Makes the server output torque.
 fn push(server: &Process, far: &Far) {
     let mut client = Lines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
     waits_until("torque", || {
-        // A machine that stood still for 20 ms has made a deadline fault.
+        // A machine that stood still for 20 ms has caused a deadline fault.
         client.ask(r#"{"id": 2, "op": "reset"}"#);
         client.ask(r#"{"id": 3, "op": "enable"}"#);
         far.pushed()
     });
 }
 
-/// A server that pushes, with its controllers.
+/// Starts a server that outputs torque, with its motor controllers.
 fn pushing(folder: &Path) -> (Process, Far) {
     let (rig, scene) = files(folder);
     let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
@@ -52,13 +54,13 @@ fn pushing(folder: &Path) -> (Process, Far) {
     (server, far)
 }
 
-/// The processes that `server` has started.
+/// Returns the processes that `server` has started.
 fn helpers(server: &Process) -> Vec<Pid> {
     let parent = server.pid().to_string();
     let processes = std::fs::read_dir("/proc").expect("a list").flatten();
     let of_server = processes.filter_map(|entry| {
         let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
-        // After the name in parentheses: the state, then the parent.
+        // The fields after the name in parentheses: the state, then the parent.
         let its_parent = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?;
         Pid::from_raw(entry.file_name().to_str()?.parse().ok()?).filter(|_| its_parent == parent)
     });
@@ -69,7 +71,8 @@ fn is_there(process: Pid) -> bool {
     Path::new("/proc").join(process.as_raw_nonzero().to_string()).exists()
 }
 
-/// Whether it has not ended. One whose parent is gone stays a zombie where process 1 reaps none, as in some containers.
+/// Returns whether the process is still running. An orphaned process stays a zombie if process 1
+/// does not collect it, as in some containers.
 fn runs(process: Pid) -> bool {
     let stat = format!("/proc/{}/stat", process.as_raw_nonzero());
     std::fs::read_to_string(stat).is_ok_and(|stat| !stat.contains(") Z "))
@@ -119,11 +122,11 @@ fn signals_of_a_terminal_or_a_service_manager_do_not_reach_the_helper() {
 fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let (rig, scene) = files(folder.path());
-    // Controllers that have lost power still know where they are.
+    // These motor controllers still know their zeros after a loss of power.
     let text = std::fs::read_to_string(&rig).expect("readable");
     std::fs::write(&rig, text.replace("zero = \"assume\"", "zero = \"absolute\"")).expect("written");
     let config = RigConfig::from_path(Path::new(&rig)).expect("a rig");
-    // Not a `Far`, whose near end the server would inherit and so keep open.
+    // A `Far` would not do: the server would inherit its near end and keep it open.
     let simulated = SimulatedRig::new(&SimulatedConfig::new(&config.rig)).expect("it can be simulated");
     let pty = spawn_pty(simulated, PtyOptions::default()).expect("a pseudo-terminal");
     let link = folder.path().join("hbot");

@@ -1,4 +1,4 @@
-//! Whoever reads what a server says on standard error, or does not, the server goes on.
+//! The server keeps running whether or not anybody reads its messages on standard error.
 
 use std::io::{BufRead as _, BufReader};
 use std::process::Stdio;
@@ -7,14 +7,15 @@ use std::time::Instant;
 use crate::output::{closed, stuck};
 use crate::process::{Lines, Mute, PATIENCE, Process};
 
-/// A server that tells everything to `log`.
+/// Starts a server that logs everything to `log`.
 fn start(state: &std::path::Path, log: impl Fn() -> Stdio) -> Mute {
     Mute::start(state, |command| {
         command.env("HBOT_LOG", "debug").stdout(closed()).stderr(log());
     })
 }
 
-/// It stops the rig, far more often than a pipe has room for lines, and ends when it is told to.
+/// Asserts that the server still works: it stops the rig far more often than a pipe has room for
+/// lines, and ends on request.
 fn goes_on(mut server: Mute) {
     let mut client = Lines::greeted(&server.address);
     for _ in 0..20 {
@@ -40,7 +41,7 @@ fn goes_on(mut server: Mute) {
 #[test]
 fn a_log_that_nobody_reads_holds_nobody_up() {
     let state = tempfile::tempdir().expect("a folder");
-    // Open, and never read: a terminal that is held.
+    // The pipe is open and never read, like a terminal that is held.
     let (_reader, writer) = stuck();
     goes_on(start(state.path(), || writer.try_clone().expect("a pipe").into()));
 }
@@ -89,7 +90,8 @@ fn a_log_that_is_read_has_what_happened() {
     goes_on(server);
     let lines = reading.join().expect("no panic");
     let told = |what: &str| lines.iter().filter(|line| line.contains(what)).count();
-    // A machine that lets the one that writes them wait has some of them left out, and says how many.
+    // If the machine lets the writer of the log wait, some lines are lost, and the log says how
+    // many.
     let left_out: usize =
         lines.iter().filter_map(|line| line.split_once(" lines are lost")?.0.parse::<usize>().ok()).sum();
     assert!(told("estop") + left_out >= 2000, "{} of {}, {left_out} left out", told("estop"), lines.len());

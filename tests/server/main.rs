@@ -1,4 +1,4 @@
-//! The program as its users meet it: the binary, its serial line, its TCP port, its files.
+//! Tests of the program as users see it: the binary, its serial line, its TCP port, its files.
 
 mod accuracy;
 mod bringup;

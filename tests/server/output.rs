@@ -1,4 +1,5 @@
-//! Output that cannot be written: a reader who has gone away, one who does not read, a device that is full.
+//! Output that cannot be written: the reader has closed the pipe, the reader does not read, or the
+//! device is full.
 
 use std::fs::{File, OpenOptions};
 use std::io::{PipeReader, PipeWriter, Write as _, pipe};
@@ -26,18 +27,18 @@ fn full() -> File {
     OpenOptions::new().write(true).open("/dev/full").expect("Linux has it")
 }
 
-/// A pipe that nobody reads any more.
+/// Returns a pipe whose reading end is closed.
 pub(crate) fn closed() -> PipeWriter {
     pipe().expect("a pipe").1
 }
 
-/// A pipe whose reader is there and never reads: it takes no further byte.
+/// Returns a full pipe whose reading end is open but never read. It accepts no further byte.
 pub(crate) fn stuck() -> (PipeReader, PipeWriter) {
     let (reader, mut writer) = pipe().expect("a pipe");
     let flags = fcntl_getfl(&writer).expect("flags");
     fcntl_setfl(&writer, flags | OFlags::NONBLOCK).expect("flags");
     while writer.write(&[b'.'; 512]).is_ok() {}
-    // Who shares it waits again.
+    // Writers that share the pipe block again.
     fcntl_setfl(&writer, flags).expect("flags");
     (reader, writer)
 }
@@ -104,13 +105,13 @@ fn clients_of_a_server_too() {
     assert!(server.end().1.success());
 }
 
-/// Goes on ticking, stops in an emergency, and ends well when asked to.
+/// Asserts that the server keeps ticking, performs an emergency stop, and ends cleanly on request.
 fn serves(mut server: Mute) {
     let mut client = Lines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
     let first = client.state(|_| true)["tick"].as_u64().expect("a tick");
     client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > first + 1000));
-    // Each is a line of its log.
+    // Each of these requests writes a line to the log.
     for id in 2..12 {
         client.ask(&format!(r#"{{"id": {id}, "op": "estop"}}"#));
     }
@@ -128,7 +129,7 @@ fn a_server_goes_on_where_its_output_is_full_and_says_so_once() {
     });
     serves(server);
     let log = std::fs::read_to_string(&log).expect("a log");
-    // At start and at its end it had something to say.
+    // Messages were due at start and at the end.
     let said: Vec<&str> = log.lines().filter(|line| line.contains("standard output")).collect();
     assert_eq!(said.len(), 1, "{log}");
     assert!(said[0].contains("No space left on device"), "{log}");
@@ -153,7 +154,7 @@ fn a_server_goes_on_where_its_log_is_full() {
     serves(server);
 }
 
-/// A service that waited for the reader of its log would hear no emergency stop.
+/// A service that waited for the reader of its log would not receive an emergency stop.
 #[test]
 fn a_server_never_waits_for_a_reader() {
     let state = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! The pages of the project lead to each other: links, headings and the index.
+//! The pages of the project refer to each other correctly: links, headings and the index.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,11 +13,11 @@ const AT_THE_ROOT: [&str; 5] =
 struct Page {
     path: PathBuf,
     links: Vec<String>,
-    /// The anchors of its headings.
+    /// Anchors of the page's headings.
     anchors: BTreeSet<String>,
-    /// Prose outside tables, links and blocks of code.
+    /// Prose outside tables, links and code blocks.
     prose: Vec<String>,
-    /// Words in the type of code, in tables too.
+    /// Words in inline code, also in tables.
     code: Vec<String>,
 }
 
@@ -25,7 +25,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// All Markdown files of a folder and its folders.
+/// Returns all Markdown files of a folder and its subfolders.
 fn found_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let of = |path: PathBuf| match path.extension() {
@@ -36,7 +36,7 @@ fn found_in(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(of).collect()
 }
 
-/// All pages.
+/// Reads all pages.
 fn pages() -> Vec<Page> {
     let mut paths = found_in(&root().join("docs"));
     paths.extend(AT_THE_ROOT.map(|name| root().join(name)));
@@ -44,7 +44,7 @@ fn pages() -> Vec<Page> {
     paths.into_iter().map(read).collect()
 }
 
-/// The anchor of a heading, as sites that show Markdown make it.
+/// Returns the anchor of a heading, as sites that show Markdown generate it.
 fn anchor(heading: &str) -> String {
     let kept = heading.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
     kept.flat_map(char::to_lowercase).map(|c| if c == ' ' { '-' } else { c }).collect()
@@ -83,7 +83,7 @@ fn read(path: PathBuf) -> Page {
     page
 }
 
-/// The file and the anchor that a link of `page` leads to; `None` for another site.
+/// Returns the file and the anchor to which a link of `page` leads, or `None` for another site.
 fn target<'a>(page: &Page, link: &'a str) -> Option<(PathBuf, Option<&'a str>)> {
     if link.contains("://") {
         return None;
@@ -132,8 +132,8 @@ fn the_index_names_every_page() {
     assert!(readme.links.iter().any(|link| link == "docs/README.md"), "README.md does not lead to the index");
 }
 
-/// Where prose names another page, a reader can follow it. The change log speaks of pages as they were,
-/// and programs write the reports.
+/// A page that prose mentions is a link, so that a reader can follow it. Exceptions are the change
+/// log, which describes pages as they were, and reports, which programs write.
 #[test]
 fn other_pages_that_prose_names_are_links() {
     let pages = pages();
@@ -154,7 +154,8 @@ fn other_pages_that_prose_names_are_links() {
     assert!(bare.is_empty(), "{}", bare.join("\n"));
 }
 
-/// A path in the type of code is one of this repository, unless a word in capitals stands for a part of it.
+/// A path in inline code exists in this repository, unless a word in capitals stands for a part of
+/// it.
 #[test]
 fn paths_of_crates_that_pages_name_exist() {
     let mut wrong = Vec::new();

@@ -1,4 +1,4 @@
-//! What a scene's `[simulate]` does to a whole server, in virtual time.
+//! The influence of a scene's `[simulate]` table on a whole server, in virtual time.
 
 use std::future::Future;
 use std::sync::mpsc;
@@ -20,7 +20,8 @@ struct Tick {
     outputs: Outputs,
 }
 
-/// All ticks of a server that runs `scene` on `rig` for so many seconds, or until what `meanwhile` makes of its address is done.
+/// Runs a server with `scene` on `rig` and returns all of its ticks. It runs for `seconds`, or
+/// until the future that `meanwhile` makes from its address completes.
 fn run<F: Future<Output = ()> + Send + 'static>(
     rig: RigConfig,
     scene: &str,
@@ -59,7 +60,8 @@ fn undisturbed(scene: &str, seconds: u64) -> Vec<Tick> {
     run(RigConfig::prototype(), scene, Some(seconds), |_| std::future::pending())
 }
 
-/// A line that loses and spoils one frame in a hundred each way, late and unsteady besides, is ridden through.
+/// A line that loses 1 % and damages 1 % of the frames in each direction, with latency and jitter,
+/// causes no fault.
 #[test]
 fn a_hundredth_of_all_frames_lost_and_damaged_is_no_fault() {
     const N: f64 = 20_000.0;
@@ -82,22 +84,25 @@ fn a_hundredth_of_all_frames_lost_and_damaged_is_no_fault() {
     assert!(modes.ends_with(&[Mode::Enabling, Mode::Active]), "{modes:?}");
     assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
 
-    // An answer is missing where its command or it itself was lost or damaged: four hundredths, within four deviations.
+    // An answer is missing if its command or the answer itself was lost or damaged: 4 %, within
+    // four standard deviations.
     let lost = 1.0 - 0.99_f64.powi(4);
     let missing = ticks.iter().filter(|tick| tick.inputs.feedback.is_none()).count() as f64;
     assert!((missing - N * lost).abs() < 4.0 * (N * lost).sqrt(), "{missing} of {N}");
     let corrupt: f64 = ticks.iter().map(|tick| f64::from(tick.inputs.corrupt_frames)).sum();
     assert!((corrupt - 0.01 * N).abs() < 4.0 * (0.01 * N).sqrt(), "{corrupt} of {N}");
-    // A tick late, which the default latency is, but for answers to commands that came in time.
+    // The default latency delays answers by a tick, but not the answers to commands that arrive in
+    // time.
     let on_time =
         |tick: &&Tick| tick.inputs.feedback.is_some_and(|f| u64::from(f.sequence) + 2 == tick.inputs.tick);
     let on_time = ticks.iter().filter(on_time).count() as f64;
     assert_eq!(on_time, N - missing);
-    // The hand moves the sphere all the while.
+    // The hand moves the sphere all the time.
     assert!(ticks.last().expect("ticks").outputs.state.omega.length() > 0.05);
 }
 
-/// A line that spoils a tenth of all frames is a fault of its own name, and one that loses all of them of its own.
+/// A line that damages a tenth of all frames and a line that loses all frames cause two different
+/// faults.
 #[test]
 fn a_bad_line_is_a_fault() {
     for (link, cause) in [("corrupt = 0.1", Cause::LinkCorrupt), ("loss = 1", Cause::LinkLost)] {
@@ -107,7 +112,8 @@ fn a_bad_line_is_a_fault() {
     }
 }
 
-/// Stiffness measured at rest: a spring that pulls to `angle` about `axis` against a hand that holds still at none.
+/// Returns the stiffness measured at rest, N m/rad. A spring pulls to `angle` (rad) about `axis`,
+/// and a hand holds the sphere at zero.
 fn stiffness(asked: f64, axis: Vec3, angle: f64, motor: &str) -> f64 {
     const GRIP: f64 = 3.0;
     let q = rotation::exp(axis * angle);
@@ -129,7 +135,7 @@ fn stiffness(asked: f64, axis: Vec3, angle: f64, motor: &str) -> f64 {
         8,
     );
     assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
-    // The mean of the last second, in which all is at rest but for the last count.
+    // The mean of the last second, in which everything is at rest except for the last count.
     let last = &ticks[7000..];
     let held = last.iter().map(|tick| rotation::log(tick.outputs.state.q).dot(axis)).sum::<f64>() / 1000.0;
     let moving = last.iter().map(|tick| tick.outputs.state.omega.length()).fold(0.0, f64::max);
@@ -138,15 +144,17 @@ fn stiffness(asked: f64, axis: Vec3, angle: f64, motor: &str) -> f64 {
     GRIP * held.sin() / (angle - held)
 }
 
-/// The paper's table III: the stiffnesses asked were measured 5 % too soft, whatever they were. A torque scale of 0.95 does
-/// just that.
+/// In the paper's table III all stiffnesses were measured about 5 % too low. A torque scale of 0.95
+/// has the same effect.
 #[test]
 fn motors_of_the_prototype_are_five_per_cent_soft_as_in_table_iii() {
     for (asked, axis) in [(4.0, Vec3::X), (6.0, Vec3::X), (2.0, Vec3::Y), (5.0, Vec3::Y)] {
         for (motor, scale) in [("", 1.0), ("motor = {}", 0.95)] {
-            // 0.05 rad keeps the motors within their continuous torque, as a measurement at rest must.
+            // An angle of 0.05 rad keeps the motors within their continuous torque, as a
+            // measurement at rest requires.
             let measured = stiffness(asked, axis, 0.05, motor);
-            // Counts: 1.5e-4 rad of the sphere in some 0.017 to 0.03 rad of the spring's.
+            // The tolerance is one count: 1.5e-4 rad of the sphere, in 0.017 to 0.03 rad of the
+            // spring.
             assert!(
                 (measured / asked - scale).abs() < 0.01,
                 "{asked} about {axis}: {measured} with {motor:?}"
@@ -155,7 +163,7 @@ fn motors_of_the_prototype_are_five_per_cent_soft_as_in_table_iii() {
     }
 }
 
-/// Motors held beyond their continuous torque end in the fault of that name.
+/// Motors that are loaded beyond their continuous torque end in the fault for overheating.
 #[test]
 fn motors_that_push_too_hard_too_long_get_hot() {
     let scene = r#"
@@ -173,7 +181,8 @@ fn motors_that_push_too_hard_too_long_get_hot() {
     assert_eq!(first(&format!("{scene}\nmotor = {{}}")), Some(Cause::Thermal));
 }
 
-/// Sends each line, waits for its answer, and after that of `load_scene` for three states.
+/// Sends each line and waits for its answer. After the answer to `load_scene` it also waits for
+/// three states.
 async fn talk(address: std::net::SocketAddr, lines: &[&str]) {
     let mut stream = TcpStream::connect(address).await.expect("the server listens");
     let (reader, mut writer) = stream.split();
@@ -190,7 +199,8 @@ async fn talk(address: std::net::SocketAddr, lines: &[&str]) {
     }
 }
 
-/// What a scene names replaces the phenomena of a running rig, what it leaves out goes, a scene without the table leaves all.
+/// A scene replaces the phenomena of a running rig by those that it names and removes the others. A
+/// scene without the table changes nothing.
 #[test]
 fn phenomena_change_with_the_scene() {
     let late = r#"
@@ -213,12 +223,13 @@ fn phenomena_change_with_the_scene() {
     let age = |tick: &Tick| tick.inputs.feedback.map(|f| tick.inputs.tick - u64::from(f.sequence));
     let mut ages: Vec<u64> = ticks.iter().filter_map(age).collect();
     ages.dedup();
-    // A latency adds its whole ticks to the one that every answer takes in virtual time.
+    // In virtual time every answer takes one tick. A latency adds its whole ticks.
     assert_eq!(ages, [4, 1, 2, 1]);
     assert!(ticks.iter().all(|tick| tick.outputs.state.cause.is_none()));
 }
 
-/// A hand that turns the sphere hard, and contacts that hold `slip` (or any force).
+/// Runs a hand that turns the sphere hard. `slip` is a line of the scene that limits the contact
+/// forces; without it they are unlimited.
 fn shoved(slip: &str) -> Vec<Tick> {
     undisturbed(
         &format!(
@@ -237,8 +248,9 @@ fn shoved(slip: &str) -> Vec<Tick> {
     )
 }
 
-/// Contacts that slip: the fault fires in the first tick whose slip is above its limit and not before. The same motion with contacts
-/// that hold shows no slip but the encoders' counts, and no fault.
+/// With contacts that slip, the fault occurs in the first tick whose slip is above the limit, and
+/// not before. In the motion without slip, the measured slip comes only from the encoder counts,
+/// and there is no fault.
 #[test]
 fn slip_is_seen_and_is_a_fault_at_its_limit() {
     let limit = RigConfig::prototype().rig.limits.slip;
@@ -247,12 +259,13 @@ fn slip_is_seen_and_is_a_fault_at_its_limit() {
     let held = shoved("");
     assert!(held.iter().all(|tick| tick.outputs.state.cause.is_none()));
     let seen = held.iter().map(slip).fold(0.0, f64::max);
-    // Rates come in 32 bits: of 100 rad/s at R that is 1e-6 m/s, and the geometry is half a tick old.
+    // Rates have 32 bits: at 100 rad/s and radius R that is an error of 1e-6 m/s. The geometry is
+    // half a tick old.
     assert!(seen < 0.1 * limit, "{seen} m/s");
     let firm = shoved("slip = {}");
     assert!(firm.iter().all(|tick| tick.outputs.state.cause.is_none()), "mu N of 8 N holds this");
 
-    // A tenth of the grip: the wheels let go.
+    // With a tenth of the grip the wheels slip.
     let loose = shoved("slip = { mu = 0.08 }");
     let fault = loose.iter().position(|tick| tick.outputs.state.cause.is_some()).expect("it slips");
     assert_eq!(loose[fault].outputs.state.cause, Some(Cause::Slip));
@@ -264,12 +277,12 @@ fn slip_is_seen_and_is_a_fault_at_its_limit() {
     }
 }
 
-/// A scene whose torque changes its sign quickly, behind gears with play.
+/// A scene whose torque changes its sign quickly, with gears that have play.
 fn geared() -> String {
     include_str!("../../scenes/heavy-door.toml").to_owned() + "\n[simulate.gear]\n[simulate.hand]\n"
 }
 
-/// What a person sees whose scene has play: the fault, and that its cause may be the play.
+/// A person whose scene has play sees the fault, and a message that play can be the cause.
 #[test]
 fn play_looks_like_slip_and_the_fault_says_so() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -284,8 +297,9 @@ fn play_looks_like_slip_and_the_fault_says_so() {
     assert!(log.contains("A gear that crosses its play looks the same"), "{log}");
 }
 
-/// A limit for rigs with play, as docs/simulator.md has it: what a motor can seem to slip that crosses its play, pushed as hard as
-/// it ever was, of which two wheels show half, and both at once that of both.
+/// Checks the slip limit of docs/simulator.md for rigs with play. The bound is the apparent slip of
+/// a motor that crosses its play under the largest torque that occurred. Two wheels show half of
+/// it, and both at once half of the sum.
 #[test]
 fn what_play_seems_to_slip_is_bounded_by_the_torque_that_crosses_it() {
     let mut rig = RigConfig::prototype();
@@ -308,7 +322,7 @@ fn what_play_seems_to_slip_is_bounded_by_the_torque_that_crosses_it() {
     assert!(seen > 0.05 && seen < bound, "{seen} m/s, at most {bound} m/s");
 }
 
-/// Of the slip of one drive alone two wheels show up to half.
+/// Two wheels show at most half of the slip of one drive.
 #[test]
 fn two_wheels_show_half_of_what_one_drive_slips() {
     let device = RigConfig::prototype().rig.device;
@@ -321,6 +335,6 @@ fn two_wheels_show_half_of_what_one_drive_slips() {
         most = slip[..2].iter().map(|[u, v]| u.hypot(*v)).fold(most, f64::max);
     }
     let half = 0.5 * device.wheels()[0].spec().radius;
-    // A grid of 18 degrees comes within its cosine of the largest.
+    // The largest value on a grid of 18 degrees is within the cosine of that angle of the true one.
     assert!(most <= half * (1.0 + 1e-9) && most > 0.95 * half, "{most} of {half} m");
 }

@@ -1,4 +1,4 @@
-//! A running `hbot server`, and the raw lines of a client that sends JSON by hand.
+//! A running `hbot server`, and a client that sends and receives raw lines of JSON.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -8,19 +8,20 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use serde_json::Value;
 
-/// As long as the slowest machine may need for what takes no time.
+/// Longest time that a test waits for anything, even on a slow machine.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The signals that end it.
+/// The signals that end the program.
 pub(crate) const STOPPING: [Signal; 5] = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP];
 
-/// The program under test.
+/// Returns the program under test.
 pub(crate) fn hbot() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot"))
 }
 
-/// A rig file on whose time-outs a busy machine does not step: the kernel moves a pseudo-terminal's bytes by a worker of
-/// ordinary priority, so other work can hold them up for as long as it likes.
+/// Writes a rig file with long timeouts, which a busy machine does not exceed, and returns its
+/// path. The kernel moves the bytes of a pseudo-terminal in a worker of ordinary priority, so other
+/// work can delay them for any time.
 pub(crate) fn patient_rig(state: &std::path::Path) -> String {
     let prototype = include_str!("../../rigs/prototype.toml");
     let patient = prototype.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
@@ -30,7 +31,7 @@ pub(crate) fn patient_rig(state: &std::path::Path) -> String {
     path.to_str().expect("UTF-8").to_owned()
 }
 
-/// A server process; killed at the end of a test that has not stopped it.
+/// A server process. It is killed at the end of a test that has not stopped it.
 pub(crate) struct Process {
     child: Child,
     out: BufReader<ChildStdout>,
@@ -39,7 +40,8 @@ pub(crate) struct Process {
 }
 
 impl Process {
-    /// Starts a server on a free port with its flight logs in `state`, and reads what it says at start.
+    /// Starts a server on a free port, with its flight logs in `state`, and reads its messages at
+    /// start.
     pub(crate) fn start(args: &[&str], state: &std::path::Path) -> Self {
         let mut child = hbot()
             .args(["server", "--listen", "127.0.0.1:0"])
@@ -68,7 +70,7 @@ impl Process {
         rustix::process::kill_process(pid, signal).expect("the server is there");
     }
 
-    /// Waits for its end: what it said last, and its exit status.
+    /// Waits until the server ends. Returns the rest of its output, and its exit status.
     pub(crate) fn end(mut self) -> (String, ExitStatus) {
         let mut rest = String::new();
         self.out.read_to_string(&mut rest).expect("readable");
@@ -78,13 +80,14 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It has ended already where the test went well.
+        // After a successful test the process has already ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// A server that cannot say where it listens, so the test says it. Killed at the end of a test that has not stopped it.
+/// A server whose output is not read. The test chooses its port. It is killed at the end of a test
+/// that has not stopped it.
 pub(crate) struct Mute {
     pub(crate) child: Child,
     pub(crate) address: String,
@@ -102,11 +105,12 @@ impl Mute {
             if mute.listens() {
                 return mute;
             }
-            // Another test was quicker to take the port.
+            // Another test has taken the port in the meantime.
         }
     }
 
-    /// Waits until it does; `false` where it has ended with exit code 1, as where the port is taken.
+    /// Waits until the server listens. Returns `false` if it has ended with exit code 1, for
+    /// example because the port is taken.
     fn listens(&mut self) -> bool {
         let at: SocketAddr = self.address.parse().expect("an address");
         let start = Instant::now();
@@ -124,13 +128,13 @@ impl Mute {
 
 impl Drop for Mute {
     fn drop(&mut self) {
-        // It has ended already where the test went well.
+        // After a successful test the process has already ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// A connection over which lines are sent as they stand.
+/// A connection that sends lines without changing them.
 pub(crate) struct Lines {
     stream: TcpStream,
     reader: BufReader<TcpStream>,
@@ -144,7 +148,7 @@ impl Lines {
         Self { stream, reader }
     }
 
-    /// The same, with hello said.
+    /// Connects and sends `hello`.
     pub(crate) fn greeted(address: &str) -> Self {
         let mut lines = Self::connect(address);
         let hello = lines.ask(r#"{"id": 0, "op": "hello", "version": 1, "name": "a test"}"#);
@@ -156,7 +160,7 @@ impl Lines {
         self.stream.write_all(line.as_bytes()).expect("sent");
     }
 
-    /// The next line, `None` where the server has closed the connection.
+    /// Returns the next line, or `None` if the server has closed the connection.
     pub(crate) fn next(&mut self) -> Option<Value> {
         let mut line = String::new();
         match self.reader.read_line(&mut line) {
@@ -167,14 +171,14 @@ impl Lines {
         }
     }
 
-    /// Sends a request and waits for its answer; events in between are dropped.
+    /// Sends a request and returns its answer. Events that arrive in between are dropped.
     pub(crate) fn ask(&mut self, line: &str) -> Value {
         self.send(line);
         self.send("\n");
         self.until(|value| value.get("id").is_some())
     }
 
-    /// The next state event for which `ready` holds.
+    /// Returns the next state event for which `ready` holds.
     pub(crate) fn state(&mut self, mut ready: impl FnMut(&Value) -> bool) -> Value {
         self.until(|value| value["event"] == "state" && ready(value))
     }
@@ -192,12 +196,12 @@ impl Lines {
     }
 }
 
-/// Three numbers of a state.
+/// Returns a field of three numbers as a vector.
 pub(crate) fn vector(value: &Value) -> [f64; 3] {
     std::array::from_fn(|i| value[i].as_f64().expect("a number"))
 }
 
-/// Their length.
+/// Returns the length of a vector of three numbers.
 pub(crate) fn norm(value: &Value) -> f64 {
     vector(value).iter().map(|x| x * x).sum::<f64>().sqrt()
 }

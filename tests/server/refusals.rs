@@ -1,4 +1,5 @@
-//! Wrong input on the command line and in files: what is wrong, where, and what is legal; exit code not 0.
+//! Wrong input on the command line and in files. The program says what is wrong, where, and what is
+//! legal, and its exit code is not 0.
 
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
@@ -42,7 +43,8 @@ fn a_processor_that_is_not_there() {
         .stderr(contains("--cpu: loop.cpu: 1024 is out of range; legal: 0 to 1023"));
 }
 
-/// A FIFO that nobody writes to, a device without an end, a folder.
+/// Only regular files are read. The others here are a FIFO without a writer, an endless device and
+/// a folder.
 #[test]
 fn what_is_no_regular_file_is_not_read() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -85,7 +87,8 @@ fn an_address_in_use() {
 
 #[test]
 fn another_machine_needs_a_token() {
-    // Loopback by another name is not taken for it: whether it can be reached from elsewhere is the system's to say.
+    // Other names for loopback are not accepted as loopback, because the system decides whether
+    // they can be reached from elsewhere.
     for other in ["0.0.0.0:0", "[::]:0", "[::ffff:127.0.0.1]:0", "[::ffff:0:0]:0"] {
         run(&["server", "--listen", other]).failure().stderr(contains("--token-file"));
         run(&["server", "--listen", "127.0.0.1:0", "--metrics", other])
@@ -167,7 +170,7 @@ fn what_is_legal_checks_out() {
     }
 }
 
-/// One line, which names the command to run instead.
+/// The old command `study` is refused with one line, which names the command to run instead.
 #[test]
 fn a_study_is_a_program_by_itself() {
     for (args, words) in [

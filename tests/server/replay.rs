@@ -1,4 +1,5 @@
-//! A run of the whole server in virtual time, recorded at the controller's door and replayed bit for bit.
+//! A run of the whole server in virtual time: the inputs of the controller are recorded and
+//! replayed bit for bit.
 
 use std::sync::mpsc;
 use std::time::Duration;
@@ -16,7 +17,7 @@ struct Tick {
     outputs: Outputs,
 }
 
-/// A client that changes what it can while the loop runs.
+/// A client that changes everything it can while the loop runs.
 async fn meddle(address: std::net::SocketAddr) {
     let mut stream = TcpStream::connect(address).await.expect("the server listens");
     let lines = [
@@ -35,7 +36,8 @@ async fn meddle(address: std::net::SocketAddr) {
         writer.write_all(line.as_bytes()).await.expect("sent");
         writer.write_all(b"\n").await.expect("sent");
         if line.contains("\"id\"") {
-            // One after the other, so that each meets the loop at a tick of its own.
+            // The requests are sent one at a time, so that each reaches the loop in a different
+            // tick.
             answers.next_line().await.expect("an answer").expect("an answer");
         }
     }
@@ -75,7 +77,7 @@ fn a_recorded_run_replays_bit_for_bit() {
     let (mut ticks, mut commands, mut scenes) = (0_u64, 0, std::collections::BTreeSet::new());
     for Tick { scene, inputs, outputs } in recorded {
         let replayed = again.tick(&scene, &inputs);
-        // The debug text tells floats apart by their bits, the sign of zero included.
+        // The debug text distinguishes floats by their bits, including the sign of zero.
         assert_eq!(format!("{replayed:?}"), format!("{outputs:?}"), "tick {}", inputs.tick);
         ticks += 1;
         commands += inputs.commands.len();
@@ -83,6 +85,6 @@ fn a_recorded_run_replays_bit_for_bit() {
     }
     assert_eq!(ticks, 20_000);
     assert!(commands >= 4, "enable at start, torque, reference, disable, enable: {commands}");
-    // Two that come between the same ticks are one change.
+    // Two changes between the same ticks count as one.
     assert!(scenes.len() >= 2, "the scenes have changed: {scenes:?}");
 }

@@ -1,4 +1,4 @@
-//! SAFETY.md names tests that exist.
+//! The tests that SAFETY.md names exist.
 
 use std::path::Path;
 

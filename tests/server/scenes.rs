@@ -1,4 +1,4 @@
-//! `hbot scene plot` and `list`.
+//! The commands `hbot scene plot` and `hbot scene list`.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,8 @@ fn plot(args: &[&str]) -> (bool, String) {
     (output.status.success(), String::from_utf8(output.stderr).expect("UTF-8"))
 }
 
-/// The pictures of docs/effects.md are those that the command makes today; HBOT_BLESS writes them.
+/// The pictures in docs/effects.md are those that the command draws now. With HBOT_BLESS set, the
+/// test writes them.
 #[test]
 fn the_pictures_in_the_docs_are_what_the_command_draws() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! What a server does, on motor controllers that are not simulated by itself, before anybody enables it; and which it refuses.
+//! A server on external motor controllers, before anybody enables it, and motor controllers that it
+//! refuses.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -16,7 +17,7 @@ fn run(args: &[&str]) -> assert_cmd::assert::Assert {
     assert_cmd::Command::from_std(hbot()).args(args).timeout(PATIENCE).assert()
 }
 
-/// A thousand ticks from now.
+/// Waits for a thousand ticks from now and returns the state.
 fn a_while(client: &mut Lines) -> serde_json::Value {
     let from = client.state(|_| true)["tick"].as_u64().expect("a tick");
     client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > from + 1000))
@@ -33,7 +34,7 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     let folder = tempfile::tempdir().expect("a folder");
     let rig = patient_rig(folder.path());
     let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
-    // A scene that pushes always, so that nothing but the mode holds it back.
+    // The scene always outputs torque, so that only the mode prevents it.
     let scene = folder.path().join("push.toml");
     std::fs::write(
         &scene,
@@ -45,7 +46,8 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
 
     let server = start();
     let mut client = watched(&server);
-    // A machine that stood still for 20 ms has made a fault of it, in which there is no torque either.
+    // A machine that stood still for 20 ms has caused a deadline fault, in which there is no torque
+    // either.
     let state = a_while(&mut client);
     assert!(state["mode"] == "idle" || state["mode"] == "fault", "{state}");
     let enabled = |command: &Command| command.enable;
@@ -54,14 +56,15 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     let begun = Instant::now();
     while !far.pushed() {
         assert!(begun.elapsed() < PATIENCE, "no torque came about");
-        // A machine that stood still for 20 ms has made a deadline fault.
+        // A machine that stood still for 20 ms has caused a deadline fault.
         client.ask(r#"{"id": 3, "op": "reset"}"#);
         client.ask(r#"{"id": 4, "op": "enable"}"#);
     }
-    // The PC loses its power while the sphere pushes, and somebody, or something, starts the server again.
+    // The PC loses power while the motors make torque. Then the server is started again.
     server.signal(Signal::KILL);
     server.end();
-    // What the line still holds is of the first server; the last of it is its helper's word.
+    // The line still holds commands of the first server. The last of them is the last word, from
+    // its helper.
     let begun = Instant::now();
     while far.any_after(far.count() - 1, enabled) {
         assert!(begun.elapsed() < PATIENCE, "motors stay on");
@@ -72,7 +75,8 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     let mut client = watched(&server);
     let state = a_while(&mut client);
     assert!(state["mode"] == "idle" || state["mode"] == "fault", "{state}");
-    // A command a tick; a busy machine leaves some out, and the line may hold the last ones up.
+    // There is one command per tick. A busy machine skips some, and the line can delay the last
+    // ones.
     let stats = client.ask(r#"{"id": 5, "op": "stats"}"#);
     let skipped = stats["ok"]["skipped_ticks"].as_u64().expect("a count") as usize;
     let begun = Instant::now();
@@ -99,7 +103,7 @@ fn a_port_that_a_server_has_open_is_no_other_programs() {
             .failure()
             .stderr(contains("another program has it open").and(contains(far.path.as_str())));
     }
-    // The first goes on.
+    // The first server continues.
     a_while(&mut watched(&server));
     assert!(!far.any_after(0, |command| command.enable));
 }
@@ -145,7 +149,7 @@ fn a_rig_file_that_is_edited_while_the_server_runs_changes_nothing() {
     std::fs::write(&rig, edited).expect("written");
     a_while(&mut client);
     assert_eq!(limit(&mut client), 0.9);
-    // What other programs take for a wish to read their files again ends it.
+    // SIGHUP, which other programs take as a request to read their files again, ends the server.
     server.signal(Signal::HUP);
     client.until(|event| event["event"] == "stopping");
     assert_eq!(server.end().1.code(), Some(0));

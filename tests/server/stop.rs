@@ -1,4 +1,5 @@
-//! `hbot rig test` and `hbot rig calibrate` that are stopped while motors push: the last that the controllers hear is zero torque.
+//! `hbot rig test` and `hbot rig calibrate` are stopped while motors make torque: the last command
+//! to the motor controllers is zero torque.
 
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, Stdio};
@@ -10,7 +11,8 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::far::Far;
 use crate::process::{PATIENCE, STOPPING, hbot};
 
-/// Attempts to stop a push, which a machine that is busy for longer than the controllers' watchdog time ends before.
+/// Number of attempts to stop a joint test while it makes torque. If the machine is busy for longer
+/// than the watchdog time of the controllers, the test ends before it is stopped.
 const ATTEMPTS: u32 = 50;
 
 fn start(far: &Far, args: &[&str]) -> Child {
@@ -26,7 +28,7 @@ fn start(far: &Far, args: &[&str]) -> Child {
 }
 
 fn push(far: &Far) -> Child {
-    // So little that the joint does not turn as far as would end the test.
+    // The torque is so small that the joint does not turn far enough to end the test.
     let child = start(far, &["test", "--joint", "1", "--torque", "0.00002"]);
     let begun = Instant::now();
     while !far.pushed() {
@@ -36,12 +38,13 @@ fn push(far: &Far) -> Child {
     child
 }
 
-/// Sends `signal` in the midst of a push: what ended the program, and what it said.
+/// Sends `signal` while a joint test makes torque. Returns the signal that ended the program, and
+/// its messages.
 fn stopped_by(signal: Signal) -> (Option<i32>, String) {
     for _ in 0..ATTEMPTS {
         let far = Far::start(&RigConfig::prototype());
         let child = push(&far);
-        // It may have ended meanwhile.
+        // The program may have ended in the meantime.
         let _ = kill_process(Pid::from_child(&child), signal);
         let output = child.wait_with_output().expect("it ends");
         far.ends_still();
@@ -57,7 +60,7 @@ fn stopped_by(signal: Signal) -> (Option<i32>, String) {
 fn a_rig_test_that_is_stopped_leaves_zero_torque_on_the_line() {
     for signal in STOPPING {
         let (ended, said) = stopped_by(signal);
-        // By which a shell ends the loop that tests one joint after the other.
+        // This tells a shell to end a loop that tests one joint after another.
         assert_eq!(ended, Some(Signal::INT.as_raw()), "{signal:?}: {said}");
         assert!(said.contains("stopped by a signal: motors are off"), "{said}");
     }

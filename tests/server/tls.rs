@@ -1,11 +1,11 @@
-//! An encrypted server and the command line as its client.
+//! An encrypted server, with the command line as its client.
 
 use std::path::Path;
 use std::process::Output;
 
 use crate::process::{Process, hbot};
 
-/// A rig file with a certificate for `localhost` and its key beside it.
+/// Writes a rig file with a certificate for `localhost` and its key, and returns its path.
 fn rig(folder: &Path) -> String {
     let made = rcgen::generate_simple_self_signed(["localhost".to_owned()]).expect("a certificate");
     std::fs::write(folder.join("rig.pem"), made.cert.pem()).expect("written");

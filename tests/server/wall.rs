@@ -1,18 +1,18 @@
-//! End to end in wall-clock time: loop, pseudo-terminal, simulated rig, TCP.
+//! End-to-end tests in wall-clock time: loop, pseudo-terminal, simulated rig, TCP.
 
 use rustix::process::Signal;
 
 use crate::far::Far;
 use crate::process::{Lines, PATIENCE, Process, STOPPING, norm, patient_rig, vector};
 
-/// A server in wall-clock time, patient with its line.
+/// Starts a server in wall-clock time, with long timeouts on its line.
 fn server(args: &[&str], state: &std::path::Path) -> Process {
     let rig = patient_rig(state);
     Process::start(&[&["--rig", &rig], args].concat(), state)
 }
 
-/// Waits until the rig is active. A machine that stood still for 20 ms has made a deadline fault, which is not what these tests are
-/// about: it is reset.
+/// Waits until the rig is active. A machine that stood still for 20 ms causes a deadline fault,
+/// which these tests do not concern, so it is reset.
 fn active(client: &mut Lines) -> serde_json::Value {
     loop {
         let state = client.state(|s| s["mode"] == "active" || s["fault"] == "deadline");
@@ -62,7 +62,7 @@ fn the_loop_and_nothing_else_stays_on_the_processor_that_it_is_given() {
     let mut seen = 0;
     for task in std::fs::read_dir(format!("/proc/{}/task", server.pid())).expect("it runs") {
         let read = |name: &str| std::fs::read_to_string(task.as_ref().expect("a thread").path().join(name));
-        // One may end while it is looked at.
+        // A thread can end while it is being examined.
         let (Ok(name), Ok(status)) = (read("comm"), read("status")) else { continue };
         let allowed =
             status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).expect("a list");
@@ -73,7 +73,8 @@ fn the_loop_and_nothing_else_stays_on_the_processor_that_it_is_given() {
     assert_eq!(seen, 1, "the loop's thread");
 }
 
-/// The limit holds as long as the file is open; without the right to it the server says so.
+/// The limit on processor sleep holds as long as the file is open. Without the permission to open
+/// it, the server says so.
 #[test]
 fn processors_are_kept_from_sleeping_while_the_loop_runs() {
     const FILE: &str = "/dev/cpu_dma_latency";
@@ -107,7 +108,7 @@ fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
         loop {
             let stats = client.ask(r#"{"id": 1, "op": "stats"}"#);
             let awake = stats["ok"]["awake_us"]["max"].as_f64().expect("a number");
-            // The histogram has three digits.
+            // The histogram has three significant digits.
             assert!(awake <= 1.001 * f64::from(early_us), "{awake}");
             let enough = stats["ok"]["ticks"].as_u64() > Some(100);
             if enough && (awake > 0.0 || early_us == 0) {
@@ -144,7 +145,7 @@ fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
         let start = std::time::Instant::now();
         while !far.pushed() {
             assert!(start.elapsed() < PATIENCE, "no torque came about");
-            // A machine that stood still for 20 ms has made a deadline fault.
+            // A machine that stood still for 20 ms has caused a deadline fault.
             client.ask(r#"{"id": 2, "op": "reset"}"#);
             client.ask(r#"{"id": 3, "op": "enable"}"#);
             client.ask(r#"{"id": 4, "op": "torque", "torque": [0, 0.1, 0], "valid_ms": 1000}"#);
@@ -190,7 +191,7 @@ fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
         }
         let (last_words, status) = server.end();
         assert_eq!(status.code(), Some(0), "at {rate} Hz: {last_words}");
-        // A second has as many deadlines; each is ticked or counted as skipped.
+        // Each deadline of a second is either ticked or counted as skipped.
         let count = |before: &str, after: &str| -> u64 {
             let rest =
                 last_words.split(before).nth(1).unwrap_or_else(|| panic!("no {before:?}: {last_words}"));
@@ -201,7 +202,7 @@ fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
         };
         let (ticks, skipped) = (count("stopped after ", " ticks"), count(" late, ", " skipped"));
         let deadlines: u64 = rate.parse().expect("a number");
-        // What is skipped at the very end may lie beyond the second.
+        // Deadlines skipped at the very end can lie beyond the second.
         assert!(ticks <= deadlines && ticks + skipped >= deadlines, "at {rate} Hz: {last_words}");
     }
 }
@@ -214,15 +215,15 @@ fn a_client_renders_for_itself_and_its_torque_ends_when_it_falls_silent() {
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
     client.ask(r#"{"id": 2, "op": "load_scene", "scene": {"name": "nothing", "effect": [], "simulate": {"hand": {"stiffness": 50, "damping": 1, "amplitude": 0}}}}"#);
     client.ask(r#"{"id": 3, "op": "subscribe", "every": 1}"#);
-    // Once more where the machine stood still in the midst of it.
+    // Repeats the attempt if the machine stood still during it.
     let ticks =
         (1..=PATIENCE.as_secs()).find_map(|seq| push_once(&mut client, seq)).expect("120 ms in one piece");
-    // 100 ms valid, 20 ms ramp; the slew limit of 200 N m/s takes a tick at each end.
+    // 100 ms valid and 20 ms ramp. The slew limit of 200 N m/s takes a tick at each end.
     assert!((115..=125).contains(&ticks), "{ticks} ticks");
 }
 
-/// How many ticks a torque that holds for 100 ms is felt, seen in each of them; `None` where a tick was left out or came so late that it was a
-/// fault.
+/// Returns the number of ticks in which a torque that is valid for 100 ms acts. Returns `None` if a
+/// tick was skipped, or was so late that it caused a fault.
 fn push_once(client: &mut Lines, seq: u64) -> Option<u64> {
     let tick = |state: &serde_json::Value| state["tick"].as_u64().expect("a tick");
     let from = tick(&active(client)) + 100;

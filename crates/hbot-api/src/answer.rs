@@ -1,4 +1,4 @@
-//! What the server answers.
+//! The server's answers to requests.
 
 use crate::untyped;
 use crate::{Encoding, ErrorBody, Event, Id, Mode};
@@ -6,21 +6,23 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::{Map, Value};
 
-/// How deep an answer may be nested; more than a request, whose data it may repeat inside.
+/// Largest nesting depth of an answer. It exceeds that of a request, because an answer can contain
+/// the request's data.
 const ANSWER_DEPTH: usize = crate::MAX_DEPTH + 8;
 
-/// The answer to one request: `{"id", "ok"}` or `{"id", "error"}`. `T` is what its writer has, as [`PingOk`]; its reader has the untyped
-/// value.
+/// The answer to one request: `{"id", "ok"}` or `{"id", "error"}`. `T` is the type of the body for
+/// the sender, such as [`PingOk`]. A receiver gets the body as an untyped value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response<T = Value> {
-    /// The request's id; `None` where the request had none that could be read.
+    /// Id of the request. `None` if the request had no readable id.
     pub id: Option<Id>,
-    /// What was asked for, a map whose fields depend on the op; or why not.
+    /// The body, a map whose fields depend on the op; or the error if the request was refused.
     pub result: Result<T, ErrorBody>,
 }
 
 impl<T: Serialize> Response<T> {
-    /// The answer to a request carried out. It cannot be encoded where `body` holds a number that is not finite.
+    /// Creates the answer to a request that was carried out. Encoding it fails if `body` contains a
+    /// number that is not finite.
     #[must_use]
     pub const fn ok(id: Option<Id>, body: T) -> Self {
         Self { id, result: Ok(body) }
@@ -28,13 +30,13 @@ impl<T: Serialize> Response<T> {
 }
 
 impl Response {
-    /// The answer to a request carried out that has nothing to tell: `"ok": {}`.
+    /// Creates the answer to a request that was carried out and returns no data: `"ok": {}`.
     #[must_use]
     pub fn done(id: Option<Id>) -> Self {
         Self { id, result: Ok(Value::Object(Map::new())) }
     }
 
-    /// The answer to a request refused.
+    /// Creates the answer to a request that was refused.
     #[must_use]
     pub const fn error(id: Option<Id>, error: ErrorBody) -> Self {
         Self { id, result: Err(error) }
@@ -59,21 +61,21 @@ impl<T: Serialize> Serialize for Response<T> {
     }
 }
 
-/// Whatever a client receives.
+/// Any message that a client receives from the server.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ServerMessage {
-    /// An answer to one of its requests.
+    /// The answer to one of the client's requests.
     Response(Response),
-    /// Something that it did not ask for just now.
+    /// An event, which the server sends without a request.
     Event(Event),
 }
 
 impl ServerMessage {
-    /// Reads a message without its newline or length.
+    /// Reads a message of the server, without its newline or length.
     ///
     /// # Errors
     ///
-    /// Where it is none that a server of this version sends; for people.
+    /// Fails with a text for people if the bytes are not a message of this version's server.
     pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, String> {
         let untyped = untyped::read(encoding, bytes, ANSWER_DEPTH)?;
         if let Some(problem) = untyped.problem {
@@ -96,72 +98,73 @@ impl ServerMessage {
     }
 }
 
-/// The answer to `hello`.
+/// The answer to the op `hello`: it describes the server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HelloOk {
-    /// The program and its version: `hbot 0.1.0`.
+    /// Name and version of the server program, such as `hbot 0.1.0`.
     pub server: String,
-    /// The version of the messages: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
+    /// Version of the messages that the server uses: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
     pub version: u64,
-    /// The rig's name.
+    /// Name of the rig.
     pub rig: String,
-    /// Ticks a second, Hz.
+    /// Tick rate of the loop, Hz.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub rate_hz: f64,
-    /// A number of this connection, different from that of every other of this server.
+    /// Number of this connection, unique on this server.
     pub session: u64,
 }
 
-/// The answer to `subscribe`.
+/// The answer to the op `subscribe`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SubscribeOk {
-    /// Ticks a sample, >= 1.
+    /// Number of ticks from one state message to the next, at least 1.
     pub every: u64,
 }
 
-/// The answer to `load_scene`.
+/// The answer to the op `load_scene`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoadSceneOk {
-    /// The effects of the scene, in its order.
+    /// Effects of the scene, in the order of the scene.
     pub effects: Vec<EffectCost>,
-    /// The phenomena of `simulate` that a real rig has by itself and does not take from a scene.
+    /// Phenomena of the scene's table `simulate` that are ignored because the rig is real.
     pub ignored: Vec<String>,
 }
 
-/// An effect and what it costs.
+/// An effect of a scene, and the computing time that it needs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EffectCost {
-    /// Its id in the scene.
+    /// Id of the effect in the scene.
     pub id: String,
-    /// Its kind, as `spring`.
+    /// Kind of the effect, such as `spring`.
     pub kind: String,
-    /// Time that it takes of each tick, ns.
+    /// Computing time of the effect in each tick, ns.
     pub cost_ns: u64,
 }
 
-/// The answer to `enable`, `disable`, `reset` and `estop`.
+/// The answer to the ops `enable`, `disable`, `reset` and `estop`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModeOk {
-    /// The mode from the next tick on.
+    /// Mode of the rig from the next tick on.
     pub mode: Mode,
 }
 
-/// The answer to `align`.
+/// The answer to the op `align`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignOk {
-    /// The angle between the orientation seen from outside and the server's own at that time, rad, from 0 to pi.
+    /// Angle between the orientation measured from outside and the server's own at that time, 0 to
+    /// pi rad.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub angle: f64,
 }
 
-/// The answer to `ping`.
+/// The answer to the op `ping`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PingOk {
-    /// What the ping brought; null where it brought nothing.
+    /// The data of the request, unchanged. Null if the request had none.
     pub data: Value,
-    /// The loop's last tick.
+    /// Number of the loop's last tick.
     pub tick: u64,
-    /// Time of that tick, s.
+    /// Time of that tick since the loop began, s.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
 }

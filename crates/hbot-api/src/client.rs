@@ -1,4 +1,4 @@
-//! A client that waits for its answers, for programs without an asynchronous runtime.
+//! A blocking client, for programs without an asynchronous runtime.
 
 mod connect;
 mod error;
@@ -17,62 +17,67 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 use tls::TlsStream;
 
-/// The most events kept for [`Client::next_event`]: the states of four seconds at 1 kHz. Then the oldest go.
+/// Largest number of events kept for [`Client::next_event`]: the states of four seconds at 1 kHz.
+/// Beyond it, the oldest events are dropped.
 const MAX_EVENTS: usize = 4096;
 
-/// Bytes read from the socket at once.
+/// Largest number of bytes read from the socket at a time.
 const PIECE_BYTES: usize = 16 * 1024;
 
 /// A connection to a server.
 ///
-/// Requests are answered in order, one at a time; events that come between are kept for
-/// [`next_event`](Self::next_event). A client that has subscribed and asks for no events lets the oldest go and
-/// counts them in [`events_lost`](Self::events_lost). After [`ClientError::Io`], [`ClientError::Closed`] or
-/// [`ClientError::Protocol`] only a new connection helps.
+/// Every call sends one request and waits for its answer. Events that arrive in the meantime are
+/// kept for [`next_event`](Self::next_event). If too many are kept, the oldest are dropped and
+/// counted in [`events_lost`](Self::events_lost). After [`ClientError::Io`],
+/// [`ClientError::Closed`] or [`ClientError::Protocol`] the connection is unusable, and the program
+/// has to connect again.
 #[derive(Debug)]
 pub struct Client {
     stream: Stream,
     splitter: Splitter,
     hello: HelloOk,
-    /// How long an answer may take.
+    /// Longest time to wait for an answer.
     timeout: Duration,
     events: VecDeque<Event>,
     events_lost: u64,
     last_id: i64,
-    /// Reused, so a stream of torques takes no memory.
+    /// Buffer for sending. It is reused, so that sending a stream does not allocate.
     out: Vec<u8>,
 }
 
 impl Client {
-    /// What the server said of itself.
+    /// Returns the server's answer to the hello: its name, version, rig and tick rate.
     #[must_use]
     pub const fn hello(&self) -> &HelloOk {
         &self.hello
     }
 
-    /// How both sides send.
+    /// Returns the encoding that both sides use.
     #[must_use]
     pub const fn encoding(&self) -> Encoding {
         self.splitter.encoding()
     }
 
-    /// Events that went because nobody asked for them in time.
+    /// Returns the number of events that were dropped because the program did not fetch them in
+    /// time.
     #[must_use]
     pub const fn events_lost(&self) -> u64 {
         self.events_lost
     }
 
-    /// Changes how long an answer may take from now on.
+    /// Sets the longest time that a call waits for its answer.
     pub const fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
 
-    /// Asks and waits for the answer.
+    /// Sends a request and waits for its answer. Returns the answer's body.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Server`] where the server refuses, [`ClientError::Timeout`] where it does not answer in time; an
-    /// answer that comes later is passed over.
+    /// Fails with [`ClientError::Server`] if the server refuses the request, and with
+    /// [`ClientError::Timeout`] if it does not answer in time. An answer that arrives later is
+    /// ignored. Fails with other errors if the request cannot be sent or the connection is
+    /// unusable.
     pub fn call(&mut self, op: Op) -> Result<Value, ClientError> {
         let what = op.name().as_str();
         self.last_id += 1;
@@ -84,12 +89,13 @@ impl Client {
                 None => return Err(ClientError::Timeout { what, after: self.timeout }),
                 Some(ServerMessage::Event(event)) => {
                     self.keep(event);
-                    // A flood of events does not put off the end of waiting.
+                    // A flood of events must not extend the waiting time.
                     if Instant::now() > deadline {
                         return Err(ClientError::Timeout { what, after: self.timeout });
                     }
                 }
-                // An answer without id is to something that the server could not read: what was sent last.
+                // An answer without id belongs to a message that the server could not read: the
+                // last one.
                 Some(ServerMessage::Response(Response { id: answered, result })) => {
                     if answered.as_ref().is_none_or(|answered| *answered == id) {
                         return result.map_err(ClientError::Server);
@@ -99,20 +105,24 @@ impl Client {
         }
     }
 
-    /// Sends without asking for an answer: for streams. A refusal comes as [`Event::Refused`].
+    /// Sends a request without waiting for an answer, for streams. If the server refuses it, an
+    /// [`Event::Refused`] arrives later.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Encode`] where a number is not finite, [`ClientError::Io`] where the connection is broken.
+    /// Fails with [`ClientError::Encode`] if a number is not finite, and with [`ClientError::Io`]
+    /// or [`ClientError::Closed`] if the connection is broken.
     pub fn send(&mut self, op: Op) -> Result<(), ClientError> {
         self.write(&Request { id: None, op })
     }
 
-    /// The next event, one kept first; `None` where none comes in time. With a timeout of zero: what has come already.
+    /// Returns the next event, beginning with those already kept. Returns `None` if no event
+    /// arrives within `timeout`. With a timeout of zero it returns only events that have already
+    /// arrived.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Closed`] after the last event of a connection that has ended.
+    /// Fails with [`ClientError::Closed`] after the last event of a connection that has ended.
     pub fn next_event(&mut self, timeout: Duration) -> Result<Option<Event>, ClientError> {
         if let Some(event) = self.events.pop_front() {
             return Ok(Some(event));
@@ -125,7 +135,7 @@ impl Client {
                 Some(ServerMessage::Response(Response { id: None, result: Err(error) })) => {
                     return Err(ClientError::Server(error));
                 }
-                // The late answer to a call that has given up.
+                // The late answer to a call that has timed out.
                 Some(ServerMessage::Response(_)) => {}
             }
         }
@@ -145,7 +155,7 @@ impl Client {
         self.stream.send(&self.out).map_err(ClientError::from_io)
     }
 
-    /// The next message; `None` where none comes before the deadline.
+    /// Returns the next message. `None` if none arrives before the deadline.
     fn receive(&mut self, deadline: Instant) -> Result<Option<ServerMessage>, ClientError> {
         let encoding = self.encoding();
         loop {
@@ -160,7 +170,7 @@ impl Client {
     }
 }
 
-/// Bytes to and from the server.
+/// The connection's byte stream, plain or encrypted.
 #[derive(Debug)]
 enum Stream {
     Plain(TcpStream),
@@ -189,7 +199,8 @@ impl Stream {
         match self {
             Self::Plain(socket) => socket.read(piece),
             Self::Tls(stream) => match stream.read(piece) {
-                // A server that is gone without a word of farewell is gone.
+                // A server that closes the connection without TLS's closing message counts as
+                // closed.
                 Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(0),
                 result => result,
             },
@@ -197,7 +208,8 @@ impl Stream {
     }
 }
 
-/// Reads what has come, or waits for it; false where the deadline passes first.
+/// Passes bytes that have arrived to the splitter, waiting for them if necessary. Returns false if
+/// the deadline passes first.
 fn read_piece(stream: &mut Stream, splitter: &mut Splitter, deadline: Instant) -> Result<bool, ClientError> {
     let mut piece = [0; PIECE_BYTES];
     loop {
@@ -214,8 +226,9 @@ fn read_piece(stream: &mut Stream, splitter: &mut Splitter, deadline: Instant) -
     }
 }
 
-/// One read. After the deadline what has come is still read: systems round short timeouts up to milliseconds, and a
-/// client that polls between the frames of a game must not wait for those.
+/// Reads once and waits until the deadline at most. After the deadline it still reads bytes that
+/// have arrived, but does not wait. Operating systems round short timeouts up to milliseconds, and
+/// a client that polls once per frame of a game must not wait that long.
 fn read_before(stream: &mut Stream, piece: &mut [u8], deadline: Instant) -> io::Result<usize> {
     let left = deadline.saturating_duration_since(Instant::now());
     if left.is_zero() {
@@ -228,7 +241,8 @@ fn read_before(stream: &mut Stream, piece: &mut [u8], deadline: Instant) -> io::
     stream.read(piece)
 }
 
-/// Systems differ in what they call a read that has timed out.
+/// Returns whether an error means that a read timed out. Operating systems report this as different
+/// kinds.
 fn is_timeout(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
 }

@@ -1,10 +1,11 @@
-//! How often each name of a closed list came about.
+//! Counters for each name of a closed list.
 
 use crate::names::Name;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// A count of each name of a list, on the wire a map. Every name is in it, with 0 if it has not come about. Counting takes no memory.
+/// A counter for each name of a closed list, such as [`Fault`](crate::Fault). In messages it is a
+/// map that contains every name, also those with a count of 0. Counting does not allocate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CountsByName<N>(Vec<(N, u64)>);
 
@@ -15,25 +16,25 @@ impl<N: Name> Default for CountsByName<N> {
 }
 
 impl<N: Name> CountsByName<N> {
-    /// CountsByName `name` once more.
+    /// Adds one to the count of `name`.
     pub fn add(&mut self, name: N) {
         if let Some((_, count)) = self.0.iter_mut().find(|(other, _)| *other == name) {
             *count += 1;
         }
     }
 
-    /// How often `name` came about.
+    /// Returns the count of `name`.
     #[must_use]
     pub fn of(&self, name: N) -> u64 {
         self.iter().find(|(other, _)| *other == name).map_or(0, |(_, count)| count)
     }
 
-    /// Each name with its count, in the order of the documentation.
+    /// Iterates over the names with their counts, in the order of the documentation.
     pub fn iter(&self) -> impl Iterator<Item = (N, u64)> + '_ {
         self.0.iter().copied()
     }
 
-    /// The sum of all counts.
+    /// Returns the sum of all counts.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.iter().map(|(_, count)| count).sum()
@@ -46,7 +47,7 @@ impl<N: Name> Serialize for CountsByName<N> {
     }
 }
 
-/// Names that a later server may add are passed over.
+/// Reads counts from a map. Ignores unknown names, because a later server can add some.
 impl<'de, N: Name> Deserialize<'de> for CountsByName<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let told = BTreeMap::<String, u64>::deserialize(deserializer)?;

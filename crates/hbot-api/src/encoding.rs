@@ -1,31 +1,33 @@
-//! From messages to bytes.
+//! Encodes messages as bytes.
 
 use crate::names::names;
 use serde::Serialize;
 use std::fmt;
 
 names! {
-    /// How messages travel. Both carry the same fields.
+    /// The encoding of messages on a connection. Both encodings have the same fields.
     #[derive(Default)]
     pub enum Encoding {
-        /// One JSON object a line, in UTF-8, ended by a newline.
+        /// One JSON object per line, in UTF-8, ended by a newline.
         #[default]
         Json = "json",
-        /// The length in four bytes, most significant first, then a MessagePack map with its fields by name.
+        /// A length of four bytes, most significant byte first, then a MessagePack map with named
+        /// fields.
         Msgpack = "msgpack",
     }
 }
 
-/// Bytes of the length before a MessagePack map.
+/// Size of the length before a MessagePack map, in bytes.
 pub(crate) const LENGTH_BYTES: usize = 4;
 
 impl Encoding {
-    /// Appends a whole message, ready to be sent, to `out`. Takes no memory where `out` has the capacity and the message
-    /// is an [`Event::State`](crate::Event::State).
+    /// Appends a complete message to `out`, with its newline or length. Does not allocate if `out`
+    /// has the capacity and the message is an [`Event::State`](crate::Event::State).
     ///
     /// # Errors
     ///
-    /// [`MessageEncodeError`] where a number of the message is not finite; `out` is then as it was before.
+    /// Fails with [`MessageEncodeError`] if a number in the message is not finite. `out` is then
+    /// unchanged.
     pub fn encode<T: Serialize + ?Sized>(
         self,
         message: &T,
@@ -59,7 +61,7 @@ fn msgpack<T: Serialize + ?Sized>(message: &T, out: &mut Vec<u8>) -> Result<(), 
     Ok(())
 }
 
-/// A message that cannot be sent.
+/// The error returned when a message cannot be encoded, for example because a number is not finite.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("message not sent: {reason}")]
 pub struct MessageEncodeError {

@@ -1,54 +1,54 @@
-//! What the server sends unasked.
+//! Events: the messages that the server sends without a request.
 
 use crate::names::names;
 use crate::{EffectCost, ErrorCode, Fault, Mode, StateEvent};
 use serde::{Deserialize, Serialize};
 
-/// A message with `event` in place of `id`.
+/// A message that the server sends without a request. It has a field `event` instead of `id`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// A sample of the loop, to who has subscribed.
+    /// State of the rig in one tick. Sent to clients that have subscribed.
     State(StateEvent),
-    /// The rig went into a fault or an emergency stop, or came out of one; to all.
+    /// The rig has entered or left a fault or an emergency stop. Sent to all clients.
     Fault(FaultEvent),
-    /// The lease to command changed hands; to all, the one who lost it among them.
+    /// The lease has changed hands. Sent to all clients, including the one that lost it.
     Lease(LeaseEvent),
-    /// Another scene is rendered; to all.
+    /// Another scene is being rendered. Sent to all clients.
     Scene(SceneEvent),
-    /// Samples were lost because this client reads too slowly.
+    /// States were dropped because this client reads too slowly.
     Dropped(DroppedEvent),
-    /// Stream messages of this client were refused; at most once a second.
+    /// Stream messages of this client were refused. Sent at most once per second.
     Refused(RefusedEvent),
-    /// The server stops; the last message of a connection.
+    /// The server is stopping. This is the last message of a connection.
     Stopping(StoppingEvent),
-    /// An event that a later server may send. Pass over it.
+    /// An event of a later server that this version does not know. Ignore it.
     #[serde(other)]
     Unknown,
 }
 
 names! {
-    /// The name of an [`Event`].
+    /// The name of an [`Event`], as it is sent in the field `event`.
     pub enum EventName {
-        /// See [`Event::State`].
+        /// Name of [`Event::State`].
         State = "state",
-        /// See [`Event::Fault`].
+        /// Name of [`Event::Fault`].
         Fault = "fault",
-        /// See [`Event::Lease`].
+        /// Name of [`Event::Lease`].
         Lease = "lease",
-        /// See [`Event::Scene`].
+        /// Name of [`Event::Scene`].
         Scene = "scene",
-        /// See [`Event::Dropped`].
+        /// Name of [`Event::Dropped`].
         Dropped = "dropped",
-        /// See [`Event::Refused`].
+        /// Name of [`Event::Refused`].
         Refused = "refused",
-        /// See [`Event::Stopping`].
+        /// Name of [`Event::Stopping`].
         Stopping = "stopping",
     }
 }
 
 impl Event {
-    /// Its name; `None` for one that a later server may send.
+    /// Returns the name of the event. `None` for an event that this version does not know.
     #[must_use]
     pub const fn name(&self) -> Option<EventName> {
         Some(match self {
@@ -64,85 +64,86 @@ impl Event {
     }
 }
 
-/// See [`Event::Fault`].
+/// The fields of [`Event::Fault`]: the rig has entered or left a fault or an emergency stop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEvent {
-    /// The tick in which it came about.
+    /// Tick in which the mode changed.
     pub tick: u64,
-    /// Time of that tick, s.
+    /// Time of that tick since the loop began, s.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
-    /// The mode from this tick on: [`Mode::Fault`], [`Mode::Estop`], or where a reset led.
+    /// Mode from this tick on: [`Mode::Fault`], [`Mode::Estop`], or the mode after a reset.
     pub mode: Mode,
-    /// The cause; `None` but in [`Mode::Fault`].
+    /// Cause of the fault. `None` unless the mode is [`Mode::Fault`].
     pub fault: Option<Fault>,
-    /// For people: what was seen, against which limit, and what to do.
+    /// What was measured, which limit it exceeded, and what to do, for people.
     pub message: String,
 }
 
-/// See [`Event::Lease`].
+/// The fields of [`Event::Lease`]: the lease has changed hands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeaseEvent {
-    /// The name of who holds it now; `None` where it is free.
+    /// Name of the client that now holds the lease. `None` if the lease is free.
     pub holder: Option<String>,
-    /// The session of who holds it now, as in its [`HelloOk`](crate::HelloOk); `None` where it is free.
+    /// Session of the client that now holds the lease, as in its [`HelloOk`](crate::HelloOk).
+    /// `None` if the lease is free.
     pub session: Option<u64>,
-    /// How that came about.
+    /// How the lease changed hands.
     pub cause: LeaseCause,
 }
 
 names! {
     /// How the lease changed hands.
     pub enum LeaseCause {
-        /// It was free and somebody took it.
+        /// The lease was free, and a client took it.
         Acquired = "acquired",
-        /// Its holder gave it back.
+        /// The holder gave the lease back.
         Released = "released",
-        /// Somebody took it from its holder.
+        /// Another client took the lease from its holder.
         Stolen = "stolen",
-        /// The connection of its holder ended.
+        /// The holder's connection ended.
         Disconnected = "disconnected",
     }
 }
 
-/// See [`Event::Scene`].
+/// The fields of [`Event::Scene`]: another scene is being rendered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneEvent {
-    /// The first tick that renders it.
+    /// First tick that renders the scene.
     pub tick: u64,
-    /// Its name.
+    /// Name of the scene.
     pub name: String,
-    /// Its effects.
+    /// Effects of the scene.
     pub effects: Vec<EffectCost>,
 }
 
-/// See [`Event::Dropped`].
+/// The fields of [`Event::Dropped`]: states were dropped because the client reads too slowly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DroppedEvent {
-    /// Samples lost since the last such event, >= 1.
+    /// Number of states dropped since the last such event, at least 1.
     pub count: u64,
-    /// Samples lost on this connection so far.
+    /// Number of states dropped on this connection so far.
     pub total: u64,
 }
 
-/// See [`Event::Refused`].
+/// The fields of [`Event::Refused`]: stream messages of this client were refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RefusedEvent {
-    /// Messages refused since the last such event, >= 1.
+    /// Number of messages refused since the last such event, at least 1.
     pub count: u64,
-    /// Messages refused on this connection so far.
+    /// Number of messages refused on this connection so far.
     pub total: u64,
-    /// The op of the last one; `None` where it could not be read.
+    /// Op of the last refused message. `None` if it could not be read.
     pub op: Option<String>,
-    /// Why the last one was refused, for programs.
+    /// Why the last message was refused, for programs.
     pub code: ErrorCode,
-    /// The same for people.
+    /// Why the last message was refused, for people.
     pub message: String,
 }
 
-/// See [`Event::Stopping`].
+/// The fields of [`Event::Stopping`]: the server is stopping.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StoppingEvent {
-    /// Why, for people.
+    /// Why the server stops, for people.
     pub message: String,
 }

@@ -1,5 +1,6 @@
-//! Serialises floats that must be finite, and fails on others. JSON has no NaN: serde_json would write `null`, and the
-//! reader would find a hole where a number was promised. A sender that meets the failure drops the message.
+//! Serializes floats that must be finite, and fails on others. JSON has no NaN: serde_json would
+//! write `null`, and the receiver would miss a promised number. A sender drops a message that fails
+//! here.
 
 use serde::{Serialize, Serializer, ser::Error};
 

@@ -1,26 +1,28 @@
-//! From the bytes on a connection to messages, in whatever pieces the bytes arrive.
+//! Splits the bytes of a connection into messages. The bytes can arrive in pieces of any size.
 
 use crate::encoding::LENGTH_BYTES;
 use crate::{Encoding, MAX_REQUEST_BYTES, asks_estop};
 
-/// Finds where messages begin and end.
+/// Finds where messages begin and end in the bytes of a connection.
 ///
-/// A message is taken whole or refused whole; one that is refused takes none of the next with it. Lines may end with
-/// `\r\n`; lines of nothing but blanks and frames of length zero are passed over. Memory is bounded by twice what is pushed
-/// before it is taken out: an over-long message is refused as soon as that is known, before room is made for it.
+/// A message is returned whole or refused whole. Refusing one does not affect the next. Lines can
+/// end with `\r\n`. Blank lines and frames of length zero are skipped. Memory is bounded by twice
+/// the bytes that are pushed before they are taken out. A message that is too long is refused as
+/// soon as this is known, before memory is reserved for it.
 #[derive(Clone, Debug)]
 pub struct Splitter {
     encoding: Encoding,
     limit: usize,
-    /// Bytes not yet taken are those from `start` on.
+    /// Bytes received. Those from `start` on have not been taken out yet.
     bytes: Vec<u8>,
     start: usize,
-    /// So many of them hold no newline, so a long line that comes in small pieces is searched once.
+    /// Number of untaken bytes known to contain no newline. A long line that arrives in small
+    /// pieces is thus searched only once.
     searched: usize,
     skipping: Skipping,
 }
 
-/// What is left of a message that has been refused.
+/// The part of a refused message that still has to be skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Skipping {
     Nothing,
@@ -29,56 +31,61 @@ enum Skipping {
 }
 
 impl Splitter {
-    /// A splitter of requests: [`MAX_REQUEST_BYTES`] at most.
+    /// Creates a splitter for requests, with the limit [`MAX_REQUEST_BYTES`].
     #[must_use]
     pub const fn new(encoding: Encoding) -> Self {
         Self::with_limit(encoding, MAX_REQUEST_BYTES)
     }
 
-    /// A splitter with another limit, in bytes of a line with its newline, or of a map without its length.
+    /// Creates a splitter with another size limit. The limit is in bytes of a line including its
+    /// newline, or of a map without its length.
     #[must_use]
     pub const fn with_limit(encoding: Encoding, limit: usize) -> Self {
         Self { encoding, limit, bytes: Vec::new(), start: 0, searched: 0, skipping: Skipping::Nothing }
     }
 
-    /// The encoding in which the next message is looked for.
+    /// Returns the encoding of the next message.
     #[must_use]
     pub const fn encoding(&self) -> Encoding {
         self.encoding
     }
 
-    /// Goes over to another encoding from the next byte on that has not been taken: after a hello that asks for it.
+    /// Changes the encoding from the next untaken byte on, after a hello that asks for it.
     pub const fn set_encoding(&mut self, encoding: Encoding) {
         self.encoding = encoding;
         self.searched = 0;
     }
 
-    /// Goes over to another limit, in bytes of a line with its newline, or of a map without its length.
+    /// Changes the size limit. It is in bytes of a line including its newline, or of a map without
+    /// its length.
     pub const fn set_limit(&mut self, limit: usize) {
         self.limit = limit;
     }
 
-    /// The bytes that [`pending`](Self::pending) counts.
+    /// Returns the bytes that have arrived and are not yet part of a message that was taken out.
     #[must_use]
     pub fn waiting(&self) -> &[u8] {
         &self.bytes[self.start..]
     }
 
-    /// Bytes that have come and are not yet part of a message taken. At the end of a connection: what was cut off.
+    /// Returns the number of bytes that have arrived and are not yet part of a message that was
+    /// taken out. At the end of a connection, these bytes are an incomplete message.
     #[must_use]
     pub const fn pending(&self) -> usize {
         self.bytes.len() - self.start
     }
 
-    /// Takes bytes in. Take all messages out before pushing more, or memory grows.
+    /// Adds received bytes. Take out all messages before pushing more, or the memory grows.
     pub fn push(&mut self, bytes: &[u8]) {
         self.space(bytes.len()).extend_from_slice(bytes);
     }
 
-    /// Where bytes that come are to be appended, with room for so many: what [`push`](Self::push) does, in place. What stands there is
-    /// not to be touched.
+    /// Returns the buffer to which received bytes can be appended directly, with room for `bytes`
+    /// more. This replaces [`push`](Self::push) without a copy. Bytes already in the buffer must
+    /// not be changed.
     pub fn space(&mut self, bytes: usize) -> &mut Vec<u8> {
-        // Not for a few bytes each time, or many that wait would be moved for every message taken.
+        // Moves the waiting bytes only if at least as many have been taken. Otherwise many waiting
+        // bytes would be moved for every message taken.
         if self.start >= self.pending() {
             self.bytes.drain(..self.start);
             self.start = 0;
@@ -87,7 +94,8 @@ impl Splitter {
         &mut self.bytes
     }
 
-    /// The next message without newline or length, or why one was refused; `None` where more bytes are needed.
+    /// Returns the next message without its newline or length, or the error if it is refused.
+    /// Returns `None` if more bytes are needed.
     pub fn next_message(&mut self) -> Option<Result<&[u8], SplitError>> {
         loop {
             self.skip();
@@ -109,20 +117,21 @@ impl Splitter {
         }
     }
 
-    /// Passes over lines of nothing but blanks, however many, in one go.
+    /// Skips any number of blank lines at once.
     fn pass_blank_lines(&mut self) {
         if self.searched == 0 {
             let waiting = &self.bytes[self.start..];
             let blanks = &waiting[..waiting.len() - waiting.trim_ascii_start().len()];
-            // The blanks before a line belong to it.
+            // Blanks at the start of a line belong to that line.
             self.start += memchr::memrchr(b'\n', blanks).map_or(0, |last| last + 1);
         }
     }
 
-    /// Where in `bytes` the next line is, without the blanks around it.
+    /// Returns the range of the next line in `bytes`, without the blanks around it. `None` if more
+    /// bytes are needed.
     fn next_line(&mut self) -> Option<Result<(usize, usize), SplitError>> {
         let waiting = &self.bytes[self.start..];
-        // A line may have its newline at the last byte allowed, and no later.
+        // The newline must be within the limit.
         let within = &waiting[..waiting.len().min(self.limit)];
         let Some(length) = newline(&within[self.searched..]).map(|at| self.searched + at) else {
             self.searched = within.len();
@@ -137,10 +146,10 @@ impl Splitter {
         self.start += length + 1;
         self.searched = 0;
         let line = &self.bytes[from..from + length];
-        // Nearly every line is ASCII, which is seen at once.
+        // Nearly every line is ASCII, which is quick to check.
         if !line.is_ascii()
             && let Err(error) = std::str::from_utf8(line)
-            // A stop is one in whatever company.
+            // A stop is obeyed even in a line that is not UTF-8.
             && !asks_estop(line)
         {
             return Some(Err(SplitError::NotUtf8 { at: error.valid_up_to() }));
@@ -149,7 +158,7 @@ impl Splitter {
         Some(Ok((from + blanks, from + blanks + line.trim_ascii().len())))
     }
 
-    /// Where in `bytes` the next map is.
+    /// Returns the range of the next MessagePack map in `bytes`. `None` if more bytes are needed.
     fn next_map(&mut self) -> Option<Result<(usize, usize), SplitError>> {
         let length = *self.bytes[self.start..].first_chunk::<LENGTH_BYTES>()?;
         let (length, text) = (u32::from_be_bytes(length) as usize, length.starts_with(b"{"));
@@ -170,7 +179,7 @@ impl Splitter {
         Some(Ok((from, self.start)))
     }
 
-    /// Lets go of what belongs to a message refused.
+    /// Discards the bytes that belong to a refused message.
     fn skip(&mut self) {
         let waiting = &self.bytes[self.start..];
         match self.skipping {
@@ -196,30 +205,33 @@ fn newline(bytes: &[u8]) -> Option<usize> {
     memchr::memchr(b'\n', bytes)
 }
 
-/// Why a message was refused before its contents were looked at.
+/// The error returned when a message is refused before its content is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum SplitError {
-    /// More bytes than the limit. Told once; the rest of the message is skipped as it comes.
+    /// The message is longer than the limit. This is reported once, and the rest of the message is
+    /// skipped.
     #[error("message of {} bytes; at most {limit} are taken", Length(*length, *limit))]
     TooLarge {
-        /// The most that is taken, bytes.
+        /// Size limit, in bytes.
         limit: usize,
-        /// What was announced, bytes; `None` for a line, whose end has not been seen.
+        /// Size that the message announced, in bytes. `None` for a line, whose end has not been
+        /// received.
         length: Option<usize>,
     },
-    /// A frame's length begins with `{`: JSON was sent where a hello has asked for MessagePack. Its bytes are skipped
-    /// like those of any frame too large, so in practice nothing after it is read.
+    /// The length of a frame begins with `{`: JSON was sent although the hello asked for
+    /// MessagePack. The announced bytes are skipped as for any frame that is too long. In practice
+    /// nothing after it is read.
     #[error("JSON where the hello has asked for MessagePack: send a 4-byte length, then a map")]
     LooksLikeJson,
     /// A line is not UTF-8.
     #[error("line is not UTF-8 from byte {at} on")]
     NotUtf8 {
-        /// Where in the line the first wrong byte is, from 0.
+        /// Index of the first invalid byte in the line, from 0.
         at: usize,
     },
 }
 
-/// How long a message is that is too long.
+/// Writes the length of a message that is too long, or the limit if its length is not known.
 struct Length(Option<usize>, usize);
 
 impl std::fmt::Display for Length {

@@ -1,27 +1,27 @@
-//! What ties an answer to its request.
+//! The id that links an answer to its request.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The longest [`Id::Text`], in bytes of UTF-8.
+/// Largest length of an [`Id::Text`], in bytes of UTF-8.
 pub const MAX_ID_BYTES: usize = 128;
 
-/// The name that a client gives a request, repeated in its answer. The server does not compare ids; a client that uses
-/// one twice gets two answers with it.
+/// The id that a client gives a request. The answer repeats it. The server does not compare ids: a
+/// client that uses an id twice gets two answers with it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Id {
-    /// A whole number of 64 bits with sign.
+    /// A signed integer of 64 bits.
     Integer(i64),
-    /// Text of at most [`MAX_ID_BYTES`].
+    /// Text of at most [`MAX_ID_BYTES`] bytes.
     Text(String),
 }
 
 impl Id {
-    /// What is legal, for messages.
+    /// Description of legal ids, for messages.
     pub(crate) const LEGAL: &str = "a whole number of 64 bits with sign, or text of at most 128 bytes";
 
-    /// The id that an untyped value is, if it is one.
+    /// Converts an untyped value to an id. Returns the value if it is not a legal id.
     pub(crate) fn from_value(value: Value) -> Result<Self, Value> {
         match value {
             Value::Number(number) => number.as_i64().map(Self::Integer).ok_or(Value::Number(number)),

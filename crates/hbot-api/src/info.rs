@@ -1,53 +1,57 @@
-//! What `info` answers.
+//! The answer to the op `info`.
 //!
-//! What a server does not say is read as its default (0, an empty list, `None`), so the types serve clients of older servers too.
+//! A field that the server does not send is read as its default (0, an empty list, `None`). The
+//! types thus also serve clients of older servers.
 
 use crate::finite;
 use crate::names::names;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The answer to `info`: what the rig is and can do, and what runs.
+/// The answer to `info`: it describes the rig and what is running.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct InfoOk {
-    /// The rig.
+    /// Description of the rig.
     pub rig: RigInfo,
-    /// Its limits.
+    /// Limits of the rig.
     pub limits: LimitsInfo,
-    /// What it can be expected to render; `None` if the inertias of a wheel contradict each other.
+    /// Estimates of what the rig can render. `None` if the inertias of a wheel contradict each
+    /// other.
     pub render: Option<RenderInfo>,
-    /// The methods in use: `fast`, `balanced`, `exact`, or `custom` if the rig file names each.
+    /// Preset of the numerical methods: `fast`, `balanced`, `exact`, or `custom` if the rig file
+    /// names each.
     pub accuracy: String,
-    /// What happens to torque when the connection of the lease's holder ends.
+    /// What happens to the torque when the connection of the lease's holder ends.
     pub on_client_lost: ClientLostPolicy,
-    /// The kinds of effects.
+    /// Kinds of effects that a scene can use.
     pub effects: Vec<KindInfo>,
-    /// The phenomena that a scene can ask of a simulated rig; `None` with a real one.
+    /// Phenomena that a scene can switch on in a simulated rig. `None` if the rig is real.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phenomena: Option<Vec<KindInfo>>,
-    /// The scene that runs, as `load_scene` takes it.
+    /// The running scene, in the form that `load_scene` accepts.
     pub scene: Value,
-    /// The largest torque about n1, n2 and n3 at this posture, N m; `None` before the first tick.
+    /// Largest torque about n1, n2 and n3 at the current posture, N m. `None` before the first
+    /// tick.
     #[serde(serialize_with = "finite::optional_array")]
     pub capability: Option<[f64; 3]>,
-    /// Who may command; `None` from a server that does not say.
+    /// Holder of the lease. `None` if the server does not send it.
     pub lease: Option<LeaseInfo>,
 }
 
-/// The rig in an [`InfoOk`].
+/// Description of a rig in [`InfoOk`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RigInfo {
-    /// Its name.
+    /// Name of the rig.
     pub name: String,
-    /// Whether it is the simulated one.
+    /// Whether the rig is simulated.
     pub simulated: bool,
-    /// Ticks a second, Hz.
+    /// Tick rate of the loop, Hz.
     pub rate_hz: u32,
-    /// Its sphere.
+    /// Sphere of the rig.
     pub sphere: SphereInfo,
-    /// Its wheels, in the order of the joints of a state.
+    /// Wheels of the rig, in the order of the joints of a state.
     pub wheels: Vec<WheelInfo>,
 }
 
@@ -55,46 +59,46 @@ pub struct RigInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SphereInfo {
-    /// m
+    /// Radius of the sphere, m.
     #[serde(serialize_with = "finite::scalar")]
     pub radius: f64,
-    /// kg
+    /// Mass of the sphere, kg.
     #[serde(serialize_with = "finite::scalar")]
     pub mass: f64,
 }
 
-/// A wheel of a rig, as the rig file states it.
+/// A wheel of a rig, as described in the rig file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct WheelInfo {
-    /// What the rig file calls it; `None` if it has no name.
+    /// Name of the wheel. `None` if it has no name.
     pub name: Option<String>,
-    /// Steering axis in N, unit length.
+    /// Steering axis in frame N, unit length.
     #[serde(serialize_with = "finite::array")]
     pub axis: [f64; 3],
-    /// Angle between the steering axis and the contact normal, rad.
+    /// Cone angle between the steering axis and the contact normal, rad.
     #[serde(serialize_with = "finite::scalar")]
     pub cone: f64,
-    /// Angle of the rolling direction about the contact normal, rad.
+    /// Toe angle of the rolling direction about the contact normal, rad.
     #[serde(serialize_with = "finite::scalar")]
     pub toe: f64,
-    /// m
+    /// Radius of the wheel, m.
     #[serde(serialize_with = "finite::scalar")]
     pub radius: f64,
-    /// The joint that steers it.
+    /// Joint that steers the wheel.
     pub steer: JointInfo,
-    /// The joint that drives it.
+    /// Joint that drives the wheel.
     pub drive: JointInfo,
 }
 
-/// The torque of a joint's motor.
+/// The torque limits of a joint's motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct JointInfo {
-    /// The most that it may have for a moment, N m.
+    /// Largest joint torque for a short time, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub peak: f64,
-    /// The most that it may have for ever, N m.
+    /// Largest joint torque without time limit, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub continuous: f64,
 }
@@ -106,40 +110,40 @@ pub struct LimitsInfo {
     /// Largest torque on the sphere, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub torque: f64,
-    /// Largest change of that torque, N m/s.
+    /// Largest rate of change of the torque on the sphere, N m/s.
     #[serde(serialize_with = "finite::scalar")]
     pub torque_rate: f64,
-    /// Largest angular speed of the powered sphere, rad/s.
+    /// Largest angular speed of the sphere while the motors are on, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub speed: f64,
-    /// Largest slip velocity of the powered sphere at a contact, m/s.
+    /// Largest slip at a contact while the motors are on, m/s.
     #[serde(serialize_with = "finite::scalar")]
     pub slip: f64,
-    /// How much energy may go into the hand; `None` for as much as torque and speed allow.
+    /// Limit on the energy that goes into the hand. `None` if only torque and speed are limited.
     pub energy: Option<EnergyInfo>,
-    /// What the contacts hold; `None` if the rig file does not say.
+    /// Friction limit of the contacts. `None` if the rig file does not give it.
     pub traction: Option<TractionInfo>,
-    /// How far an effect may be from where it rests when rendering begins, rad.
+    /// Largest angle between an effect and its rest orientation at which rendering can begin, rad.
     #[serde(serialize_with = "finite::scalar")]
     pub enable_max_angle: f64,
-    /// How fast an `align` corrects the orientation, rad/s.
+    /// Rate at which `align` corrects the orientation, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub align_rate: f64,
-    /// How fast a `reference` moves, rad/s.
+    /// Largest rate at which a reference moves towards one that a client sends, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub reference_rate: f64,
-    /// How old the `tick` of a stream message may be, ticks.
+    /// Largest age of the `tick` that a stream message names, in ticks.
     pub max_age_ticks: u32,
 }
 
-/// The limit on the energy given out to the hand.
+/// The limit on the energy delivered to the hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct EnergyInfo {
-    /// Energy beyond what `power` allows, J.
+    /// Energy that can be delivered in excess of `power`, J.
     #[serde(serialize_with = "finite::scalar")]
     pub burst: f64,
-    /// What may be given out for ever, W.
+    /// Power that can be delivered without time limit, W.
     #[serde(serialize_with = "finite::scalar")]
     pub power: f64,
 }
@@ -148,28 +152,28 @@ pub struct EnergyInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TractionInfo {
-    /// Coefficient of friction.
+    /// Friction coefficient of the contacts.
     #[serde(serialize_with = "finite::scalar")]
     pub mu: f64,
-    /// Normal force of each wheel, N.
+    /// Normal force of each wheel on the sphere, N.
     #[serde(serialize_with = "finite::scalar")]
     pub normal_force: f64,
 }
 
-/// What a spring can be expected to do on a rig, without help from friction or hand.
+/// Estimates of the springs that a rig can render, without help from friction or a hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RenderInfo {
-    /// The least apparent inertia of the sphere about any axis, kg m².
+    /// Smallest apparent inertia of the sphere about any axis, kg m².
     #[serde(serialize_with = "finite::scalar")]
     pub inertia: f64,
-    /// The damping that `stiffness_stable` is for, N m s/rad.
+    /// Damping for which `stiffness_stable` holds, N m s/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub damping: f64,
-    /// Up to which stiffness a spring with this damping stays stable in this loop, N m/rad.
+    /// Largest stiffness at which a spring with this damping is stable in this loop, N m/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub stiffness_stable: f64,
-    /// The stiffness beyond which no spring is stable, N m/rad.
+    /// Stiffness above which no spring is stable, whatever its damping, N m/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub stiffness_most: f64,
 }
@@ -178,40 +182,41 @@ pub struct RenderInfo {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct KindInfo {
-    /// What scenes call it.
+    /// Name of the kind or phenomenon in scenes.
     pub name: String,
-    /// What it is, for people.
+    /// What the kind or phenomenon does, for people.
     pub description: String,
-    /// JSON schema of its parameters, with the `unit` of each.
+    /// JSON schema of the parameters, with the `unit` of each.
     pub schema: Value,
 }
 
-/// Who holds the lease.
+/// The client that holds the lease, if any.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LeaseInfo {
-    /// The name of its holder; `None` if it is free.
+    /// Name of the client that holds the lease. `None` if the lease is free.
     pub holder: Option<String>,
-    /// The session of its holder, as in its [`HelloOk`](crate::HelloOk); `None` if it is free.
+    /// Session of the client that holds the lease, as in its [`HelloOk`](crate::HelloOk). `None` if
+    /// the lease is free.
     pub session: Option<u64>,
 }
 
 names! {
-    /// What happens to torque when the connection of the lease's holder ends.
+    /// What happens to the torque when the connection of the lease's holder ends.
     #[derive(Default)]
     pub enum ClientLostPolicy {
-        /// The stream ramps out, the scene stays.
+        /// The client's stream ramps out, and the scene stays.
         #[default]
         Ramp = "ramp",
-        /// Stream and scene stay as they are.
+        /// The client's stream and the scene stay as they are.
         Keep = "keep",
-        /// The rig goes into a fault.
+        /// The rig enters the fault `client_lost`.
         Fault = "fault",
     }
 }
 
 impl InfoOk {
-    /// The kind of effect of this name.
+    /// Returns the kind of effect with this name, if there is one.
     #[must_use]
     pub fn kind(&self, name: &str) -> Option<&KindInfo> {
         self.effects.iter().find(|kind| kind.name == name)

@@ -1,31 +1,35 @@
-//! The TCP messages of an Hbot server, their two encodings, and a blocking client. `docs/api.md` describes the same
-//! messages for a programmer of any language.
+//! The TCP messages of an Hbot server, their two encodings, and a blocking client. `docs/api.md`
+//! describes the messages for programmers of any language.
 //!
-//! # Layers, top to bottom
+//! # Layers, from top to bottom
 //!
-//! | layer | here | what it does |
-//! |---|---|---|
-//! | client | [`Client`] | connects, says hello, matches answers to requests, keeps events that come between |
-//! | messages | [`Request`], [`Response`], [`Event`] | what is said, typed; a request that exists is a legal one |
-//! | table of ops | [`OpName::row`] | who may ask an op, its fields, what it counts as |
-//! | encoding | [`Encoding`] | a message to bytes and back: a line of JSON, or a MessagePack map |
-//! | frames | [`Splitter`] | finds where messages begin and end, in whatever pieces the bytes arrive |
-//! | stops | [`StopFinder`] | finds `estop` and `disable` in the bytes before they are split |
+//! - client ([`Client`]): connects, says hello, matches answers to requests, and keeps events
+//!   that arrive in between.
+//! - messages ([`Request`], [`Response`], [`Event`]): typed messages. Every `Request` that has
+//!   been read is legal.
+//! - table of ops ([`OpName::row`]): who can use an op, its fields, and its cost.
+//! - encoding ([`Encoding`]): a message to bytes and back, as a line of JSON or a MessagePack
+//!   map.
+//! - frames ([`Splitter`]): finds where messages begin and end in a stream of bytes.
+//! - stops ([`StopFinder`]): finds `estop` and `disable` in the bytes before they are split.
 //!
-//! Neither the messages nor the frames know of sockets, so an asynchronous server uses them as the client does.
+//! Messages and frames do not depend on sockets, so an asynchronous server can use them like the
+//! client.
 //!
 //! # Conventions
 //!
-//! SI units; a field carries its unit in its name only where it is another (`valid_ms`, `lateness_us`). Vectors are
-//! in the inertial frame N. Quaternions are `[w, x, y, z]` and turn sphere axes into N. `t` is the time of the server's
-//! loop in seconds since it started, `tick` the number of its tick.
+//! All quantities are in SI units. A field carries its unit in its name only if the unit is not SI
+//! (`valid_ms`, `lateness_us`). Vectors are in the inertial frame N. Quaternions are `[w, x, y, z]`
+//! and rotate from the sphere's axes into N. `t` is the time of the server's loop in seconds since
+//! it started. `tick` is the number of its tick.
 //!
 //! # What is refused, and how
 //!
-//! Requests come from strangers and are read strictly: an unknown field, a field given twice, a number that is not
-//! finite, or text where a number belongs makes the whole request a [`RequestRefusal`], whose message names the field, what
-//! was found there and what is legal. What the server sends is read leniently: fields that a later server may add are
-//! passed over, and an event of an unknown name is [`Event::Unknown`].
+//! Requests come from unknown clients and are read strictly. An unknown field, a duplicate field, a
+//! number that is not finite, or text in place of a number makes the whole request a
+//! [`RequestRefusal`]. Its message names the field, what was found and what is legal. Messages from
+//! the server are read leniently: unknown fields are ignored, and an event with an unknown name is
+//! [`Event::Unknown`].
 //!
 //! ```
 //! use hbot_api::{Encoding, Op, Request, Splitter};
@@ -38,8 +42,10 @@
 //! let request = Request::read(Encoding::Json, line).unwrap();
 //! assert_eq!(request.op, Op::Subscribe { every: 10 });
 //!
-//! let refusal = Request::read(Encoding::Json, br#"{"id": 2, "op": "subscribe", "every": 0}"#).unwrap_err();
-//! assert_eq!(refusal.error.message, "field \"every\" is 0; legal: a whole number from 1 to 1000000");
+//! let line = br#"{"id": 2, "op": "subscribe", "every": 0}"#;
+//! let refusal = Request::read(Encoding::Json, line).unwrap_err();
+//! let message = "field \"every\" is 0; legal: a whole number from 1 to 1000000";
+//! assert_eq!(refusal.error.message, message);
 //! ```
 
 mod answer;
@@ -91,23 +97,25 @@ pub use stream::{
 };
 pub use text::{Plain, is_plain};
 
-/// The version of the messages. A hello names the one that the client speaks; it goes up with every change that a
-/// client written for the one before would not survive.
+/// Version of the messages. A client names its version in the hello. It increases with every change
+/// that would break a client written for the version before.
 pub const PROTOCOL_VERSION: u64 = 1;
 
-/// The TCP port of a server that is not told another: HBOT on the keys of a telephone.
+/// Default TCP port of a server: the digits of HBOT on a phone's keypad.
 pub const DEFAULT_PORT: u16 = 4268;
 
-/// The most bytes of a request: of a line with its newline, or of a MessagePack map without its length. Only `load_scene` and
-/// `set` of the lease's holder may be so long.
+/// Largest size of a request, in bytes: a line including its newline, or a MessagePack map without
+/// its length. Only `load_scene` and `set` from the lease holder can be this long.
 pub const MAX_REQUEST_BYTES: usize = 65_536;
 
-/// The most bytes of every other request, counted likewise. A longer one is refused before it is parsed.
+/// Largest size of every request except `load_scene` and `set`, in bytes: a line including its
+/// newline, or a MessagePack map without its length. A longer one is refused before it is parsed.
 pub const MAX_SHORT_REQUEST_BYTES: usize = 2048;
 
-/// The most bytes of a message of the server's, which a client must be ready to take. Only the answer to `info` comes
-/// near: it carries the schema of every effect.
+/// Largest size of a message from the server, in bytes. Clients must be able to receive it. Only
+/// the answer to `info` comes near, because it contains the schema of every effect.
 pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 
-/// How deep lists and maps may be nested in a request. A scene with a 3x3 stiffness has six levels.
+/// Largest nesting depth of lists and maps in a request. A scene with a 3x3 stiffness has six
+/// levels.
 pub const MAX_DEPTH: usize = 64;

@@ -1,6 +1,7 @@
-//! Closed lists of names: an enum whose variants, order and text on the wire are written down once.
+//! Closed lists of names: enums whose variants, order and text in messages are written once.
 
-/// Defines an enum of names. `ALL`, `as_str`, `Display`, `FromStr` and serde all come from the one list, so none can miss a name.
+/// Defines an enum of names. `ALL`, `as_str`, `Display`, `FromStr` and serde are all generated from
+/// one list, so none can miss a name.
 macro_rules! names {
     (
         $(#[$meta:meta])*
@@ -15,10 +16,10 @@ macro_rules! names {
         }
 
         impl $Type {
-            /// All of them, in the order of the documentation.
+            /// All values, in the order of the documentation.
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$Variant),+];
 
-            /// The name as it is sent.
+            /// Returns the name as it is sent in messages.
             #[must_use]
             pub const fn as_str(self) -> &'static str {
                 match self {
@@ -56,12 +57,12 @@ macro_rules! names {
 
 pub(crate) use names;
 
-/// A name of a closed list, as [`Fault`](crate::Fault) and [`ErrorCode`](crate::ErrorCode) are.
+/// A name from a closed list, such as [`Fault`](crate::Fault) and [`ErrorCode`](crate::ErrorCode).
 pub trait Name: Copy + Eq + serde::Serialize + 'static {
     /// All names of the list, in the order of the documentation.
     const NAMES: &'static [Self];
 
-    /// The name as it is sent.
+    /// Returns the name as it is sent in messages.
     #[must_use]
     fn as_str(self) -> &'static str;
 }

@@ -1,4 +1,4 @@
-//! What a client asks.
+//! The requests that a client can send.
 
 mod fields;
 mod parse;
@@ -12,79 +12,90 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
 
-/// The most ticks a sample that a subscription may ask for.
+/// Largest number of ticks from one state to the next that a subscription can ask for.
 pub const MAX_EVERY: u64 = 1_000_000;
 
-/// The longest name of a client, in bytes of UTF-8.
+/// Largest length of a client's name, in bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 64;
 
-/// One message from a client. One that has been read is legal in itself: every number is finite and within its range,
-/// every quaternion of unit norm. Whether it is legal for the rig, the scene and the moment is the server's to judge.
+/// One message from a client. A request that has been read is legal in itself: every number is
+/// finite and in range, and every quaternion has unit norm. The server checks whether it is legal
+/// for the rig, the scene and the moment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
-    /// Repeated in the answer. A stream message without one is not answered.
+    /// Id that the answer repeats. A stream message without id is not answered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<Id>,
-    /// What is asked.
+    /// The op, with its fields.
     #[serde(flatten)]
     pub op: Op,
 }
 
-/// What a client may ask; see `docs/api.md` for what each does.
+/// The ops that a client can request. `docs/api.md` describes each.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 pub enum Op {
-    /// Who is there. Comes first, and once. Answer: [`HelloOk`](crate::HelloOk).
+    /// Introduces the client. It is the first message and is sent only once. Answer:
+    /// [`HelloOk`](crate::HelloOk).
     Hello(Hello),
-    /// What the rig is and can do, the effects and their parameters, the scene. Answer: [`InfoOk`](crate::InfoOk).
+    /// Asks for the description of the rig, the kinds of effects and the scene. Answer:
+    /// [`InfoOk`](crate::InfoOk).
     Info,
-    /// Send a state every so many ticks, in place of an earlier subscription. Answer: [`SubscribeOk`](crate::SubscribeOk).
+    /// Subscribes to states, one every `every` ticks. Replaces an earlier subscription. Answer:
+    /// [`SubscribeOk`](crate::SubscribeOk).
     Subscribe {
-        /// Ticks a sample, from 1 to [`MAX_EVERY`].
+        /// Number of ticks from one state to the next, from 1 to [`MAX_EVERY`].
         every: u64,
     },
-    /// Send no more states. Answer: nothing more than ok.
+    /// Ends the subscription to states. The answer has no data.
     Unsubscribe,
-    /// Histograms and counters of the loop. Answer: [`StatsOk`](crate::StatsOk).
+    /// Asks for the statistics and counters of the loop and the service. Answer:
+    /// [`StatsOk`](crate::StatsOk).
     Stats,
-    /// Take the lease to command. Answer: nothing more than ok, or [`ErrorCode::Busy`](crate::ErrorCode::Busy).
+    /// Takes the lease, which is the right to command. The answer has no data, or is
+    /// [`ErrorCode::Busy`](crate::ErrorCode::Busy).
     Acquire {
-        /// Take it even from another holder.
+        /// Whether to take the lease even from another client.
         #[serde(skip_serializing_if = "is_false")]
         steal: bool,
     },
-    /// Give the lease back. Answer: nothing more than ok.
+    /// Gives the lease back. The answer has no data.
     Release,
-    /// Render another scene. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
+    /// Loads another scene and renders it. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
     LoadScene {
-        /// The scene, a map of the shape of a scene file. Only its being a map has been checked.
+        /// The scene, a map with the structure of a scene file. Only its being a map has been
+        /// checked.
         scene: Value,
     },
-    /// Change parameters of an effect, ramped. Answer: nothing more than ok.
+    /// Changes parameters of an effect. The torque changes gradually. The answer has no data.
     Set {
-        /// The id of an effect of the scene.
+        /// Id of an effect of the scene.
         effect: String,
-        /// At least one parameter of that effect's kind and its new value, unchecked. Never `id`, `op`, `effect`, `kind`.
+        /// New values of at least one parameter of the effect's kind, unchecked. The names are
+        /// never `id`, `op`, `effect` or `kind`.
         #[serde(flatten)]
         parameters: Map<String, Value>,
     },
-    /// A torque that the client renders itself. Answered only where there is an id: nothing more than ok.
+    /// Streams a torque that the client computes itself. Answered only if the request has an id;
+    /// the answer has no data.
     Torque(TorqueCommand),
-    /// Move an effect's reference. Answered only where there is an id: nothing more than ok.
+    /// Streams a new reference of an effect. Answered only if the request has an id; the answer has
+    /// no data.
     Reference(ReferenceCommand),
-    /// The orientation seen from outside. Answer, only where there is an id: [`AlignOk`](crate::AlignOk).
+    /// Sends the sphere's orientation as measured from outside. Answered only if the request has an
+    /// id: [`AlignOk`](crate::AlignOk).
     Align(Align),
-    /// Begin to render. Answer: [`ModeOk`](crate::ModeOk).
+    /// Begins to render the scene. Answer: [`ModeOk`](crate::ModeOk).
     Enable,
-    /// Stop rendering. Answer: [`ModeOk`](crate::ModeOk).
+    /// Stops rendering. Answer: [`ModeOk`](crate::ModeOk).
     Disable,
-    /// Leave a fault or an emergency stop. Answer: [`ModeOk`](crate::ModeOk).
+    /// Leaves a fault or an emergency stop. Answer: [`ModeOk`](crate::ModeOk).
     Reset,
-    /// Stop at once. Never refused: further fields are passed over. Answer: [`ModeOk`](crate::ModeOk).
+    /// Stops at once. Never refused: other fields are ignored. Answer: [`ModeOk`](crate::ModeOk).
     Estop,
-    /// Answer. Answer: [`PingOk`](crate::PingOk).
+    /// Checks that the server answers. Answer: [`PingOk`](crate::PingOk).
     Ping {
-        /// Anything; comes back as it is.
+        /// Any value. The answer returns it unchanged.
         #[serde(skip_serializing_if = "Value::is_null")]
         data: Value,
     },
@@ -93,24 +104,26 @@ pub enum Op {
 /// The first message of a client.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hello {
-    /// The version of the messages: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
+    /// Version of the messages that the client uses: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
     pub version: u64,
-    /// Who it is, for people: 1 to [`MAX_NAME_BYTES`] bytes without control or invisible characters ([`is_plain`](crate::is_plain)).
+    /// Name of the client, for people: 1 to [`MAX_NAME_BYTES`] bytes without control or invisible
+    /// characters (see [`is_plain`](crate::is_plain)).
     pub name: String,
-    /// The secret that a server asks for which can be reached from other machines.
+    /// Token of the server. A server that other machines can reach requires one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token: Option<Token>,
-    /// How both sides send from the answer to this message on; the answer itself is still JSON.
+    /// Encoding that both sides use after the answer to this message. The answer itself is still
+    /// JSON.
     pub encoding: Encoding,
 }
 
-/// A secret, kept out of debug output.
+/// A secret that is not shown in debug output.
 #[derive(Clone, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Token(String);
 
 impl Token {
-    /// The secret itself. Compare it in constant time.
+    /// Returns the secret itself. Compare it in constant time.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.0
@@ -134,7 +147,7 @@ fn is_false(flag: &bool) -> bool {
 }
 
 impl Op {
-    /// Its name, which is also the key to its row in the table of ops.
+    /// Returns the name of the op. [`OpName::row`] gives its properties.
     #[must_use]
     pub const fn name(&self) -> OpName {
         match self {

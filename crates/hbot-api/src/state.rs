@@ -1,56 +1,60 @@
-//! What the loop did in one tick.
+//! The state message: what the loop did in one tick.
 
 use crate::finite;
 use crate::names::names;
 use serde::{Deserialize, Serialize};
 
-/// A sample of the loop, sent every so many ticks to who has subscribed. All belongs to one tick: the torque is the
-/// one rendered at this orientation.
+/// The state of the rig in one tick, sent to clients that have subscribed. All fields belong to the
+/// same tick: `torque` is the torque rendered at the orientation `q`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StateEvent {
-    /// The number of the tick.
+    /// Number of the tick.
     pub tick: u64,
     /// Time of the tick since the loop began, s.
     #[serde(serialize_with = "finite::scalar")]
     pub t: f64,
-    /// What the rig does.
+    /// Mode of the rig.
     pub mode: Mode,
-    /// Why it stopped; `None` but in [`Mode::Fault`].
+    /// Cause of the fault. `None` unless the mode is [`Mode::Fault`].
     pub fault: Option<Fault>,
-    /// Orientation of the sphere, `[w, x, y, z]`, unit norm; its sign never jumps from one tick to the next.
+    /// Orientation of the sphere, `[w, x, y, z]`, unit norm. Its sign never jumps from one tick to
+    /// the next.
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
-    /// Angular velocity of the sphere in N, rad/s.
+    /// Angular velocity of the sphere in frame N, rad/s.
     #[serde(serialize_with = "finite::array")]
     pub omega: [f64; 3],
-    /// Where the first effect of the scene that has a reference is to bring the sphere, `[w, x, y, z]`, unit norm: its
-    /// reference as it stands in this tick, anchored, and moved by a client. `None` where no effect has one.
+    /// Orientation that the first effect with a reference pulls towards in this tick, `[w, x, y,
+    /// z]`, unit norm. It includes the effect's anchor and changes by clients. `None` if no effect
+    /// has a reference.
     #[serde(default, serialize_with = "finite::optional_array")]
     pub reference: Option<[f64; 4]>,
-    /// Torque on the sphere in N, as applied after all limits, N m.
+    /// Torque on the sphere in frame N after all limits, N m.
     #[serde(serialize_with = "finite::array")]
     pub torque: [f64; 3],
-    /// Each joint: steer and drive of the first wheel, then of the next.
+    /// All joints: steer and drive of the first wheel, then of the next.
     pub joints: Vec<JointState>,
-    /// The largest slip velocity at a contact that the encoders can see, m/s, >= 0.
+    /// Largest slip at a contact that the encoders can detect, m/s, at least 0.
     #[serde(serialize_with = "finite::scalar")]
     pub slip: f64,
-    /// The share of the torque wanted that the limits left, from 0 to 1.
+    /// Fraction of the requested torque that remains after the limits, 0 to 1.
     #[serde(serialize_with = "finite::scalar")]
     pub scale: f64,
-    /// The largest tangential force at a contact over what friction holds there, 0 to 1; 1 where this limits the torque.
+    /// Largest ratio of the tangential force at a contact to its friction limit, 0 to 1. It is 1
+    /// while friction limits the torque.
     #[serde(serialize_with = "finite::scalar")]
     pub traction: f64,
-    /// Energy given out to the hand since the start, by the passivity observer, J; negative where more came in.
+    /// Energy delivered to the hand since the start, from the passivity observer, J. Negative if
+    /// more energy was absorbed from the hand.
     #[serde(serialize_with = "finite::scalar")]
     pub energy: f64,
-    /// The last stream message that was taken; `None` before the first.
+    /// The last stream message that was accepted. `None` before the first.
     pub client: Option<ClientStream>,
-    /// How punctual the tick was.
+    /// Timing of the tick.
     pub timing: StateTiming,
 }
 
-/// A rig of which nothing is known yet: unreferenced, at the identity, at rest, with nothing cut by a limit.
+/// The state of an unknown rig: unreferenced, at the identity, at rest, and with no limit acting.
 impl Default for StateEvent {
     fn default() -> Self {
         Self {
@@ -73,89 +77,92 @@ impl Default for StateEvent {
     }
 }
 
-/// A joint in a [`StateEvent`].
+/// The state of one joint in a [`StateEvent`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
-    /// Angle from the zero, within a turn, rad, 0 to 2 pi.
+    /// Angle of the joint from its zero within one turn, 0 to 2 pi rad.
     #[serde(serialize_with = "finite::scalar")]
     pub angle: f64,
-    /// Its rate, rad/s.
+    /// Rate of the joint, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub rate: f64,
-    /// Torque commanded, N m.
+    /// Commanded joint torque, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub torque: f64,
 }
 
-/// The last stream message that was taken.
+/// The last stream message that the loop has accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClientStream {
-    /// The `seq` of it; `None` where the client gave none.
+    /// Field `seq` of the message. `None` if it had none.
     pub seq: Option<u64>,
-    /// Ticks since the tick that it named, or else since it was taken.
+    /// Ticks since the tick that the message named, or since it was accepted if it named none.
     pub age_ticks: u64,
 }
 
-/// How punctual a tick was, in microseconds.
+/// Timing of one tick, in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StateTiming {
-    /// From the deadline of the tick to its start.
+    /// Time from the tick's deadline to its start, us.
     #[serde(serialize_with = "finite::scalar")]
     pub lateness_us: f64,
-    /// In the controller: from the feedback decoded to the torques ready.
+    /// Computing time of the control law, from decoded readings to joint torques, us.
     #[serde(serialize_with = "finite::scalar")]
     pub compute_us: f64,
-    /// On the serial line: reading, decoding, encoding, writing.
+    /// Time spent on the line: reading, decoding, encoding and writing, us.
     #[serde(serialize_with = "finite::scalar")]
     pub link_us: f64,
-    /// From the reading of the joints (taken when the command that it answers went out) to the torque on the wire that
-    /// was computed from it.
+    /// Time from the measurement of the joints to the sending of the torque computed from it, us.
+    /// The joints are measured when the command that the reading answers goes out.
     #[serde(serialize_with = "finite::scalar")]
     pub age_us: f64,
 }
 
 names! {
-    /// What the rig does.
+    /// The mode of the rig: what the control law is doing.
     pub enum Mode {
-        /// The zero of the steering is not known; no torque.
+        /// The zeros of the steer joints are not known. No torque.
         Unreferenced = "unreferenced",
-        /// Ready; no torque.
+        /// The rig is ready. No torque.
         Idle = "idle",
-        /// On the way to active: the torque rises over 0.5 s.
+        /// The rig is becoming active. The torque rises over 0.5 s.
         Enabling = "enabling",
-        /// The scene is rendered.
+        /// The scene is being rendered.
         Active = "active",
-        /// Stopped by a fault; no torque until a reset.
+        /// The rig was stopped by a fault. No torque until a reset.
         Fault = "fault",
-        /// Stopped by somebody; no torque until a reset.
+        /// The rig was stopped by an emergency stop. No torque until a reset.
         Estop = "estop",
     }
 }
 
 names! {
-    /// Why the rig stopped by itself.
+    /// The cause of a fault, which made the rig stop by itself.
     pub enum Fault {
-        /// No feedback from a controller for the rig's `timeout_ticks`.
+        /// No new reading from a motor controller for `timeout_ticks` ticks (a key of the rig
+        /// file).
         LinkLost = "link_lost",
         /// Too many damaged frames on the serial line.
         LinkCorrupt = "link_corrupt",
-        /// A controller reports a fault of its own.
+        /// A motor controller reports a fault.
         ControllerFault = "controller_fault",
         /// The sphere turns faster than the rig's limit.
         Overspeed = "overspeed",
-        /// A controller reports more current than it may, or more energy was given out than the rig's limit.
+        /// A motor controller reports too much current, or the energy delivered to the hand exceeds
+        /// the rig's limit.
         Overtorque = "overtorque",
-        /// The wheels slip more than the rig's limit.
+        /// The slip at a contact exceeds the rig's limit.
         Slip = "slip",
         /// A computed value is not finite.
         NonFinite = "non_finite",
-        /// A reading that cannot be true.
+        /// A reading has physically impossible values.
         ImplausibleFeedback = "implausible_feedback",
-        /// The loop could not hold its rate.
+        /// The loop could not keep its rate.
         Deadline = "deadline",
-        /// The client that commanded is gone, and the rig file asks for a fault then.
+        /// The connection of the lease holder ended, and the rig file asks for a fault in this
+        /// case.
         ClientLost = "client_lost",
-        /// A motor or its controller is too hot.
+        /// A motor or its motor controller is too hot.
         Thermal = "thermal",
     }
 }

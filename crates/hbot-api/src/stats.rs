@@ -1,64 +1,64 @@
-//! What `stats` answers.
+//! The answer to the op `stats`.
 
 use crate::{CountsByName, ErrorCode, Fault, finite};
 use serde::{Deserialize, Serialize};
 
-/// The answer to `stats`: how long things took and how often something came about, since the server began. What a server does not
-/// say is read as 0.
+/// The answer to `stats`: distributions of times and counts of events since the server started. A
+/// field that the server does not send is read as 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StatsOk {
-    /// Ticks whose samples the service has seen.
+    /// Number of ticks whose samples the service has received.
     pub ticks: u64,
-    /// Awake before a tick's deadline, waiting for it, us.
+    /// Time that the loop was awake before a tick's deadline, waiting for it, us.
     pub awake_us: Distribution,
-    /// From a tick's deadline to its start, us.
+    /// Time from a tick's deadline to its start, us.
     pub lateness_us: Distribution,
-    /// In the controller, us.
+    /// Computing time of the control law in a tick, us.
     pub compute_us: Distribution,
-    /// On the serial line: reading, decoding, encoding, writing, us.
+    /// Time spent on the line in a tick: reading, decoding, encoding and writing, us.
     pub link_us: Distribution,
-    /// From a reading of the joints to the torque on the wire that was computed from it, us.
+    /// Time from the measurement of the joints to the sending of the torque computed from it, us.
     pub age_us: Distribution,
-    /// Ticks that started more than a quarter period after their deadline.
+    /// Late ticks: those that started more than a quarter period after their deadline.
     pub late_ticks: u64,
-    /// Ticks whose deadline passed before the one before them ended.
+    /// Skipped ticks: those whose deadline passed before the tick before them ended.
     pub skipped_ticks: u64,
-    /// Ticks without a new reading.
+    /// Missed ticks: those without a new reading.
     pub missed_ticks: u64,
-    /// Damaged frames on the serial line.
+    /// Damaged frames received on the serial line.
     pub corrupt_frames: u64,
-    /// Whole frames that were not for this rig.
+    /// Undamaged frames received that were not for this rig.
     pub foreign_frames: u64,
-    /// Commands that the serial line did not take whole.
+    /// Commands that the serial line did not accept completely.
     pub send_failures: u64,
-    /// Times that a serial line was gone and came back.
+    /// Number of times that a serial line was lost and opened again.
     pub reopened_ports: u64,
     /// Samples of the loop that the service did not fetch in time.
     pub dropped_samples: u64,
-    /// Faults by cause.
+    /// Number of faults, by cause.
     pub faults: CountsByName<Fault>,
-    /// Emergency stops.
+    /// Number of emergency stops.
     pub estops: u64,
-    /// Requests read, refused ones included.
+    /// Number of requests read, including refused ones.
     pub requests: u64,
-    /// Requests refused, by code; stream messages are among them.
+    /// Number of requests refused, by error code, including stream messages.
     pub refused: CountsByName<ErrorCode>,
-    /// Stream messages refused.
+    /// Number of stream messages refused.
     pub refused_streams: u64,
-    /// States that slow readers did not get.
+    /// States that were dropped because a client read too slowly.
     pub dropped_states: u64,
-    /// Connections taken.
+    /// Number of connections accepted.
     pub connections: u64,
-    /// Connections turned away because there were too many.
+    /// Connections refused because there were too many.
     pub connections_turned_away: u64,
-    /// Connections to an encrypted port that never were encrypted.
+    /// Connections to an encrypted port that did not complete the TLS handshake.
     pub handshakes_failed: u64,
-    /// Connections cut because their client did not read.
+    /// Connections closed because their client did not read.
     pub connections_cut: u64,
-    /// Flight logs written.
+    /// Number of flight logs written.
     pub flight_logs: u64,
-    /// Flight logs that could not be written.
+    /// Number of flight logs that could not be written.
     pub flight_logs_failed: u64,
 }
 
@@ -66,24 +66,24 @@ pub struct StatsOk {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Distribution {
-    /// Half were not longer.
+    /// Median: 50 % of the times are at most this long, us.
     #[serde(serialize_with = "finite::scalar")]
     pub p50: f64,
-    /// 90 % were not longer.
+    /// 90th percentile: 90 % of the times are at most this long, us.
     #[serde(serialize_with = "finite::scalar")]
     pub p90: f64,
-    /// 99 % were not longer.
+    /// 99th percentile: 99 % of the times are at most this long, us.
     #[serde(serialize_with = "finite::scalar")]
     pub p99: f64,
-    /// 99.9 % were not longer.
+    /// 99.9th percentile: 99.9 % of the times are at most this long, us.
     #[serde(serialize_with = "finite::scalar")]
     pub p99_9: f64,
-    /// 99.99 % were not longer.
+    /// 99.99th percentile: 99.99 % of the times are at most this long, us.
     #[serde(serialize_with = "finite::scalar")]
     pub p99_99: f64,
-    /// None was longer.
+    /// Longest time, us.
     #[serde(serialize_with = "finite::scalar")]
     pub max: f64,
-    /// How many there were.
+    /// Number of times in the distribution.
     pub count: u64,
 }

@@ -1,38 +1,42 @@
-//! Stops found in bytes that nobody has split or parsed.
+//! Finds stop requests in received bytes, before they are split into messages or parsed.
 //!
-//! A stop must not wait for the requests before it, and must be found in a message that is damaged. So it is looked for in the
-//! bytes as they come: the key `op` with the value `estop` or `disable`, in JSON or MessagePack, at any depth, in letters of
-//! either case. What is found by mistake stops the rig once too often, which harms nobody.
+//! A stop must not wait for the requests before it, and must be found even in a damaged message.
+//! The bytes are therefore searched as they arrive for the key `op` with the value `estop` or
+//! `disable`: in JSON or MessagePack, at any depth, in upper or lower case. A false match only
+//! stops the rig once too often, which is harmless.
 
 use crate::OpName;
 use crate::names::names;
 use memchr::memmem;
 
 names! {
-    /// A request that makes the rig safe.
+    /// A request that stops the rig. It is found in the received bytes before they are parsed.
     pub enum Stop {
-        /// [`Op::Estop`](crate::Op::Estop).
+        /// The emergency stop, [`Op::Estop`](crate::Op::Estop).
         Estop = "estop",
-        /// [`Op::Disable`](crate::Op::Disable).
+        /// The end of rendering, [`Op::Disable`](crate::Op::Disable).
         Disable = "disable",
     }
 }
 
-/// Blanks that may stand on either side of the colon in JSON.
+/// Largest number of blanks on either side of the colon in JSON.
 const MAX_BLANKS: usize = 8;
-/// The bytes of a match that may have come in earlier pieces: `"op"`, blanks, colon, blanks, and `"disable"` without its end.
+/// Largest part of a match that can be in earlier pieces, in bytes: `"op"`, blanks, colon, blanks,
+/// and `"disable"` without its closing quote.
 const TAIL_BYTES: usize = 4 + MAX_BLANKS + 1 + MAX_BLANKS + 8;
 
-/// Finds stops in a connection's bytes, in whatever pieces they come. Takes no memory beyond itself.
+/// Finds stops in the bytes of a connection, which can arrive in pieces of any size. Does not
+/// allocate.
 #[derive(Clone, Debug, Default)]
 pub struct StopFinder {
-    /// The end of what has come, `kept` bytes.
+    /// The last `kept` bytes that have arrived.
     tail: [u8; TAIL_BYTES],
     kept: usize,
 }
 
 impl StopFinder {
-    /// Looks through the next piece: calls `found` with each stop and the number of bytes of the piece up to its end.
+    /// Searches the next piece of bytes. Calls `found` with each stop and the number of bytes of
+    /// the piece up to the end of that stop.
     pub fn push(&mut self, piece: &[u8], mut found: impl FnMut(Stop, usize)) {
         let mut joined = [0; 2 * TAIL_BYTES];
         let head = piece.len().min(TAIL_BYTES);
@@ -40,7 +44,7 @@ impl StopFinder {
         joined[..self.kept].copy_from_slice(&self.tail[..self.kept]);
         joined[self.kept..length].copy_from_slice(&piece[..head]);
         each(&joined[..length], |at, value| {
-            // Those that lie in one piece are found in it.
+            // Stops that lie in only one piece are found in that piece.
             if at < self.kept
                 && let Some((stop, end)) = stop(value, at)
                 && end > self.kept
@@ -59,7 +63,8 @@ impl StopFinder {
     }
 }
 
-/// Whether a message asks for an emergency stop, whatever else it holds and however damaged it is.
+/// Returns whether a message asks for an emergency stop. Other content is ignored, and the message
+/// can be damaged.
 #[must_use]
 pub fn asks_estop(message: &[u8]) -> bool {
     let mut asks = false;
@@ -67,7 +72,8 @@ pub fn asks_estop(message: &[u8]) -> bool {
     asks
 }
 
-/// Whether a message may be one of those that may be long ([`OpRow::long`](field@crate::OpRow::long)). Nothing is parsed.
+/// Returns whether a message looks like an op that is allowed to be long (see
+/// [`OpRow::long`](field@crate::OpRow::long)). It does not parse the message.
 #[must_use]
 pub fn may_be_long(message: &[u8]) -> bool {
     let mut may = false;
@@ -76,17 +82,19 @@ pub fn may_be_long(message: &[u8]) -> bool {
     may
 }
 
-/// The bytes from the text that stands for the key `op`, and their encoding.
+/// The value that follows a key `op`: the bytes from the value on, and the number of bytes between
+/// the `o` of the key and the value.
 #[derive(Clone, Copy)]
 enum Found<'a> {
-    /// From the opening quote of the value on.
+    /// A JSON value: the bytes from its opening quote on.
     Json(&'a [u8], usize),
-    /// From the header of the value on.
+    /// A MessagePack value: the bytes from its header on.
     Msgpack(&'a [u8], usize),
 }
 
 impl Found<'_> {
-    /// The bytes from the `o` of the key to the end of the value, if the value is `name`.
+    /// Returns the number of bytes from the `o` of the key to the end of the value, if the value is
+    /// `name`.
     fn is(self, name: &str) -> Option<usize> {
         let (bytes, from) = match self {
             Self::Json(bytes, from) => {
@@ -106,7 +114,8 @@ impl Found<'_> {
     }
 }
 
-/// The bytes of the MessagePack header of text or bytes of this length.
+/// Returns the size of the MessagePack header in bytes, if `bytes` begins with a header of text or
+/// binary data of this length.
 fn header(bytes: &[u8], length: usize) -> Option<usize> {
     let short = u8::try_from(length).ok()?;
     let (first, rest) = bytes.split_first()?;
@@ -119,7 +128,8 @@ fn header(bytes: &[u8], length: usize) -> Option<usize> {
     rest.starts_with(announced).then_some(1 + announced.len())
 }
 
-/// Calls `found` with each place in `bytes` where the key `op` begins, quote or header included, and with its value.
+/// Calls `found` for each key `op` in `bytes`, with the index at which the key begins (its quote or
+/// header) and its value.
 fn each(bytes: &[u8], mut found: impl FnMut(usize, Found<'_>)) {
     for at in memmem::find_iter(bytes, b"op") {
         let Some(before) = at.checked_sub(1) else { continue };
@@ -131,7 +141,7 @@ fn each(bytes: &[u8], mut found: impl FnMut(usize, Found<'_>)) {
                 let value = without_blanks(rest);
                 found(before, Found::Json(value, bytes.len() - value.len() - at));
             }
-            // Text or bytes of two, whatever the width of their length.
+            // Text or binary data of two bytes, whatever the width of the length in the header.
             0xa2 | 0x02 => found(before, Found::Msgpack(&bytes[at + 2..], 2)),
             _ => {}
         }
@@ -144,7 +154,8 @@ fn without_blanks(bytes: &[u8]) -> &[u8] {
     &bytes[blanks..]
 }
 
-/// Which stop the value is, of a key that begins `at` with its quote or header, and where it ends.
+/// Returns the stop that the value names, if any, and the index of its end. `at` is the index at
+/// which the key begins, including its quote or header.
 fn stop(value: Found<'_>, at: usize) -> Option<(Stop, usize)> {
     Stop::ALL.into_iter().find_map(|stop| value.is(stop.as_str()).map(|length| (stop, at + 1 + length)))
 }

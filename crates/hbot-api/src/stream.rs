@@ -1,69 +1,76 @@
-//! What a client sends again and again: torques and references that it renders itself, and orientations that it sees
-//! from outside.
+//! Stream messages, which a client sends repeatedly: torques and references that it computes
+//! itself, and orientations that it measures from outside.
 
 use crate::finite;
 use serde::{Deserialize, Serialize};
 
-/// The longest that a stream message is valid, ms.
+/// Longest time for which a stream message can be valid, ms.
 pub const MAX_VALID_MS: u64 = 1000;
 
-/// How long the `omega` of a reference is valid where it does not say, ms.
+/// Default time for which the `omega` of a reference is valid, ms.
 pub const DEFAULT_VALID_MS: u64 = 100;
 
-/// The largest component of a torque (N m) or an angular velocity (rad/s) that is read. It is far beyond any rig and
-/// keeps sums of squares finite; the rig's own limits are the server's to apply.
+/// Largest component of a torque (N m) or an angular velocity (rad/s) in a request. It is far
+/// beyond any rig and keeps sums of squares finite. The server applies the limits of the rig.
 pub const MAX_MAGNITUDE: f64 = 1e6;
 
-/// The least norm of a quaternion that is taken for one. Those of other norms are brought to 1.
+/// Smallest norm of a quaternion in a request. Larger ones are scaled to unit norm.
 pub const MIN_QUATERNION_NORM: f64 = 1e-3;
 
-/// A torque on the sphere, added to what the scene renders until it expires; then it goes to zero over 20 ms.
+/// A torque on the sphere that is added to the scene's torque until it expires. It then falls to
+/// zero over 20 ms.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TorqueCommand {
-    /// Torque on the sphere in N, N m; each component within [`MAX_MAGNITUDE`].
+    /// Torque on the sphere in frame N, N m. Each component is within [`MAX_MAGNITUDE`].
     #[serde(serialize_with = "finite::array")]
     pub torque: [f64; 3],
-    /// How long it holds from its arrival at the server, ms, from 1 to [`MAX_VALID_MS`].
+    /// Time for which the torque holds from its arrival at the server, ms, 1 to [`MAX_VALID_MS`].
     pub valid_ms: u64,
-    /// The tick of the state from which it was computed. The server refuses one older than the rig's `max_age_ticks`.
+    /// Tick of the state from which the message was computed. The server refuses a tick older than
+    /// the rig's `max_age_ticks`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tick: Option<u64>,
-    /// A number of the client's own; the one taken last is in every state.
+    /// Sequence number, chosen by the client. Every state contains that of the last accepted
+    /// message.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seq: Option<u64>,
 }
 
-/// Where an effect's reference is to go, at most at the rig's `reference_rate`.
+/// A new reference of an effect. The reference moves there at the rig's `reference_rate` at most.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceCommand {
-    /// The id of an effect of the scene that has a reference.
+    /// Id of an effect of the scene that has a reference.
     pub effect: String,
-    /// Orientation of the reference, `[w, x, y, z]`, unit norm. It stays until another comes.
+    /// Orientation of the reference, `[w, x, y, z]`, unit norm. It stays until another arrives.
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
-    /// Angular velocity of the reference in N, rad/s; each component within [`MAX_MAGNITUDE`]. Zero once it expires.
+    /// Angular velocity of the reference in frame N, rad/s. Each component is within
+    /// [`MAX_MAGNITUDE`]. It becomes zero when it expires.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
     pub omega: Option<[f64; 3]>,
-    /// How long `omega` holds from its arrival at the server, ms, from 1 to [`MAX_VALID_MS`].
+    /// Time for which `omega` holds from its arrival at the server, ms, 1 to [`MAX_VALID_MS`].
     pub valid_ms: u64,
-    /// The tick of the state from which it was computed. The server refuses one older than the rig's `max_age_ticks`.
+    /// Tick of the state from which the message was computed. The server refuses a tick older than
+    /// the rig's `max_age_ticks`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tick: Option<u64>,
-    /// A number of the client's own; the one taken last is in every state.
+    /// Sequence number, chosen by the client. Every state contains that of the last accepted
+    /// message.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seq: Option<u64>,
 }
 
-/// The sphere's orientation as seen from outside, by a camera for example, against the drift of odometry.
+/// The sphere's orientation as measured from outside, for example by a camera. It corrects the
+/// drift of the odometry.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Align {
-    /// Orientation seen, `[w, x, y, z]`, unit norm.
+    /// Measured orientation, `[w, x, y, z]`, unit norm.
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
-    /// The share of the difference to take over, from 0 (record it only) to 1.
+    /// Fraction of the difference to correct, from 0 (only record it) to 1.
     #[serde(serialize_with = "finite::scalar")]
     pub weight: f64,
-    /// When it was seen, s, on the clock of the state's `t`. Where absent: on arrival.
+    /// Time of the measurement, s, on the clock of the state's `t`. Default: its arrival.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]
     pub t: Option<f64>,
 }

@@ -1,24 +1,27 @@
-//! Text of strangers in logs and terminals.
+//! Safe display of text from unknown clients in logs and terminals.
 
 use std::fmt;
 
-/// Whether a character shows as what it is: no control character, no escape, none that turns the direction of the text around it,
-/// is invisible, or ends a line. Names of clients consist of such characters.
+/// Returns whether a character is displayed as itself. False for control characters, escapes,
+/// characters that change the direction of the text, invisible characters and ends of lines. Names
+/// of clients consist of such plain characters.
 ///
-/// The standard library decides, by the Unicode categories that `{:?}` escapes. Marks that combine with the letter before them
-/// are plain, since some scripts need them, and so are the two spaces of fixed width that people type.
+/// The standard library decides, by the Unicode categories that `{:?}` escapes. Combining marks are
+/// plain, because some scripts need them. Two fixed-width spaces that people type are plain too.
 #[must_use]
 pub fn is_plain(c: char) -> bool {
     if matches!(c, '"' | '\'' | '\\' | '\u{a0}' | '\u{3000}') {
         return true;
     }
-    // Behind a letter, so that a mark which combines is not taken for one that stands alone.
+    // `escape_debug` escapes a combining mark only at the start of a string, so a letter precedes
+    // `c`.
     let mut bytes = [b'a'; 5];
     let end = 1 + c.encode_utf8(&mut bytes[1..]).len();
     std::str::from_utf8(&bytes[..end]).is_ok_and(|text| text.escape_debug().nth(1) == Some(c))
 }
 
-/// Shows text of a stranger: characters that are not [plain](is_plain) as `\u{202e}` or `\n`.
+/// Displays text from an unknown client. Characters that are not [plain](is_plain) are escaped,
+/// such as `\u{202e}` or `\n`.
 ///
 /// ```
 /// assert_eq!(hbot_api::Plain("a\u{1b}[2J\u{202e}b\n").to_string(), "a\\u{1b}[2J\\u{202e}b\\n");

@@ -1,5 +1,5 @@
-//! From bytes to an untyped value, more strictly than `serde_json::Value` reads itself: that takes NaN for null, and the
-//! last of two equal keys.
+//! Decodes bytes to an untyped value. It is stricter than `serde_json::Value`, which reads NaN as
+//! null and keeps only the last of two equal keys.
 
 use crate::Encoding;
 use serde::Deserializer;
@@ -8,19 +8,20 @@ use serde_json::{Map, Number, Value};
 use std::borrow::Cow;
 use std::fmt;
 
-/// What a message holds.
+/// A decoded message.
 pub(crate) struct Untyped {
     pub(crate) value: Value,
-    /// What is wrong with it, where it could be read to its end all the same: then its id is known for the answer.
+    /// A mistake in a message that could still be read to its end. The answer can then contain the
+    /// id.
     pub(crate) problem: Option<Problem>,
 }
 
-/// A value that a message must not hold.
+/// A mistake in a message: a value or key that is not allowed.
 #[derive(Debug)]
 pub(crate) struct Problem {
     what: &'static str,
     legal: &'static str,
-    /// Where, as in `joints[2].angle`; made from the inside out.
+    /// Path of the mistake, such as `joints[2].angle`. It is built from the inside out.
     path: String,
 }
 
@@ -31,27 +32,29 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Reads one message of at most `depth` levels that takes up all of `bytes`. The error is for people.
+/// Reads one message that takes up all of `bytes` and has at most `depth` levels. Fails with a text
+/// for people.
 pub(crate) fn read(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Untyped, String> {
     let mut problem = None;
     let value = decode(encoding, bytes, Builder { problem: &mut problem, depth })?;
     Ok(Untyped { value, problem })
 }
 
-/// The fields of a map by name. Text is that of the message where it stands there without escapes.
+/// The fields of a map, with their names. A name without escapes is borrowed from the message.
 pub(crate) type Named<'a> = Vec<(Cow<'a, str>, Value)>;
 
-/// A map of few fields.
+/// A map with few fields: `op` and the others.
 #[derive(Default)]
 pub(crate) struct Few<'a> {
-    /// The field of this name.
+    /// The text of the field `op`.
     pub(crate) op: Option<Cow<'a, str>>,
-    /// The other ones.
+    /// The other fields.
     pub(crate) others: Named<'a>,
 }
 
-/// The same of a message that is a map of few fields with text for `op`, as nearly all requests are: without a table to find them in, which
-/// would cost more than to look at each. `None` where it is something else or cannot be read.
+/// Reads a message that is a map of few fields with text for `op`, as nearly all requests are. It
+/// keeps the fields in a list, because for few fields a search is cheaper than a table. `None` if
+/// the message has another form or cannot be read.
 pub(crate) fn read_few(encoding: Encoding, bytes: &[u8], depth: usize) -> Option<(Few<'_>, Option<Problem>)> {
     let mut problem = None;
     let few = decode(encoding, bytes, FewBuilder(Builder { problem: &mut problem, depth })).ok()?;
@@ -82,10 +85,10 @@ fn decode<'de, S: DeserializeSeed<'de>>(
     }
 }
 
-/// Builds a value and notes the first problem in it.
+/// Builds a value and records the first mistake in it.
 struct Builder<'a> {
     problem: &'a mut Option<Problem>,
-    /// How many levels more may be opened.
+    /// Number of levels that can still be opened.
     depth: usize,
 }
 
@@ -103,7 +106,7 @@ impl Builder<'_> {
         self.problem.get_or_insert(Problem { what, legal, path: String::new() });
     }
 
-    /// Puts one level before the path of a problem that came up below it.
+    /// Adds one level at the front of the path of a mistake that was found below this level.
     fn place(&mut self, known_before: bool, level: impl FnOnce() -> String) {
         if let (false, Some(problem)) = (known_before, self.problem.as_mut()) {
             let dot = if problem.path.is_empty() || problem.path.starts_with('[') { "" } else { "." };
@@ -173,7 +176,7 @@ impl<'de> Visitor<'de> for Builder<'_> {
 
     fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<Value, A::Error> {
         self.enter()?;
-        // No room is made for what a length merely announces.
+        // The announced length is not trusted, so no memory is reserved for it.
         let mut values = Vec::new();
         loop {
             let known_before = self.problem.is_some();
@@ -200,10 +203,10 @@ impl<'de> Visitor<'de> for Builder<'_> {
     }
 }
 
-/// More fields than any request has but `set`.
+/// Largest number of fields in a map with few fields. Only `set` can have more.
 const FEW: usize = 16;
 
-/// Builds a map of few fields.
+/// Builds a map with few fields.
 struct FewBuilder<'a>(Builder<'a>);
 
 impl<'de> DeserializeSeed<'de> for FewBuilder<'_> {
@@ -251,7 +254,7 @@ impl<'de> Visitor<'de> for FewBuilder<'_> {
     }
 }
 
-/// Reads text, in place where it can.
+/// Reads text, and borrows it from the message if possible.
 struct Text;
 
 impl<'de> DeserializeSeed<'de> for Text {

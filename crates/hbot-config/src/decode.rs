@@ -1,12 +1,13 @@
-//! From a tree of values to a typed one.
+//! Deserializes a validated tree of values into a Rust type.
 
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use crate::document::Report;
 
-/// The value at `path` as a `T`. After [`validate`](crate::validate::validate) this fails only where a type is stricter than
-/// its schema; then the report says so.
+/// Deserializes `value`, which is at `path` in the file, as a `T`. Returns `None` and adds a
+/// mistake to the report if this fails. After [`validate`](crate::validate::validate) it can fail
+/// only if the type is stricter than its schema.
 pub(crate) fn decode<T: DeserializeOwned>(value: &Value, path: &str, report: &mut Report) -> Option<T> {
     match serde_path_to_error::deserialize(value) {
         Ok(decoded) => Some(decoded),

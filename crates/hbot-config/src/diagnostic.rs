@@ -1,23 +1,25 @@
-//! What is wrong with a file, where, and what would be right.
+//! Error types: what is wrong with a file, at which place, and what would be legal.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// One mistake. Displayed as `rigs/x.toml:12:9: wheel[1].steer.gear: 0 is out of range; legal: > 0`, without the parts that
-/// are not known.
+/// One mistake in a file or JSON value. Displayed as `rigs/x.toml:12:9: wheel[1].steer.gear: 0 is
+/// out of range; legal: > 0`; parts that are not known are left out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// The file as it was named, or the option of the command line that gave the value; `None` for a JSON value.
+    /// Path of the file as the caller gave it, or the command line option that set the value.
+    /// `None` for a JSON value.
     pub file: Option<String>,
-    /// Line, from 1. `None` where there is no text, or nothing in it to point at.
+    /// Line in the file, counted from 1. `None` if there is no text, or no place in it to point at.
     pub line: Option<usize>,
-    /// Column in characters, from 1; known where the line is.
+    /// Column in the line, in characters, counted from 1. Known if and only if the line is known.
     pub column: Option<usize>,
-    /// Which value, such as `wheel[1].steer.gear` (wheels counted from 0); empty for the whole.
+    /// Path of the wrong value, such as `wheel[1].steer.gear`. Wheels are counted from 0. Empty if
+    /// the mistake concerns the whole file.
     pub path: String,
-    /// What was wrong, with the value found.
+    /// What is wrong, including the value that was found.
     pub message: String,
-    /// What would be right, where the message does not say it.
+    /// The legal values. `None` if the message already says it.
     pub legal: Option<String>,
 }
 
@@ -41,20 +43,21 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// All mistakes that were found, at least one, in the order of the file. Displayed one a line.
+/// All mistakes found in a file or JSON value: at least one, in the order of the file. Displayed
+/// with one mistake per line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
 pub struct Diagnostics(Vec<Diagnostic>);
 
 impl Diagnostics {
-    /// Of at least one diagnostic; sorted by place.
+    /// Wraps at least one diagnostic and sorts them by line and column.
     pub(crate) fn new(mut all: Vec<Diagnostic>) -> Self {
         debug_assert!(!all.is_empty(), "an error needs a reason");
         all.sort_by_key(|d| (d.line, d.column));
         Self(all)
     }
 
-    /// The same where there were more than are told.
+    /// Like [`new`](Self::new), and adds a last line that says that more mistakes were found.
     pub(crate) fn cut_short(all: Vec<Diagnostic>) -> Self {
         let Self(mut all) = Self::new(all);
         let file = all.first().and_then(|first| first.file.clone());
@@ -72,18 +75,18 @@ impl std::ops::Deref for Diagnostics {
     }
 }
 
-/// Why a file could not be loaded.
+/// The error returned when a rig or scene file cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
     #[error("{}: cannot be read", path.display())]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The error reported by the operating system.
         source: std::io::Error,
     },
-    /// It was read and is not legal.
+    /// The file was read, but its content is not legal.
     #[error(transparent)]
     Invalid(#[from] Diagnostics),
 }

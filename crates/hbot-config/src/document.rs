@@ -1,4 +1,5 @@
-//! A text or value as a tree, with the place of everything in it, and the report that mistakes are added to.
+//! Parses a TOML text or JSON value into a tree of values, and collects mistakes in a [`Report`]
+//! that knows the line and column of each value.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -9,25 +10,26 @@ use toml::de::{DeTable, DeValue};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 
-/// A tree of values and the report on it.
+/// A tree of values, and the report of the mistakes found in it.
 pub(crate) struct Document {
     pub(crate) tree: Value,
     pub(crate) report: Report,
 }
 
-/// Mistakes found so far, and what is needed to say where they are.
+/// The mistakes found so far, and the data that locates them in the text.
 #[derive(Default)]
 pub(crate) struct Report {
     file: Option<String>,
-    /// Byte offsets at which lines begin.
+    /// Byte offset of the start of each line.
     line_starts: Vec<usize>,
     text: String,
     places: HashMap<String, Place>,
-    /// Paths whose values came from elsewhere, and from where.
+    /// Values that do not come from the file: each path, and the name of its source, such as an
+    /// option.
     origins: Vec<(String, String)>,
-    /// At most [`MOST_MISTAKES`].
+    /// The mistakes found so far, at most [`MOST_MISTAKES`].
     found: Vec<Diagnostic>,
-    /// There were more than that.
+    /// Whether more than [`MOST_MISTAKES`] mistakes were found.
     more: bool,
 }
 
@@ -36,19 +38,20 @@ struct Place {
     value: Range<usize>,
 }
 
-/// So many mistakes are told; whoever made more of them mends those first. It also bounds how long a tree of nothing but mistakes, which
-/// a stranger may send, keeps its reader busy.
+/// At most this many mistakes are reported. The limit also bounds how long the reader is busy with
+/// a value that consists only of mistakes, which any client can send.
 const MOST_MISTAKES: usize = 100;
 
-/// A syntax error throws the parser off for a while; what it says after the first few helps nobody.
+/// At most this many syntax errors are reported. After the first few, the parser's messages are
+/// rarely useful.
 const MOST_SYNTAX_ERRORS: usize = 10;
 
 impl Document {
-    /// The tree of a TOML text. `file` is its name in messages.
+    /// Parses a TOML text. `file` is the name of the file in messages.
     ///
     /// # Errors
-    /// Where the text is not TOML. Values that a tree cannot hold (nan, inf, dates, integers past 64 bits) are entered in
-    /// the report instead, and stand as null.
+    /// Fails if the text is not TOML. A value that the tree cannot hold (nan, inf, a date, an
+    /// integer of more than 64 bits) does not fail: it becomes null and is added to the report.
     pub(crate) fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
         let mut report = Report {
             file: Some(file.to_owned()),
@@ -73,13 +76,13 @@ impl Document {
         Ok(Self { tree, report })
     }
 
-    /// A JSON value as it is.
+    /// Wraps a JSON value, with an empty report.
     pub(crate) fn from_json(tree: Value) -> Self {
         Self { tree, report: Report::default() }
     }
 
-    /// Puts `value` at `path` (keys joined by dots) in place of what stands there. `from` is named instead of the file in
-    /// messages about it.
+    /// Sets the value at `path` (keys joined by dots), creating missing tables. Messages about this
+    /// value name `from` instead of the file. Does nothing if a parent of the value is not a table.
     pub(crate) fn replace(&mut self, path: &str, value: Value, from: &str) {
         let mut keys: Vec<&str> = path.split('.').collect();
         let Some(last) = keys.pop() else { return };
@@ -97,12 +100,13 @@ impl Document {
 }
 
 impl Report {
-    /// Adds a mistake in the value at `path`.
+    /// Adds a mistake about the value at `path`. `legal` says what would be right.
     pub(crate) fn push(&mut self, path: &str, message: impl Into<String>, legal: impl Into<Option<String>>) {
         self.push_at(path, false, message.into(), legal.into());
     }
 
-    /// Adds a mistake in the key that `path` ends with.
+    /// Adds a mistake about the key at the end of `path`, such as an unknown key. It points at the
+    /// key instead of the value.
     pub(crate) fn push_key(
         &mut self,
         path: &str,
@@ -112,38 +116,38 @@ impl Report {
         self.push_at(path, true, message.into(), legal.into());
     }
 
-    /// Whether nothing was found at `path` and below it.
+    /// Returns whether no mistake was found in the value at `path` or in anything below it.
     pub(crate) fn clean_under(&self, path: &str) -> bool {
-        // What is no longer looked for might be anywhere.
+        // A full report drops further mistakes, so none of its values can be called clean.
         !self.is_full() && !self.found.iter().any(|d| is_under(&d.path, path))
     }
 
-    /// Whether no further mistake will be told.
+    /// Returns whether the report is full, so that further mistakes are dropped.
     pub(crate) fn is_full(&self) -> bool {
         self.found.len() == MOST_MISTAKES
     }
 
-    /// Notes that there are more mistakes than are told.
+    /// Records that more mistakes were found than are reported.
     pub(crate) fn more(&mut self) {
         self.more = true;
     }
 
-    /// Whether something was found at exactly `path`.
+    /// Returns whether a mistake was found at exactly `path`.
     pub(crate) fn knows(&self, path: &str) -> bool {
         self.found.iter().any(|d| d.path == path)
     }
 
-    /// Adds what is legal to a mistake at `path` that does not say it yet.
+    /// Adds the legal values to the mistake at `path`, if it has none yet.
     pub(crate) fn suggest(&mut self, path: &str, legal: String) {
         if let Some(d) = self.found.iter_mut().find(|d| d.path == path) {
             d.legal.get_or_insert(legal);
         }
     }
 
-    /// `value` where nothing was found.
+    /// Returns `value` if no mistake was found.
     ///
     /// # Errors
-    /// Everything that was found.
+    /// Fails with all mistakes that were found.
     pub(crate) fn finish<T>(self, value: Option<T>) -> Result<T, Diagnostics> {
         match value {
             Some(value) if self.found.is_empty() => Ok(value),
@@ -166,7 +170,9 @@ impl Report {
         self.found.push(Diagnostic { file, line, column, path: path.to_owned(), message, legal });
     }
 
-    /// The span of the value at `path`, or of the nearest table around it.
+    /// Returns the bytes of the text that hold the value at `path`, or its key if `key` is true. If
+    /// the value is absent, returns those of the nearest table around it. `None` if there is no
+    /// such table.
     fn span(&self, path: &str, key: bool) -> Option<&Range<usize>> {
         let mut path = path;
         while !path.is_empty() {
@@ -178,7 +184,7 @@ impl Report {
         None
     }
 
-    /// Line and column, from 1, of a byte of the text.
+    /// Returns the line and column, counted from 1, of a byte offset in the text.
     fn position(&self, offset: usize) -> (usize, usize) {
         let line = self.line_starts.partition_point(|&start| start <= offset).max(1);
         let start = self.line_starts[line - 1];
@@ -187,7 +193,7 @@ impl Report {
     }
 }
 
-/// The path of `key` in the table at `path`.
+/// Returns the path of `key` in the table at `path`. A key that TOML cannot write bare is quoted.
 pub(crate) fn join(path: &str, key: &str) -> String {
     let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     let key = if bare { key.to_owned() } else { format!("{key:?}") };

@@ -1,8 +1,9 @@
-//! Schemas put into words: what is legal at a place, and what was found there.
+//! Describes JSON schemas and values in words for messages: what is legal at a place, and what was
+//! found there.
 
 use serde_json::Value;
 
-/// What a schema allows, such as `a number, 0 to 1000 N m/rad`.
+/// Describes the values that a schema allows, such as `a number, 0 to 1000 N m/rad`.
 pub(crate) fn legal(schema: &Value) -> String {
     if let Some(words) = schema["legal"].as_str() {
         return words.to_owned();
@@ -36,14 +37,16 @@ pub(crate) fn legal(schema: &Value) -> String {
     }
 }
 
-/// The same, with the range of an array's numbers.
+/// Describes the values that a schema allows, like [`legal`], and adds the range of an array's
+/// elements.
 pub(crate) fn legal_with_elements(schema: &Value) -> String {
     let elements = range(&schema["items"]).filter(|_| schema.get("legal").is_none());
     let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
     elements.map_or_else(|| legal(schema), |range| format!("{}, each {range}{unit}", legal(schema)))
 }
 
-/// The range of a number, with its unit, such as `> 0 and <= 10 m` or `0 to 1000`.
+/// Returns the range of a number with its unit, such as `> 0 and <= 10 m` or `0 to 1000`. `None` if
+/// the schema has no bounds.
 pub(crate) fn range(schema: &Value) -> Option<String> {
     let bound = |key: &str| schema.get(key).filter(|v| v.is_number());
     let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
@@ -58,7 +61,8 @@ pub(crate) fn range(schema: &Value) -> Option<String> {
     (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(" and ")))
 }
 
-/// How many elements an array may have, such as `3` or `2 to 8`.
+/// Returns the legal number of elements of an array, such as `3` or `2 to 8`. `None` if the schema
+/// does not limit it.
 fn lengths(schema: &Value) -> Option<String> {
     match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
         (Some(min), Some(max)) if min == max => Some(min.to_string()),
@@ -69,7 +73,8 @@ fn lengths(schema: &Value) -> Option<String> {
     }
 }
 
-/// The values that a schema lists one by one; empty where it does not.
+/// Returns the values of a schema that lists each legal value. Empty if the schema has no such
+/// list.
 pub(crate) fn names(schema: &Value) -> Vec<&Value> {
     if let Some(all) = schema["enum"].as_array() {
         return all.iter().collect();
@@ -82,17 +87,17 @@ pub(crate) fn names(schema: &Value) -> Vec<&Value> {
     }
 }
 
-/// The alternatives of a schema.
+/// Returns the alternatives of a schema (`oneOf` or `anyOf`), if it has any.
 pub(crate) fn branches(schema: &Value) -> Option<&Vec<Value>> {
     schema["oneOf"].as_array().or_else(|| schema["anyOf"].as_array())
 }
 
-/// `a, b, c`, strings in quotes.
+/// Joins values with commas, as in `"a", "b", 3`. Strings are in quotes.
 pub(crate) fn list(values: &[&Value]) -> String {
     values.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(", ")
 }
 
-/// What was found, such as `the string "0.1"`. Long texts are cut.
+/// Describes a value that was found, such as `the string "0.1"`. Long strings are cut.
 pub(crate) fn found(value: &Value) -> String {
     const MOST_CHARS: usize = 40;
     match value {
@@ -109,13 +114,14 @@ pub(crate) fn found(value: &Value) -> String {
     }
 }
 
-/// The one of `known` that was most likely meant by `word`.
+/// Returns the word in `known` that was most likely meant by `word`. `None` if no word is close
+/// enough.
 pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    // No key is as long, and the comparison takes time that grows with both.
+    // No known word is this long, and the comparison takes time proportional to both lengths.
     if word.len() > 100 {
         return None;
     }
-    // One slip in three letters, which lets `stiffnes` and `dampping` through but no other word.
+    // One wrong letter in three. This accepts `stiffnes` and `dampping`, but no unrelated word.
     let most = (word.chars().count() / 3).max(1);
     known
         .map(|k| (strsim::osa_distance(word, k), k))
@@ -124,7 +130,7 @@ pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>)
         .map(|(_, k)| k)
 }
 
-/// A value as a person writes it: `[1, 0, 0]`, not `[1.0,0.0,0.0]`.
+/// Writes a value as a person would: `[1, 0, 0]`, not `[1.0,0.0,0.0]`.
 pub(crate) fn short(value: &Value) -> String {
     match value {
         Value::Array(all) => format!("[{}]", all.iter().map(short).collect::<Vec<_>>().join(", ")),
@@ -133,7 +139,7 @@ pub(crate) fn short(value: &Value) -> String {
     }
 }
 
-/// A bound as a person writes it: `10`, not `10.0`.
+/// Writes a number as a person would: `10`, not `10.0`, and `1e-5` for a small one.
 pub(crate) fn number(value: &Value) -> String {
     match value.as_f64() {
         Some(x) if x.abs() < 1.0e-3 && x != 0.0 => format!("{x:e}"),

@@ -1,25 +1,27 @@
-//! Rig and scene files of an Hbot, with diagnostics that point at file, line and field.
+//! Reads the rig files and scene files of an Hbot. Mistakes are reported with file, line and key.
 //!
-//! A rig file says what the device is and how it is reached; a scene file says what it shall feel like. Both are TOML; a
-//! scene may come as JSON of the same shape too, and `docs/files.md` lists every key of both.
+//! A rig file describes the machine and its connection. A scene file describes what the sphere
+//! feels like. Both are TOML. A scene can also come as JSON of the same structure. `docs/files.md`
+//! lists every key of both files.
 //!
-//! One way leads from text to a legal value:
+//! A text becomes a legal value in these steps:
 //!
 //! ```text
 //! TOML text ──> Document ──> validate ──> decode ──> checks ──> RigConfig, SceneFile
-//! JSON value ──^ a tree       against      serde      what no    (private fields or core's own types:
-//!                of values    the JSON     types      schema     what exists is legal)
-//!                and spans    schema                  can say
+//! JSON value ──^ a tree       by the       to serde   what a    (private fields or types of the
+//!                of values    JSON         types      schema     core, so every instance is legal)
+//!                and spans    schema                  cannot say
 //! ```
 //!
-//! The schema is made from the serde types: a range stands once, at its field, and serves the check, the reference in the
-//! docs, and the sliders of a panel. Every step adds to one `Report`, so a file's mistakes are told all at once, each as a
-//! [`Diagnostic`] with its line.
+//! The JSON schema is generated from the serde types. Each range is written once, at its field. The
+//! checks, the tables in the documentation and the sliders of the panel all use it. All steps add
+//! mistakes to one `Report`, so that all mistakes of a file are reported together. Each mistake is
+//! a [`Diagnostic`] with its line.
 //!
 //! ```
 //! let text = include_str!("../../../rigs/prototype.toml").replace("gear = 17 ", "gear = 0 ");
-//! let mistakes = hbot_config::RigConfig::from_toml(&text, "my.toml").unwrap_err();
-//! assert!(mistakes.to_string().contains("wheel[0].drive.gear: 0 is out of range; legal: 0.001 to 10000"));
+//! let mistakes = hbot_config::RigConfig::from_toml(&text, "my.toml").unwrap_err().to_string();
+//! assert!(mistakes.contains("wheel[0].drive.gear: 0 is out of range; legal: 0.001 to 10000"));
 //! ```
 
 mod decode;

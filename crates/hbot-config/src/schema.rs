@@ -1,13 +1,14 @@
-//! JSON schemas from types, flat, with the keywords that the validator and panels read.
+//! Generates JSON schemas from Rust types. The schemas are flat and have the keywords that the
+//! validator and the panel read.
 //!
-//! Beyond the standard ones a schema may have `unit` (SI, as text) and `legal` (what is legal, in words, where the
-//! standard keywords do not say it all).
+//! Besides standard keywords a schema can have two more. `unit` is the SI unit as text. `legal`
+//! says in words what is legal, if the standard keywords cannot say all of it.
 
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value};
 
-/// The schema of a type, without references to elsewhere.
+/// Returns the JSON schema of a type, with all references replaced by what they refer to.
 pub(crate) fn of<T: JsonSchema>() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|s| {
         s.inline_subschemas = true;
@@ -20,7 +21,7 @@ pub(crate) fn of<T: JsonSchema>() -> Value {
     schema
 }
 
-/// The properties of an object's schema.
+/// Returns the properties of an object's schema. Empty if there are none.
 pub(crate) fn properties(schema: &Value) -> Map<String, Value> {
     schema["properties"].as_object().cloned().unwrap_or_default()
 }

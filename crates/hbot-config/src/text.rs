@@ -1,20 +1,21 @@
-//! Text from a file that somebody has named: whatever it is, it is read within bounds and without waiting for ever.
+//! Reads text files that a user has named. Reading is bounded in size and does not block for ever.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _};
 use std::path::Path;
 
-/// The most bytes that a rig, scene or recorded path may have.
+/// Largest size of a rig file, scene file or recorded path, in bytes (1 MiB).
 pub const MAX_TEXT: u64 = 1 << 20;
 
-/// The text of a file of at most [`MAX_TEXT`] bytes. What is open already, such as `/dev/stdin` or `/dev/fd/63`, is read whatever it
-/// is; anything else has to be a regular file.
+/// Returns the text of a regular file of at most [`MAX_TEXT`] bytes. A path that names an open
+/// descriptor, such as `/dev/stdin` or `/dev/fd/63`, can be any kind of file.
 ///
 /// # Errors
-/// What the system says; it is a folder, a device, a FIFO or a socket; it is too long; it is not UTF-8.
+/// Fails if the operating system reports an error, if the file is too long or not UTF-8, or if the
+/// path is a folder, device, FIFO or socket.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what);
-    // Nobody may ever open the other end of a FIFO; a device may have no end.
+    // Opening a FIFO can block for ever, and a device can have no end.
     if !is_open_already(path) && !fs::metadata(path)?.is_file() {
         return Err(wrong("it is no regular file"));
     }
@@ -26,7 +27,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|_| wrong("it is not text (UTF-8)"))
 }
 
-/// Whether the path names a descriptor of this process.
+/// Returns whether the path names an open descriptor of this process.
 fn is_open_already(path: &Path) -> bool {
     path == Path::new("/dev/stdin") || path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd")
 }

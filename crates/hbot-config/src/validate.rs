@@ -1,17 +1,19 @@
-//! Holds a tree of values against a JSON schema and tells every mistake, not only the first.
+//! Checks a tree of values against a JSON schema and reports every mistake, not only the first.
 //!
-//! The part of JSON schema that the types of this crate produce: object, array, number, integer, string, boolean, enum,
-//! const, and alternatives that differ in type.
+//! It supports the part of JSON schema that the types of this crate use: object, array, number,
+//! integer, string, boolean, enum, const, and alternatives of different types.
 
 use serde_json::{Map, Value};
 
 use crate::document::{Report, join};
 use crate::legal::{branches, did_you_mean, found, legal, list, names, range};
 
-/// Adds to the report whatever of `value`, which stands at `path`, the schema does not allow.
+/// Checks `value`, which is at `path` in the file, and reports everything that the schema does not
+/// allow.
 pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut Report) {
     if report.knows(path) {
-        // A tree cannot hold it (nan, a date): nothing to check, but now it is known what should stand there.
+        // The tree cannot hold this value (nan, a date), and the mistake is already reported. Only
+        // the legal values are added to it.
         return report.suggest(path, legal(schema));
     }
     let names = names(schema);
@@ -36,7 +38,7 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
             if !enough || most.is_some_and(|max| count > max) {
                 report.push(path, format!("found {}", found(value)), legal(schema));
             }
-            // Those that are too many are not looked at.
+            // Surplus elements are not checked.
             let looked_at = most.and_then(|max| usize::try_from(max).ok()).unwrap_or(usize::MAX);
             for (i, element) in array.iter().take(looked_at).enumerate() {
                 validate(&schema["items"], element, &format!("{path}[{i}]"), report);
@@ -108,7 +110,7 @@ fn validate_name(names: &[&Value], value: &Value, path: &str, report: &mut Repor
     report.push(path, message, list(names));
 }
 
-/// Whether a value is of the type that a schema is about, legal or not.
+/// Returns whether a value has the type that a schema asks for, whether or not it is legal.
 fn is_of_type(schema: &Value, value: &Value) -> bool {
     let listed = names(schema);
     if !listed.is_empty() {

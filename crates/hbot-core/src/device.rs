@@ -1,26 +1,34 @@
-//! A legal Hbot: a sphere and 2 to 8 steered, driven wheels (physics notes, section 1).
+//! A valid Hbot: a sphere and 2 to 8 steered and driven wheels (physics notes, section 1).
 //!
-//! Parse, don't validate: a [`Device`] that exists has been checked over all steering angles. Its wheels hold the
-//! constants from which a posture is computed with one sine and cosine a wheel.
+//! A [`Device`] can only be made by [`Device::new`], which checks the design over all steer angles.
+//! So code that holds a `Device` needs no further checks. The wheels store constants, so that a
+//! posture is computed with one sine and one cosine per wheel.
 //!
 //! ```
 //! use hbot_core::kinematics::Posture;
 //! use hbot_core::{Device, Vec3, WheelSpec};
 //!
-//! // Two wheels of 15.5 mm below a sphere of 102 mm and 467 g, their axes 45 degrees off the vertical.
-//! let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), cone: 0.1745, radius: 0.0155, ..WheelSpec::default() };
+//! // Two wheels of 15.5 mm radius below a sphere of 102 mm radius and 467 g. Their steer axes are
+//! // at 45 degrees to the vertical.
+//! let wheel = |side| WheelSpec {
+//!     axis: Vec3::new(side, 0.0, -1.0),
+//!     cone: 0.1745,
+//!     radius: 0.0155,
+//!     ..WheelSpec::default()
+//! };
 //! let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)])?;
 //! assert_eq!(device.joints(), 4);
 //!
-//! // Joint rates of a sphere that turns about n3 with 1 rad/s, and back to the sphere, without slip.
+//! // Joint rates of a sphere that turns about n3 at 1 rad/s without slip, and back to the sphere.
 //! let posture = Posture::new(&device, &[0.3, -0.2]);
 //! let rates = posture.inverse(Vec3::Z);
 //! let forward = posture.forward(&device, &rates);
 //! assert!((forward.omega - Vec3::Z).length() < 1e-12);
 //!
-//! // With equal cones about one axis the contact points can meet: no steering angle helps then.
+//! // With equal cones about one axis the contact points can meet, so the design is refused.
 //! let error = Device::new(0.102, 0.467, &[wheel(1.0), wheel(1.0)]).unwrap_err();
-//! assert!(error.to_string().starts_with("wheels 1 and 2: their contact points can meet at one point"));
+//! let message = "wheels 1 and 2: their contact points can meet at one point";
+//! assert!(error.to_string().starts_with(message));
 //! # Ok::<(), hbot_core::device::DeviceError>(())
 //! ```
 
@@ -29,36 +37,40 @@ use core::fmt;
 use crate::real::{Real, Vec3, sincos};
 use crate::singularity::{self, Meeting};
 
-/// The most wheels a device can have.
+/// Largest number of wheels of a device.
 pub const MAX_WHEELS: usize = 8;
-/// The most joints a device can have: steer and drive of each wheel, in that order.
+/// Largest number of joints of a device: the steer and the drive joint of each wheel, in that
+/// order.
 pub const MAX_JOINTS: usize = 2 * MAX_WHEELS;
-/// The least |sin a cos b| of a wheel that counts as regular; det H is r R times it.
+/// Smallest permitted sin a cos b of a wheel with cone angle a and toe angle b. Below it the steer
+/// and the drive joint move the contact in almost the same direction. The determinant of the
+/// wheel's matrix H is r R sin a cos b.
 pub const MIN_BOUNDARY: Real = 1.0e-6;
 
-/// One wheel as a designer states it.
+/// The design of one wheel, before it is checked by [`Device::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelSpec {
-    /// Steering axis through the sphere's centre, in N; any length but zero.
+    /// Direction of the steer axis through the sphere's centre, in frame N. Any length except zero.
     pub axis: Vec3,
-    /// Cone angle a between the steering axis and the contact point, rad, strictly between 0 and pi.
+    /// Cone angle a between the steer axis and the contact point, rad, strictly between 0 and pi.
     pub cone: Real,
     /// Toe angle b about the contact normal, rad, strictly between -pi/2 and pi/2.
     pub toe: Real,
     /// Wheel radius r, m.
     pub radius: Real,
-    /// Inertia about the steering axis with everything that turns with it, J_th, kg m².
+    /// Inertia J_th about the steer axis of everything that turns with the wheel, kg m².
     pub steer_inertia: Real,
-    /// Inertia about the axle with the rotor seen through its gear, J_ph, kg m².
+    /// Inertia J_ph about the wheel's axle, kg m². It includes the rotor's inertia as seen through
+    /// the gear.
     pub drive_inertia: Real,
-    /// The wheel's own inertia about its axle, which couples the two joints when the toe is not zero:
-    /// J_c = I_axial sin a sin b, kg m². Usually left at 0.
+    /// The wheel's own inertia I_axial about its axle, kg m². Usually left at 0. If the toe angle
+    /// is not zero, it couples the two joints by J_c = I_axial sin a sin b.
     pub axial_inertia: Real,
 }
 
 impl Default for WheelSpec {
-    /// A wheel of 10 mm straight below the sphere, a sixth of a right angle off its steering axis, without inertia: a
-    /// start from which to state another.
+    /// Returns a wheel of 10 mm radius straight below the sphere, with a cone angle of 0.26 rad (15
+    /// degrees) and no inertia. Use it as the base of other wheels.
     fn default() -> Self {
         Self {
             axis: Vec3::new(0.0, 0.0, -1.0),
@@ -72,22 +84,22 @@ impl Default for WheelSpec {
     }
 }
 
-/// A legal wheel and its constants.
+/// A checked wheel with the constants of its geometry.
 ///
-/// The contact frame is C(th) = `p` cos th + `q` sin th + `s`, column by column.
+/// Each column of the contact frame at the steer angle th is C(th) = `p` cos th + `q` sin th + `s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wheel {
     spec: WheelSpec,
     pub(crate) p: [Vec3; 3],
     pub(crate) q: [Vec3; 3],
     pub(crate) s: [Vec3; 3],
-    /// l.c1 = sin a sin b
+    /// l.c1 = sin a sin b: component of the unit steer axis l along the wheel's axle.
     pub(crate) axis_c1: Real,
-    /// l.c2 = sin a cos b
+    /// l.c2 = sin a cos b: component of the unit steer axis l along the rolling direction.
     pub(crate) axis_c2: Real,
 }
 
-/// A legal device. Lengths m, masses kg, axes in N.
+/// A checked design of a sphere and its wheels. Lengths are in m, masses in kg, axes in frame N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Device {
     sphere_radius: Real,
@@ -96,60 +108,63 @@ pub struct Device {
     wheels: [Wheel; MAX_WHEELS],
 }
 
-/// Why a design is not a legal device. Wheels are counted from 0 here and named by their position in messages to people.
+/// The reason why a design is not a valid device. The fields count wheels from 0; the messages
+/// count them from 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DeviceError {
-    /// Fewer than 2 or more than [`MAX_WHEELS`] wheels.
+    /// There are fewer than 2 or more than [`MAX_WHEELS`] wheels.
     WheelCount(usize),
-    /// The sphere's radius is not a positive number.
+    /// The sphere's radius is not a positive, finite number.
     SphereRadius(Real),
-    /// The sphere's mass is not a positive number.
+    /// The sphere's mass is not a positive, finite number.
     SphereMass(Real),
-    /// A steering axis is zero or not finite.
+    /// A steer axis is zero or not finite.
     Axis {
-        /// Which wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
     },
-    /// A cone angle is zero, a half turn or more, negative, or not a number.
+    /// A cone angle is not strictly between 0 and pi.
     Cone {
-        /// Which wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
-        /// What was given, rad.
+        /// The given angle, rad.
         value: Real,
     },
-    /// A toe angle is a quarter turn or more, or not a number.
+    /// A toe angle is not strictly between -pi/2 and pi/2.
     Toe {
-        /// Which wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
-        /// What was given, rad.
+        /// The given angle, rad.
         value: Real,
     },
-    /// A wheel radius is not a positive number.
+    /// A wheel radius is not a positive, finite number.
     WheelRadius {
-        /// Which wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
-        /// What was given, m.
+        /// The given radius, m.
         value: Real,
     },
-    /// An inertia is negative or not a number.
+    /// An inertia is negative or not finite.
     Inertia {
-        /// Which wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
-        /// What was given, kg m².
+        /// The given inertia, kg m².
         value: Real,
     },
-    /// Steering and driving move the contact the same way (boundary singularity): |sin a cos b| is below [`MIN_BOUNDARY`].
+    /// The steer and the drive joint of a wheel move the contact in almost the same direction
+    /// (boundary singularity): sin a cos b is below [`MIN_BOUNDARY`].
     BoundarySingular {
-        /// Which wheel.
+        /// Index of the wheel, counted from 0.
         wheel: usize,
-        /// sin a cos b.
+        /// Value of sin a cos b for the wheel, with cone angle a and toe angle b.
         margin: Real,
     },
-    /// The contact points of all wheels can come to lie on one line through the centre (interior singularity).
+    /// At some steer angles the contact points of all wheels lie on one line through the sphere's
+    /// centre (interior singularity).
     InteriorSingular {
-        /// Two of the wheels that meet.
+        /// Indices of two wheels whose contact points can meet, counted from 0.
         wheels: [usize; 2],
-        /// At one point or at opposite ones.
+        /// Whether they meet at one point or at opposite points.
         meeting: Meeting,
     },
 }
@@ -203,10 +218,11 @@ impl fmt::Display for DeviceError {
 impl core::error::Error for DeviceError {}
 
 impl Device {
-    /// A device of a sphere (radius m, mass kg) and 2 to 8 wheels, checked over all steering angles.
+    /// Creates a device with a sphere (radius in m, mass in kg) and 2 to 8 wheels. Checks the
+    /// design over all steer angles.
     ///
     /// # Errors
-    /// The first reason, in the order of [`DeviceError`], why the design is not legal.
+    /// Returns the first reason why the design is not valid, in the order of [`DeviceError`].
     pub fn new(sphere_radius: Real, sphere_mass: Real, wheels: &[WheelSpec]) -> Result<Self, DeviceError> {
         if !(2..=MAX_WHEELS).contains(&wheels.len()) {
             return Err(DeviceError::WheelCount(wheels.len()));
@@ -229,33 +245,33 @@ impl Device {
         }
     }
 
-    /// The sphere's radius R, m.
+    /// Returns the sphere's radius R, m.
     #[inline]
     #[must_use]
     pub fn sphere_radius(&self) -> Real {
         self.sphere_radius
     }
 
-    /// The sphere's mass m, kg.
+    /// Returns the sphere's mass m, kg.
     #[must_use]
     pub fn sphere_mass(&self) -> Real {
         self.sphere_mass
     }
 
-    /// The inertia of the hollow sphere about any axis, 2/3 m R², kg m².
+    /// Returns the inertia of the hollow sphere about any axis through its centre, 2/3 m R², kg m².
     #[must_use]
     pub fn sphere_inertia(&self) -> Real {
         2.0 / 3.0 * self.sphere_mass * self.sphere_radius * self.sphere_radius
     }
 
-    /// The wheels, 2 to 8.
+    /// Returns the wheels, 2 to 8.
     #[inline]
     #[must_use]
     pub fn wheels(&self) -> &[Wheel] {
         &self.wheels[..self.count]
     }
 
-    /// How many joints: two a wheel, steer then drive.
+    /// Returns the number of joints: two per wheel, steer then drive.
     #[inline]
     #[must_use]
     pub fn joints(&self) -> usize {
@@ -292,7 +308,7 @@ impl Wheel {
         if !(sa * cb >= MIN_BOUNDARY) {
             return Err(DeviceError::BoundarySingular { wheel, margin: sa * cb });
         }
-        // Columns of Rx(a) Rz(b); turning them by th about z and then by A0 gives C.
+        // The columns of Rx(a) Rz(b). A turn by th about z and then by A0 gives C.
         let columns =
             [Vec3::new(cb, ca * sb, sa * sb), Vec3::new(-sb, ca * cb, sa * cb), Vec3::new(0.0, -sa, ca)];
         let least = least_rotation(axis);
@@ -307,21 +323,23 @@ impl Wheel {
         })
     }
 
-    /// The wheel as stated, its axis scaled to unit length.
+    /// Returns the design of the wheel, with its axis scaled to unit length.
     #[inline]
     #[must_use]
     pub fn spec(&self) -> &WheelSpec {
         &self.spec
     }
 
-    /// l.c1 = sin a sin b, the steering axis along the axle, whatever the steering angle.
+    /// Returns l.c1 = sin a sin b, the component of the unit steer axis l along the wheel's axle.
+    /// It does not depend on the steer angle.
     #[inline]
     #[must_use]
     pub fn axis_along_axle(&self) -> Real {
         self.axis_c1
     }
 
-    /// l.c2 = sin a cos b, the steering axis along the rolling direction; det H = r R times it.
+    /// Returns l.c2 = sin a cos b, the component of the unit steer axis l along the rolling
+    /// direction. The determinant of H is r R times this value.
     #[inline]
     #[must_use]
     pub fn axis_along_roll(&self) -> Real {
@@ -333,13 +351,15 @@ fn positive(x: Real) -> bool {
     x > 0.0 && x.is_finite()
 }
 
-/// 1 + l3 up to which an axis counts as straight down: there it rounds to nothing in 64 bits. The same in 32 bits, so
-/// that both widths mean the same by a steering angle of zero.
+/// A unit steer axis l counts as straight down if 1 + l3 is at most this value. In 64 bits such a
+/// difference is lost in rounding. The constant is the same for 32 bits, so that a steer angle of
+/// zero means the same in both widths.
 const STRAIGHT_DOWN: Real = 1.0e-15;
 
-/// The first two columns of A0, the least rotation taking n3 to `l`; the third is `l` itself.
+/// Returns the first two columns of A0, the least rotation that takes n3 to `l`. The third column
+/// is `l` itself.
 fn least_rotation(l: Vec3) -> [Vec3; 2] {
-    // 1 + l3 without cancellation where l points down.
+    // 1 + l3, without cancellation if l points down.
     let flat = l.x * l.x + l.y * l.y;
     let sum = if l.z < 0.0 { flat / (1.0 - l.z) } else { 1.0 + l.z };
     if sum <= STRAIGHT_DOWN {

@@ -1,15 +1,17 @@
-//! From wrapping integer counts to angles.
+//! Converts encoder counts, which wrap, to joint angles.
 //!
-//! Angles grow without bound and counts wrap at 32 bits, so readings are differenced as integers and the angle is
-//! kept as an integer within one turn; it becomes a float only then.
+//! Angles grow without bound and counts wrap at 32 bits. So the difference of two readings is taken
+//! in integers, and the angle is kept as an integer within one turn. It becomes a float only when
+//! it is read.
 
 use crate::real::{Real, TURN};
 use crate::rig::Joint;
 
-/// Counts are kept in units of 2⁻²⁴, so that a turn which a gear makes fractional is exact to 3e-8 counts.
+/// Number of fractional bits of a stored count. A gear can make the counts of a turn fractional;
+/// with units of 2⁻²⁴ counts a turn is exact to 3e-8 counts.
 const FRACTION_BITS: u32 = 24;
 
-/// One joint's encoder: the last count and the angle within a turn.
+/// The encoder of one joint: the last count and the angle within a turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Encoder {
     last: i32,
@@ -17,7 +19,7 @@ pub(crate) struct Encoder {
     position: i64,
     turn: i64,
     radians_per_unit: Real,
-    /// Signed: negative where the controller counts against the joint.
+    /// Angle of one count, rad. Negative if the motor controller counts against the joint.
     radians_per_count: Real,
     reversed: bool,
 }
@@ -36,7 +38,7 @@ impl Encoder {
         }
     }
 
-    /// Takes the reading `count` as the angle from the zero that the controller knows.
+    /// Takes the reading `count` as the absolute angle from the motor controller's zero.
     pub(crate) fn take(&mut self, count: i32) {
         self.last = count;
         let signed = if self.reversed { -i64::from(count) } else { i64::from(count) };
@@ -44,25 +46,28 @@ impl Encoder {
         self.position = (signed << FRACTION_BITS).rem_euclid(self.turn);
     }
 
-    /// The angle that the joint has turned since the last reading, rad, without taking the new one.
+    /// Returns the angle, rad, that the joint has turned from the last reading to `count`. Does not
+    /// store `count`.
     #[inline]
     pub(crate) fn peek(&self, count: i32) -> Real {
         self.counted(count) as Real * self.radians_per_count
     }
 
-    /// The counts since the last reading, in the controller's sense, without taking the new one.
+    /// Returns the counts from the last reading to `count`, in the motor controller's direction.
+    /// Does not store `count`.
     #[inline]
     pub(crate) fn counted(&self, count: i32) -> i32 {
         count.wrapping_sub(self.last)
     }
 
-    /// The joint's turn for one count, rad; negative where the controller counts against the joint.
+    /// Returns the joint's angle for one count, rad. Negative if the motor controller counts
+    /// against the joint.
     #[inline]
     pub(crate) fn radians_per_count(&self) -> Real {
         self.radians_per_count
     }
 
-    /// Takes the next reading.
+    /// Stores the next reading and adds its change to the angle.
     #[inline]
     pub(crate) fn advance(&mut self, count: i32) {
         let delta = i64::from(count.wrapping_sub(self.last)) << FRACTION_BITS;
@@ -73,13 +78,14 @@ impl Encoder {
         }
     }
 
-    /// The angle within a turn, rad, 0 to 2 pi.
+    /// Returns the angle within a turn, rad, 0 to 2 pi.
     #[inline]
     pub(crate) fn angle(&self) -> Real {
         self.position as Real * self.radians_per_unit
     }
 
-    /// A torque or rate of the joint in the controller's sense, or the other way round.
+    /// Converts a torque or a rate between the joint's direction and the motor controller's
+    /// direction.
     #[inline]
     pub(crate) fn signed(&self, x: Real) -> Real {
         if self.reversed { -x } else { x }
@@ -123,15 +129,15 @@ mod tests {
         let mut e = encoder(1024, 84.3, false);
         e.take(0);
         let mut count = 0_i32;
-        // 843 turns of the encoder are 10 of the joint.
+        // 843 turns of the encoder are 10 turns of the joint.
         for _ in 0..10_000 {
             for _ in 0..843 {
                 count = count.wrapping_add(1024);
                 e.advance(count);
             }
         }
-        // 1e5 turns, each rounded to at most 2^-25 counts of 86323; and a gear of 84.3 is itself rounded to a real, by
-        // half a unit in the last place of each turn.
+        // 1e5 turns, each rounded by at most 2^-25 counts of 86323. The gear of 84.3 is itself
+        // rounded to a real, by half a unit in the last place of each turn.
         let off = crate::rotation::wrap_angle(e.angle()).abs();
         let gear = 1e5 * TURN * 0.5 * Real::EPSILON;
         assert!(off < 1e5 / 33_554_432.0 * TURN / 86323.0 + gear + 1e-6, "{off}");

@@ -1,29 +1,30 @@
-//! How hot motors get: i² t by the torques that are asked of them.
+//! Estimates how hot the motors are from the torques asked of them (i² t).
 //!
-//! A winding's temperature follows the mean square of its current over its thermal time T, and with it that of the torque:
-//! T d(s)/dt = (tau / tau_c)² - s. With the continuous torque tau_c held for ever s ends at 1, which is as hot as the motor may get. From
-//! cold, a torque of k tau_c reaches that after T ln(k² / (k² - 1)).
+//! The temperature of a winding follows the mean square of its current, averaged over a thermal
+//! time T. The torque is proportional to the current, so T d(s)/dt = (tau / tau_c)² - s. If the
+//! continuous torque tau_c is held forever, s ends at 1, the hottest that the motor is allowed to
+//! get. From cold, a torque of k tau_c reaches 1 after T ln(k² / (k² - 1)).
 
 use crate::device::MAX_JOINTS;
 use crate::real::Real;
 use crate::rig::Rig;
 
-/// The heat of all motors.
+/// The estimated heat of all motors.
 #[derive(Debug, Clone)]
 pub(crate) struct Heat {
     time_s: Real,
     joints: usize,
-    /// 1 / tau_c² of each joint; 0 where it has no motor.
+    /// 1 / tau_c² of each joint, 1/(N m)²; 0 if the joint has no motor.
     scale: [Real; MAX_JOINTS],
-    /// What the torques held now would end in.
+    /// The value of `share` that the present torques would lead to.
     end: [Real; MAX_JOINTS],
-    /// s of each joint, 0 cold to 1 as hot as it may get.
+    /// The heat s of each joint's motor, from 0 (cold) to 1 (as hot as allowed).
     share: [Real; MAX_JOINTS],
     too_hot: bool,
 }
 
 impl Heat {
-    /// Cold motors that average over `time_s`.
+    /// Creates cold motors that average over `time_s` seconds.
     pub(crate) fn new(rig: &Rig, time_s: Real) -> Self {
         let mut scale = [0.0; MAX_JOINTS];
         for (scale, joint) in scale.iter_mut().zip(&rig.joints[..rig.device.joints()]) {
@@ -41,10 +42,11 @@ impl Heat {
         }
     }
 
-    /// Heats the motors for `dt` seconds by the torques asked for last.
+    /// Heats the motors for `dt` seconds with the latest torques.
     #[inline]
     pub(crate) fn advance(&mut self, dt: Real) {
-        // Implicit Euler: at any step it stays between where it was and where it goes.
+        // Implicit Euler: with a step of any length the value stays between the old one and the end
+        // value.
         let gain = dt / (self.time_s + dt);
         let mut hot = false;
         for i in 0..self.joints {
@@ -54,13 +56,13 @@ impl Heat {
         self.too_hot = hot;
     }
 
-    /// Whether a motor is as hot as it may get.
+    /// Returns true if a motor is as hot as allowed.
     #[inline]
     pub(crate) fn too_hot(&self) -> bool {
         self.too_hot
     }
 
-    /// Takes the torques to be held from now on, N m.
+    /// Sets the torques that are held from now on, N m.
     #[inline]
     pub(crate) fn hold(&mut self, torque: &[Real; MAX_JOINTS]) {
         for i in 0..self.joints {

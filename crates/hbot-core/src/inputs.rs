@@ -1,30 +1,31 @@
-//! Everything that comes into a tick. A recording of [`Inputs`] (and of the scenes) is the whole truth about a run.
+//! The inputs of a tick. The [`Inputs`] of all ticks and the scenes determine a run completely, so
+//! a recording of them is enough to replay it.
 
 use crate::device::MAX_JOINTS;
 use crate::real::{Quat, Real, Vec3};
 
-/// The most commands that one tick takes.
+/// Largest number of commands in one tick.
 pub const MAX_COMMANDS: usize = 8;
 
-/// What one tick sees of the world.
+/// All inputs of one tick of the control law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
-    /// The tick's number; ticks that were skipped leave a gap.
+    /// Number of the tick. Skipped ticks leave a gap in the numbers.
     pub tick: u64,
-    /// How long after its deadline the tick started, ns; 0 in virtual time.
+    /// Time from the tick's deadline to its start, ns; 0 in virtual time.
     pub lateness_ns: u64,
-    /// The newest feedback of all joints that has arrived since the last tick, if any.
+    /// The newest reading of all joints since the last tick, or `None` if none has arrived.
     pub feedback: Option<JointFeedback>,
-    /// Damaged frames since the last tick.
+    /// Number of damaged frames since the last tick.
     pub corrupt_frames: u16,
-    /// A controller has rebooted and not yet been described to the host again.
+    /// True if a motor controller has rebooted and has not described itself to the host again yet.
     pub rebooted: bool,
-    /// Live commands, in the order of their arrival.
+    /// Live commands, in the order in which they arrived.
     pub commands: Commands,
 }
 
 impl Inputs {
-    /// A tick on time to which nothing has come in.
+    /// Returns the inputs of a tick that is on time and to which nothing has arrived.
     #[must_use]
     pub fn quiet(tick: u64) -> Self {
         Self {
@@ -38,41 +39,42 @@ impl Inputs {
     }
 }
 
-/// One reading of all joints, in the order steer, drive of each wheel, in the controllers' own sense.
+/// One reading of all joints, in the order steer, drive of each wheel. Signs are those of the motor
+/// controllers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointFeedback {
-    /// The command that it answers, counted as ticks, wrapping.
+    /// Number of the command that the reading answers: the low 32 bits of its tick.
     pub sequence: u32,
-    /// Encoder counts, wrapping.
+    /// Encoder counts. They wrap at 32 bits.
     pub counts: [i32; MAX_JOINTS],
-    /// Rates of the joints, rad/s.
+    /// Joint rates, rad/s.
     pub rates: [Real; MAX_JOINTS],
-    /// One bit a joint: its encoder has seen the index.
+    /// One bit per joint, set if its encoder has seen the index mark.
     pub index_seen: u16,
-    /// What the controllers complain of.
+    /// Faults and warnings that the motor controllers report about themselves.
     pub complaints: Complaints,
 }
 
-/// What motor controllers complain of.
+/// The complaints of motor controllers: faults and warnings that they report about themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Complaints {
-    /// A controller reports a fault of its own.
+    /// A motor controller reports an internal fault.
     pub fault: bool,
-    /// A controller heard nothing for its watchdog time.
+    /// A motor controller's watchdog expired, because commands stopped.
     pub watchdog: bool,
-    /// A motor draws more current than it may.
+    /// A motor draws more current than allowed.
     pub overcurrent: bool,
     /// A motor is too hot.
     pub overtemperature: bool,
-    /// Motors are on although the command that is answered switches them off, or off although it
+    /// The motors are on although the answered command switches them off, or off although it
     /// switches them on.
     pub disobeyed: bool,
-    /// A current or a temperature is not finite.
+    /// A reported current or temperature is not finite.
     pub not_finite: bool,
 }
 
 impl Complaints {
-    /// What either complains of.
+    /// Returns the complaints that are in `self`, in `other` or in both.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -86,7 +88,7 @@ impl Complaints {
     }
 }
 
-/// At most [`MAX_COMMANDS`] commands.
+/// A list of at most [`MAX_COMMANDS`] commands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Commands {
     list: [Option<Command>; MAX_COMMANDS],
@@ -94,10 +96,10 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// Adds a command; gives it back when the tick is full.
+    /// Adds a command to the end of the list.
     ///
     /// # Errors
-    /// The command itself, to be taken by the next tick.
+    /// Returns the command if the list is full, so that the next tick can take it.
     pub fn push(&mut self, command: Command) -> Result<(), Command> {
         match self.list.get_mut(self.len) {
             Some(place) => {
@@ -109,92 +111,98 @@ impl Commands {
         }
     }
 
-    /// How many there are.
+    /// Returns the number of commands.
     #[inline]
     #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there is none.
+    /// Returns true if there are no commands.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// The commands in order.
+    /// Returns the commands, in the order in which they were added.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = &Command> {
         self.list[..self.len].iter().flatten()
     }
 }
 
-/// A live command. Vectors and orientations in N, SI.
+/// A live command to the control law. Vectors and orientations are in frame N, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command {
-    /// Soft start, if every spring's reference is near enough.
+    /// Switches the torque on with a soft start. Refused if an effect's reference is too far from
+    /// the present orientation.
     Enable,
-    /// To idle over a ramp.
+    /// Goes to mode `idle` and ramps the torque down to zero.
     Disable,
-    /// Zero torque in this tick, until reset.
+    /// Stops the torque in this tick. It stays zero until a reset.
     Estop,
-    /// Leave fault or estop once the cause is gone.
+    /// Leaves mode `fault` or `estop`. Refused while the cause is still present.
     Reset,
-    /// A client's own torque, added to the scene's.
+    /// A torque that a client streams. It is added to the scene's torque.
     Stream {
-        /// N m; finite.
+        /// Torque on the sphere, N m; must be finite.
         torque: Vec3,
-        /// Ticks for which it holds, this one included.
+        /// Number of ticks for which the torque is valid, including this one.
         valid_ticks: u32,
-        /// Where it comes from in the client's view.
+        /// Sequence number of the message and the state that it was computed from, as given by the
+        /// client.
         stamp: Stamp,
     },
-    /// Moves an effect's reference.
+    /// Moves the reference of an effect.
     Reference {
-        /// The effect's slot.
+        /// Slot of the effect.
         slot: u8,
-        /// The effect's epoch: a message to an effect that is gone is refused.
+        /// Epoch of the effect. A message to an effect that no longer exists is refused.
         epoch: u32,
-        /// Where to, in N; unit.
+        /// New reference orientation in frame N, a unit quaternion.
         q: Quat,
-        /// The rate that the reference is said to have in N, rad/s.
+        /// Rate at which the client moves the reference, in frame N, rad/s.
         omega: Vec3,
-        /// Ticks for which `omega` holds.
+        /// Number of ticks for which `omega` is valid.
         valid_ticks: u32,
-        /// Where it comes from in the client's view.
+        /// Sequence number of the message and the state that it was computed from, as given by the
+        /// client.
         stamp: Stamp,
     },
-    /// The orientation seen from outside.
+    /// Corrects the orientation by one that was measured from outside, for example by a camera.
     Align {
-        /// In N; unit.
+        /// Measured orientation in frame N, a unit quaternion.
         q: Quat,
-        /// Part of the difference to take over, 0 to 1; 0 records only.
+        /// Fraction of the difference that is corrected, 0 to 1. With 0 the difference is only
+        /// reported.
         weight: Real,
-        /// The tick at which it was seen, one of the last [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY).
+        /// The tick at which the orientation was measured: one of the last
+        /// [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY) ticks.
         tick: u64,
     },
-    /// The holder of the lease is gone.
+    /// Reports that the client that held the lease has gone. The rig reacts as given.
     ClientLost(OnClientLost),
 }
 
-/// What a stream message says of itself.
+/// The labels of a stream message: its sequence number and the tick of the state that it was
+/// computed from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stamp {
-    /// The client's own number for it.
+    /// The client's sequence number of the message.
     pub seq: Option<u64>,
-    /// The tick of the sample that it was computed from.
+    /// The tick of the state that the client computed the message from.
     pub tick: Option<u64>,
 }
 
-/// What becomes of a rig whose client has gone.
+/// The reaction of a rig when the client that held the lease has gone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum OnClientLost {
-    /// Its stream ramps out, the scene stays.
+    /// The client's stream ramps down to zero. The scene goes on.
     Ramp,
-    /// Nothing: its stream ends when it expires.
+    /// No reaction: the client's stream ends when it expires.
     Keep,
-    /// A fault.
+    /// The rig goes to mode `fault`.
     Fault,
 }

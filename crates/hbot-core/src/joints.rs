@@ -1,4 +1,5 @@
-//! From feedback to joint angles, rates and the turn of the sphere: the first stage of a tick.
+//! Computes joint angles, rates and the turn of the sphere from a reading: the first stage of a
+//! tick.
 
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::encoder::Encoder;
@@ -13,14 +14,14 @@ use crate::real::{PI, Real, Vec3, fabs, sqrt};
 use crate::rig::{OdometryMethod, PathFit, Rig, Zero};
 use crate::watch::{Interval, Watch};
 
-/// Rates above this are not a joint's, rad/s: 100,000 turns a minute.
+/// Largest plausible joint rate, rad/s: about 100,000 turns a minute.
 const MAX_RATE: Real = 1.0e4;
 
-/// The joints and the posture that they put the sphere in.
+/// The joints, with the posture and the motion of the sphere that follow from them.
 #[derive(Debug, Clone)]
 pub(crate) struct Joints {
     encoders: [Encoder; MAX_JOINTS],
-    /// The last command that feedback has answered.
+    /// Number of the last command that a reading has answered.
     sequence: Option<u32>,
     estimator: Rates,
     trail: Trail,
@@ -29,16 +30,16 @@ pub(crate) struct Joints {
     pub(crate) rate: [Real; MAX_JOINTS],
     pub(crate) omega: Vec3,
     pub(crate) slip: Real,
-    /// Holds the counts against the rates and the limits.
+    /// Checks the counts against the rates and against the limits.
     pub(crate) watch: Watch,
 }
 
-/// What a reading brought.
+/// The result of taking a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Step {
-    /// The turn of the sphere since the last reading, rad, in N.
+    /// Turn of the sphere since the last reading, rad, in frame N.
     pub(crate) turn: Vec3,
-    /// The commands that the last reading and this one answer.
+    /// Numbers of the commands that the last reading and this one answer.
     pub(crate) answered: [u32; 2],
 }
 
@@ -59,21 +60,23 @@ impl Joints {
         }
     }
 
-    /// Whether `feedback` is newer than the last that was taken, and answers a command that has been sent before `tick`:
-    /// one with a number of the future would make all later ones look old.
+    /// Returns true if `feedback` is newer than the last reading taken and its number is not after
+    /// `tick`. A reading with a number from the future is not taken, because all later ones would
+    /// then look old.
     #[inline]
     pub(crate) fn is_news(&self, feedback: &JointFeedback, tick: u64) -> bool {
         (tick as u32).wrapping_sub(feedback.sequence) as i32 >= 0
             && self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
     }
 
-    /// The last command that feedback has answered, if any has.
+    /// Returns the number of the last command that a reading has answered, if any.
     #[inline]
     pub(crate) fn answered(&self) -> Option<u32> {
         self.sequence
     }
 
-    /// Whether all steering zeros are known. `first`: these controllers have not rebooted since the start.
+    /// Returns true if the zeros of all steer joints are known. `first` means that these motor
+    /// controllers have not rebooted since the start.
     pub(crate) fn zeros_known(rig: &Rig, feedback: &JointFeedback, first: bool) -> bool {
         (0..rig.device.joints()).step_by(2).all(|i| match rig.joints[i].zero {
             Zero::Assume => first,
@@ -83,7 +86,8 @@ impl Joints {
         })
     }
 
-    /// Takes a reading as the first: angles from the controllers' zeros, no turn.
+    /// Takes a reading as the first one: angles count from the motor controllers' zeros, and no
+    /// turn is recorded.
     pub(crate) fn start(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
         for i in 0..rig.device.joints() {
             self.encoders[i].take(feedback.counts[i]);
@@ -91,7 +95,7 @@ impl Joints {
         self.begin(rig, feedback)
     }
 
-    /// Takes up from where the joints are; how they came there is not known.
+    /// Continues from the present joint angles. The path that led there is not known.
     fn begin(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
@@ -102,9 +106,11 @@ impl Joints {
         Ok(())
     }
 
-    /// Takes the next reading, which came `late` ticks after the tick in which it could be there: the
-    /// turn of the sphere since the last one. `judged`: the motors are on, or a fault is to be reset,
-    /// so that counts which the limit of speed rules out are refused.
+    /// Takes the next reading and returns the turn of the sphere since the last one.
+    ///
+    /// `late` is the number of ticks by which the reading came later than possible. If `judged` is
+    /// true (the motors are on, or a fault is to be reset), counts that the speed limit rules out
+    /// are refused.
     #[inline]
     pub(crate) fn advance(
         &mut self,
@@ -125,7 +131,8 @@ impl Joints {
             plausible &= fabs(delta[i]) < most;
         }
         if !plausible {
-            // Which way the sphere went is lost, but not where the joints are: the next reading is held against this one.
+            // The path of the sphere is lost, but the joint angles are known. The next reading is
+            // compared with this one.
             for i in 0..n {
                 self.encoders[i].advance(feedback.counts[i]);
             }
@@ -141,7 +148,7 @@ impl Joints {
         }
         self.sequence = Some(feedback.sequence);
         let turn = match (rig.methods.odometry, rig.methods.path) {
-            // The frames at the step's start are those of the posture until it is moved on below.
+            // The posture still holds the frames at the start of the step. It is updated below.
             (OdometryMethod::Euler, _) => kinematics::forward(&rig.device, self.posture.frames(), &delta),
             (method, PathFit::Straight) => odometry::turn(&rig.device, method, &start, &delta),
             _ => self.advance_along_a_curve(rig, &start, &delta, ticks),
@@ -159,7 +166,8 @@ impl Joints {
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }
 
-    /// Takes one more reading into the path that is fitted to the last ones, and returns the turn along it (rad, N). Apart, so that it costs nothing where the path is straight.
+    /// Adds one reading to the path that is fitted to the last ones. Returns the turn along it
+    /// (rad, frame N). A separate function, so that it costs nothing if the path is straight.
     #[inline(never)]
     fn advance_along_a_curve(
         &mut self,
@@ -172,7 +180,8 @@ impl Joints {
         odometry::turn_along(&rig.device, rig.methods.odometry, start, &path)
     }
 
-    /// Sets the joint rates by the rig's estimate; `moved`: by how much (rad) and in how many ticks since the last reading.
+    /// Sets the joint rates by the rig's method of estimation. `moved` holds the change of each
+    /// joint (rad) and the number of ticks since the last reading.
     #[inline]
     fn update_rates(
         &mut self,
@@ -198,8 +207,9 @@ impl Joints {
         Ok(())
     }
 
-    /// Moves the estimate from counts alone on by one reading, and sets `rate` to it; zero where there is only one reading. Apart, so that it costs nothing where the controllers report
-    /// rates.
+    /// Advances the estimate of rates from counts by one reading and sets `rate` to it. The rates
+    /// are zero if there is only one reading. A separate function, so that it costs nothing if the
+    /// motor controllers report rates.
     #[inline(never)]
     fn estimate_rates(
         &mut self,
@@ -219,7 +229,8 @@ impl Joints {
         self.estimator.advance(rig, &self.encoders, &Moved { delta, counts: &counts, ticks }, rate);
     }
 
-    /// Sets the angles, the posture, and what the rates say of the sphere.
+    /// Updates the angles, the posture, and the sphere's rate and slip that follow from the joint
+    /// rates.
     #[inline]
     fn locate(&mut self, rig: &Rig) {
         let n = rig.device.joints();
@@ -236,7 +247,7 @@ impl Joints {
         self.slip = largest_slip(&forward.slip, n / 2);
     }
 
-    /// A joint torque in its controller's own sense.
+    /// Converts a joint torque to the direction of its motor controller.
     #[inline]
     pub(crate) fn in_controller_sense(&self, joint: usize, torque: Real) -> Real {
         self.encoders[joint].signed(torque)

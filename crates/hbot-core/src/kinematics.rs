@@ -1,26 +1,28 @@
-//! Contact frames and the no-slip kinematics at a posture (physics notes, sections 1 and 2; paper eq. 1-13).
+//! Contact frames and the no-slip kinematics at a posture (physics notes, sections 1 and 2; paper
+//! eq. 1-13).
 //!
-//! A [`Posture`] is what the steering angles determine: each wheel's contact frame and the rows of G. From it follow the
-//! joint rates of a turning sphere (`inverse`), the turning of the sphere from joint rates with the slip that they do not
-//! explain (`forward`), and the torque on the sphere of joint torques (`torque_on_sphere`).
+//! The steer angles determine a [`Posture`]: the contact frame of each wheel and the rows of the
+//! matrix G. From it follow the joint rates for a rate of the sphere (`inverse`), the rate of the
+//! sphere and the slip for joint rates (`forward`), and the torque on the sphere for joint torques
+//! (`torque_on_sphere`).
 
 use crate::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, sincos};
 
-/// A wheel's contact frame in N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
+/// A wheel's contact frame in frame N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactFrame {
-    /// The wheel's axle.
+    /// Direction of the wheel's axle.
     pub c1: Vec3,
-    /// Its rolling direction.
+    /// Rolling direction of the wheel.
     pub c2: Vec3,
-    /// The outward normal of the sphere; the contact point is R c3.
+    /// Outward normal of the sphere at the contact. The contact point is R c3.
     pub c3: Vec3,
 }
 
 impl ContactFrame {
-    /// The contact frame of `wheel` at the steering angle `th`, rad.
+    /// Returns the contact frame of `wheel` at the steer angle `th`, rad.
     #[inline]
     #[must_use]
     pub fn at(wheel: &Wheel, th: Real) -> Self {
@@ -30,7 +32,7 @@ impl ContactFrame {
     }
 }
 
-/// What the steering angles determine: contact frames and the rows of G.
+/// The contact frames of all wheels and the rows of G, for given steer angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posture {
     wheels: usize,
@@ -38,17 +40,19 @@ pub struct Posture {
     rows: [Vec3; MAX_JOINTS],
 }
 
-/// What joint rates say of the sphere.
+/// The motion of the sphere and the slip of the wheels that follow from joint rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forward {
-    /// Angular velocity of the sphere in N, rad/s (or the turn, rad, where increments came in).
+    /// Angular velocity of the sphere in frame N, rad/s. If angles are given instead of rates, the
+    /// turn in rad.
     pub omega: Vec3,
-    /// Slip velocity of each wheel, wheel minus sphere, along its c1 and c2, m/s: what no omega explains.
+    /// Slip velocity of each wheel, wheel minus sphere, along its c1 and c2, m/s. It is the motion
+    /// of the wheels that no angular velocity of the sphere explains.
     pub slip: [[Real; 2]; MAX_WHEELS],
 }
 
 impl Posture {
-    /// The posture of `device` at the steering angles `th` (one a wheel, rad).
+    /// Computes the posture of `device` at the steer angles `th` (rad, one per wheel).
     #[inline]
     #[must_use]
     pub fn new(device: &Device, th: &[Real]) -> Self {
@@ -58,7 +62,8 @@ impl Posture {
         posture
     }
 
-    /// Moves this posture to the steering angles `th`, in place: nothing is cleared that is not used.
+    /// Updates this posture in place to the steer angles `th` (rad, one per wheel). Unused elements
+    /// are not cleared.
     #[inline]
     pub fn update(&mut self, device: &Device, th: &[Real]) {
         self.wheels = device.wheels().len();
@@ -71,21 +76,23 @@ impl Posture {
         }
     }
 
-    /// The contact frames, one a wheel.
+    /// Returns the contact frames, one per wheel.
     #[inline]
     #[must_use]
     pub fn frames(&self) -> &[ContactFrame] {
         &self.frames[..self.wheels]
     }
 
-    /// The rows of G (2n x 3): joint rates are G w, in the order steer, drive of each wheel; dimensionless.
+    /// Returns the rows of G (2n x 3), dimensionless, in the order steer, drive of each wheel. G w
+    /// are the joint rates for the angular velocity w of the sphere.
     #[inline]
     #[must_use]
     pub fn rows(&self) -> &[Vec3] {
         &self.rows[..2 * self.wheels]
     }
 
-    /// Joint rates of a sphere that turns with `omega` (N, rad/s) and does not slip: zd = G w, rad/s.
+    /// Returns the joint rates zd = G w, rad/s, of a sphere that turns with `omega` (frame N,
+    /// rad/s) and does not slip.
     #[must_use]
     pub fn inverse(&self, omega: Vec3) -> [Real; MAX_JOINTS] {
         let mut rates = [0.0; MAX_JOINTS];
@@ -95,7 +102,8 @@ impl Posture {
         rates
     }
 
-    /// The torque on the sphere in N of the joint torques `tau` (N m): T = Gᵀ tau. Power balance: T.w = tau.zd.
+    /// Returns the torque on the sphere in frame N, N m, of the joint torques `tau` (N m): T = Gᵀ
+    /// tau. Power is conserved: T.w = tau.zd.
     #[inline]
     #[must_use]
     pub fn torque_on_sphere(&self, tau: &[Real]) -> Vec3 {
@@ -106,7 +114,8 @@ impl Posture {
         torque
     }
 
-    /// The sphere's rate that best explains the joint rates `zd` (rad/s), in the least squares of the slip, and that slip.
+    /// Returns the angular velocity of the sphere that fits the joint rates `zd` (rad/s) best, in
+    /// the sense of least squares of the slip. Also returns this slip.
     #[inline]
     #[must_use]
     pub fn forward(&self, device: &Device, zd: &[Real]) -> Forward {
@@ -121,7 +130,8 @@ impl Posture {
     }
 }
 
-/// Rows of G of one wheel: g_th = c2 / (l.c2) and g_ph = (R/r) ((l.c1) g_th - c1).
+/// Returns the two rows of G of one wheel, steer then drive: g_th = c2 / (l.c2) and g_ph = (R/r)
+/// ((l.c1) g_th - c1).
 #[inline]
 fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
     let steer = frame.c2 / wheel.axis_c2;
@@ -129,15 +139,19 @@ fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
     [steer, drive]
 }
 
-/// H zd of one wheel: the velocity of its contact point along c1 and c2, m/s.
+/// Returns the velocity of a wheel's contact point along c1 and c2, m/s, for its joint rates
+/// (rad/s): H zd.
 #[inline]
 pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [Real; 2] {
     let r = device.sphere_radius();
     [r * wheel.axis_c2 * steer, wheel.spec().radius * drive - r * wheel.axis_c1 * steer]
 }
 
-/// w = -(ZᵀZ)⁻¹ Zᵀ H zd in N (rad/s) at the given contact frames, one a wheel, of the joint rates `zd` (rad/s; steer, drive of
-/// each wheel). It is linear in `zd`: increments (rad) give a turn (rad).
+/// Returns the angular velocity of the sphere (frame N, rad/s) that fits the joint rates `zd`
+/// (rad/s) best: w = -(ZᵀZ)⁻¹ Zᵀ H zd.
+///
+/// `frames` are the contact frames, one per wheel. `zd` is in the order steer, drive of each wheel.
+/// The result is linear in `zd`: angles in rad give a turn in rad.
 #[inline]
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {

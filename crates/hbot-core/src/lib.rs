@@ -1,52 +1,71 @@
-//! Kinematics, rendering and the control tick of an Hbot: a caged sphere, held by a hand, turned by steered and driven
-//! wheels.
+//! Kinematics, haptic rendering and the control law of an Hbot. An Hbot is a haptic device: a
+//! sphere in a cage, held by a hand and turned by steered and driven wheels.
 //!
-//! `no_std`, no allocation, no clock, no input or output, no unsafe code. Same inputs, same bits, on any machine.
+//! The crate is `no_std`. It uses no heap, no clock, no input or output and no unsafe code. The
+//! same inputs give the same bits on any machine.
 //!
-//! # Layers, from the hand down
+//! # Modules, from the hand down to the wheels
 //!
-//! 1. [`controller`]: [`Controller::tick`], a pure function from [`Inputs`] and a [`CompiledScene`] to [`Outputs`].
-//! 2. [`scene`] and [`effects`]: what the sphere is to feel like; [`render`] makes torques of it; [`impedance`]: the spring laws and the damper.
-//! 3. [`mode`]: the state table, with every cause of a fault.
-//! 4. [`allocation`]: a torque on the sphere as joint torques within limits, its direction kept.
-//! 5. [`odometry`]: orientation from joint angles along a [`path`]; [`kinematics`]: contact frames, G, forward and inverse.
-//! 6. [`singularity`]: margins and indices; [`device`]: a legal design, checked over all steering angles.
-//! 7. [`rotation`]: exponential, logarithm and errors of unit quaternions.
+//! 1. [`controller`]: [`Controller::tick`], a pure function from [`Inputs`] and a [`CompiledScene`]
+//!    to [`Outputs`].
+//! 2. [`scene`] and [`effects`] define how the sphere feels. [`render`] computes torques from them.
+//!    [`impedance`] holds the spring laws and the damper.
+//! 3. [`mode`]: the state machine, with every cause of a fault.
+//! 4. [`allocation`]: finds joint torques within their limits for a torque on the sphere, and keeps
+//!    its direction.
+//! 5. [`odometry`]: computes the orientation from joint angles along a [`path`]. [`kinematics`]:
+//!    contact frames, the matrix G, forward and inverse kinematics.
+//! 6. [`singularity`]: margins and indices. [`device`]: a valid design, checked over all steer
+//!    angles.
+//! 7. [`rotation`]: exponential, logarithm and differences of unit quaternions.
 //!
 //! # Conventions
 //!
-//! SI units: m, rad, s, kg, N m. Quaternions map sphere axes to N and stand as `[w, x, y, z]` at the borders. Vectors are in the
-//! inertial frame N unless a frame is named: gravity along -n3, the open half of the cage up. A torque acts on the
-//! sphere; joint torques are called so. Joints go steer, drive of wheel 1, then wheel 2, and so on. The equations are
-//! those of docs/physics.md.
+//! - Units are SI: m, rad, s, kg, N m.
+//! - Quaternions map sphere axes to frame N. At interfaces they are written `[w, x, y, z]`.
+//! - Vectors are in the inertial frame N unless another frame is named. Gravity points along -n3,
+//!   and the open half of the cage is up.
+//! - A torque acts on the sphere. Torques at the joints are called joint torques.
+//! - Joints are ordered steer, drive of wheel 1, then steer, drive of wheel 2, and so on.
+//! - The equations are those of docs/physics.md.
 //!
 //! # A tick
 //!
-//! A program owns a [`Controller`] and calls it once a period with what has come in. It sends [`Outputs::drive`] to the motor
-//! controllers. tests/no_std in the repository is a whole program without a standard library, and examples/own_effect.rs one
-//! with a simulated rig and a law of its own.
+//! A program owns a [`Controller`] and calls it once per period with the inputs that have arrived.
+//! It then sends [`Outputs::drive`] to the motor controllers. In the repository, tests/no_std is a
+//! complete program without a standard library. examples/own_effect.rs runs a new haptic law on a
+//! simulated rig.
 //!
 //! ```
 //! use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 //! use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
 //! use hbot_core::mode::Mode;
 //! use hbot_core::rig::{Joint, RigParts, Zero};
-//! use hbot_core::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Rig, Vec3, WheelSpec, rotation};
+//! use hbot_core::{
+//!     CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Rig, Vec3, WheelSpec, rotation,
+//! };
 //!
-//! let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), cone: 0.1745, radius: 0.0155, ..WheelSpec::default() };
+//! let wheel = |side| WheelSpec {
+//!     axis: Vec3::new(side, 0.0, -1.0),
+//!     cone: 0.1745,
+//!     radius: 0.0155,
+//!     ..WheelSpec::default()
+//! };
 //! let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)])?;
 //! let joint = Joint { zero: Zero::Assume, ..Joint::new(16384, 2.0) };
 //! let rig = Rig::new(RigParts::new(device).with_joints(joint, joint))?;
 //!
-//! // A spring of 2 N m/rad to an orientation 0.25 rad about n1 from where the sphere stands.
+//! // A spring of 2 N m/rad to an orientation 0.25 rad about n1 from that of the sphere.
 //! let stiffness = Mat3::from_diagonal(Vec3::splat(2.0));
 //! let reference = rotation::exp(Vec3::new(0.25, 0.0, 0.0));
-//! let spring = Spring::new(SpringLaw::Geodesic, stiffness, Mat3::ZERO, reference, Anchor::Absolute);
-//! let scene = CompiledScene::new(1, &[Effect::new(0, 1, Kind::Spring(spring.ok_or("not a stiffness")?))])?;
+//! let (law, no_damping) = (SpringLaw::Geodesic, Mat3::ZERO);
+//! let spring = Spring::new(law, stiffness, no_damping, reference, Anchor::Absolute);
+//! let spring = Kind::Spring(spring.ok_or("not a stiffness")?);
+//! let scene = CompiledScene::new(1, &[Effect::new(0, 1, spring)])?;
 //!
 //! let mut controller = Controller::new(rig);
 //! for tick in 1..=600 {
-//!     // Encoders that stand still. What they read answers the command of the last tick.
+//!     // Encoders at rest. Their reading answers the command of the last tick.
 //!     let feedback = JointFeedback {
 //!         sequence: tick as u32 - 1,
 //!         counts: [0; MAX_JOINTS],
@@ -61,7 +80,7 @@
 //!     let outputs = controller.tick(&scene, &inputs);
 //!     // A real program sends `outputs.drive` here.
 //!     if tick == 600 {
-//!         // The soft start of half a second is over: 2 N m/rad times 0.25 rad.
+//!         // The soft start of half a second is over. The torque is 2 N m/rad times 0.25 rad.
 //!         assert_eq!(outputs.state.mode, Mode::Active);
 //!         assert!((outputs.state.torque - Vec3::new(0.5, 0.0, 0.0)).length() < 1e-9);
 //!         assert!(outputs.drive.enable && outputs.drive.torque[1] != 0.0);
@@ -72,9 +91,11 @@
 //!
 //! # Memory
 //!
-//! Bytes on a machine of 64 bits. There is no heap; a tick takes some kilobytes of stack, and one that follows a change of
-//! scene a copy of the effects' memories besides. The history is that of [`controller::ALIGN_HISTORY`]; the rest of a controller is
-//! mostly the torques of 1024 ticks, which the passivity observer pairs with the turns.
+//! Sizes are in bytes on a 64-bit machine. There is no heap. A tick takes some kilobytes of stack.
+//! A tick after a change of scene also needs a copy of the effects' memories.
+//! [`controller::ALIGN_HISTORY`] gives the length of the history. Most of the rest of a controller
+//! holds the torques of the last 1024 ticks, which the passivity observer multiplies with the
+//! turns.
 //!
 //! | reals | a [`Controller`] | its history of orientations | a [`CompiledScene`] |
 //! |---|---|---|---|

@@ -1,5 +1,5 @@
-//! The linear algebra that the core needs beyond glam: symmetric 3x3 matrices with their solves and eigenvectors, and the
-//! singular values of rows.
+//! The linear algebra that the core needs beyond glam: symmetric 3x3 matrices with solvers and
+//! eigenvectors, and the singular values of rows.
 
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs, sqrt};
@@ -15,22 +15,24 @@ pub(crate) struct Sym3 {
     yz: Real,
 }
 
-/// The adjugate of a [`Sym3`] with its invariants: solves by three dot products and a division.
+/// The adjugate of a [`Sym3`], with the matrix's invariants. It solves a linear system by three dot
+/// products and a division.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Adjugate {
     adjugate: Sym3,
-    /// Product of the eigenvalues.
+    /// Product of the eigenvalues: the determinant.
     det: Real,
-    /// Sum of the products of two eigenvalues.
+    /// Sum of the products of two eigenvalues each.
     pairs: Real,
-    /// Sum of the eigenvalues.
+    /// Sum of the eigenvalues: the trace.
     sum: Real,
 }
 
 impl Sym3 {
     pub(crate) const ZERO: Self = Self { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 };
 
-    /// Adds I - n nᵀ for the unit vector `n`; its diagonal without cancellation, as 1 - x² = y² + z².
+    /// Adds I - n nᵀ for the unit vector `n`. The diagonal is computed without cancellation, as 1 -
+    /// x² = y² + z².
     #[inline]
     pub(crate) fn add_plane(&mut self, n: Vec3) {
         self.xx += n.y * n.y + n.z * n.z;
@@ -81,9 +83,11 @@ impl Sym3 {
         Adjugate { adjugate: a, det, pairs, sum }
     }
 
-    /// The solution of M x = v by LDLᵀ, with pivots of at least `floor`: for a positive definite M accurate to the
-    /// condition number, where the adjugate loses its square when two eigenvalues are small; for a singular one the
-    /// solution for a positive definite matrix that differs from M by about `floor`.
+    /// Returns the solution of M x = v by LDLᵀ decomposition, with pivots of at least `floor`.
+    ///
+    /// For a positive definite M the error grows with the condition number. The adjugate's error
+    /// grows with its square if two eigenvalues are small. For a singular M the result solves the
+    /// system of a positive definite matrix that differs from M by about `floor`.
     pub(crate) fn solve(&self, v: Vec3, floor: Real) -> Vec3 {
         let d1 = self.xx.max(floor);
         let (l21, l31) = (self.xy / d1, self.xz / d1);
@@ -98,11 +102,13 @@ impl Sym3 {
         Vec3::new(v.x / d1 - l21 * y - l31 * z, y, z)
     }
 
-    /// Eigenvalues, largest first, and their unit eigenvectors, by cyclic Jacobi rotations.
+    /// Returns the eigenvalues, largest first, and their unit eigenvectors. Uses cyclic Jacobi
+    /// rotations.
     pub(crate) fn eigen(&self) -> ([Real; 3], [Vec3; 3]) {
         let mut a = [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]];
         let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        // Converges quadratically: 3 to 5 sweeps leave nothing off the diagonal.
+        // Converges quadratically: after 3 to 5 sweeps the off-diagonal elements are zero to
+        // rounding.
         for _ in 0..10 {
             let off = fabs(a[0][1]) + fabs(a[0][2]) + fabs(a[1][2]);
             if !(off > 0.25 * Real::EPSILON * (a[0][0] + a[1][1] + a[2][2])) {
@@ -119,31 +125,33 @@ impl Sym3 {
 }
 
 impl Adjugate {
-    /// Whether the least eigenvalue is surely above `ratio` times the largest, and not by rounding.
+    /// Returns true if the least eigenvalue is certainly above `ratio` times the largest, despite
+    /// rounding.
     ///
-    /// det / (pairs sum) is at most that ratio and at least a ninth of it. Where it is above `ratio`, pairs / sum² is above
-    /// ratio / 9; and the rounding of det, some units of sum³, is below what is asked of det only where it is above the
-    /// second bound.
+    /// det / (pairs sum) is at most the ratio of the two eigenvalues and at least a ninth of it. If
+    /// it is above `ratio`, pairs / sum² is above ratio / 9. The rounding of det is a few units of
+    /// sum³. The second bound makes sure that it is below the required det.
     #[inline]
     pub(crate) fn rank_above(&self, ratio: Real) -> bool {
         let flat = Real::max(ratio / 9.0, 8.0 * Real::EPSILON / ratio);
         self.det > ratio * self.pairs * self.sum && self.pairs > flat * self.sum * self.sum
     }
 
-    /// The solution of M x = v, each component rounded by a division of its own.
+    /// Returns the solution of M x = v, with one division per component.
     #[inline]
     pub(crate) fn solve_by_division(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) / self.det
     }
 
-    /// The solution of M x = v by one division.
+    /// Returns the solution of M x = v, with a single division.
     #[inline]
     pub(crate) fn solve(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) * (1.0 / self.det)
     }
 }
 
-/// One Jacobi rotation: makes a[p][q] zero and turns the columns p, q of v along.
+/// Applies one Jacobi rotation: makes a\[p\]\[q\] zero and rotates the columns p and q of v
+/// accordingly.
 fn rotate(a: &mut [[Real; 3]; 3], v: &mut [[Real; 3]; 3], p: usize, q: usize) {
     let apq = a[p][q];
     if apq == 0.0 {
@@ -171,8 +179,11 @@ fn rotate(a: &mut [[Real; 3]; 3], v: &mut [[Real; 3]; 3], p: usize, q: usize) {
     }
 }
 
-/// Singular values of `rows` (at most [`MAX_JOINTS`]), largest first, with their axes; `axes` are about these. By one-sided
-/// Jacobi rotations, which are accurate even for the least value (Demmel and Veselic 1992).
+/// Returns the singular values of `rows` (at most [`MAX_JOINTS`]), largest first, with their axes.
+/// `axes` must be close to these axes.
+///
+/// Uses one-sided Jacobi rotations, which are accurate even for the least value (Demmel and Veselic
+/// 1992).
 pub(crate) fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3; 3]) {
     let lengths = orthogonalise(rows, &mut axes);
     let mut order = [0, 1, 2];
@@ -180,8 +191,9 @@ pub(crate) fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3
     (order.map(|i| lengths[i]), order.map(|i| axes[i]))
 }
 
-/// Turns `axes`, orthonormal, until the columns that they make of the rows (row . axis) are at right angles to each other; returns
-/// the lengths of these, in the axes' order. At most [`MAX_JOINTS`] rows.
+/// Rotates the orthonormal `axes` until the columns of products (row . axis) are at right angles to
+/// each other. Returns the lengths of these columns, in the order of the axes. Takes at most
+/// [`MAX_JOINTS`] rows.
 fn orthogonalise(rows: &[Vec3], axes: &mut [Vec3; 3]) -> [Real; 3] {
     let m = rows.len();
     let mut columns = [[0.0; MAX_JOINTS]; 3];
@@ -235,7 +247,7 @@ mod tests {
             m.add(g, 1.3);
         }
         let v = Vec3::new(0.4, -0.6, 1.7);
-        // A condition number below 100 leaves two digits less than the type has.
+        // With a condition number below 100, the result has two digits fewer than the type.
         let bound = 200.0 * Real::EPSILON;
         assert!((m.times(m.solve(v, Real::EPSILON)) - v).length() < bound);
         assert!((m.times(m.adjugate().solve(v)) - v).length() < bound);

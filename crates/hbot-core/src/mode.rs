@@ -1,59 +1,65 @@
-//! The state table: what the rig may do, and what moves it from one mode to the next.
+//! The state machine: the modes of the rig and the transitions between them.
 
 use crate::real::Real;
 
-/// How long the soft start takes, s.
+/// Duration of the soft start, s.
 pub const SOFT_START_S: Real = 0.5;
-/// How long the ramp to zero takes at disable, s.
+/// Duration of the ramp to zero at disable, s.
 pub const DISABLE_RAMP_S: Real = 0.05;
 
-/// What the rig may do.
+/// The mode of the control law. It decides whether the motors make torque.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// Homing is not done, as a steering zero is not known: no torque. Leaves to idle once all are known.
+    /// A steer zero is not known yet, so there is no torque. Changes to `Idle` when all zeros are
+    /// known (homing).
     Unreferenced,
-    /// Ready, no torque (or its last 50 ms). Leaves to enabling by enable.
+    /// Ready, without torque. After a disable, the torque still ramps down for 50 ms. Changes to
+    /// `Enabling` by enable.
     Idle,
-    /// Torque fades in over half a second. Leaves to active by itself, to idle by disable.
+    /// The torque rises over half a second. Changes to `Active` by itself, or to `Idle` by disable.
     Enabling,
-    /// Rendering. Leaves to idle by disable.
+    /// The scene is rendered with full torque. Changes to `Idle` by disable.
     Active,
-    /// Something went wrong: zero torque. Leaves by reset once the cause is gone, to idle or (if not homed) to unreferenced.
+    /// A fault occurred: zero torque. Left by reset when the cause is gone, to `Idle`, or to
+    /// `Unreferenced` if the rig is not homed.
     Fault,
-    /// Somebody stopped it: zero torque. Leaves like a fault.
+    /// The rig was stopped by command: zero torque. Left in the same way as `Fault`.
     Estop,
 }
 
-/// Why the rig went to [`Mode::Fault`].
+/// The reason why the rig went to [`Mode::Fault`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// No feedback for `timeout_ticks`, feedback that is older or mostly missing, or a controller ran out
-    /// of its watchdog time.
+    /// No reading came for `timeout_ticks`, readings are too old or mostly missing, or the watchdog
+    /// of a motor controller expired.
     LinkLost,
-    /// Too many frames damaged.
+    /// Too many frames were damaged.
     LinkCorrupt,
-    /// A controller says so, it has rebooted, or its motors are on or off against the command.
+    /// A motor controller reports a fault or has rebooted, or its motors are on or off against the
+    /// command.
     ControllerFault,
-    /// The powered sphere turns faster than the rig's limit.
+    /// The sphere, with motors on, turns faster than the rig's limit.
     Overspeed,
-    /// A controller reports more current than it may, or more energy was given out than the rig's limit.
+    /// A motor controller reports more current than allowed, or more energy was given to the hand
+    /// than the rig's limit.
     Overtorque,
-    /// The powered wheels slip faster than the rig's limit.
+    /// The wheels, with motors on, slip faster than the rig's limit.
     Slip,
-    /// A number that is not finite, in feedback or in a torque.
+    /// A reading or a torque contains a number that is not finite.
     NonFinite,
-    /// A joint moved further between two readings than it can, or its counts and rates disagreed for 50 ms.
+    /// A joint moved further between two readings than possible, or its counts and rates disagreed
+    /// for 50 ms.
     ImplausibleFeedback,
-    /// A tick came more than 20 ms late, or 10 in a row were skipped.
+    /// A tick started more than 20 ms late, or 10 ticks in a row were skipped.
     Deadline,
-    /// The holder of the lease has gone, and the rig file says that this is a fault.
+    /// The holder of the lease has gone, and the rig file makes this a fault.
     ClientLost,
     /// A motor is too hot.
     Thermal,
 }
 
 impl Cause {
-    /// All causes.
+    /// All causes, in the order of the enum.
     pub const ALL: [Self; 11] = [
         Self::LinkLost,
         Self::LinkCorrupt,
@@ -69,45 +75,45 @@ impl Cause {
     ];
 }
 
-/// The mode with its cause and the factor on torque.
+/// The state machine: the mode with its cause and the factor on torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Machine {
     pub(crate) mode: Mode,
     pub(crate) cause: Option<Cause>,
-    /// 0 to 1: soft start and disable ramp.
+    /// Factor on torque, 0 to 1, for the soft start and the disable ramp.
     pub(crate) gain: Real,
-    /// The fault condition of the last tick: an event is its rise.
+    /// Fault condition of the last tick. It tells a new condition from a lasting one.
     present: Option<Cause>,
 }
 
-/// Why `enable` or `reset` was refused.
+/// The reason why `enable` or `reset` was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Obstacle {
-    /// A fault, or its cause at reset, is there.
+    /// The rig is in mode `fault`, or the cause of the fault is still present at a reset.
     Faulted(Cause),
-    /// The rig is stopped: reset first.
+    /// The rig was stopped by command and must be reset first.
     Stopped,
-    /// A steering zero is not known.
+    /// The zero of a steer joint is not known.
     Unreferenced,
 }
 
 impl Machine {
     pub(crate) const START: Self = Self { mode: Mode::Unreferenced, cause: None, gain: 0.0, present: None };
 
-    /// Whether motors may push.
+    /// Returns true if the motors are allowed to make torque.
     #[inline]
     pub(crate) fn powered(&self) -> bool {
         self.gain > 0.0 || matches!(self.mode, Mode::Enabling | Mode::Active)
     }
 
-    /// Leaves `unreferenced`: the steering zeros are known.
+    /// Leaves the mode `unreferenced`, because all steer zeros are known.
     pub(crate) fn end_homing(&mut self) {
         if self.mode == Mode::Unreferenced {
             self.mode = Mode::Idle;
         }
     }
 
-    /// What stands against enabling, if anything.
+    /// Returns the reason why the rig cannot be enabled, if there is one.
     pub(crate) fn obstacle(&self) -> Option<Obstacle> {
         match (self.mode, self.cause) {
             (Mode::Fault, cause) => Some(Obstacle::Faulted(cause.unwrap_or(Cause::ControllerFault))),
@@ -117,7 +123,8 @@ impl Machine {
         }
     }
 
-    /// Enable, once nothing stands against it; when enabled already nothing changes.
+    /// Enables the rig. The caller must have checked that there is no obstacle. Has no effect
+    /// unless the mode is `idle`.
     pub(crate) fn enable(&mut self) {
         if self.mode == Mode::Idle {
             self.mode = Mode::Enabling;
@@ -136,7 +143,8 @@ impl Machine {
         self.gain = 0.0;
     }
 
-    /// To idle, or to unreferenced if the rig is not `homed`, once the cause is gone; when nothing is wrong nothing changes.
+    /// Leaves `fault` or `estop`, to `idle`, or to `unreferenced` if the rig is not `homed`. Has no
+    /// effect in other modes. Fails if the cause is still present.
     pub(crate) fn reset(&mut self, homed: bool) -> Result<(), Obstacle> {
         if !matches!(self.mode, Mode::Fault | Mode::Estop) {
             return Ok(());
@@ -149,8 +157,9 @@ impl Machine {
         Ok(())
     }
 
-    /// Takes the tick's fault condition, if there is one. Its rise is the event that ends in fault from any mode; while
-    /// it lasts no mode but fault and estop is possible. The first cause stands until reset.
+    /// Takes the fault condition of this tick, if there is one. A new condition leads from any mode
+    /// to `fault`. While the condition lasts, only `fault` and `estop` are possible. The first
+    /// cause is kept until reset.
     pub(crate) fn take_condition(&mut self, present: Option<Cause>) {
         let rises = present.is_some() && present != self.present;
         self.present = present;
@@ -166,12 +175,12 @@ impl Machine {
         self.gain = 0.0;
     }
 
-    /// Begins the soft start again, in the mode that it is in.
+    /// Restarts the soft start without a change of mode.
     pub(crate) fn soften(&mut self) {
         self.gain = 0.0;
     }
 
-    /// Moves the gain on by `dt` seconds.
+    /// Advances the factor on torque by `dt` seconds.
     #[inline]
     pub(crate) fn ramp(&mut self, dt: Real) {
         match self.mode {

@@ -1,4 +1,5 @@
-//! Orientation from joint angles: integrated, because the mechanism is non-holonomic (physics notes, section 4).
+//! Computes the orientation of the sphere from joint angles. It is integrated, because the
+//! mechanism is non-holonomic (physics notes, section 4).
 
 use crate::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use crate::kinematics::{ContactFrame, forward};
@@ -7,18 +8,20 @@ use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
 use crate::rotation::{self, renormalized};
 
-/// sqrt(3)/6, how far the Gauss points lie from the middle.
+/// sqrt(3)/6: the distance of the two Gauss points from the middle of the step.
 #[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
 const ROOT3_6: Real = 0.288_675_134_594_812_9;
-/// sqrt(3)/12.
+/// sqrt(3)/12: the factor of the cross product in the Magnus expansion.
 #[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
 const ROOT3_12: Real = 0.144_337_567_297_406_44;
 
-/// The turn of the sphere in N, as a rotation vector (rad), while the joints move at constant rates from the
-/// steering angles `th` (one a wheel, rad) by `delta` (steer, drive of each wheel, rad).
+/// Returns the turn of the sphere in frame N as a rotation vector (rad), for joints that move at
+/// constant rates. They move from the steer angles `th` (one per wheel, rad) by `delta` (steer,
+/// drive of each wheel, rad).
 ///
-/// Orders per step: [`OdometryMethod::Euler`] 1, [`Midpoint`](OdometryMethod::Midpoint) 2,
-/// [`Magnus4`](OdometryMethod::Magnus4) 4 (Magnus expansion on two Gauss points; Iserles and Norsett 1999).
+/// The order of the method is 1 for [`OdometryMethod::Euler`], 2 for
+/// [`Midpoint`](OdometryMethod::Midpoint) and 4 for [`Magnus4`](OdometryMethod::Magnus4) (Magnus
+/// expansion on two Gauss points; Iserles and Norsett 1999).
 #[inline]
 #[must_use]
 pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]) -> Vec3 {
@@ -33,20 +36,22 @@ pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]
     }
 }
 
-/// The orientation after the turn: exp(turn) q, kept unit.
+/// Returns the orientation `q` after a `turn` (rad, frame N): exp(turn) q, kept at unit length.
 #[inline]
 #[must_use]
 pub fn advance(q: Quat, turn: Vec3) -> Quat {
     renormalized(rotation::exp(turn) * q)
 }
 
-/// The turn over a step from the turns that it would make at the rates of its two Gauss points.
+/// Returns the turn over a step. `first` and `second` are the turns for constant rates equal to
+/// those at the step's two Gauss points.
 #[inline]
 fn magnus(first: Vec3, second: Vec3) -> Vec3 {
     (first + second) * 0.5 - first.cross(second) * ROOT3_12
 }
 
-/// The contact frames where the path is at `s`.
+/// Returns the contact frames at the point `s` (0 to 1) of `path`, which begins at the steer angles
+/// `th` (rad).
 #[inline]
 fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactFrame; MAX_WHEELS] {
     let mut frames = [ContactFrame::default(); MAX_WHEELS];
@@ -56,13 +61,14 @@ fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactF
     frames
 }
 
-/// The turn of the sphere in N, as a rotation vector (rad), while the joints go along `path` from the steering angles `th`
-/// (one a wheel, rad).
+/// Returns the turn of the sphere in frame N as a rotation vector (rad), for joints that move along
+/// `path` from the steer angles `th` (one per wheel, rad).
 ///
-/// The frames are those of the path's angles. [`Magnus4`](OdometryMethod::Magnus4) takes the path's rates at its two
-/// points as well; the turn then is as good as the path: of order 3 for a quadratic, 4 for a cubic one. The other two
-/// take the turn of the joints that was measured, so that none of it is lost, and keep their orders: in
-/// [`Midpoint`](OdometryMethod::Midpoint) a curved path moves the mid angles, in [`Euler`](OdometryMethod::Euler) it changes nothing.
+/// The contact frames are those at the path's angles. [`Magnus4`](OdometryMethod::Magnus4) also
+/// uses the path's rates at its two points, so its order is that of the path: 3 for a quadratic, 4
+/// for a cubic. The other methods use the measured change of the joints, so that no motion is lost,
+/// and keep their own orders. For [`Midpoint`](OdometryMethod::Midpoint) a curved path changes the
+/// angles at mid-step. For [`Euler`](OdometryMethod::Euler) it changes nothing.
 #[inline]
 #[must_use]
 pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &Path) -> Vec3 {
@@ -84,7 +90,7 @@ pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &P
     }
 }
 
-/// The turn with the contact frames of one moment, `part` of the way through the step.
+/// Returns the turn with constant contact frames: those at the fraction `part` of the step.
 #[inline]
 fn turn_at(device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
     let mut frames = [ContactFrame::default(); MAX_WHEELS];

@@ -1,93 +1,94 @@
-//! Everything that comes out of a tick.
+//! The outputs of a tick.
 
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::inputs::MAX_COMMANDS;
 use crate::mode::{Cause, Mode, Obstacle};
 use crate::real::{Quat, Real, Vec3};
 
-/// What one tick gives: a command to the motors, answers, and the state to publish.
+/// All outputs of one tick: a command to the motors, replies to commands, and the state to publish.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outputs {
-    /// For the motor controllers.
+    /// The command to the motor controllers.
     pub drive: Drive,
-    /// One for each of the tick's commands, in their order.
+    /// The replies to the tick's commands, in their order.
     pub replies: [Option<Reply>; MAX_COMMANDS],
-    /// For everybody else.
+    /// The state that is published to clients.
     pub state: State,
 }
 
-/// What the motors are to do.
+/// The command to the motors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
-    /// Whether they may push at all.
+    /// True if the motors are on.
     pub enable: bool,
-    /// Torque at each joint in its controller's own sense, N m.
+    /// Torque at each joint, N m, in the direction of its motor controller.
     pub torque: [Real; MAX_JOINTS],
 }
 
-/// The answer to a command.
+/// The reply to a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reply {
-    /// Done.
+    /// The command was executed.
     Done,
-    /// Done: the outside orientation was this far away, rad.
+    /// An align command was executed.
     Aligned {
-        /// The angle between outside orientation and odometry, rad.
+        /// Angle between the orientation measured from outside and the odometry, rad.
         angle: Real,
     },
-    /// Not done; nothing changed.
+    /// The command was refused, and nothing changed.
     Refused(Refusal),
 }
 
-/// Why a command was not done.
+/// The reason why a command was refused.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Refusal {
-    /// The mode does not allow it.
+    /// The mode does not allow the command.
     Mode(Obstacle),
     /// An effect's reference is too far from the orientation to enable.
     TooFar {
-        /// The effect's slot.
+        /// Slot of the effect.
         slot: u8,
-        /// How far, rad.
+        /// Distance of the orientation from where the effect rests, rad.
         angle: Real,
     },
-    /// The effect is gone, or has no reference.
+    /// The effect does not exist any more or has no reference.
     NoReference,
-    /// The sample that it was computed from is too old.
+    /// The state that the message was computed from is too old.
     TooOld {
-        /// How old, ticks.
+        /// Age of that state, ticks.
         age_ticks: u64,
     },
-    /// The sample that it names has not been made yet.
+    /// The message names the tick of a state that does not exist yet.
     Ahead {
-        /// How far in the future its tick is, ticks.
+        /// Number of ticks by which the named tick is in the future.
         ticks: u64,
     },
-    /// That moment is no longer (or not yet) in the history.
+    /// The named tick is not in the history: too old, or in the future.
     NotInHistory,
-    /// A number is not finite, or a quaternion not unit.
+    /// A number is not finite or not in its range, or a quaternion is not of unit length.
     NotFinite,
 }
 
-/// What a tick publishes of itself. Vectors in N, SI.
+/// The state of the rig after a tick. Vectors are in frame N, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
-    /// The tick's number.
+    /// Number of the tick.
     pub tick: u64,
-    /// What the rig may do.
+    /// Mode of the control law.
     pub mode: Mode,
-    /// Why it is in fault.
+    /// Cause of the fault, or `None`.
     pub cause: Option<Cause>,
-    /// Orientation; its sign is continuous.
+    /// Orientation of the sphere. Its sign is continuous from tick to tick.
     pub q: Quat,
-    /// Angular velocity in N, rad/s.
+    /// Angular velocity of the sphere in frame N, rad/s.
     pub omega: Vec3,
-    /// Where the first effect of the scene that has a reference is to bring the sphere: its reference as it stands in this
-    /// tick, anchored and moved, sphere axes to N. `None` where no effect has one.
+    /// Reference of the first effect in the scene that has one, as it is in this tick. It maps
+    /// sphere axes to frame N. `None` if no effect has a reference.
     pub reference: Option<Quat>,
-    /// The torque that this tick asks of the motors, on the sphere, in N, N m. It belongs to this `q`.
+    /// Torque on the sphere that this tick asks of the motors, in frame N, N m. It was computed
+    /// from the `q` of this state.
     pub torque: Vec3,
-    /// How many joints there are.
+    /// Number of joints.
     pub joints: usize,
     /// Joint angles within a turn, rad.
     pub angle: [Real; MAX_JOINTS],
@@ -95,31 +96,33 @@ pub struct State {
     pub rate: [Real; MAX_JOINTS],
     /// Joint torques, N m.
     pub joint_torque: [Real; MAX_JOINTS],
-    /// The largest slip of a wheel, m/s.
+    /// Largest slip of a wheel, m/s.
     pub slip: Real,
-    /// What the limits of torque, motors and traction left of the torque wanted, 0 to 1.
+    /// Fraction of the wanted torque that the limits of torque, motors and traction left, 0 to 1.
     pub scale: Real,
-    /// The motors cannot make a part of the torque that was wanted, whatever its size.
+    /// True if the motors cannot make a part of the wanted torque at this posture, however small.
     pub deficient: bool,
-    /// The largest |f| / (mu N) of a contact under the torques sent, 0 to 1; 1 where it limits them; 0 where the rig's
-    /// traction is not known.
+    /// Load |f| / (mu N) of the most loaded contact under the torques sent, 0 to 1. It is 1 if
+    /// traction limits the torque, and 0 if the rig has no traction limit.
     pub traction: Real,
-    /// Energy given out, J (passivity observer).
+    /// Energy given to the hand since the start, J (passivity observer).
     pub energy: Real,
-    /// The damping that the passivity controller adds in this tick, N m s/rad; 0 where the rig has none.
+    /// Damping that the passivity controller adds in this tick, N m s/rad; 0 if the rig has no
+    /// passivity controller.
     pub damping: Real,
-    /// The last stream message that was taken.
+    /// The last stream or reference message that was accepted.
     pub client: Option<Client>,
-    /// Whether this tick took new feedback.
+    /// True if this tick took a new reading.
     pub fresh: bool,
 }
 
-/// The last stream message that was taken.
+/// The last stream or reference message that was accepted from a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Client {
-    /// The client's own number for it.
+    /// The client's sequence number of the message.
     pub seq: Option<u64>,
-    /// Ticks since the sample that it was computed from, where it names one, or else since it was taken.
+    /// Age in ticks of the state that the message was computed from. If the message names none,
+    /// ticks since it was accepted.
     pub age_ticks: u64,
 }
 

@@ -1,29 +1,33 @@
-//! The passivity observer: energy given out to the hand; and the controller, which damps where it would be more than came in
-//! (Hannaford and Ryu 2002; physics notes, section 9).
+//! The passivity observer and the passivity controller (Hannaford and Ryu 2002; physics notes,
+//! section 9). The observer computes the energy given to the hand. The controller adds damping if
+//! more energy would be given out than came in.
 //!
-//! E grows by T . delta, where delta is the turn made while T was truly held. Feedback says which command it answers, so
-//! the torque of that command, not the newest one, is paired with the turn.
+//! The energy E grows by T . delta, where delta is the turn made while the torque T was really
+//! held. A reading says which command it answers. So the turn is multiplied with the torque of that
+//! command, not with the newest torque.
 
 use crate::real::{Real, Vec3};
 use crate::rig::PassivityLimit;
 
-/// Torques remembered, ticks: more than the longest `timeout_ticks` of a rig file, so that the torque
-/// is known for every turn that is not a lost link.
+/// Number of torques remembered, one per tick. It is more than the longest `timeout_ticks` of a rig
+/// file. So the torque is known for every turn, unless the link is lost.
 const DEPTH: usize = 1024;
 
-/// Energy given out since the start, J, and the torques not yet paired with a turn.
+/// The energy given out since the start, J, and the last torques, which are not yet matched with a
+/// turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Observer {
     energy: Real,
     torques: [Vec3; DEPTH],
-    /// The last command.
+    /// Number of the last command.
     newest: u32,
 }
 
 impl Observer {
     pub(crate) const START: Self = Self { energy: 0.0, torques: [Vec3::ZERO; DEPTH], newest: 0 };
 
-    /// Records the torque that command `sequence` asks for, N m. In ticks that were skipped since the last one, its torque was held on.
+    /// Records the torque of command `sequence`, N m. In ticks skipped since the last command, the
+    /// last torque was held.
     #[inline]
     pub(crate) fn record(&mut self, sequence: u32, torque: Vec3) {
         let ahead = sequence.wrapping_sub(self.newest) as i32;
@@ -37,8 +41,8 @@ impl Observer {
         self.torques[sequence as usize % DEPTH] = torque;
     }
 
-    /// Adds the energy given out while the sphere made `turn` (rad, N) between the readings that answer commands `from` and
-    /// `to`. Returns that energy, J.
+    /// Adds the energy given out while the sphere made `turn` (rad, frame N), between the readings
+    /// that answer the commands `from` and `to`. Returns this energy, J.
     #[inline]
     pub(crate) fn advance(&mut self, from: u32, to: u32, turn: Vec3) -> Real {
         let steps = (to.wrapping_sub(from) as usize).clamp(1, DEPTH);
@@ -51,39 +55,40 @@ impl Observer {
         given
     }
 
-    /// The sum of the torques held in the ticks from command `answered` to before `tick`, N m: no reading has shown yet what
-    /// they give out.
+    /// Returns the sum of the torques held from command `answered` to before `tick`, N m. No
+    /// reading shows yet how much energy these torques give out.
     #[inline]
     fn on_their_way(&self, answered: u32, tick: u32) -> Vec3 {
         let mut sum = Vec3::ZERO;
         let ahead = tick.wrapping_sub(answered) as i32;
         for k in 0..ahead.clamp(0, DEPTH as i32) as u32 {
             let command = answered.wrapping_add(k);
-            // In a tick that was skipped the last torque was held on.
+            // In a skipped tick the last torque was held.
             let sent = if self.newest.wrapping_sub(command) as i32 >= 0 { command } else { self.newest };
             sum += self.torques[sent as usize % DEPTH];
         }
         sum
     }
 
-    /// Energy given out, J; negative where more came in.
+    /// Returns the energy given to the hand since the start, J; negative if more was absorbed.
     #[inline]
     pub(crate) fn energy(&self) -> Real {
         self.energy
     }
 }
 
-/// The passivity controller: damping where the energy given out would be more than what came in and an allowance.
+/// The passivity controller. It adds damping if the energy given out would be more than what came
+/// in plus an allowance.
 ///
-/// A reading is as old as the commands after it that it does not answer. Their torques are held whatever is decided now, so what
-/// they will give out is predicted from the rate of the reading and taken as given; the new torque's damping then is
-/// what keeps the sum within the allowance by the end of its own tick.
+/// A reading does not yet answer the newest commands. Their torques are held whatever is decided
+/// now. So the energy that they will give out is predicted from the rate of the reading. The
+/// damping of the new torque then keeps the sum within the allowance until the end of its own tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Guard {
     limit: PassivityLimit,
-    /// Energy given out, J, but never below `-limit.store`.
+    /// Energy given out, J. It never falls below `-limit.store`.
     energy: Real,
-    /// The damping of the last tick, N m s/rad.
+    /// Damping of the last tick, N m s/rad.
     damping: Real,
 }
 
@@ -92,25 +97,25 @@ impl Guard {
         Self { limit, energy: 0.0, damping: 0.0 }
     }
 
-    /// Nothing given and nothing taken: the motors have just been enabled.
+    /// Sets the energy to zero. Called when the motors have just been enabled.
     pub(crate) fn restart(&mut self) {
         self.energy = 0.0;
     }
 
-    /// Records the energy given out to the hand, J; negative if it came in.
+    /// Records the energy given to the hand, J; negative if energy was absorbed.
     #[inline]
     pub(crate) fn add(&mut self, energy: Real) {
         self.energy = (self.energy + energy).max(-self.limit.store);
     }
 
-    /// Sets the damping that the torque `wanted` (N m) needs in this tick, at the rate `omega` (rad/s) of the last reading.
-    /// Returns the torque with it, N m.
+    /// Sets the damping that the torque `wanted` (N m) needs in this tick, at the rate `omega`
+    /// (rad/s) of the last reading. Returns the torque with the damping, N m.
     #[inline]
     pub(crate) fn damp(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
         let held = observer.on_their_way(now.answered, now.tick) + wanted;
         let excess = self.energy + held.dot(omega) * now.period - self.limit.allowance;
         let square = omega.length_squared() * now.period;
-        // At rest nothing is given out, and nothing could be taken in.
+        // At rest no energy is given out and none can be absorbed.
         self.damping = if excess > 0.0 && square > 0.0 {
             (excess / square).min(self.limit.damping) * now.gain
         } else {
@@ -124,21 +129,22 @@ impl Guard {
         self.damping = 0.0;
     }
 
-    /// The damping of the last tick, N m s/rad.
+    /// Returns the damping of the last tick, N m s/rad.
     pub(crate) fn damping(&self) -> Real {
         self.damping
     }
 }
 
-/// When the passivity controller is asked.
+/// The time and the state of the loop when the passivity controller runs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moment {
     pub(crate) tick: u32,
-    /// The last command that feedback has answered.
+    /// Number of the last command that a reading has answered: the low 32 bits of its tick.
     pub(crate) answered: u32,
-    /// How long a command is held, s.
+    /// Time for which a command is held, s.
     pub(crate) period: Real,
-    /// 0 to 1: how far the motors are faded in. Damping fades with all other torque.
+    /// Factor of the soft start or disable ramp, 0 to 1. The damping is scaled by it like all other
+    /// torque.
     pub(crate) gain: Real,
 }
 
@@ -159,10 +165,11 @@ mod tests {
     fn the_predicted_energy_ends_at_the_allowance() {
         let (observer, mut guard) = pushing();
         guard.add(0.5);
-        // 0.5 J given, 2 N m under way and 1 N m wanted, at 1 rad/s for 1/4 s each: 1.25 J, of which the damping takes 0.25.
+        // 0.5 J given out, 2 N m held but not answered, and 1 N m wanted, at 1 rad/s for 1/4 s
+        // each: 1.25 J. The allowance is 1 J, so the damping takes 0.25 J.
         let torque = guard.damp(&observer, MOMENT, Vec3::X, Vec3::X);
         assert_eq!((torque, guard.damping()), (Vec3::ZERO, 1.0));
-        // What turns the other way takes energy in by itself.
+        // A turn in the opposite direction absorbs energy by itself.
         assert_eq!(guard.damp(&observer, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
         assert_eq!(guard.damping(), 0.0);
     }
@@ -201,7 +208,7 @@ mod tests {
         assert_eq!(observer.on_their_way(3, 6).x, 300.0, "two ticks skipped");
         assert_eq!(observer.on_their_way(4, 4).x, 0.0, "the reading answers this very tick");
         assert_eq!(observer.on_their_way(5, 4).x, 0.0);
-        // However long nothing came, no more than is remembered.
+        // However long no reading came, only the remembered torques count.
         assert_eq!(observer.on_their_way(3, 3 + 1_000_000).x, 102_400.0);
     }
 }

@@ -1,23 +1,27 @@
-//! The way of the joints between two readings: a polynomial in time through the last few of them (physics notes,
-//! section 4).
+//! The path of the joints between two readings: a polynomial in time through the last few readings
+//! (physics notes, section 4).
 //!
-//! A method of odometry is exact only for the path that it is given, and joints do not move in straight lines. The
-//! polynomial through the last k readings, taken over the last interval, is off by the k-th power of the interval: no
-//! reading has to be waited for, since the interval lies at the end of the stencil but inside it.
+//! A method of odometry is exact only for the path that it is given, and joints do not move at
+//! constant rates. The error of the polynomial through the last k readings, over the last interval,
+//! falls with the k-th power of the interval. The interval lies at the end of the readings used but
+//! between two of them, so no future reading is needed.
 
 use crate::device::MAX_JOINTS;
 use crate::real::Real;
 use crate::rig::PathFit;
 
-/// An earlier reading counts only where its interval is at least this part of the last one. A fit through readings that lie
-/// close together would carry their rounding to counts over a long gap, magnified by the ratio of the two.
+/// Smallest length of an earlier interval, relative to the last one, with which its reading is
+/// used. A fit through readings that are close together would extend their rounding over a long
+/// gap, magnified by the ratio of the lengths.
 const LEAST_RATIO: Real = 0.25;
 
-/// The angles of all joints over the last interval, as functions of s, 0 at its start and 1 at its end:
+/// The angles of all joints over the last interval, as functions of s from 0 (its start) to 1 (its
+/// end).
 ///
 /// angle(s) - angle(0) = delta s + bend s (s - 1) + twist s (s - 1) (s + before)
 ///
-/// in Newton's form, `before` being the length of the interval before over that of the last one.
+/// This is Newton's form of the polynomial. `before` is the length of the previous interval,
+/// relative to the last one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Path {
     delta: [Real; MAX_JOINTS],
@@ -27,21 +31,22 @@ pub struct Path {
 }
 
 impl Path {
-    /// What each joint turned in all, rad: what was measured, whatever the fit.
+    /// Returns the total change of each joint over the interval, rad. It is the measured one,
+    /// whatever the fit.
     #[inline]
     #[must_use]
     pub fn delta(&self) -> &[Real; MAX_JOINTS] {
         &self.delta
     }
 
-    /// How far `joint` has turned at `s`, rad.
+    /// Returns the angle, rad, that `joint` has turned from the start of the interval to `s`.
     #[inline]
     #[must_use]
     pub fn turned(&self, joint: usize, s: Real) -> Real {
         s * (self.delta[joint] + (s - 1.0) * (self.bend[joint] + (s + self.before) * self.twist[joint]))
     }
 
-    /// How fast `joint` turns at `s`, rad for the whole interval.
+    /// Returns the rate of `joint` at `s`, in rad per interval.
     #[inline]
     #[must_use]
     pub fn rate(&self, joint: usize, s: Real) -> Real {
@@ -52,23 +57,26 @@ impl Path {
     }
 }
 
-/// The last steps of the joints, from which paths are fitted.
+/// A record of the joints' last steps, to which a path is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trail {
-    /// What the joints turned between earlier readings, rad, the latest first.
+    /// Changes of the joints between earlier readings, rad, the latest first.
     delta: [[Real; MAX_JOINTS]; 2],
-    /// The time between those, in any unit.
+    /// Durations of these steps, in any unit.
     time: [Real; 2],
-    /// How many of them there are.
+    /// Number of these steps that are known.
     known: usize,
 }
 
 impl Trail {
-    /// No step yet.
+    /// A trail without steps.
     pub const START: Self = Self { delta: [[0.0; MAX_JOINTS]; 2], time: [0.0; 2], known: 0 };
 
-    /// The path of the step in which the joints turned by `delta` (rad) in `time` (positive, in the same unit every time), and
-    /// remembers it. Where there are too few steps before it, or ones much shorter than it, the fit is one of lower degree.
+    /// Returns the path of the step in which the joints turned by `delta` (rad) in `time`, and
+    /// remembers the step.
+    ///
+    /// `time` must be positive and always in the same unit. If there are too few earlier steps, or
+    /// if they are much shorter than this one, the fit has a lower degree.
     #[inline]
     #[must_use]
     pub fn step(&mut self, fit: PathFit, delta: &[Real; MAX_JOINTS], time: Real) -> Path {
@@ -108,7 +116,8 @@ impl Trail {
 mod tests {
     use super::*;
 
-    /// Readings at uneven times of a polynomial in each of two joints; the last step's path.
+    /// Returns the path of the last step, for readings at the given uneven times. Joint 0 follows
+    /// the function `of`, joint 3 its negative.
     fn fitted(fit: PathFit, times: &[Real], of: impl Fn(Real) -> Real) -> Path {
         let mut trail = Trail::START;
         let mut path = None;
@@ -120,7 +129,8 @@ mod tests {
         path.unwrap()
     }
 
-    /// Rounding of a divided difference of numbers of size 1 over intervals of at least a quarter: some 100 units.
+    /// The rounding of a divided difference of numbers of size 1 over intervals of at least a
+    /// quarter: about 100 units.
     const ROUNDING: Real = 256.0 * Real::EPSILON;
 
     #[test]
@@ -155,7 +165,7 @@ mod tests {
         let second = fitted(PathFit::Cubic, &[0.0, 1.0, 2.0], square);
         assert!((second.turned(0, 0.5) - 1.25).abs() < ROUNDING, "a quadratic in the second");
         assert!(straight(&fitted(PathFit::Cubic, &[0.0, 1.0, 2.0, 7.0], square)), "over a gap of five");
-        // The gap itself is a long interval, and may serve the next fit.
+        // The gap itself is a long interval, and the next fit can use it.
         let after = fitted(PathFit::Quadratic, &[0.0, 5.0, 6.0], square);
         assert!((after.turned(0, 0.5) - 5.25).abs() < ROUNDING * 36.0);
     }

@@ -1,18 +1,19 @@
 //! The width of a real number, chosen once for the whole crate.
 //!
-//! `hbot-core` computes in `f64`; `hbot-core-f32` compiles the same sources with the feature `f32`. Everything that
-//! depends on the width has its name here and nowhere else. Elementary functions come from `libm`, never from the
-//! platform's C library, so that the same inputs give the same bits on every machine.
+//! `hbot-core` computes in `f64`. `hbot-core-f32` compiles the same sources with the feature `f32`.
+//! Everything that depends on the width is defined in this module only. Elementary functions come
+//! from `libm`, never from the platform's C library, so that the same inputs give the same bits on
+//! every machine.
 
 #[cfg(not(feature = "f32"))]
 mod width {
     /// A real number: `f64` here, `f32` in `hbot-core-f32`.
     pub type Real = f64;
-    /// Three reals.
+    /// A vector of three reals.
     pub type Vec3 = glam::DVec3;
     /// A 3x3 matrix of reals, stored by columns.
     pub type Mat3 = glam::DMat3;
-    /// A quaternion of reals. glam stores x, y, z, w; files and messages say `[w, x, y, z]`.
+    /// A quaternion of reals. glam stores it as x, y, z, w; files and messages use `[w, x, y, z]`.
     pub type Quat = glam::DQuat;
     pub(crate) use libm::{acos, asin, atan2, cos, exp, fabs, floor, fmod, round, sincos, sqrt};
     pub(crate) const PI: Real = core::f64::consts::PI;
@@ -22,11 +23,11 @@ mod width {
 mod width {
     /// A real number: `f32` here, `f64` in `hbot-core`.
     pub type Real = f32;
-    /// Three reals.
+    /// A vector of three reals.
     pub type Vec3 = glam::Vec3;
     /// A 3x3 matrix of reals, stored by columns.
     pub type Mat3 = glam::Mat3;
-    /// A quaternion of reals. glam stores x, y, z, w; files and messages say `[w, x, y, z]`.
+    /// A quaternion of reals. glam stores it as x, y, z, w; files and messages use `[w, x, y, z]`.
     pub type Quat = glam::Quat;
     pub(crate) use libm::{
         acosf as acos, asinf as asin, atan2f as atan2, cosf as cos, expf as exp, fabsf as fabs,

@@ -1,4 +1,4 @@
-//! Runs the effects of a compiled scene, and keeps what they remember.
+//! Runs the effects of a compiled scene and keeps their memories.
 
 use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Shared, mass_scale};
 use crate::real::{Quat, Real, Vec3};
@@ -7,21 +7,22 @@ use crate::rotation;
 use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
 
-/// The memories of all effects: what makes torques of a scene, within a controller or without one (for plots, studies and tests).
+/// Computes the torque of a scene and keeps the memories of its effects. Used by the controller,
+/// and alone for plots, studies and tests.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
     shared: Shared,
     revision: Option<u64>,
-    /// One bit a slot: its effect has been placed anew by the scene of this tick.
+    /// One bit per slot, set if the scene of this tick has placed the effect's reference anew.
     placed: u32,
-    /// The sphere's own inertia, kg m², and the loop's period, s: they limit virtual masses.
+    /// The sphere's own inertia, kg m², and the loop's period, s. Both limit virtual masses.
     inertia: Real,
     period: Real,
 }
 
 impl Renderer {
-    /// A renderer for `rig` without memories.
+    /// Creates a renderer for `rig`. No effect has a memory yet.
     #[must_use]
     pub fn new(rig: &Rig) -> Self {
         Self {
@@ -34,8 +35,9 @@ impl Renderer {
         }
     }
 
-    /// Makes a fresh memory, anchored at `q`, for each effect of `scene` that has none. True where `scene` is not that of
-    /// the last tick. Call it before [`render`](Self::render).
+    /// Creates a memory, anchored at the orientation `q`, for each effect of `scene` that has none.
+    /// Returns true if `scene` differs from that of the last tick. Call it before
+    /// [`render`](Self::render).
     #[inline]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         self.placed = 0;
@@ -66,7 +68,8 @@ impl Renderer {
         true
     }
 
-    /// Every effect must be at rest within `limit` rad of `q`: the first that is not, with its distance.
+    /// Returns the slot of the first effect that is not at rest within `limit` rad of `q`, and its
+    /// distance in rad. Returns `None` if all effects are near enough.
     pub(crate) fn too_far(&self, scene: &CompiledScene, q: Quat, limit: Real) -> Option<(u8, Real)> {
         scene.effects().iter().find_map(|effect| {
             let (_, anchor) = effect.kind.reference()?;
@@ -78,8 +81,8 @@ impl Renderer {
         })
     }
 
-    /// Whether an effect that the scene of this tick has placed anew is further than `limit` rad from
-    /// where it rests at `q`; with `any`, whether any effect is.
+    /// Returns true if an effect that the scene of this tick has placed anew rests further than
+    /// `limit` rad from `q`. With `any`, all effects count.
     pub(crate) fn is_far(&self, scene: &CompiledScene, q: Quat, limit: Real, any: bool) -> bool {
         scene.effects().iter().filter(|effect| !effect.leaving).any(|effect| {
             let placed = any || self.placed & (1 << effect.slot) != 0;
@@ -87,18 +90,20 @@ impl Renderer {
         })
     }
 
-    /// How far, rad, `q` is from where `effect` rests; `None` for kinds that rest everywhere or nowhere.
+    /// Returns the distance in rad from `q` to where `effect` rests, or `None` for kinds that rest
+    /// everywhere or nowhere.
     fn distance(&self, scene: &CompiledScene, effect: &Effect, q: Quat) -> Option<Real> {
         let goal = self.states[usize::from(effect.slot)].reference.goal;
         effect.kind.excess(goal, q, scene.figures(effect.figures))
     }
 
-    /// Begins anew at enable: references anchored here, absolute ones at their goals, everything fading in.
+    /// Restarts the effects at enable. Relative references are anchored at `q`, absolute ones jump
+    /// to their goals, and every effect fades in.
     pub(crate) fn enable(&mut self, scene: &CompiledScene, q: Quat) {
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
             if effect.leaving {
-                // What was on its way out when the rig went idle does not come back.
+                // An effect that was fading out when the rig went idle does not come back.
                 state.leaving_s = Real::INFINITY;
                 continue;
             }
@@ -110,7 +115,8 @@ impl Renderer {
         self.shared.restart();
     }
 
-    /// Sets the goal of an effect's reference and the rate that it is said to have until tick `omega_until`.
+    /// Sets the goal of an effect's reference, and the rate that the client states for it until
+    /// tick `omega_until`. Returns false if the effect does not exist or has no reference.
     pub(crate) fn set_reference(
         &mut self,
         scene: &CompiledScene,
@@ -132,7 +138,8 @@ impl Renderer {
         true
     }
 
-    /// Where the first effect that has a reference, and is not on its way out, has it now, sphere axes to N.
+    /// Returns the present reference of the first effect that has one and is not fading out. It
+    /// maps sphere axes to frame N.
     #[inline]
     #[must_use]
     pub fn reference(&self, scene: &CompiledScene) -> Option<Quat> {
@@ -141,8 +148,8 @@ impl Renderer {
         Some(self.states[usize::from(effect.slot)].reference.q)
     }
 
-    /// Moves all effects on by `dt` seconds, the time since the last tick, and references by at most `reach` rad. Returns the
-    /// scene's torque on the sphere in N, N m.
+    /// Advances all effects by `dt` seconds, the time since the last tick, and turns references by
+    /// at most `reach` rad. Returns the scene's torque on the sphere in frame N, N m.
     #[inline]
     pub fn render(
         &mut self,
@@ -174,7 +181,7 @@ impl Renderer {
             }
             if state.age_s < effect.fade_s {
                 gain *= state.age_s / effect.fade_s;
-                // One that leaves before it is there does not come any further.
+                // An effect that leaves before its fade-in has ended does not get stronger.
                 state.age_s += if effect.leaving { 0.0 } else { dt };
             }
             let mut now = Now {
@@ -190,8 +197,9 @@ impl Renderer {
         torque
     }
 
-    /// The energy stored in the effects at the orientation `q`, J, gain included: of those whose torque, but for damping, is the
-    /// gradient of one. `None` where there is none of that sort.
+    /// Returns the energy stored in the effects at the orientation `q`, J, with their gains. Only
+    /// effects count whose torque, apart from damping, is the gradient of an energy. Returns `None`
+    /// if there are none.
     #[must_use]
     pub fn energy(&self, scene: &CompiledScene, q: Quat) -> Option<Real> {
         let motion = Motion { q, omega: Vec3::ZERO };
@@ -214,7 +222,8 @@ impl Renderer {
     }
 }
 
-/// Puts the reference where its anchor says; an absolute one only when `fresh`, since a client may have moved it.
+/// Sets the reference of an effect by its anchor. An absolute reference is set only if `fresh`,
+/// since a client may have moved it.
 fn anchor(effect: &Effect, state: &mut EffectState, q: Quat, fresh: bool) {
     let Some((reference, anchor)) = effect.kind.reference() else { return };
     if fresh || anchor == Anchor::Here {
@@ -223,7 +232,7 @@ fn anchor(effect: &Effect, state: &mut EffectState, q: Quat, fresh: bool) {
     }
 }
 
-/// Where a reference of the scene stands in N.
+/// Returns the orientation in frame N of a reference of the scene. `q` is the present orientation.
 fn anchored(reference: Quat, anchor: Anchor, q: Quat) -> Quat {
     match anchor {
         Anchor::Absolute => reference,

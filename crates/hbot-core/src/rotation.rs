@@ -1,28 +1,30 @@
 //! Rotations: exponential, logarithm and error vectors of unit quaternions.
 //!
-//! A quaternion q = (eta, e) maps sphere axes to N. `exp` and `log` are accurate to rounding from angles of 1e-300
-//! to pi: each uses a series where the closed form would divide zero by zero, and `log` uses atan2, which keeps its
-//! accuracy at a half turn where acos and asin lose half of their digits.
+//! A quaternion q = (eta, e) maps sphere axes to frame N. `exp` and `log` are accurate to rounding
+//! for angles from 1e-300 to pi. Both use a series where the closed form would divide zero by zero.
+//! `log` uses atan2, which stays accurate at a half turn, where acos and asin lose half of their
+//! digits.
 
 use crate::real::{Quat, Real, TURN, Vec3, atan2, fabs, sincos, sqrt};
 
-/// The vector part e of q = (eta, e).
+/// Returns the vector part e of the quaternion q = (eta, e).
 #[inline]
 #[must_use]
 pub fn vector_part(q: Quat) -> Vec3 {
     Vec3::new(q.x, q.y, q.z)
 }
 
-/// A quaternion from its scalar and vector parts.
+/// Returns the quaternion with the scalar part `eta` and the vector part `e`.
 #[inline]
 #[must_use]
 pub fn from_parts(eta: Real, e: Vec3) -> Quat {
     Quat::from_xyzw(e.x, e.y, e.z, eta)
 }
 
-/// A quaternion from `[w, x, y, z]`, scaled to unit norm; `None` where it is zero or not finite.
+/// Returns the quaternion `[w, x, y, z]`, scaled to unit length, or `None` if it is zero or not
+/// finite.
 ///
-/// Components are scaled by the largest first, so no norm overflows or underflows.
+/// The components are first scaled by the largest one, so the length never overflows or underflows.
 #[must_use]
 pub fn from_wxyz(c: [Real; 4]) -> Option<Quat> {
     let largest = c.iter().fold(0.0, |m: Real, x| if fabs(*x) > m || x.is_nan() { fabs(*x) } else { m });
@@ -33,14 +35,15 @@ pub fn from_wxyz(c: [Real; 4]) -> Option<Quat> {
     Some(q * (1.0 / sqrt(q.length_squared())))
 }
 
-/// `[w, x, y, z]` of a quaternion.
+/// Returns a quaternion as `[w, x, y, z]`.
 #[inline]
 #[must_use]
 pub fn to_wxyz(q: Quat) -> [Real; 4] {
     [q.w, q.x, q.y, q.z]
 }
 
-/// The rotation by the vector `v` (axis times angle, rad): exp(v) = (cos(|v|/2), v sin(|v|/2)/|v|).
+/// Returns the rotation by the vector `v` (axis times angle, rad): exp(v) = (cos(|v|/2), v
+/// sin(|v|/2)/|v|).
 ///
 /// # Preconditions
 /// `v` is finite and |v|² does not overflow.
@@ -48,7 +51,8 @@ pub fn to_wxyz(q: Quat) -> [Real; 4] {
 #[must_use]
 pub fn exp(v: Vec3) -> Quat {
     let t2 = v.length_squared();
-    // Below 1/32 rad the series to t^6 is exact to rounding: the next terms are t^8/1e7 and t^8/2e8.
+    // Below 1/32 rad the series to t^6 is exact to rounding: the next terms are t^8/1e7 and
+    // t^8/2e8.
     if t2 < 1.0 / 1024.0 {
         let eta = 1.0 - t2 * (1.0 / 8.0) * (1.0 - t2 * (1.0 / 48.0) * (1.0 - t2 * (1.0 / 120.0)));
         let k = 0.5 - t2 * (1.0 / 48.0) * (1.0 - t2 * (1.0 / 80.0) * (1.0 - t2 * (1.0 / 168.0)));
@@ -59,9 +63,10 @@ pub fn exp(v: Vec3) -> Quat {
     from_parts(c, v * (s / t))
 }
 
-/// The rotation vector of the unit quaternion `q`: the shortest one, |log q| <= pi, whatever sign `q` comes with.
+/// Returns the rotation vector of the unit quaternion `q`, rad. It is the shortest one, |log q| <=
+/// pi, for either sign of `q`.
 ///
-/// At exactly a half turn (eta = 0) both `e` and `-e` would do; it returns `pi e`.
+/// At exactly a half turn (eta = 0) both `e` and `-e` would be valid; the result is `pi e`.
 #[inline]
 #[must_use]
 pub fn log(q: Quat) -> Vec3 {
@@ -69,19 +74,21 @@ pub fn log(q: Quat) -> Vec3 {
     vector_part(q) * (angle_over_sine(q.w, vector_part(q)))
 }
 
-/// `q` or `-q`: the one with eta >= 0. The same rotation.
+/// Returns `q` or `-q`, whichever has eta >= 0. Both are the same rotation.
 #[inline]
 #[must_use]
 pub fn shortest(q: Quat) -> Quat {
     if q.w < 0.0 { -q } else { q }
 }
 
-/// t / sin(t/2) for the unit quaternion (eta, e) with eta >= 0, where t is its angle: log q = e t / sin(t/2).
+/// Returns t / sin(t/2) for the unit quaternion (eta, e) with eta >= 0, where t is its angle. It
+/// gives the logarithm: log q = e t / sin(t/2).
 #[inline]
 #[must_use]
 pub(crate) fn angle_over_sine(eta: Real, e: Vec3) -> Real {
     let s2 = e.length_squared();
-    // 2 atan(x)/x with x = s/eta; to x^8 the remainder is 2 x^10/11 < 2e-16 for x² < 8e-4.
+    // 2 atan(x)/x with x = s/eta. With terms to x^8 the remainder is 2 x^10/11 < 2e-16 for x² <
+    // 8e-4.
     if s2 < 8.0e-4 * eta * eta {
         let x2 = s2 / (eta * eta);
         let series = 1.0 - x2 * (1.0 / 3.0 - x2 * (0.2 - x2 * (1.0 / 7.0 - x2 * (1.0 / 9.0))));
@@ -91,38 +98,40 @@ pub(crate) fn angle_over_sine(eta: Real, e: Vec3) -> Real {
     2.0 * atan2(s, eta) / s
 }
 
-/// `q` scaled to unit norm, for a `q` that has drifted from it by rounding only.
+/// Returns `q` scaled to unit length. `q` must differ from unit length only by rounding.
 ///
-/// One step of Newton's iteration for 1/sqrt: a deviation d of |q|² from 1 is left at 3/8 d², below rounding for d < 1e-8.
+/// One step of Newton's iteration for 1/sqrt. A deviation d of |q|² from 1 becomes 3/8 d², which is
+/// below rounding for d < 1e-8.
 #[inline]
 #[must_use]
 pub fn renormalized(q: Quat) -> Quat {
     q * (1.5 - 0.5 * q.length_squared())
 }
 
-/// The rotation of `to` relative to `from`, as a vector in N: log(to from⁻¹), rad.
+/// Returns the rotation of `to` relative to `from` as a vector in frame N: log(to from⁻¹), rad.
 #[inline]
 #[must_use]
 pub fn difference(to: Quat, from: Quat) -> Vec3 {
     log(to * from.conjugate())
 }
 
-/// The angle between two orientations, rad, 0 to pi.
+/// Returns the angle between two orientations, rad, 0 to pi.
 #[must_use]
 pub fn angle_between(a: Quat, b: Quat) -> Real {
     let x = shortest(a * b.conjugate());
     2.0 * atan2(vector_part(x).length(), x.w)
 }
 
-/// The error vector of the paper's eq. 24 in N: eta e_d - eta_d e - \[e_d\] e, the vector part of q_d q⁻¹.
+/// Returns the error vector of the paper's eq. 24 in frame N: eta e_d - eta_d e - \[e_d\] e. It is
+/// the vector part of q_d q⁻¹.
 #[must_use]
 pub fn error_eq24(desired: Quat, actual: Quat) -> Vec3 {
     let (ed, e) = (vector_part(desired), vector_part(actual));
     ed * actual.w - e * desired.w - ed.cross(e)
 }
 
-/// The unit quaternion of Hopf coordinates (paper eq. 23 as corrected in the physics notes, section 10):
-/// theta in 0..pi, phi and psi in 0..2 pi.
+/// Returns the unit quaternion for Hopf coordinates: theta from 0 to pi, phi and psi from 0 to 2 pi
+/// (paper eq. 23 as corrected in the physics notes, section 10).
 #[must_use]
 pub fn from_hopf(theta: Real, phi: Real, psi: Real) -> Quat {
     let (st, ct) = sincos(0.5 * theta);
@@ -131,7 +140,7 @@ pub fn from_hopf(theta: Real, phi: Real, psi: Real) -> Quat {
     Quat::from_xyzw(ct * sp, st * cb, st * sb, ct * cp)
 }
 
-/// `angle` less whole turns, in (-pi, pi].
+/// Returns `angle` reduced by whole turns to the interval (-pi, pi].
 #[must_use]
 pub fn wrap_angle(angle: Real) -> Real {
     let r = crate::real::fmod(angle, TURN);
@@ -173,7 +182,8 @@ mod tests {
         ];
         for t in angles {
             let back = log(exp(axis * t));
-            // Rounding of a unit quaternion turns into at most a few ulp of the angle, or of pi near a half turn.
+            // The rounding of a unit quaternion becomes at most a few units in the last place of
+            // the angle, or of pi near a half turn.
             assert!(
                 (back - axis * t).length() <= 4.0 * f64::EPSILON * t,
                 "{t:e}: {back} against {}",

@@ -1,15 +1,17 @@
-//! A compiled scene: the effects that are there, and nothing for those that are not.
+//! A compiled scene: the list of its effects and their data, in the form that a tick needs.
 
 use crate::effects::{Constant, Effect, Frame, Kind, Span};
 use crate::real::{Real, Vec3};
 
-/// The most effects in a scene.
+/// Largest number of effects in a scene.
 pub const MAX_EFFECTS: usize = 32;
 
-/// The most figures that the effects of a scene have together: positions, orientations, way-points.
+/// Largest number of figures of all effects of a scene together. Figures are numbers such as
+/// positions, orientations and way-points.
 pub const MAX_FIGURES: usize = 4096;
 
-/// A scene as the tick runs it. Made outside the loop, handed in by reference, never changed.
+/// A scene in the form that a tick runs. It is made outside the loop, passed by reference and never
+/// changed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompiledScene {
     revision: u64,
@@ -18,14 +20,15 @@ pub struct CompiledScene {
     figures: [Real; MAX_FIGURES],
 }
 
-/// Why effects do not make a scene.
+/// The reason why effects cannot form a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneError {
-    /// More than [`MAX_EFFECTS`].
+    /// There are more than [`MAX_EFFECTS`] effects.
     TooMany(usize),
-    /// Two effects share a slot, or a slot is not below [`MAX_EFFECTS`].
+    /// Two effects have the same slot, or a slot is not below [`MAX_EFFECTS`].
     Slot(u8),
-    /// More than [`MAX_FIGURES`] figures, or an effect's are not among them.
+    /// There are more than [`MAX_FIGURES`] figures, or an effect refers to figures that do not
+    /// exist.
     Figures(usize),
 }
 
@@ -42,19 +45,22 @@ impl core::fmt::Display for SceneError {
 impl core::error::Error for SceneError {}
 
 impl CompiledScene {
-    /// A scene of `effects`, in the order of their sum, that need no figures. A `revision` that differs from the running
-    /// scene's makes the controller blend from one to the other over 50 ms.
+    /// Creates a scene of `effects`, whose torques are added in this order. The effects must not
+    /// need figures. If `revision` differs from that of the running scene, the controller blends
+    /// from one to the other over 50 ms.
     ///
     /// # Errors
-    /// Too many effects, or slots that are not unique.
+    /// Fails if there are too many effects or if their slots are not unique.
     pub fn new(revision: u64, effects: &[Effect]) -> Result<Self, SceneError> {
         Self::with_figures(revision, effects, &[])
     }
 
-    /// The same, with the table of figures that the effects' spans are of.
+    /// Creates a scene of `effects` with a table of `figures`. The spans of the effects refer to
+    /// this table.
     ///
     /// # Errors
-    /// Too many effects or figures, slots that are not unique, or a span that is not of the table.
+    /// Fails if there are too many effects or figures, if slots are not unique, or if a span is not
+    /// within the table.
     pub fn with_figures(revision: u64, effects: &[Effect], figures: &[Real]) -> Result<Self, SceneError> {
         if effects.len() > MAX_EFFECTS {
             return Err(SceneError::TooMany(effects.len()));
@@ -82,7 +88,7 @@ impl CompiledScene {
         Ok(scene)
     }
 
-    /// A scene without effects, revision 0.
+    /// Returns a scene without effects, with revision 0.
     #[must_use]
     pub fn empty() -> Self {
         let nothing = Kind::Constant(Constant { torque: Vec3::ZERO, frame: Frame::World });
@@ -90,20 +96,23 @@ impl CompiledScene {
         Self { revision: 0, len: 0, effects: [unused; MAX_EFFECTS], figures: [0.0; MAX_FIGURES] }
     }
 
-    /// The number that tells this scene from others.
+    /// Returns the number that distinguishes this scene from others.
     #[inline]
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
-    /// The effects, in the order of their sum.
+    /// Returns the effects, in the order in which their torques are added.
     #[inline]
     #[must_use]
     pub fn effects(&self) -> &[Effect] {
         &self.effects[..self.len]
     }
-    /// A part of the table of figures.
+    /// Returns a part of the table of figures.
+    ///
+    /// # Panics
+    /// Panics if `span` is not within the table's maximum size, [`MAX_FIGURES`].
     #[inline]
     #[must_use]
     pub fn figures(&self, span: Span) -> &[Real] {
@@ -111,7 +120,10 @@ impl CompiledScene {
         &self.figures[start..start + usize::from(span.len)]
     }
 
-    /// The scene of one of its effects alone.
+    /// Returns a scene with only the effect at index `effect`.
+    ///
+    /// # Panics
+    /// Panics if `effect` is not below [`MAX_EFFECTS`].
     #[must_use]
     pub fn only(&self, effect: usize) -> Self {
         let mut scene = self.clone();

@@ -1,42 +1,47 @@
-//! What shapes a torque between the scene and the motors: blending, a client's stream, size and slew limits.
+//! Shapes the torque between the scene and the motors: blending, a client's stream, limits of size
+//! and slew.
 
 use crate::real::{Real, Vec3, exp, sqrt};
 
-/// How long one scene takes to become another, s.
+/// Duration of the blend from one scene to another, s.
 pub(crate) const BLEND_S: Real = 0.05;
-/// How long a stream that is not renewed takes to end, s.
+/// Duration of the ramp that ends an expired stream, s.
 pub(crate) const STREAM_RAMP_S: Real = 0.02;
 
-/// Makes a change of scene continuous. The step in torque that the change makes is added with the
+/// Makes a change of scene continuous. The step in torque that the change causes is added with the
 /// opposite sign and fades to zero.
 ///
-/// The step is the change's alone: both scenes are evaluated at the motion of the last tick, so the
-/// motion since then is rendered at once. Steps that follow each other add up, and the sum always
-/// fades: a client that sets a parameter in every tick gets a spring that acts.
+/// The step includes only the change of scene. Both scenes are evaluated at the motion of the last
+/// tick, so the motion since then is rendered at once. Consecutive steps add up, and their sum
+/// always fades. So a client that sets a parameter in every tick still gets a spring that acts.
 ///
-/// The torques that come in are within the rig's limit already. If the step of an unlimited torque
-/// were faded, a scene that asks for a hundred times the limit would reach the limit at once.
+/// The input torques are already within the rig's limit. If the step of an unlimited torque faded
+/// instead, a scene that asks for a hundred times the limit would reach the limit at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Blend {
-    /// The torque that is added to the scene's, N m, and its rate, N m/s.
+    /// Torque that is added to the scene's, N m, and its rate, N m/s.
     offset: Vec3,
     speed: Vec3,
-    /// Time since the last change, s.
+    /// Time since the last change of scene, s.
     age_s: Real,
-    /// The torque of the last tick without the offset, N m.
+    /// Torque of the last tick without the offset, N m.
     last: Vec3,
 }
 
-/// The fade is a critically damped one at this rate, 1/s: no corner in torque, the steepest slope
-/// 74 % of the step in 10 ms, and 0.05 % left after [`BLEND_S`], which is then taken away.
+/// Rate of the critically damped fade of a blend, 1/s. The fade has no corner, and its steepest
+/// slope is 74 % of the step in 10 ms. After [`BLEND_S`], 0.05 % of the step is left, which is then
+/// removed.
 const BLEND_RATE: Real = 10.0 / BLEND_S;
 
 impl Blend {
     pub(crate) const DONE: Self =
         Self { offset: Vec3::ZERO, speed: Vec3::ZERO, age_s: BLEND_S, last: Vec3::ZERO };
 
-    /// Moves the fade on by `dt` seconds. Returns the torque to add to `torque` in this tick, N m. `before` is given if the
-    /// scene is not the last tick's: what it gives at the motion of the last tick, N m.
+    /// Advances the fade by `dt` seconds and returns the torque to add to `torque` in this tick, N
+    /// m.
+    ///
+    /// If the scene differs from that of the last tick, `before` is the torque of the new scene at
+    /// the motion of the last tick, N m.
     #[inline]
     pub(crate) fn advance(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
         if self.age_s < BLEND_S {
@@ -62,9 +67,9 @@ impl Blend {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stream {
     torque: Vec3,
-    /// 1 while valid, then down to 0.
+    /// Factor on the torque: 1 while valid, then falling to 0.
     level: Real,
-    /// Last tick at which it is valid.
+    /// Last tick for which the stream is valid.
     until: u64,
 }
 
@@ -75,12 +80,12 @@ impl Stream {
         *self = Self { torque, level: 1.0, until };
     }
 
-    /// Ends it: its ramp begins now.
+    /// Ends the stream: its ramp to zero begins after `tick`.
     pub(crate) fn end(&mut self, tick: u64) {
         self.until = self.until.min(tick);
     }
 
-    /// Moves the ramp on by `dt` seconds once the stream has expired.
+    /// Advances the ramp by `dt` seconds if the stream has expired.
     #[inline]
     pub(crate) fn advance(&mut self, tick: u64, dt: Real) {
         if tick > self.until && self.level > 0.0 {
@@ -88,12 +93,12 @@ impl Stream {
         }
     }
 
-    /// The torque `scene` with the stream added, within `limit` (N m), and the share of the sum
-    /// that the limit left, 0 to 1.
+    /// Returns the torque `scene` plus the stream, limited to `limit` (N m), and the fraction of
+    /// the sum that the limit left, 0 to 1.
     ///
-    /// The ramp of an expired stream leads from the limited sum to the limited scene. Ramping the
-    /// stream before the limit would keep a stream of a thousand times the limit at full torque
-    /// until the last tick of its ramp.
+    /// The ramp of an expired stream leads from the limited sum to the limited scene. If the ramp
+    /// were applied before the limit, a stream of a thousand times the limit would stay at full
+    /// torque until the last tick of its ramp.
     #[inline]
     pub(crate) fn added_to(&self, scene: Vec3, limit: Real) -> (Vec3, Real) {
         if self.level == 0.0 {
@@ -108,13 +113,14 @@ impl Stream {
     }
 }
 
-/// `v` shortened to `limit` where it is longer.
+/// Returns `v`, shortened to the length `limit` if it is longer.
 #[inline]
 pub(crate) fn limited(v: Vec3, limit: Real) -> Vec3 {
     shortened(v, limit).0
 }
 
-/// `v` shortened to `limit` where it is longer, and what is left of it, 0 to 1.
+/// Returns `v`, shortened to the length `limit` if it is longer, and the fraction that is left of
+/// it, 0 to 1.
 #[inline]
 pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
     let length2 = v.length_squared();
@@ -124,7 +130,7 @@ pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
         let share = limit / sqrt(length2);
         (v * share, share)
     } else {
-        // Too long to square. What is not finite stays so.
+        // Too long to square. A vector that is not finite stays not finite.
         let size = v.abs().max_element();
         let unit = v / size;
         let share = limit / sqrt(unit.length_squared());
@@ -132,7 +138,8 @@ pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
     }
 }
 
-/// `to`, or as far from `from` towards it as `step` reaches.
+/// Returns the point on the line from `from` to `to` that is at most `step` away from `from`. This
+/// is `to` itself if it is within reach.
 #[inline]
 pub(crate) fn slewed(from: Vec3, to: Vec3, step: Real) -> Vec3 {
     from + limited(to - from, step)

@@ -1,30 +1,35 @@
-//! The three singularity margins, and whether a design can become singular (physics notes, section 3).
+//! The three singularity margins, and the check whether a design can become singular (physics
+//! notes, section 3).
 
 use crate::device::{Device, MAX_JOINTS, Wheel};
 use crate::kinematics::Posture;
 use crate::linear;
 use crate::real::{PI, Real, Vec3, acos, cos, fabs, sincos, sqrt};
 
-/// How two contact points come to lie on one line through the sphere's centre.
+/// The way in which two contact points come to lie on one line through the sphere's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meeting {
-    /// At the same point: the wheels themselves collide as well.
+    /// The two contact points are at the same point. The wheels would also collide there.
     Collocated,
-    /// At opposite points of the sphere.
+    /// The two contact points are at opposite points of the sphere.
     Antipodal,
 }
 
-/// Angles closer than this count as touching; above the rounding of a sum of four angles.
+/// Angles closer than this count as touching, rad. It is above the rounding of a sum of four
+/// angles.
 const TOUCH: Real = 32.0 * Real::EPSILON;
 
-/// det H of a wheel, m²: r R sin a cos b, a constant of the design (boundary singularity where zero).
+/// Returns the determinant of the matrix H of `wheel`, r R sin a cos b, m². H maps the wheel's
+/// joint rates to the velocity of its contact point. The determinant is a constant of the design.
+/// If it is zero, the design has a boundary singularity.
 #[must_use]
 pub fn boundary_determinant(device: &Device, wheel: &Wheel) -> Real {
     wheel.spec().radius * device.sphere_radius() * wheel.axis_along_roll()
 }
 
-/// The interior margin sigma_min(Z)/R at a posture: sqrt of the least eigenvalue of sum (I - c3 c3ᵀ); 0 where
-/// all contact points lie on one line through the centre.
+/// Returns the interior margin of a posture, sigma_min(Z)/R, dimensionless. It is 0 if all contact
+/// points lie on one line through the centre. It equals the square root of the least eigenvalue of
+/// sum (I - c3 c3ᵀ).
 #[must_use]
 pub fn interior_margin(posture: &Posture) -> Real {
     // The rows of Z/R are -c2 and c1 of each wheel.
@@ -36,8 +41,11 @@ pub fn interior_margin(posture: &Posture) -> Real {
     singular_values(&rows[..2 * posture.frames().len()])[2]
 }
 
-/// The least interior margin over all steering angles: exact for two wheels, sqrt(1 - cos g) with g the closest that the
-/// contact points or their antipodes come; for more wheels the best pair's, which the true one is not below.
+/// Returns the least interior margin over all steer angles.
+///
+/// For two wheels it is exact: sqrt(1 - cos g), where g is the smallest angle between the contact
+/// points, or between one and the antipode of the other. For more wheels it is the margin of the
+/// best pair, which is a lower bound.
 #[must_use]
 pub fn interior_margin_over_all(device: &Device) -> Real {
     let mut best: Real = 0.0;
@@ -46,14 +54,15 @@ pub fn interior_margin_over_all(device: &Device) -> Real {
             closest_approach(a, b, Meeting::Collocated),
             closest_approach(a, b, Meeting::Antipodal),
         );
-        // sqrt(1 - cos gap) without the cancellation.
+        // sqrt(1 - cos gap), without cancellation.
         best = best.max(sqrt(2.0) * sincos(0.5 * gap).0);
     });
     best
 }
 
-/// The actuation margin at a posture: sigma_min / sigma_max of the rows of G that have a motor (`driven`, one flag
-/// a joint). 0 where the motors cannot make every torque.
+/// Returns the actuation margin at a posture: sigma_min / sigma_max of the rows of G that have a
+/// motor. `driven` has one flag per joint. The margin is 0 if the motors cannot make torque in
+/// every direction.
 #[must_use]
 pub fn actuation_margin(posture: &Posture, driven: &[bool]) -> Real {
     let mut rows = [Vec3::ZERO; MAX_JOINTS];
@@ -65,8 +74,9 @@ pub fn actuation_margin(posture: &Posture, driven: &[bool]) -> Real {
     Indices::of(&rows[..n]).spectral
 }
 
-/// The closest that two contact points (or one and the other's antipode) come over all steering angles, rad; 0 where
-/// they can meet.
+/// Returns the smallest angle, rad, between two contact points over all steer angles. For
+/// [`Meeting::Antipodal`] it is the angle between one point and the antipode of the other. It is 0
+/// if they can meet.
 #[must_use]
 pub fn closest_approach(a: &Wheel, b: &Wheel, meeting: Meeting) -> Real {
     let dot = a.spec().axis.dot(b.spec().axis).clamp(-1.0, 1.0);
@@ -75,13 +85,17 @@ pub fn closest_approach(a: &Wheel, b: &Wheel, meeting: Meeting) -> Real {
         Meeting::Antipodal => acos(-dot),
     };
     let (ca, cb) = (a.spec().cone, b.spec().cone);
-    // Apart, nested, or nested around the far side.
+    // Either the circles are apart, or one is inside the other, or one is around the far side of
+    // the other.
     let gap = (between - ca - cb).max(fabs(ca - cb) - between).max(ca + cb + between - 2.0 * PI);
     gap.max(0.0)
 }
 
-/// Two wheels through which the whole design can become singular, if it can: some line through the centre is met by the
-/// contact circles (or their antipodes) of all wheels. Exact for any number of wheels.
+/// Returns two wheels whose contact points can meet if the whole design can become singular, or
+/// `None` if it cannot.
+///
+/// A design can become singular if some line through the centre meets the contact circles (or their
+/// antipodes) of all wheels. The check is exact for any number of wheels.
 pub(crate) fn interior_singularity(device: &Device) -> Option<([usize; 2], Meeting)> {
     let mut worst = None;
     let mut safe = false;
@@ -101,7 +115,8 @@ pub(crate) fn interior_singularity(device: &Device) -> Option<([usize; 2], Meeti
     if safe || (device.wheels().len() > 2 && !common_line(device)) { None } else { worst }
 }
 
-/// Whether some unit u has u.l = +-cos a for every wheel. The candidates are where the circles of one pair cross.
+/// Returns true if there is a unit vector u with u.l = +-cos a for every wheel. The candidates are
+/// the points where the circles of one pair of wheels cross.
 fn common_line(device: &Device) -> bool {
     let wheels = device.wheels();
     let on_circle = |u: Vec3, w: &Wheel| fabs(fabs(u.dot(w.spec().axis)) - fabs(cos(w.spec().cone)));
@@ -111,7 +126,7 @@ fn common_line(device: &Device) -> bool {
         let (la, lb) = (a.spec().axis, b.spec().axis);
         let normal = la.cross(lb);
         let n2 = normal.length_squared();
-        // Parallel axes: their circles are the same or never meet; another pair tells more.
+        // The axes are parallel: their circles are equal or never meet. Another pair is needed.
         if crossed || n2 < 1.0e-12 {
             return;
         }
@@ -126,12 +141,13 @@ fn common_line(device: &Device) -> bool {
             }
             let along = normal * sqrt(rest.max(0.0) / n2);
             for u in [base + along, base - along] {
-                // Near a tangency an error of rounding in the angles moves the point by its square root.
+                // Near a tangency a rounding error of the angles moves the point by the square root
+                // of the error.
                 found |= wheels.iter().all(|w| on_circle(u, w) <= sqrt(TOUCH));
             }
         }
     });
-    // All axes parallel and no safe pair: all circles are one.
+    // All axes are parallel and no pair is safe, so all circles are equal.
     found || !crossed
 }
 
@@ -147,16 +163,16 @@ fn for_each_pair(device: &Device, mut each: impl FnMut(usize, usize, &Wheel, &Wh
 /// Measures of how evenly a set of joints can turn the sphere (physics notes, section 10).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Indices {
-    /// sigma_min / sigma_max of G, 0 to 1.
+    /// Spectral index sigma_min / sigma_max of G, 0 to 1.
     pub spectral: Real,
-    /// 3 / sqrt(sum sigma² sum sigma⁻²), 0 to 1 (paper eq. 17-18 with W = I/3).
+    /// Frobenius index 3 / sqrt(sum sigma² sum sigma⁻²), 0 to 1 (paper eq. 17-18 with W = I/3).
     pub frobenius: Real,
-    /// 1 / (sigma_1 sigma_2 sigma_3); infinite where singular.
+    /// Manipulability 1 / (sigma_1 sigma_2 sigma_3), infinite at a singularity.
     pub manipulability: Real,
 }
 
 impl Indices {
-    /// The indices of the rows of G, `2n x 3` or a part of them.
+    /// Returns the indices of all rows of G (2n x 3) or of some of them.
     #[must_use]
     pub fn of(rows: &[Vec3]) -> Self {
         let [a, b, c] = singular_values(rows);
@@ -169,8 +185,11 @@ impl Indices {
     }
 }
 
-/// The singular values of an m x 3 matrix given by rows, largest first, by one-sided Jacobi rotations, which are
-/// accurate even for the least one (Demmel and Veselic 1992). At most [`MAX_JOINTS`] rows.
+/// Returns the singular values, largest first, of an m x 3 matrix given by its rows. Only the first
+/// [`MAX_JOINTS`] rows count.
+///
+/// Uses one-sided Jacobi rotations, which are accurate even for the least value (Demmel and Veselic
+/// 1992).
 #[must_use]
 pub fn singular_values(rows: &[Vec3]) -> [Real; 3] {
     linear::principal(&rows[..rows.len().min(MAX_JOINTS)], [Vec3::X, Vec3::Y, Vec3::Z]).0

@@ -1,10 +1,11 @@
-//! Judges the motion by the counts, apart from the rates that controllers report.
+//! Checks the motion by encoder counts, independently of the rates that motor controllers report.
 //!
-//! Overspeed and slip in a single tick are judged by the rates, because the difference of two counts is
-//! too coarse for that. A controller that reports wrong rates would then turn the sphere unseen. So the
-//! counts are summed over blocks of 25 ms, which is long enough that a count is little of the sum, and
-//! give the mean rate of the sphere and the mean slip of each wheel. Over two blocks each joint's counts
-//! must agree with its rates.
+//! Overspeed and slip in a single tick are computed from the rates, because the difference of two
+//! counts is too coarse. A motor controller that reports wrong rates could then turn the sphere too
+//! fast without being noticed. So the counts are also summed over blocks of 25 ms. A block is so
+//! long that one count is a small part of the sum. It gives the mean rate of the sphere and the
+//! mean slip of each wheel. Over two blocks the counts of each joint must also agree with its
+//! rates.
 
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::kinematics::{Posture, wheel_velocity};
@@ -13,41 +14,44 @@ use crate::outputs::Slip;
 use crate::real::{PI, Real, Vec3, fabs, floor, sqrt};
 use crate::rig::Rig;
 
-/// The length of a block, s.
+/// Length of a block, s.
 const BLOCK_S: Real = 0.025;
-/// A joint that moves this many times faster than it does at the limit of speed has not moved so: its
-/// count is wrong.
+/// Factor on the speed limit above which a joint's motion is impossible, so that its count must be
+/// wrong.
 const IMPOSSIBLE: Real = 4.0;
-/// By how much counts and rates of a joint may disagree over two blocks, as a share of the larger of
-/// the two ways. A rate that is filtered lags behind by some milliseconds; one half is the most that a
-/// lag of 8 ms makes of a motion to and fro at 20 Hz.
+/// Largest disagreement of counts and rates of a joint over two blocks, as a fraction of the longer
+/// of the two paths. A filtered rate lags by some milliseconds. A lag of 8 ms in an oscillation of
+/// 20 Hz causes one half.
 const DISAGREEMENT: Real = 0.5;
-/// And rad/s besides, of a joint at rest.
+/// Disagreement of counts and rates that is allowed in addition, rad/s. It matters for a joint at
+/// rest.
 const DISAGREEMENT_RATE: Real = 0.1;
-/// Counts that rounding may add to or take from the way over a block.
+/// Number of counts by which rounding can change the path over a block.
 const GRAIN: Real = 2.0;
-/// Of an interval of more ticks than this, or a reading that came later, slip and agreement are not
-/// judged: nobody knows how the wheels stood in between.
+/// Largest number of ticks of an interval, or of a reading's delay, with which slip and agreement
+/// are still checked. If it is longer, the positions of the wheels in between are unknown.
 const COARSE: u32 = 5;
-/// Room for what the counts' rounding makes of a speed at the limit.
+/// Factor on the limits of speed and slip. It allows for the rounding of the counts.
 const MARGIN: Real = 1.05;
 
-/// What the joints did between two readings.
+/// The motion of the joints between two readings.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interval<'a> {
-    /// By how much each joint turned, rad.
+    /// Change of each joint, rad.
     pub(crate) delta: &'a [Real; MAX_JOINTS],
-    /// The rate of each joint at the end, rad/s.
+    /// Rate of each joint at the end, rad/s.
     pub(crate) rate: &'a [Real; MAX_JOINTS],
-    /// The turn of the sphere in N, rad.
+    /// Turn of the sphere in frame N, rad.
     pub(crate) turn: Vec3,
-    /// How long it took, ticks.
+    /// Duration of the interval, ticks.
     pub(crate) ticks: u32,
-    /// How much later than in the next tick the reading came, ticks. It was taken at some time between.
+    /// Delay of the reading in ticks, if it came later than in the next tick. It was taken at an
+    /// unknown time in between.
     pub(crate) late: u32,
 }
 
-/// One joint's way over a block, rad: by its counts and by its rates, each with its length.
+/// The path of one joint over a block, by its counts and by its rates: the net change and the
+/// length, rad.
 #[derive(Debug, Clone, Copy, Default)]
 struct Way {
     counted: Real,
@@ -56,24 +60,26 @@ struct Way {
     rated_length: Real,
 }
 
-/// Sums since the block's begin, and what the last blocks showed.
+/// The sums since the start of the block, and the results of the last blocks.
 #[derive(Debug, Clone)]
 pub(crate) struct Watch {
-    /// Ticks of a block.
+    /// Length of a block, ticks.
     block: u32,
     period_s: Real,
-    /// The turn of each joint in a tick at [`IMPOSSIBLE`] times the limit of speed, rad.
+    /// Turn of each joint in one tick at [`IMPOSSIBLE`] times the speed limit, rad.
     most: [Real; MAX_JOINTS],
-    /// The turn of each joint for [`GRAIN`] counts, rad.
+    /// Turn of each joint for [`GRAIN`] counts, rad.
     grain: [Real; MAX_JOINTS],
-    /// What [`GRAIN`] counts of both its joints are at the contact of the most sensitive wheel, m.
+    /// Path at the contact for [`GRAIN`] counts of both joints, for the most sensitive wheel, m.
     grain_slip: Real,
     ticks: u32,
-    /// The latest reading of the block and of the one before: by this much their times are uncertain.
+    /// Largest delay of a reading in this block and in the last one, ticks. The times of the blocks
+    /// are uncertain by this much.
     late: u32,
     last_late: u32,
     reading_late: u32,
-    /// The wheels may have steered far between two readings of the block, so its slip is not known.
+    /// True if the wheels may have steered far between two readings of the block. The slip of the
+    /// block is then not known.
     coarse: bool,
     ways: [Way; MAX_JOINTS],
     last_ways: Option<[Way; MAX_JOINTS]>,
@@ -123,20 +129,20 @@ impl Watch {
         }
     }
 
-    /// The largest turn, rad, by which `joint` can have moved in `ticks`; never more than half a turn,
-    /// beyond which the way that it went is lost.
+    /// Returns the largest turn, rad, that `joint` can have made in `ticks`. It is never more than
+    /// half a turn, because beyond it the direction of the motion is ambiguous.
     #[inline]
     pub(crate) fn most(&self, joint: usize, ticks: u32) -> Real {
         (self.most[joint] * ticks as Real + self.grain[joint]).min(PI)
     }
 
-    /// The fault that the counts showed last, if any.
+    /// Returns the fault that the counts showed last, if any.
     #[inline]
     pub(crate) fn verdict(&self) -> Option<Cause> {
         self.verdict
     }
 
-    /// Forgets everything: nobody is to judge what was.
+    /// Clears all sums and results, so that past motion is not judged.
     pub(crate) fn restart(&mut self) {
         self.begin_block();
         self.last_ways = None;
@@ -153,10 +159,12 @@ impl Watch {
         self.slip = [[0.0; 2]; MAX_WHEELS];
     }
 
-    /// Takes the posture at the begin of an interval in which the sphere makes `turn` (rad, N).
+    /// Takes the posture at the start of an interval in which the sphere makes `turn` (rad, frame
+    /// N).
     #[inline]
     pub(crate) fn begin(&mut self, rig: &Rig, posture: &Posture, turn: Vec3) {
-        // The contact frames of begin and end, half each: exact to second order in the interval.
+        // The contact frames at the start and at the end count half each. This is exact to second
+        // order in the interval.
         let half = 0.5 * rig.device.sphere_radius();
         for (slip, frame) in self.slip.iter_mut().zip(posture.frames()) {
             slip[0] -= half * frame.c2.dot(turn);
@@ -164,7 +172,8 @@ impl Watch {
         }
     }
 
-    /// Takes the rest of the interval, with the posture at its end.
+    /// Takes the motion of the interval, with the posture at its end. Judges the block if it is
+    /// complete.
     #[inline]
     pub(crate) fn end(&mut self, rig: &Rig, posture: &Posture, moved: &Interval<'_>) {
         self.begin(rig, posture, moved.turn);
@@ -175,7 +184,7 @@ impl Watch {
             self.slip[i][1] += v;
         }
         for j in 0..rig.device.joints() {
-            // The mean of the rates at both ends: after a gap the last one alone tells little.
+            // The mean of the rates at both ends. After a gap the last rate alone is not enough.
             let counted = moved.delta[j];
             let rated = 0.5 * (self.last_rate[j] + moved.rate[j]) * time;
             self.last_rate[j] = moved.rate[j];
@@ -187,7 +196,7 @@ impl Watch {
         }
         self.turn += moved.turn;
         self.ticks = self.ticks.saturating_add(moved.ticks);
-        // The times of both its ends are uncertain.
+        // The times of both ends of the interval are uncertain.
         self.late = self.late.max(moved.late).max(self.reading_late);
         self.reading_late = moved.late;
         self.coarse |= moved.ticks.max(self.late) > COARSE;
@@ -200,10 +209,10 @@ impl Watch {
         }
     }
 
-    /// The fault that the block shows which ends now, the gravest first.
+    /// Returns the most serious fault that the completed block shows, if any.
     #[inline(never)]
     fn judge(&self, rig: &Rig) -> Option<Cause> {
-        // What was read late may have moved for longer.
+        // A late reading may cover a longer motion.
         let late = self.late.max(self.last_late);
         let time = (self.ticks + late) as Real * self.period_s;
         let limits = &rig.limits;
@@ -217,7 +226,8 @@ impl Watch {
         if !self.coarse && sqrt(slip) > MARGIN * limits.slip * time + self.grain_slip {
             return Some(Cause::Slip);
         }
-        // Neither is what the rates were between, or when the counts were read.
+        // After a gap or a delay, neither the rates in between nor the times of the counts are
+        // known.
         let before = self.last_ways.as_ref().filter(|_| !self.coarse)?;
         let ticks = (self.ticks + self.last_ticks).max(1);
         let time = ticks as Real * self.period_s;

@@ -1,4 +1,4 @@
-//! Files of this machine: scenes, and exported samples.
+//! Files on this machine: scenes, and exported samples.
 
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -9,7 +9,8 @@ use serde_json::Value;
 
 use crate::model::Sample;
 
-/// The scene files of a folder, in the order of their names; none where it cannot be read.
+/// Returns the scene files (`*.toml`) of a folder, sorted by name. Returns none if the folder
+/// cannot be read.
 pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<_> = entries
@@ -20,12 +21,12 @@ pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A scene as `load_scene` takes it.
+/// Reads a scene file. Returns the scene in the form that `load_scene` takes.
 pub(crate) fn load(path: &Path) -> anyhow::Result<Value> {
     Ok(SceneFile::from_path(path)?.to_json())
 }
 
-/// Writes a scene as TOML, whole or not at all.
+/// Writes a scene as TOML. The file is replaced as a whole, so a failure leaves the old one.
 pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
     let text = toml::to_string(scene).context("the scene cannot be written as TOML")?;
     let beside = path.with_extension("toml.new");
@@ -34,7 +35,7 @@ pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Writes samples as CSV into `folder`, and says where.
+/// Writes samples as a CSV file into `folder` and returns its path.
 pub(crate) fn export(folder: &Path, samples: &[Sample]) -> anyhow::Result<PathBuf> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
     let path = folder.join(format!("hbot-{now}.csv"));
@@ -56,7 +57,8 @@ pub(crate) fn export(folder: &Path, samples: &[Sample]) -> anyhow::Result<PathBu
     Ok(path)
 }
 
-/// SI but for the last, as in the state events of docs/api.md.
+/// The columns of the CSV file, in SI units except for the last. They have the meanings of the
+/// fields of state events in docs/api.md.
 const COLUMNS: [&str; 16] = [
     "tick",
     "t",

@@ -1,14 +1,16 @@
-//! The panel of an Hbot: see the sphere, set its stiffness, stop it. A client of the TCP API in a process of its own: it may
-//! crash, and nothing happens to the loop.
+//! The panel of an Hbot: a window that shows the sphere, sets its stiffness, and stops it. The
+//! panel is a client of the TCP API in a separate process, so a crash of the panel does not affect
+//! the loop.
 //!
 //! | layer | module | what it does |
 //! |---|---|---|
-//! | network | `net` | threads that may wait; bounded handovers both ways |
-//! | model | `model` | what is known: the state, bounded histories, the scene, who commands |
-//! | views | `view` | functions of the model; what a person wants comes back as intents |
-//! | window | [`Panel`] | puts them together, once a frame, without ever waiting |
+//! | network | `net` | threads that can wait for the server; bounded queues in both directions |
+//! | model | `model` | what the panel knows: the state, bounded histories, the scene, the lease |
+//! | views | `view` | functions that draw the model and return what the user wants as intents |
+//! | window | [`Panel`] | combines them once per frame, without ever waiting |
 //!
-//! Nothing here knows a kind of effect by name: controls are drawn from the schemas that `info` gives.
+//! No code here names a kind of effect. Controls are drawn from the schemas in the answer to
+//! `info`.
 
 mod files;
 mod model;

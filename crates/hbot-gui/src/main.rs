@@ -10,20 +10,20 @@ use eframe::egui;
 use hbot_api::Trust;
 use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Panel, PanelOptions, Picture};
 
-/// The panel of an Hbot: see the sphere, set its stiffness, stop it
+/// The panel of an Hbot: shows the sphere, sets its stiffness, stops it
 #[derive(Debug, Parser)]
 #[command(name = "hbot-gui", version)]
 struct Args {
-    /// Where the server is
+    /// Address of the server
     #[arg(long, value_name = "HOST[:PORT]", default_value = "127.0.0.1:4268")]
     server: String,
-    /// File with the token that the server asks for
+    /// File with the token that the server requires
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// File with the certificate of a server that encrypts, or of the authority that signed it (PEM)
+    /// File with the certificate of an encrypting server, or of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]
     ca: Option<PathBuf>,
-    /// Only watch: never take the lease unasked
+    /// Only watch: do not take the lease automatically
     #[arg(long)]
     observe: bool,
     /// Folder with scenes to choose from
@@ -32,34 +32,34 @@ struct Args {
     /// Folder for exported samples
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
-    /// States a second to ask for
+    /// States per second to request
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES_PER_S, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     samples: u32,
-    /// Ground to draw on
+    /// Colours of the window
     #[arg(long, value_enum, default_value_t = Theme::System)]
     theme: Theme,
     /// Size of the window, points
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x800", value_parser = size)]
     size: [f32; 2],
-    /// Take a picture of the window as a PNG file, then end
+    /// Save a picture of the window as a PNG file, then exit
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// How long after the start to take it
+    /// Time from the start until the picture is taken
     #[arg(long, value_name = "SECONDS", default_value_t = 5, requires = "picture", value_parser = clap::value_parser!(u64).range(0..=3600))]
     picture_after: u64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Theme {
-    /// As the desktop has it
+    /// The setting of the desktop
     System,
-    /// Dark ground
+    /// Dark background
     Dark,
-    /// Light ground
+    /// Light background
     Light,
 }
 
-/// The least size that the panel is made for.
+/// The smallest window size for which the panel is designed, points.
 const LEAST: [f32; 2] = [900.0, 600.0];
 
 fn size(text: &str) -> Result<[f32; 2], String> {
@@ -69,11 +69,11 @@ fn size(text: &str) -> Result<[f32; 2], String> {
         .ok_or_else(|| "WIDTHxHEIGHT from 900x600 to 10000x10000".to_owned())
 }
 
-/// The panel as an application of eframe.
+/// The panel as an eframe application.
 struct App {
     panel: Panel,
     picture: Option<Picture>,
-    /// Why no picture was taken.
+    /// Receives the error if the picture could not be taken.
     failed: std::sync::mpsc::Sender<anyhow::Error>,
 }
 
@@ -87,7 +87,7 @@ impl eframe::App for App {
         if let Some(done) = self.picture.as_mut().and_then(|picture| picture.frame(ui.ctx())) {
             self.picture = None;
             if let Err(error) = done {
-                // The receiver lives until the window is closed.
+                // The receiver lives until the window is closed, so this does not fail.
                 let _ = self.failed.send(error);
             }
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);

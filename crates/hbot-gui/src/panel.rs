@@ -1,4 +1,4 @@
-//! The window's content: model, views and network put together.
+//! The content of the window: combines model, views and network.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,36 +10,36 @@ use crate::model::Model;
 use crate::net::{Delivery, Intent, Network, News, PanelOptions};
 use crate::view::{self, Act, Desk, theme};
 
-/// The longest pause between two frames: clocks and countdowns are never more than this behind.
+/// Longest time between two frames. Clocks and countdowns in the window lag by at most this.
 const FRAME_AT_LEAST_EVERY: std::time::Duration = std::time::Duration::from_millis(250);
 
-/// Everything that is drawn into a window, and what keeps it up to date.
+/// Everything that is drawn into a window, together with the threads that keep it up to date.
 ///
-/// It never waits: threads of its own talk to the server, and files are written by others.
+/// It never waits for the server. Separate threads talk to the server and export samples.
 pub struct Panel {
     model: Model,
     desk: Desk,
     network: Network,
-    /// Reused from frame to frame.
+    /// Buffer for what has arrived from the server, reused from frame to frame.
     delivery: Delivery,
-    /// Where exported samples go.
+    /// Folder for exported samples.
     out: PathBuf,
 }
 
-/// Where the panel finds and puts files.
+/// The folders that the panel reads from and writes to.
 #[derive(Clone, Debug)]
 pub struct Folders {
-    /// Scene files to choose from; saved ones go there too.
+    /// Folder of the scene files to choose from. Saved scenes go there too.
     pub scenes: PathBuf,
-    /// Exported samples.
+    /// Folder for exported samples.
     pub out: PathBuf,
 }
 
 impl Panel {
-    /// A panel for the window of `ctx`. It connects as soon as there is a server.
+    /// Creates a panel for the window of `ctx`. It connects as soon as a server is available.
     ///
     /// # Errors
-    /// The system gives no threads.
+    /// Fails if the operating system refuses a thread.
     pub fn new(ctx: &egui::Context, options: PanelOptions, folders: Folders) -> std::io::Result<Self> {
         theme::install(ctx);
         let model = Model::new(&options.server, options.samples_per_s);
@@ -49,19 +49,20 @@ impl Panel {
         Ok(Self { model, desk, network, delivery: Delivery::default(), out: folders.out })
     }
 
-    /// Whether there is a server and it has sent a state.
+    /// Returns whether the panel is connected and has received a state.
     #[must_use]
     pub fn has_state(&self) -> bool {
         self.model.state.is_some()
     }
 
-    /// Takes in what has come, without drawing: for a window that is hidden.
+    /// Applies everything that has arrived from the server, without drawing. For a window that is
+    /// hidden.
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
         self.model.take(&mut self.delivery);
     }
 
-    /// Draws a frame and obeys.
+    /// Draws one frame and carries out what the user asks.
     pub fn ui(&mut self, ui: &mut Ui) {
         self.catch_up();
         let mut acts = Vec::new();
@@ -88,7 +89,7 @@ impl Panel {
                 self.network.mailbox.post(News::Note(told.map_err(|error| format!("{error:#}"))));
             }
             Act::Export(samples) => {
-                // Megabytes: not in the window's thread.
+                // An export writes megabytes, so it does not run in the window's thread.
                 let (mailbox, out) = (Arc::clone(&self.network.mailbox), self.out.clone());
                 let export = move || {
                     let told = files::export(&out, &samples)
@@ -108,10 +109,11 @@ impl Panel {
     }
 }
 
-/// Whether a key asks for a stop, anywhere in the window, whatever has the focus.
+/// Returns whether a key asks for a stop. The keys work anywhere in the window, whichever widget
+/// has the focus.
 ///
-/// Space is taken away from the widgets: it must neither press the button that has the focus (Enter does) nor write a blank
-/// in place of stopping. Esc is left to them, to close what is open.
+/// Space is hidden from the widgets, so that it neither presses the focused button (Enter does) nor
+/// types a blank. Esc still reaches the widgets, which use it to close menus.
 fn stop_keys(ui: &Ui) -> bool {
     ui.input_mut(|input| {
         let pressed = |event: &Event, keys: &[Key]| {

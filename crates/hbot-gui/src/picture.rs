@@ -1,4 +1,4 @@
-//! A picture of the window, taken by itself: for the documentation and for tests.
+//! A picture that the window takes of itself, for the documentation and for tests.
 
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -7,23 +7,24 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use eframe::egui::{self, ColorImage};
 
-/// Takes one picture some time after the window has opened.
+/// Takes one picture, some time after the window has opened.
 #[derive(Debug)]
 pub struct Picture {
     path: PathBuf,
     due: Instant,
-    /// It has been asked for; the answer comes some frames later.
+    /// Set when the picture has been requested. The answer comes some frames later.
     asked: Option<std::sync::mpsc::Receiver<std::sync::Arc<ColorImage>>>,
 }
 
 impl Picture {
-    /// A PNG file at `path`, `after` from now.
+    /// Plans a picture, to be written as a PNG file to `path`, at the time `after` from now.
     #[must_use]
     pub fn new(path: PathBuf, after: Duration) -> Self {
         Self { path, due: Instant::now() + after, asked: None }
     }
 
-    /// Call it once a frame; `Some` once it is done, with how it went.
+    /// Advances the picture. Call this once per frame. Returns `Some` with the result when the
+    /// picture is done.
     pub fn frame(&mut self, ctx: &egui::Context) -> Option<anyhow::Result<()>> {
         let now = Instant::now();
         if now < self.due {
@@ -33,7 +34,7 @@ impl Picture {
         ctx.request_repaint();
         let Some(answer) = &self.asked else {
             let (sender, receiver) = std::sync::mpsc::channel();
-            // Where nobody waits any more, the picture is not wanted.
+            // Sending fails only if the picture is no longer wanted.
             ctx.request_screenshot(move |image| drop(sender.send(image)));
             self.asked = Some(receiver);
             return None;

@@ -1,5 +1,5 @@
-//! From a rig file to its motor buses: serial ports opened, controllers met, helpers started; or the
-//! simulated rig.
+//! Creates the motor buses of a rig file. It opens the serial ports, checks the controllers and
+//! starts the helpers, or starts the simulated rig.
 
 use std::path::Path;
 use std::sync::{Arc, mpsc};
@@ -19,57 +19,58 @@ use crate::line::{Line, Memory, SimulatorCall};
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 use crate::run_loop::Time;
 
-/// Why the motors of a rig are not attached.
+/// The reason why the motors of a rig could not be attached.
 #[derive(Debug, Error)]
 pub enum AttachError {
-    /// The serial port.
+    /// A serial port could not be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The motor controllers.
+    /// The motor controllers do not answer, or are not those of the rig.
     #[error(transparent)]
     Meet(#[from] MeetError),
-    /// The simulated rig.
+    /// The simulated rig could not be created.
     #[error(transparent)]
     Simulator(#[from] RigError),
-    /// Its pseudo-terminal.
+    /// The pseudo-terminal of the simulated rig could not be created.
     #[error(transparent)]
     Pty(#[from] PtyError),
-    /// The system gives no thread.
+    /// The system provides no thread.
     #[error("the system refuses: {0}")]
     System(#[from] std::io::Error),
 }
 
-/// The simulated rig, from outside of its thread.
+/// A handle to the simulated rig for use from other threads.
 #[derive(Clone)]
 pub struct Simulator(Place);
 
-/// Where the simulated rig runs.
+/// The thread in which the simulated rig runs.
 #[derive(Clone)]
 enum Place {
-    /// In the loop's own thread.
+    /// The loop's own thread.
     Loop(mpsc::Sender<SimulatorCall>),
-    /// Behind a pseudo-terminal, in a thread that ends with the last of these.
+    /// A separate thread behind a pseudo-terminal. It ends when the last handle is dropped.
     Terminal(Arc<PtyRig>),
 }
 
 impl Simulator {
-    /// Has `call` done between two ticks. One that has ended does nothing.
+    /// Runs `call` on the simulated rig between two ticks. Does nothing if the rig has ended.
     pub fn post(&self, call: SimulatorCall) {
         match &self.0 {
             Place::Loop(calls) => _ = calls.send(call),
-            // A rig whose thread has ended shows in the loop as a lost link.
+            // If the rig's thread has ended, the loop reports a lost link.
             Place::Terminal(pty) => _ = pty.post(call),
         }
     }
 
-    /// Gives the simulated rig other phenomena.
+    /// Replaces the phenomena that the simulated rig shows.
     pub fn show(&self, phenomena: Phenomena) {
         self.post(Box::new(move |rig| rig.set_phenomena(phenomena)));
     }
 }
 
-/// The bus of a simulated rig, met, with what shows `phenomena` on it. In virtual time it is in
-/// memory, otherwise behind a pseudo-terminal.
+/// Creates the bus of a simulated rig that shows `phenomena`, with a handle to the rig. The
+/// controllers have been checked. In virtual time the line is in memory, otherwise it is a
+/// pseudo-terminal.
 pub(crate) fn simulated(
     rig: &RigConfig,
     layout: &Layout,
@@ -94,13 +95,15 @@ pub(crate) fn simulated(
     let bus = met(rig, layout, line)?;
     let simulator = Simulator(place);
     if phenomena.link.is_some() {
-        // After the meeting, which stands in a time of its own.
+        // The line is impaired only after the controllers have been checked, because that check
+        // uses a separate time.
         simulator.post(Box::new(move |rig| rig.set_link(phenomena.link)));
     }
     Ok((bus, simulator))
 }
 
-/// The bus on a line to a simulated rig.
+/// Returns the bus of a simulated rig after checking its controllers. The simulated rig speaks
+/// hbot's own link, whatever `link.protocol` states for the real one.
 pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,
@@ -114,14 +117,14 @@ pub(crate) fn met(
 
 fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
     let on_start = || {
-        // Without the right to it the loop has none either, and says so.
+        // If the system refuses the priority, it also refuses it to the loop, which reports it.
         let _ = real_time(SIMULATOR_PRIORITY);
     };
     spawn_pty(rig, PtyOptions { on_start: Box::new(on_start), ..PtyOptions::default() })
 }
 
-/// The buses on real serial ports: opened, met, guarded by `helper`, and with `reopened` opened anew
-/// where they vanish. `notices` gets what a user should know.
+/// Opens the buses on real serial ports: checks their controllers, starts `helper` for each, and
+/// reopens lost lines if `reopened` is true. Adds notices for the user to `notices`.
 pub(crate) fn serial(
     rig: &RigConfig,
     devices: &[String],
@@ -152,7 +155,7 @@ pub(crate) fn serial(
     devices.iter().enumerate().map(open).collect()
 }
 
-/// What there is to know where a USB serial chip holds readings back.
+/// Returns a notice if a USB serial chip holds readings back for more than 1 ms.
 fn held_back(device: &str) -> Option<String> {
     let timer = LatencyTimer::of(Path::new(device)).filter(|timer| timer.ms > 1)?;
     Some(format!(

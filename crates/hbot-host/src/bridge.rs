@@ -1,7 +1,9 @@
-//! The way between the loop and the rest of the server: wait-free rings, and an event that wakes the other side.
+//! The bridge between the loop and the rest of the server: wait-free rings, and an event that wakes
+//! the other side.
 //!
-//! Orders and compiled scenes go in, samples and retired scenes come out. The loop never waits, allocates or frees; where a
-//! ring is full the other side is told so, or loses a sample that is counted.
+//! Orders and compiled scenes go to the loop; samples and retired scenes come back. The loop never
+//! waits, and never allocates or frees memory. If the ring of orders or scenes is full, the sender
+//! gets an error. If the ring of samples is full, the sample is dropped and counted.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -17,48 +19,51 @@ use thiserror::Error;
 
 use crate::sample::Sample;
 
-/// Samples between loop and service: half a second at 8 kHz, while the service is busy elsewhere.
+/// Capacity of the ring of samples: half a second at 8 kHz, in case the service is busy.
 const SAMPLES: usize = 4096;
-/// So many may come before a service is woken that hears only of what is notable.
+/// Number of samples after which the service is woken even if it asked only for notable ones.
 const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
 
-/// Follows an emergency stop through the ring and is answered in its tick or after it. It does nothing:
-/// a second stop some ticks after the first would undo a reset that somebody has asked for meanwhile.
+/// The command that follows an emergency stop through the ring. Its answer comes with the tick of
+/// the stop or a later one. The command itself does nothing: a second stop some ticks after the
+/// first would undo a reset that was ordered in between.
 pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 
-/// A command on its way to the loop, with the number under which it is answered.
+/// A command on its way to the loop, with the number that identifies its answer.
 #[derive(Debug, Clone, Copy)]
 pub struct Order {
-    /// Comes back in [`Sample::answers`].
+    /// Number of the order, returned with the answer in [`Sample::answers`].
     pub ticket: u64,
-    /// What to do.
+    /// The command that the controller of hbot-core carries out.
     pub command: Command,
 }
 
-/// The loop has not yet taken what it was given before.
+/// The error for an order or scene that cannot be sent, because the loop has not yet taken the
+/// earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the loop has not yet taken what it was given before")]
 pub struct Busy;
 
-/// The loop's end.
+/// The loop's end of the bridge: it takes orders and scenes, and publishes samples.
 pub struct LoopEnd {
     orders: Consumer<Order>,
     scenes: Consumer<Box<CompiledScene>>,
     retired: Producer<Box<CompiledScene>>,
     samples: Producer<Sample>,
     waker: Arc<Waker>,
-    /// Of the last sample.
+    /// Mode, cause and scene of the last sample.
     last: Option<Situation>,
-    /// Samples since the service was last woken.
+    /// Number of samples since the service was last woken.
     unheard: usize,
 }
 
-/// What of a sample the service hears of at once when it changes: what the rig does, and the scene that it renders.
+/// The parts of a sample that are notable when they change: mode, cause of a fault, and revision of
+/// the scene.
 type Situation = (Mode, Option<Cause>, u64);
 
-/// The other end: orders and scenes in, samples out.
+/// The service's end of the bridge: it sends orders and scenes, and receives samples.
 pub struct ServiceEnd {
     orders: Producer<Order>,
     scenes: Producer<Box<CompiledScene>>,
@@ -68,42 +73,43 @@ pub struct ServiceEnd {
     next_ticket: u64,
 }
 
-/// Rings when the loop has something to say: its event descriptor becomes readable. It is apart from
-/// [`ServiceEnd`], so that whoever waits for it leaves that end to others.
+/// A notification that the loop has published samples: its event descriptor becomes readable. It is
+/// separate from [`ServiceEnd`], so that one task can wait for it while another uses that end.
 #[derive(Clone)]
 pub struct Bell(Arc<Waker>);
 
-/// Stops the loop at its next tick, from any thread, by stores into memory: it shares no channel and no lock with anything, so
-/// nothing that the service does can delay it.
+/// A handle that stops the loop at its next tick, from any thread. It only writes to memory and
+/// shares no channel and no lock, so nothing that the service does can delay it.
 #[derive(Clone)]
 pub struct EmergencyStop(Arc<Waker>);
 
-/// Wakes the service only where it sleeps, so that a busy one costs the loop no system call.
+/// State shared by both ends of the bridge. It wakes the service only if the service sleeps, so
+/// that a busy service costs the loop no system call.
 struct Waker {
-    /// What wakes it: one of the constants below.
+    /// Which samples wake the service: [`AWAKE`], [`NOTABLE`] or [`EVERY`].
     ear: AtomicU8,
-    /// Of the last sample.
+    /// Tick of the last sample.
     tick: AtomicU64,
-    /// An emergency stop stands before everything that waits in the ring.
+    /// True if an emergency stop is requested. It overtakes everything that waits in the ring.
     estop: AtomicBool,
-    /// It came by a signal, of which the service has not heard yet.
+    /// True if a signal requested the emergency stop and the service has not noticed it yet.
     signalled: AtomicBool,
-    /// The loop is over: no sample will come.
+    /// True if the loop has ended: no more samples will come.
     ended: AtomicBool,
     event: OwnedFd,
 }
 
-/// The service is awake.
+/// The service is awake and needs no wake-up.
 const AWAKE: u8 = 0;
-/// It sleeps until something notable happens, or many samples wait.
+/// The service sleeps until something notable happens, or many samples wait.
 const NOTABLE: u8 = 1;
-/// It sleeps until the next sample.
+/// The service sleeps until the next sample.
 const EVERY: u8 = 2;
 
-/// Both ends of a new bridge.
+/// Creates a bridge and returns both of its ends.
 ///
 /// # Errors
-/// The system gives no event descriptor.
+/// Fails if the system provides no event descriptor.
 pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
     let waker = Arc::new(Waker {
@@ -116,7 +122,8 @@ pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     });
     let (orders_in, orders_out) = RingBuffer::new(ORDERS);
     let (scenes_in, scenes_out) = RingBuffer::new(SCENES);
-    // Room for every scene on its way and the running one: the loop can always give one back.
+    // Room for all scenes in the ring and the running one, so that the loop can always give a scene
+    // back.
     let (retired_in, retired_out) = RingBuffer::new(SCENES + 1);
     let (samples_in, samples_out) = RingBuffer::new(SAMPLES);
     let inner = LoopEnd {
@@ -140,24 +147,25 @@ pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
 }
 
 impl LoopEnd {
-    /// The oldest order that has not been taken.
+    /// Takes the oldest order that waits, if any.
     #[inline]
     pub fn take_order(&mut self) -> Option<Order> {
         self.orders.pop().ok()
     }
 
-    /// Puts the newest scene in the place of `scene`. Those that it replaces go back, to be freed
-    /// outside of the loop.
+    /// Replaces `scene` by the newest scene that waits, if any. The replaced scenes are sent back,
+    /// so that their memory is freed outside the loop.
     #[inline]
     pub fn adopt_scene(&mut self, scene: &mut Box<CompiledScene>) {
         while let Ok(newer) = self.scenes.pop() {
             let old = std::mem::replace(scene, newer);
-            // The ring has a place for every scene that can be on its way.
+            // This cannot fail: the ring has room for every scene that can be in use.
             let _ = self.retired.push(old);
         }
     }
 
-    /// Publishes a sample: false where there was no place for it. At most one non-blocking write to the event.
+    /// Publishes a sample. Returns false if the ring was full and the sample was dropped. Makes at
+    /// most one system call, a non-blocking write to the event.
     #[inline]
     pub fn publish(&mut self, sample: Sample) -> bool {
         let situation = Some((sample.state.mode, sample.state.cause, sample.scene));
@@ -166,7 +174,8 @@ impl LoopEnd {
         self.waker.tick.store(sample.state.tick, Ordering::Relaxed);
         let placed = self.samples.push(sample).is_ok();
         self.unheard += 1;
-        // Either the service sees the sample when it looks again before it sleeps, or its ear is seen here.
+        // The fence guarantees one of two things: the service sees this sample when it checks again
+        // before it sleeps, or this load sees that the service wants to be woken.
         fence(Ordering::SeqCst);
         let wakes = match self.waker.ear.load(Ordering::Relaxed) {
             AWAKE => false,
@@ -176,21 +185,22 @@ impl LoopEnd {
         if wakes {
             self.unheard = 0;
             self.waker.ear.store(AWAKE, Ordering::SeqCst);
-            // A full counter has woken the service already.
+            // The write fails only if the event's counter is full, and then the service has been
+            // woken already.
             let _ = rustix::io::write(&self.waker.event, &1_u64.to_ne_bytes());
         }
         placed
     }
 
-    /// Whether an emergency stop has been ordered since it was asked last.
+    /// Returns whether an emergency stop was requested since the last call.
     #[inline]
     #[must_use]
     pub fn take_estop(&self) -> bool {
-        // Looked at first, because a swap in every tick would cost a locked instruction.
+        // A plain load comes first, because a swap in every tick would cost a locked instruction.
         self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether the next sample will find no place.
+    /// Returns whether the ring of samples is full, so that the next sample would be dropped.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.samples.is_full()
@@ -198,13 +208,15 @@ impl LoopEnd {
 }
 
 impl ServiceEnd {
-    /// Sends a command to the loop; its answer comes with a sample under the ticket.
+    /// Sends a command to the loop and returns its ticket. The answer comes with a sample, under
+    /// this ticket. An emergency stop takes effect even if the ring is full.
     ///
     /// # Errors
-    /// The loop takes 7 commands a tick, and 256 wait already.
+    /// Fails if 256 orders wait already. The loop takes up to 7 in each tick.
     pub fn order(&mut self, command: Command) -> Result<u64, Busy> {
         if command == Command::Estop {
-            // At once, whatever waits in the ring, and even if the order itself finds no place in it.
+            // The flag takes effect at once, whatever waits in the ring, and even if the ring has
+            // no room for the confirmation.
             self.emergency_stop().stop();
             return self.order(CONFIRMED);
         }
@@ -214,28 +226,28 @@ impl ServiceEnd {
         Ok(ticket)
     }
 
-    /// What stops the loop without an order.
+    /// Returns a handle that stops the loop without an order.
     #[must_use]
     pub fn emergency_stop(&self) -> EmergencyStop {
         EmergencyStop(Arc::clone(&self.waker))
     }
 
-    /// Whether a signal has stopped the loop since this was asked last.
+    /// Returns whether a signal has stopped the loop since the last call.
     #[must_use]
     pub fn take_signalled(&self) -> bool {
         self.waker.signalled.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether a scene can be installed now. Frees the scenes that the loop has given back.
+    /// Returns whether a scene can be installed now. Frees the scenes that the loop has sent back.
     pub fn can_install(&mut self) -> bool {
         while self.retired.pop().is_ok() {}
         !self.scenes.is_full()
     }
 
-    /// Hands a compiled scene to the loop, which takes it at its next tick.
+    /// Sends a compiled scene to the loop, which renders it from its next tick on.
     ///
     /// # Errors
-    /// Four scenes wait already.
+    /// Fails if four scenes wait already.
     pub fn install(&mut self, scene: Box<CompiledScene>) -> Result<(), Busy> {
         if !self.can_install() {
             return Err(Busy);
@@ -243,31 +255,31 @@ impl ServiceEnd {
         self.scenes.push(scene).map_err(|_| Busy)
     }
 
-    /// The oldest sample that has not been fetched.
+    /// Fetches the oldest sample, if one waits.
     pub fn try_sample(&mut self) -> Option<Sample> {
         self.samples.pop().ok()
     }
 
-    /// The last tick of which there is a sample, fetched or not; 0 before the first.
+    /// Returns the tick of the newest sample, fetched or not, or 0 before the first sample.
     #[must_use]
     pub fn tick(&self) -> u64 {
         self.waker.tick.load(Ordering::Relaxed)
     }
 
-    /// Whether there are samples to be fetched.
+    /// Returns whether samples are waiting to be fetched.
     #[must_use]
     pub fn has_samples(&self) -> bool {
         !self.samples.is_empty()
     }
 
-    /// Whether the loop has ended and all samples are fetched.
+    /// Returns whether the loop has ended and all samples have been fetched.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        // In this order: the loop's last sample comes before its end.
+        // The order matters: the loop publishes its last sample before it sets `ended`.
         self.waker.ended.load(Ordering::SeqCst) && self.samples.is_empty()
     }
 
-    /// What rings when there are more.
+    /// Returns the notification for new samples.
     #[must_use]
     pub fn bell(&self) -> Bell {
         Bell(Arc::clone(&self.waker))
@@ -275,12 +287,12 @@ impl ServiceEnd {
 }
 
 impl EmergencyStop {
-    /// Stops the loop.
+    /// Stops the loop at its next tick.
     pub fn stop(&self) {
         self.0.estop.store(true, Ordering::Release);
     }
 
-    /// Stops the loop, and notes for the log that a signal did.
+    /// Stops the loop at its next tick, and notes for the service that a signal did it.
     pub fn stop_by_signal(&self) {
         self.0.signalled.store(true, Ordering::Release);
         self.stop();
@@ -288,25 +300,26 @@ impl EmergencyStop {
 }
 
 impl Bell {
-    /// Has it ring at the next sample, or else at the next one that is notable (another mode, cause or
-    /// scene, an answer) or after many; and at the end of the loop. Look again after this whether
-    /// there is anything to be fetched: only what comes later rings.
+    /// Requests the next notification. If `every` is true, the next sample triggers it. Otherwise
+    /// the next notable sample does: one with another mode, cause or scene, or with an answer. It
+    /// also comes after many samples, and at the end of the loop. After this call, check again for
+    /// samples: only later ones trigger the notification.
     pub fn set(&self, every: bool) {
         self.0.ear.store(if every { EVERY } else { NOTABLE }, Ordering::SeqCst);
         fence(Ordering::SeqCst);
     }
 
-    /// Takes note that it has rung, so that its descriptor is no longer readable.
+    /// Acknowledges the notification, so that its descriptor is no longer readable.
     pub fn heard(&self) {
         let mut count = [0; 8];
-        // Where another has read it, it has rung all the same.
+        // The read fails if another holder of the event has already read it, which does no harm.
         let _ = rustix::io::read(&self.0.event, &mut count);
     }
 
-    /// A duplicate of the descriptor that becomes readable when it rings.
+    /// Returns a duplicate of the descriptor that becomes readable at a notification.
     ///
     /// # Errors
-    /// The system gives no descriptor.
+    /// Fails if the system provides no descriptor.
     pub fn descriptor(&self) -> io::Result<OwnedFd> {
         self.0.event.try_clone()
     }
@@ -314,7 +327,7 @@ impl Bell {
 
 impl Drop for LoopEnd {
     fn drop(&mut self) {
-        // Whoever waits for a sample learns that there will be none.
+        // Wakes the service, so that it learns that no more samples will come.
         self.waker.ended.store(true, Ordering::SeqCst);
         let _ = rustix::io::write(&self.waker.event, &1_u64.to_ne_bytes());
     }

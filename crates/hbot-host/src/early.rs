@@ -1,34 +1,37 @@
-//! Waking before a tick's deadline, as early as this machine needs, to rehearse the tick and wait out the rest awake.
+//! Wakes the loop before a tick's deadline, rehearses the tick, and waits awake until the deadline.
 //!
-//! A sleep ends late, and whatever ran meanwhile has taken the caches. A thread that wakes early starts its tick on time all the
-//! same, with code and data at hand: its lateness and computing time no longer depend on what else the machine does. The price is
-//! a processor kept busy for that long, so it learns how early is enough.
+//! A thread that sleeps wakes late, and other work has meanwhile displaced its data from the
+//! caches. A thread that wakes early starts its tick on time, with code and data in the caches.
+//! Lateness and computing time then no longer depend on other work on the machine. The price is a
+//! processor that is busy for the lead time, so the lead is adapted to what this machine needs.
 
 use crate::clock::{now_ns, sleep_until_ns};
 
-/// One wake-up in this many may come too late for a rehearsal.
+/// The lead is adapted so that one wake-up in this many comes too late for a rehearsal.
 const MISSES: u64 = 100;
-/// Wake-ups in time, without one too late, that take it from the longest lead to none.
+/// Consecutive on-time wake-ups after which the lead has decayed from its maximum to zero.
 const FORGET: u64 = 20_000;
 
-/// How early the loop wakes.
+/// The adaptive lead with which the loop wakes before its deadlines.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Early {
     most_ns: u64,
     lead_ns: u64,
-    /// What the first rehearsal after a sleep took last, ns.
+    /// Duration of the most recent first rehearsal after a sleep, ns.
     rehearsal_ns: u64,
 }
 
 impl Early {
-    /// Up to `most_ns` before a deadline, and not more than a quarter of the period; 0: it sleeps until the deadline.
+    /// Starts with a lead of `most_ns`, which is also its maximum. The maximum is limited to a
+    /// quarter of the period. With 0 the loop sleeps until the deadline.
     pub(crate) fn new(most_ns: u64, period_ns: u64) -> Self {
         let most_ns = most_ns.min(period_ns / 4);
         Self { most_ns, lead_ns: most_ns, rehearsal_ns: 0 }
     }
 
-    /// Returns at `deadline_ns`, or as soon after it as the system lets it; `rehearse` has run at least once, if there was time for
-    /// it, and the last time shortly before. How long it was awake before the deadline, ns.
+    /// Returns at `deadline_ns`, or as soon after it as the system allows. If there is time, it
+    /// runs `rehearse` at least once, the last time shortly before the deadline. Returns how long
+    /// the thread was awake before the deadline, ns.
     pub(crate) fn wait(&mut self, deadline_ns: u64, mut rehearse: impl FnMut()) -> u64 {
         sleep_until_ns(deadline_ns.saturating_sub(self.lead_ns));
         if self.most_ns == 0 {
@@ -40,9 +43,10 @@ impl Early {
         self.learn(in_time);
         if in_time {
             let mut took = rehearsed(&mut now, &mut rehearse);
-            // A rehearsal that was itself held up must not keep all later ones from being tried.
+            // The limit keeps one rehearsal that was itself delayed from preventing all later ones.
             self.rehearsal_ns = took.min(self.most_ns / 4);
-            // Others may share the caches, so again after half of what is left, and so on.
+            // Other work can displace the caches again, so rehearse again after half of the
+            // remaining time, and so on.
             while let Some(pause) = pause_ns(deadline_ns.saturating_sub(now), took) {
                 now = awake_until(now + pause);
                 took = rehearsed(&mut now, &mut rehearse);
@@ -52,8 +56,9 @@ impl Early {
         awake_ns
     }
 
-    /// Moves the lead to where one wake-up in [`MISSES`] is too late: up by as much more for each as it goes down for the others
-    /// (stochastic approximation of a quantile, Robbins and Monro, 1951).
+    /// Adapts the lead so that one wake-up in [`MISSES`] comes too late. A late wake-up raises the
+    /// lead by `MISSES - 1` times the step by which an on-time one lowers it (stochastic
+    /// approximation of a quantile, Robbins and Monro, 1951).
     fn learn(&mut self, in_time: bool) {
         let step = (self.most_ns / FORGET).max(1);
         self.lead_ns = if in_time {
@@ -64,19 +69,20 @@ impl Early {
     }
 }
 
-/// The pause before the next rehearsal, ns, where `left` ns remain and one takes `took`; `None` where the next might end too late.
+/// Returns the pause before the next rehearsal, ns, if `left` ns remain and one rehearsal takes
+/// `took` ns. Returns `None` if the next one might end too late.
 fn pause_ns(left: u64, took: u64) -> Option<u64> {
     (left > 4 * took).then_some(left / 2)
 }
 
-/// Runs it and moves `now` on: how long it took, ns.
+/// Runs `rehearse` and sets `now` to the current time. Returns how long the rehearsal took, ns.
 fn rehearsed(now: &mut u64, rehearse: &mut impl FnMut()) -> u64 {
     rehearse();
     let start = std::mem::replace(now, now_ns());
     *now - start
 }
 
-/// Waits without sleeping; the time when it ended, ns.
+/// Waits for `deadline_ns` without sleeping. Returns the time when the wait ended, ns.
 fn awake_until(deadline_ns: u64) -> u64 {
     loop {
         let now = now_ns();
@@ -93,7 +99,8 @@ mod tests {
 
     use super::*;
 
-    /// A lead after `n` wake-ups, each late by what `late` says of it, and the share of the last half that came too late.
+    /// Feeds `n` wake-ups to the adaptation; wake-up `k` is `late(k)` ns late. Returns which share
+    /// of the second half came too late.
     fn learnt(early: &mut Early, n: u64, late: impl Fn(u64) -> u64) -> f64 {
         let mut misses = 0;
         for k in 0..n {
@@ -106,16 +113,16 @@ mod tests {
 
     #[test]
     fn it_wakes_as_early_as_the_machine_needs() {
-        // Evenly between 30 and 70 us late: 99 % within 69.6 us.
+        // Lateness is spread evenly between 30 and 70 µs: 99 % of the wake-ups are within 69.6 µs.
         let spread = |k: u64| 30_000 + 40_000 * (k * 7919 % 10_000) / 10_000;
         let mut early = Early::new(200_000, 1_000_000);
         let misses = learnt(&mut early, 200_000, spread);
         assert!((66_000..74_000).contains(&early.lead_ns), "{early:?}");
         assert!((0.009..0.011).contains(&misses), "{misses}");
-        // The same machine under load: it follows, up to what it was given.
+        // On the same machine under load the lead grows, up to its maximum.
         learnt(&mut early, 20_000, |k| 3 * spread(k));
         assert!((180_000..=200_000).contains(&early.lead_ns), "{early:?}");
-        // One that wakes at once costs next to nothing.
+        // On a machine that wakes threads without delay, the lead shrinks to almost nothing.
         learnt(&mut early, 40_000, |_| 2_000);
         assert!(early.lead_ns < 5_000, "{early:?}");
     }
@@ -133,7 +140,7 @@ mod tests {
     fn it_rehearses_and_returns_at_the_deadline() {
         let mut early = Early::new(20_000_000, 1_000_000_000);
         let rehearsals = Cell::new(0);
-        // A busy machine may miss some: not all of fifty.
+        // A busy machine can miss some rehearsals, but not all of fifty.
         let awake: u64 = (0..50)
             .map(|_| {
                 let deadline = now_ns() + 25_000_000;
@@ -150,7 +157,7 @@ mod tests {
     fn a_rehearsal_that_might_end_too_late_is_not_begun() {
         assert_eq!(pause_ns(100_000, 5_000), Some(50_000));
         assert_eq!(pause_ns(20_000, 5_000), None);
-        // One that took the whole lead once is tried again after all.
+        // A first rehearsal that took longer than the whole lead does not prevent later ones.
         let mut early = Early::new(2_000_000, 1_000_000_000);
         let rehearsals = Cell::new(0);
         for _ in 0..200 {

@@ -1,5 +1,5 @@
-//! One tick of the loop, the same in wall-clock and in virtual time: readings in, controller, command
-//! out, sample.
+//! One tick of the loop: it takes readings in, runs the controller, sends the command and publishes
+//! a sample. It works identically in wall-clock and in virtual time.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -14,54 +14,58 @@ use crate::clock::now_ns;
 use crate::motors::Motors;
 use crate::sample::{Answer, Counters, Sample, Timing};
 
-/// Commands whose send time is remembered to tell the age of a reading; an older one has no age.
+/// Number of recent commands whose send time is remembered, to compute the age of a reading. A
+/// reading that answers an older command has no age.
 const SENT: usize = 1024;
 /// How many times the final zero-torque command is sent, in case a frame is lost.
 const STOPS: u32 = 3;
 
-/// Everything that a tick touches. Nothing here allocates, frees or waits once it runs.
+/// The state of the control loop: everything that a tick uses. After construction nothing here
+/// allocates or frees memory, or waits.
 pub struct Engine {
     motors: Motors,
     controller: Controller,
     scene: Box<CompiledScene>,
     bridge: LoopEnd,
-    /// The sequence of each of the last commands, and when it went out, ns.
+    /// Sequence number and send time, ns, of each of the last commands.
     sent_at: Box<[(u32, u64); SENT]>,
     counters: Counters,
     recorder: Option<Recorder>,
-    /// Enable as soon as the rig is idle, once.
+    /// True if the engine enables the rig by itself as soon as it is idle. This happens once.
     enable_when_idle: bool,
-    /// Idle after the last tick.
+    /// True if the mode was `idle` after the last tick.
     idle: bool,
-    /// The nominal time of the last tick, ns.
+    /// Nominal time of the last tick since the start of the loop, ns.
     now_ns: u64,
 }
 
-/// The ticket of what the engine orders itself; nobody waits for its answer.
+/// Ticket of the commands that the engine gives itself. Nobody waits for their answers.
 const OWN: u64 = 0;
 
-/// What came in with each tick: enough to replay a run bit for bit.
+/// A callback that receives the scene, the inputs and the outputs of each tick. The scenes and
+/// inputs suffice to replay a run bit for bit.
 pub type Recorder = Box<dyn FnMut(&CompiledScene, &Inputs, &hbot_core::Outputs) + Send>;
 
-/// When a tick runs.
+/// The timing of one tick.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment {
-    /// The number of the tick.
+    /// Number of the tick, from 0.
     pub tick: u64,
-    /// Nominal time since the start, ns.
+    /// Nominal time of the tick since the start of the loop, ns.
     pub t_ns: u64,
-    /// Time awake before the deadline, ns.
+    /// Time for which the thread was awake before the deadline, ns.
     pub awake_ns: u64,
     /// Time from the deadline to the start of the tick, ns.
     pub lateness_ns: u64,
-    /// It counts as late.
+    /// True if the tick counts as late.
     pub late: bool,
-    /// Ticks skipped since the last.
+    /// Number of ticks that were skipped since the previous tick.
     pub skipped: u64,
 }
 
 impl Engine {
-    /// An engine that renders `scene` with `controller` on `motors`.
+    /// Creates an engine that renders `scene` with `controller` on `motors`. `recorder`, if given,
+    /// sees every tick.
     #[must_use]
     pub fn new(
         motors: Motors,
@@ -84,14 +88,15 @@ impl Engine {
         }
     }
 
-    /// Has it enable the rig by itself, once, in the first tick in which that can be: the same tick in every run.
+    /// Sets whether the engine enables the rig by itself, once, in the first tick in which this is
+    /// possible. In virtual time this is the same tick number in every run.
     #[must_use]
     pub fn enabling(mut self, enable: bool) -> Self {
         self.enable_when_idle = enable;
         self
     }
 
-    /// What has been counted so far.
+    /// Returns the counters since the start of the loop.
     #[cfg(test)]
     pub(crate) fn counters(&self) -> &Counters {
         &self.counters
@@ -101,7 +106,7 @@ impl Engine {
         &self.bridge
     }
 
-    /// One tick.
+    /// Runs one tick.
     pub fn tick(&mut self, moment: &Moment) {
         let started = now_ns();
         self.now_ns = moment.t_ns;
@@ -130,7 +135,7 @@ impl Engine {
         });
 
         self.idle = outputs.state.mode == Mode::Idle;
-        // After a fault or a stop torque comes back only if somebody asks for it.
+        // After a fault or an emergency stop, torque returns only on a client's request.
         self.enable_when_idle &= !matches!(outputs.state.mode, Mode::Fault | Mode::Estop);
         self.counters.late += u64::from(moment.late);
         self.counters.skipped += moment.skipped;
@@ -162,8 +167,9 @@ impl Engine {
         }
     }
 
-    /// What `tick` is going to compute if the line brings what it brought last, on a copy that is thrown away: code and data are in
-    /// the caches afterwards, and nothing else has changed.
+    /// Runs `tick` in advance on a copy of the controller and discards the result. It assumes that
+    /// the motor controllers repeat their last reading. Afterwards the code and data of a tick are
+    /// in the processor's caches, and nothing else has changed.
     #[inline(never)]
     pub fn rehearse(&self, tick: u64) {
         let readings = self.motors.readings();
@@ -179,8 +185,8 @@ impl Engine {
         black_box(self.controller.clone().tick(&self.scene, black_box(&inputs)));
     }
 
-    /// Zero torque, motors off: the last thing that the controllers hear. Said more than once, `pause` apart, in case a
-    /// frame is damaged on the line.
+    /// Ends the session with the last word: zero torque, motors off. It is sent several times,
+    /// `pause` apart, in case a frame is damaged on the line. Then the buses are released.
     pub fn stop(&mut self, tick: u32, pause: Duration) {
         for k in 0..STOPS {
             if k > 0 {
@@ -192,23 +198,24 @@ impl Engine {
         self.motors.release();
     }
 
-    /// Takes at most as many orders as a tick may have.
+    /// Returns the commands for this tick and their tickets, at most as many as a tick can take.
     fn orders(&mut self) -> (Commands, [u64; MAX_COMMANDS]) {
         let mut commands = Commands::default();
         let mut tickets = [OWN; MAX_COMMANDS];
-        // What the engine orders itself finds the tick's commands still empty.
+        // This cannot fail: the engine's own command is the first, so there is room for it.
         if self.idle && std::mem::take(&mut self.enable_when_idle) {
             let _ = commands.push(Enable);
         }
-        // One place is left for an emergency stop, whose flag is looked at last: whoever has found its
-        // confirmation in the ring finds the flag set.
+        // The last place is reserved for an emergency stop. Its flag is read after the ring, so
+        // that a client's stop is obeyed no later than the tick that takes its confirmation from
+        // the ring.
         let own = commands.len();
         for ticket in &mut tickets[own..MAX_COMMANDS - 1] {
             let Some(order) = self.bridge.take_order() else { break };
             *ticket = order.ticket;
-            // A rig that somebody wants off does not come on by itself.
+            // A rig that a client has disabled must not enable itself.
             self.enable_when_idle &= order.command != Disable;
-            // There are as many places as tickets.
+            // This cannot fail: there is one place for each ticket.
             let _ = commands.push(order.command);
         }
         if self.bridge.take_estop() {

@@ -1,4 +1,4 @@
-//! The tick under a counting allocator, in memory and over a pseudo-terminal.
+//! Tests that a tick allocates no memory, with a line in memory and over a pseudo-terminal.
 
 use std::sync::mpsc;
 
@@ -53,7 +53,8 @@ impl Bench {
         Self { engine, end, scenes, mode: Mode::Unreferenced, seen: 0 }
     }
 
-    /// Orders, scenes and samples go to and fro as they do in service, but for the boxes, which are made beforehand.
+    /// Sends commands and scenes and fetches samples, as the service does. The scenes are allocated
+    /// in advance.
     fn outside(&mut self, tick: u64) {
         let stamp = Stamp { seq: Some(tick), tick: Some(tick) };
         match tick % 100 {
@@ -76,7 +77,8 @@ fn moment(tick: u64) -> Moment {
     Moment { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
-/// Ticks and their rehearsals, of which nothing but `outside` may allocate or free.
+/// Runs ticks and rehearsals, and returns how many allocations they made. Only `outside` and
+/// `between` are allowed to allocate.
 fn allocations(bench: &mut Bench, mut between: impl FnMut()) -> u64 {
     let mut found = 0;
     for tick in 0..TICKS {
@@ -110,7 +112,7 @@ fn ten_thousand_ticks_allocate_and_free_nothing_over_a_pseudo_terminal() {
     let pty = spawn_pty(simulated, PtyOptions::default()).expect("this test needs pseudo-terminals");
     let serial = Serial::open(&pty.path().display().to_string(), rig.link.baud).expect("it opens");
     let mut bench = Bench::new(&rig, serial);
-    // As fast as the line answers, so not in step with any clock.
+    // Ticks as fast as the line answers, without keeping the period.
     let found = allocations(&mut bench, || std::thread::sleep(std::time::Duration::from_micros(50)));
     assert_eq!(found, 0, "allocations in the tick");
     assert_eq!(bench.seen, TICKS);
@@ -124,7 +126,7 @@ fn rehearsals_change_nothing() {
         let mut bench = Bench::new(&rig, Memory::new(simulated, inbox));
         let states = (0..2_000).map(|tick| {
             bench.outside(tick);
-            // As many as a tick may have, and at the ticks of others.
+            // Rehearses several times before each tick, also for later ticks.
             (0..rehearsals).for_each(|k| bench.engine.rehearse(tick + k));
             bench.engine.tick(&moment(tick));
             let sample = bench.end.try_sample().expect("a sample");
@@ -146,7 +148,7 @@ fn an_estop_is_done_in_the_next_tick_whatever_waits_before_it() {
     let found = allocations(&mut bench, || ());
     assert_eq!((found, bench.mode), (0, Mode::Active));
     while bench.end.order(Command::Disable).is_ok() {}
-    // The ring is full, and has no place for this one either.
+    // The ring is full and has no room for the stop either.
     assert!(bench.end.order(Command::Estop).is_err());
     bench.engine.tick(&moment(TICKS));
     let sample = bench.end.try_sample().expect("a sample");

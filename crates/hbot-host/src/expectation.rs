@@ -1,10 +1,13 @@
-//! What a rig's choice of methods costs on this machine, and what error is to be expected of it: in a fraction of a second, for
-//! a program that starts.
+//! Measures in a fraction of a second what a rig's methods cost on this machine and how large their
+//! error is, for a program that starts.
 //!
-//! The rig's own controller follows 10 s of brisk motion by what its encoders would read, once with each choice, in turns: so
-//! method, path, counts and rate are all in the error, and a machine that is slow for a while is slow for all. A loop so quick
-//! that 10 s are more than 20,000 ticks is followed for so many of them, and its error is that of the time that they take: no
-//! rule would make the error of 10 s of it, since a method's grows with the time and that of counts does not.
+//! The rig's own controller follows 10 s of brisk motion from the readings that its encoders would
+//! give. This is done once with each choice of methods, in turns, so that a temporary slowdown of
+//! the machine affects all choices. The error therefore includes method, path, counts and rates.
+//!
+//! At high rates 10 s are more than 20,000 ticks. Then only 20,000 ticks are followed, and the
+//! error is that of this shorter time. It cannot be extrapolated to 10 s, because the error of a
+//! method grows with time and that of counts does not.
 
 use std::time::Instant;
 
@@ -14,81 +17,86 @@ use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
 use hbot_sim::motion::{LEAD, MOTIONS, Motion};
 
-/// The motion that errors are told of: brisk, ever on.
+/// The motion for which errors are measured: brisk, without reversal of its direction.
 const MOTION: Motion = MOTIONS[1];
-/// How long it is followed, ns.
+/// How long the motion is followed, ns.
 const TIME_NS: u64 = 10_000_000_000;
-/// Ticks that a start may take.
+/// Largest number of ticks that are simulated at the start of a program.
 const TICKS: u64 = 20_000;
-/// Ticks that are timed together.
+/// Number of ticks that are timed together.
 const CHUNK: usize = 200;
-/// Times that are as good as one another.
+/// Ratio up to which two computing times count as equal.
 const SAME: f64 = 1.05;
 
-/// A choice of methods, what it costs here and what it errs.
+/// The measured cost and error of one choice of methods.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expectation {
-    /// How orientation is integrated.
+    /// Method by which orientation is integrated.
     pub odometry: OdometryMethod,
-    /// The path between two readings.
+    /// Path that is assumed between two readings.
     pub path: PathFit,
-    /// From counts to orientation and rates, ns a tick: the median of many measurements. A scene comes on top.
+    /// Computing time from counts to orientation and rates, ns per tick: the median of many
+    /// measurements. The time for a scene is not included.
     pub ns: f64,
-    /// The largest error of the orientation in that motion, rad: method, path and counts together. Infinite where a joint
-    /// would turn by half a turn and more in a tick, which counts cannot tell.
+    /// Largest error of the orientation in the test motion, rad, caused by method, path and counts
+    /// together. It is infinite if a joint turns by half a turn or more in one tick, because counts
+    /// are then ambiguous.
     pub error: f64,
-    /// How long the motion was followed, s.
+    /// Duration of the motion that was followed, s.
     pub time_s: f64,
 }
 
 impl Expectation {
-    /// The methods, as rig files name them.
+    /// Returns the names of the methods as rig files spell them.
     #[must_use]
     pub fn name(&self) -> String {
         format!("{}, {}", self.odometry.name(), self.path.name())
     }
 
-    /// The motion in words.
+    /// Returns a description of the test motion in words.
     #[must_use]
     pub fn motion(&self) -> String {
         format!("{} s of brisk motion ({} rad/s)", three_digits(self.time_s), MOTION.speed)
     }
 
-    /// `methods` with these in place of their own.
+    /// Returns `methods` with this choice of odometry and path.
     #[must_use]
     pub fn chosen(&self, methods: &Methods) -> Methods {
         Methods { odometry: self.odometry, path: self.path, ..*methods }
     }
 }
 
-/// A positive number to three digits, as text that does not show more of them than it needs.
+/// Rounds a positive number to three significant digits.
 fn three_digits(value: f64) -> f64 {
     let scale = 10.0_f64.powi(2 - value.log10().floor() as i32);
     (value * scale).round() / scale
 }
 
-/// What is to be expected of `rig` with its own methods, in 10 s or in 20,000 ticks, whichever is less.
+/// Measures the cost and error of `rig` with its own methods, over 10 s or 20,000 ticks, whichever
+/// is shorter.
 #[must_use]
 pub fn of(rig: &Rig) -> Expectation {
     let own = (rig.methods.odometry, rig.methods.path);
     measured(rig, &[own], TIME_NS.min(TICKS * rig.timing.period_ns))[0]
 }
 
-/// The same in 10 s for every choice of odometry and path that makes a difference, in the order of methods and paths.
+/// Measures the cost and error over 10 s of every choice of odometry and path that makes a
+/// difference, in the order of methods and paths.
 #[must_use]
 pub fn of_all(rig: &Rig) -> Vec<Expectation> {
     let each = |method: OdometryMethod| {
-        // Euler takes the frames of the last reading, whatever the path.
+        // The Euler method uses only the last reading, so all paths give equal results.
         let paths = if method == OdometryMethod::Euler { &PathFit::ALL[..1] } else { &PathFit::ALL };
         paths.iter().map(move |path| (method, *path))
     };
     measured(rig, &OdometryMethod::ALL.into_iter().flat_map(each).collect::<Vec<_>>(), TIME_NS)
 }
 
-/// The cheapest methods for `rig` that err by no more than `target` (rad) in 10 s; of those that cost the same to 5 %, the most accurate.
+/// Returns the cheapest methods for `rig` whose error is at most `target`, rad, in 10 s. Among
+/// methods whose cost is equal to within 5 %, it returns the most accurate.
 ///
 /// # Errors
-/// With the most accurate there is, where none is as good as that.
+/// If no methods meet the target, returns the most accurate ones as the error.
 pub fn cheapest(rig: &Rig, target: f64) -> Result<Expectation, Expectation> {
     pick(&of_all(rig), target)
 }
@@ -104,15 +112,15 @@ fn pick(all: &[Expectation], target: f64) -> Result<Expectation, Expectation> {
     }
 }
 
-/// A choice at work.
+/// One choice of methods while it is measured.
 struct Run {
     controller: Controller,
-    /// Orientation and true orientation at the reading from which errors count.
+    /// Computed and true orientation at the reading from which errors are measured.
     zero: Option<[Quat; 2]>,
     error: f64,
-    /// ns a tick.
+    /// Computing times of all chunks, ns per tick.
     samples: Vec<f64>,
-    /// The orientations of the last chunk.
+    /// The orientations that were computed in the last chunk.
     q: Vec<Quat>,
 }
 
@@ -128,13 +136,14 @@ fn measured(rig: &Rig, choices: &[(OdometryMethod, PathFit)], time_ns: u64) -> V
     }
 }
 
-/// `N`: four for q, and the joints.
+/// Follows the test motion with all `choices`. `N` is the number of joints plus four, for the
+/// orientation q.
 fn follow<const N: usize>(
     rig: &Rig,
     choices: &[(OdometryMethod, PathFit)],
     time_ns: u64,
 ) -> Vec<Expectation> {
-    // Where the wheels stand is not in question, only how far they turn.
+    // Zeros are assumed to be known: only the turns of the wheels matter here.
     let assume = |parts: &mut RigParts| parts.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
     let rig = rig.with(assume).unwrap_or(*rig);
     let mut runs: Vec<Run> = choices.iter().map(|choice| Run::new(rig, *choice)).collect();
@@ -178,7 +187,8 @@ fn expectations<'a>(
     choices.iter().zip(runs).map(each).collect()
 }
 
-/// What the controllers of `rig` answer in that tick.
+/// Returns the inputs of tick `tick` that the motor controllers of `rig` would send. `h` is the
+/// period, s, and `y` holds the true orientation and joint angles.
 fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inputs {
     let n = rig.device.joints();
     let th: Vec<f64> = (0..n / 2).map(|i| y[4 + 2 * i]).collect();
@@ -186,7 +196,7 @@ fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inpu
     let mut counts = [0; MAX_JOINTS];
     for j in 0..n {
         let joint = &rig.joints[j];
-        // They wrap as the controllers' do.
+        // Counts wrap at 32 bits, as those of the controllers do.
         counts[j] = (y[4 + j] / joint.radians_per_count()).round() as i64 as i32;
         rates[j] = if joint.reversed { -rates[j] } else { rates[j] };
     }
@@ -202,13 +212,13 @@ fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inpu
 
 impl Run {
     fn new(rig: Rig, (odometry, path): (OdometryMethod, PathFit)) -> Self {
-        // A rig is legal with any of them.
+        // This cannot fail: every rig is legal with every choice of methods.
         let chosen = rig.with(|parts| (parts.methods.odometry, parts.methods.path) = (odometry, path));
         let controller = Controller::new(chosen.unwrap_or(rig));
         Self { controller, zero: None, error: 0.0, samples: Vec::new(), q: Vec::with_capacity(CHUNK) }
     }
 
-    /// The ticks of a chunk, timed.
+    /// Runs the ticks of one chunk and measures their time.
     fn take(&mut self, readings: &[Inputs]) {
         let scene = CompiledScene::empty();
         self.q.clear();
@@ -219,8 +229,8 @@ impl Run {
         self.samples.push(start.elapsed().as_secs_f64() * 1.0e9 / readings.len() as f64);
     }
 
-    /// Holds the orientations against the true ones. They count from the first reading that has as many before it as a path
-    /// needs.
+    /// Compares the computed orientations with the true ones. The comparison starts at the first
+    /// reading that has as many readings before it as a path needs.
     fn judge<const N: usize>(&mut self, done: usize, truth: &[[f64; N]]) {
         for (k, (q, y)) in self.q.iter().zip(truth).enumerate() {
             let truth = Quat::from_xyzw(y[1], y[2], y[3], y[0]);
@@ -228,7 +238,8 @@ impl Run {
                 continue;
             }
             let [q0, truth0] = *self.zero.get_or_insert([*q, truth]);
-            // Turns in N: what came before the zero is to their right.
+            // Both are turns in frame N since the start of the comparison: earlier turns are on the
+            // right and cancel.
             let off = rotation::angle_between(*q * q0.conjugate(), truth * truth0.conjugate());
             self.error = self.error.max(off);
         }
@@ -249,7 +260,7 @@ mod tests {
         let midpoint = choice(OdometryMethod::Midpoint, 104.0, 1e-4);
         let magnus = choice(OdometryMethod::Magnus4, 200.0, 1e-8);
         let all = [euler, midpoint, magnus];
-        // As cheap as Euler to 5 %, and better.
+        // The midpoint method costs the same as Euler to within 5 %, and is more accurate.
         assert_eq!(pick(&all, 1e-1), Ok(midpoint));
         assert_eq!(pick(&all, 1e-6), Ok(magnus));
         assert_eq!(pick(&all, 1e-12), Err(magnus));
@@ -260,12 +271,13 @@ mod tests {
         hbot_config::RigConfig::prototype().rig.with(alter).unwrap()
     }
 
-    /// With encoders ten thousand times as fine, what is left are the method and the path: each in its place.
+    /// With encoders ten thousand times finer, only the errors of the method and of the path
+    /// remain.
     #[test]
     fn fine_encoders_leave_the_methods_error() {
         let error = |odometry, path| {
             let rig = prototype(|parts| {
-                // Counts are 32 bits: half a turn a tick is still told.
+                // Counts have 32 bits, so half a turn per tick can still be detected.
                 parts
                     .joints
                     .iter_mut()
@@ -283,13 +295,13 @@ mod tests {
 
     #[test]
     fn a_loop_too_slow_for_the_motion_is_told() {
-        // Steering turns with 20 rad/s and more.
+        // The steer joints turn at 20 rad/s and more.
         let rig = prototype(|parts| parts.timing.period_ns = 400_000_000);
         assert_eq!(of(&rig).error, f64::INFINITY);
     }
 
-    /// However quick the loop, a server that starts follows so many ticks, and says the time that they are; whoever asks for a
-    /// target is told of 10 s.
+    /// However fast the loop, a program that starts follows at most 20,000 ticks and reports their
+    /// duration. A search for a target always covers 10 s.
     #[test]
     fn a_quick_loop_is_followed_for_a_shorter_time() {
         let at = |hz: u64| of(&prototype(|parts| parts.timing.period_ns = 1_000_000_000 / hz));
@@ -303,7 +315,8 @@ mod tests {
         }
         let rig = prototype(|parts| parts.timing.period_ns = 250_000);
         let whole = measured(&rig, &[(rig.methods.odometry, rig.methods.path)], TIME_NS)[0];
-        // The largest of a part is not above the largest of the whole, which begins with it.
+        // The part is the beginning of the whole, so its largest error cannot exceed that of the
+        // whole.
         assert!(of(&rig).time_s == 5.0 && of(&rig).error <= whole.error);
     }
 }

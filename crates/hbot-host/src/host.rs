@@ -1,4 +1,4 @@
-//! A rig that runs: its motors, its loop, and the way to both.
+//! Starts and stops a rig: its motors, its loop and the connections to both.
 
 use std::thread::JoinHandle;
 
@@ -20,68 +20,70 @@ use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{WakeLatency, lock_memory};
 use crate::run_loop::{Ended, StopFlag, Time, lockstep, wall};
 
-/// What a host is to run.
+/// The options with which a rig is started.
 pub struct Options {
-    /// The rig, with its line.
+    /// The rig, including the line to its motors.
     pub rig: RigConfig,
-    /// The scene that the loop begins with.
+    /// The scene that the loop renders first.
     pub scene: Box<CompiledScene>,
-    /// What the simulated rig shows. A real one takes no notice of it.
+    /// Phenomena of the simulated rig. They have no effect on a real rig.
     pub phenomena: Phenomena,
     /// Wall-clock or virtual time.
     pub time: Time,
-    /// Ticks after which the loop ends; `None`: when it is stopped.
+    /// Number of ticks after which the loop ends. With `None` it runs until it is stopped.
     pub ticks: Option<u64>,
-    /// Motor buses of your own, in place of those of the rig file.
+    /// Motor buses that replace those of the rig file.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
-    /// How this program is started as the helper that switches motors off if it dies. Used on real
-    /// serial ports; without it there is no helper.
+    /// The command that starts this program as the helper that switches the motors off if it dies.
+    /// It is used on real serial ports. With `None` there is no helper.
     pub last_word: Option<Program>,
-    /// Sees what goes into and comes out of every tick, in the loop's thread. For tests and replay.
+    /// A callback that receives the inputs and outputs of every tick, in the loop's thread. For
+    /// tests and replay.
     pub recorder: Option<Recorder>,
 }
 
-/// Why a rig does not run.
+/// The reason why a rig could not be started.
 #[derive(Debug, Error)]
 pub enum StartError {
-    /// The motors.
+    /// The motors could not be attached.
     #[error(transparent)]
     Attach(#[from] AttachError),
-    /// Motor buses of another number than the rig file's ports.
+    /// The number of motor buses differs from the number of ports in the rig file.
     #[error("{given} motor buses were given, the rig file has joints on {ours}")]
     Buses {
-        /// Given.
+        /// Number of buses that were given.
         given: usize,
-        /// In the rig file.
+        /// Number of buses in the rig file.
         ours: usize,
     },
-    /// The processor that the loop is to stay on.
+    /// The loop cannot run on the processor that was chosen for it.
     #[error(transparent)]
     Processor(#[from] NoProcessor),
-    /// Virtual time on a real rig.
+    /// Virtual time was requested for a real rig.
     #[error("virtual time needs the simulated rig: use `--port sim`, or `--time wall` for {0}")]
     VirtualHardware(String),
-    /// The system gives no thread or no event descriptor.
+    /// The system provides no thread or no event descriptor.
     #[error("the system refuses: {0}")]
     System(#[from] std::io::Error),
 }
 
-/// A rig whose loop runs. Dropping it stops the loop, so that no motor runs without an owner that can
-/// stop it.
+/// A rig whose loop is running. Dropping it stops the loop, so that no motor runs without an owner
+/// that can stop it.
 pub struct Host {
     stop: StopFlag,
     thread: Option<JoinHandle<Ended>>,
     notices: Vec<String>,
-    /// Held as long as the loop runs, and so declared after its thread.
+    /// The simulated rig. It must outlive the loop's thread, so it is declared after it.
     simulator: Option<Simulator>,
     _wake_latency: Option<WakeLatency>,
 }
 
 impl Host {
-    /// Attaches the motors, meets their controllers and starts the loop.
+    /// Attaches the motors, checks their controllers and starts the loop.
     ///
     /// # Errors
-    /// The port, the controllers or the system; nothing is left running then.
+    /// Fails if a port cannot be opened, the controllers are not accepted, or the system refuses.
+    /// Nothing is left running then.
     pub fn start(options: Options) -> Result<(Self, ServiceEnd), StartError> {
         let Options { rig, scene, phenomena, time, ticks, buses, last_word, recorder } = options;
         let processor = rig.cpu.map(Processor::new).transpose()?;
@@ -123,25 +125,25 @@ impl Host {
         Ok((host, end))
     }
 
-    /// What a user should know about how it runs.
+    /// Returns notices for the user, such as a missing real-time priority.
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
     }
 
-    /// The simulated rig; `None` with real motors.
+    /// Returns the simulated rig, or `None` if the motors are real.
     #[must_use]
     pub fn simulator(&self) -> Option<&Simulator> {
         self.simulator.as_ref()
     }
 
-    /// What asks the loop to end after its next tick.
+    /// Returns a flag that asks the loop to end. At most one more tick begins after it is set.
     #[must_use]
     pub fn stop_flag(&self) -> StopFlag {
         self.stop.clone()
     }
 
-    /// Ends the loop, if it has not ended yet. Motors are off when this returns.
+    /// Ends the loop, if it has not ended yet. The motors are off when this returns.
     pub fn end(&mut self) -> Ended {
         self.stop.stop();
         self.thread.take().map_or(Ended::Stopped, |thread| thread.join().unwrap_or(Ended::Panicked))
@@ -165,7 +167,8 @@ fn in_virtual_time(
     spawn(move || lockstep(engine, period_ns, ticks, &stop))
 }
 
-/// Starts a loop that keeps the clock's time, and waits until it has the rights that it gets.
+/// Starts a loop in wall-clock time, and waits until its thread has requested its processor and its
+/// priority. Adds a notice for each refusal.
 fn by_the_clock(
     engine: Engine,
     rig: &RigConfig,
@@ -198,7 +201,7 @@ fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinH
     std::thread::Builder::new().name("hbot-loop".to_owned()).spawn(body)
 }
 
-/// Wheels whose steering zero nobody knows yet.
+/// Returns a notice for each wheel whose steering zero is not known yet.
 fn uncalibrated(rig: &RigConfig) -> Vec<String> {
     let wheels = rig.wheels.iter().enumerate();
     wheels
@@ -212,7 +215,8 @@ fn uncalibrated(rig: &RigConfig) -> Vec<String> {
         .collect()
 }
 
-/// Keeps processors out of deep sleep as the rig file says, for as long as the result is kept.
+/// Keeps processors out of deep sleep as the rig file asks, for as long as the result exists. Adds
+/// a notice if the system refuses.
 fn limit_wake_latency(rig: &RigConfig, time: Time, notices: &mut Vec<String>) -> Option<WakeLatency> {
     let limit = rig.wake_us.filter(|_| time == Time::Wall).map(WakeLatency::limit).transpose();
     limit.unwrap_or_else(|reason| {

@@ -1,13 +1,16 @@
-//! The last word of a process that cannot say it: one that aborts, runs out of memory, or is killed by SIGKILL while motors push.
+//! The last word of a process that can no longer write it, because it aborts, runs out of memory,
+//! or is killed by SIGKILL while motors are on.
 //!
-//! For each serial line the server starts this program once more as a *helper*. The helper gets a duplicate of the line's descriptor
-//! and, through a pipe, the frame that switches the motors off. Then it sleeps until the pipe brings something:
+//! For each serial line the server starts this program a second time as a *helper*. The helper gets
+//! a duplicate of the line's file descriptor and, through a pipe, the frame that switches the
+//! motors off. It then sleeps until something happens on the pipe:
 //!
-//! - one byte: the server has switched the motors off itself; the helper ends.
-//! - the end of the pipe: the system has closed it because the server is gone. The helper writes the frame `TIMES` times and ends.
+//! - One byte arrives: the server has switched the motors off itself. The helper ends.
+//! - The pipe is closed: the server is gone, and the system has closed its end. The helper writes
+//!   the frame `TIMES` times and ends.
 //!
-//! The helper has a process group of its own and takes no notice of the signals of a terminal or a service manager. The loop does
-//! nothing for it.
+//! The helper runs in a separate process group and ignores the signals of a terminal or a service
+//! manager. The loop spends no time on it.
 
 #[cfg(test)]
 mod tests;
@@ -29,20 +32,20 @@ use crate::signals;
 
 /// How many times the frame is written, in case one is damaged on the line.
 const TIMES: u32 = 3;
-/// Pause between two of them.
+/// Pause between two repetitions of the frame.
 const PAUSE: Duration = Duration::from_millis(3);
-/// How long the helper tries to write one frame to a line that takes no bytes.
+/// How long the helper tries to write one frame to a line that accepts no bytes.
 const ROOM: Duration = Duration::from_millis(100);
-/// How long a helper may take to start.
+/// Longest time in which a helper must start.
 const START: Duration = Duration::from_secs(5);
-/// How long a helper may take to end.
+/// Longest time in which a helper must end before it is killed.
 const END: Duration = Duration::from_secs(1);
-/// The byte that says that the motors are off.
+/// Byte by which the server reports that the motors are off.
 const ALL_SAID: u8 = 1;
-/// The byte by which a helper says that it is ready.
+/// Byte by which a helper reports that it is ready.
 const READY: u8 = 2;
 
-/// How this program is started as a helper.
+/// The command that starts this program as a helper.
 #[derive(Debug, Clone)]
 pub struct Program {
     path: PathBuf,
@@ -50,7 +53,9 @@ pub struct Program {
 }
 
 impl Program {
-    /// The running program with one argument, at which it calls [`run`]. Its file may be replaced or removed meanwhile.
+    /// Returns the command that starts the running program again with one argument. With this
+    /// argument the program must call [`run`]. It works even if the program's file has been
+    /// replaced or removed.
     #[must_use]
     pub fn this(argument: &str) -> Self {
         Self { path: "/proc/self/exe".into(), arguments: vec![argument.to_owned()] }
@@ -62,10 +67,10 @@ impl Program {
     }
 }
 
-/// The helper of one line.
+/// The helper process of one line.
 #[derive(Debug)]
 pub struct LastWord {
-    /// `None` once the helper has been told to end.
+    /// The pipe to the helper. It is `None` after the helper was ordered to end.
     pipe: Option<ChildStdin>,
     helper: Arc<Mutex<Helper>>,
 }
@@ -73,16 +78,16 @@ pub struct LastWord {
 #[derive(Debug)]
 struct Helper {
     child: Child,
-    /// It has been told to end.
+    /// True after the helper was ordered to end.
     dismissed: bool,
 }
 
 impl LastWord {
-    /// Starts a helper that writes `frame` to `line` when this process ends without [`all_said`](Self::all_said), and waits until it is
-    /// ready.
+    /// Starts a helper and waits until it is ready. The helper writes `frame` to `line` if this
+    /// process ends without calling [`all_said`](Self::all_said).
     ///
     /// # Errors
-    /// The program does not start, or is no helper.
+    /// Fails if the program does not start, or does not behave as a helper.
     pub fn start(program: &Program, line: impl AsFd, frame: &[u8]) -> io::Result<Self> {
         let mut child = Command::new(&program.path)
             .arg0("hbot")
@@ -93,7 +98,7 @@ impl LastWord {
             .stderr(Stdio::piped())
             .spawn()?;
         let (pipe, answer) = (child.stdin.take(), child.stderr.take());
-        // From here on whatever fails ends the helper.
+        // From here on, every error must end the helper.
         let mut this = Self { pipe, helper: Arc::new(Mutex::new(Helper { child, dismissed: false })) };
         let told = this.tell(frame).and_then(|()| match answer {
             Some(answer) => ready(answer),
@@ -113,23 +118,25 @@ impl LastWord {
         pipe.write_all(frame)
     }
 
-    /// Ends the helper without a word: the motors are off, or the line is gone. Waits for it.
+    /// Ends the helper without writing anything to the line, because the motors are off or the line
+    /// is lost. Waits until the helper has ended.
     pub fn all_said(&mut self) {
         let Some(mut pipe) = self.pipe.take() else { return };
         held(&self.helper).dismissed = true;
-        // One that has ended already hears nothing.
+        // The write fails if the helper has already ended, which does no harm.
         let _ = pipe.write_all(&[ALL_SAID]);
         drop(pipe);
         self.wait();
     }
 
-    /// Something that can tell whether the helper is still there.
+    /// Returns a handle that can check whether the helper is still running.
     #[must_use]
     pub(crate) fn watched(&self) -> Watched {
         Watched(Arc::clone(&self.helper))
     }
 
-    /// Waits until the helper has ended, so that it neither holds the line nor stays a zombie; one that does not end is killed.
+    /// Waits until the helper has ended, so that it neither keeps the line open nor remains as a
+    /// zombie process. Kills it if it does not end in time.
     fn wait(&self) {
         let until = Instant::now() + END;
         while matches!(held(&self.helper).child.try_wait(), Ok(None)) {
@@ -143,13 +150,13 @@ impl LastWord {
     fn kill(&self) {
         let mut helper = held(&self.helper);
         helper.dismissed = true;
-        // Neither fails but where it has ended already.
+        // Both calls fail only if the helper has already ended.
         let _ = helper.child.kill();
         let _ = helper.child.wait();
     }
 }
 
-/// The helper speaks, unless it has been told to end.
+/// Closes the pipe, so that the helper writes the last word unless it was ordered to end.
 impl Drop for LastWord {
     fn drop(&mut self) {
         held(&self.helper).dismissed = true;
@@ -158,12 +165,12 @@ impl Drop for LastWord {
     }
 }
 
-/// The eye on a helper.
+/// A handle to check whether a helper is still running.
 #[derive(Debug)]
 pub(crate) struct Watched(Arc<Mutex<Helper>>);
 
 impl Watched {
-    /// Whether the helper has ended although nobody told it to.
+    /// Returns whether the helper has ended without being ordered to.
     pub(crate) fn is_lost(&self) -> bool {
         let mut helper = held(&self.0);
         !helper.dismissed && matches!(helper.child.try_wait(), Ok(Some(_)))
@@ -174,7 +181,7 @@ fn held(helper: &Mutex<Helper>) -> MutexGuard<'_, Helper> {
     helper.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Waits for the answer of a helper.
+/// Waits until a helper reports that it is ready.
 fn ready(mut answer: impl AsFd + Read) -> io::Result<()> {
     let mut byte = [0];
     if !wait_for(&answer, PollFlags::IN, START)? || answer.read(&mut byte)? == 0 || byte != [READY] {
@@ -183,7 +190,8 @@ fn ready(mut answer: impl AsFd + Read) -> io::Result<()> {
     Ok(())
 }
 
-/// Waits until a descriptor is ready for `what`; `false` once `most` has passed.
+/// Waits until a file descriptor is ready for `what`. Returns `false` if it is not ready within
+/// `most`.
 fn wait_for(descriptor: &impl AsFd, what: PollFlags, most: Duration) -> io::Result<bool> {
     let until = Instant::now() + most;
     loop {
@@ -196,30 +204,32 @@ fn wait_for(descriptor: &impl AsFd, what: PollFlags, most: Duration) -> io::Resu
     }
 }
 
-/// Has a crash of this process leave no core file. The system writes one before it closes anything, which takes longer than a
-/// controller's watchdog. One byte rather than none: the kernel then leaves out those too that it hands to a program (core(5)).
+/// Prevents a core file if this process crashes. The system writes a core file before it closes the
+/// pipes, which takes longer than a controller's watchdog. The limit is one byte, not zero: the
+/// kernel then also skips core dumps that it would pipe to a program (core(5)).
 pub(crate) fn without_core_file() {
     let maximum = getrlimit(Resource::Core).maximum;
-    // Where it is refused, the last word comes later.
+    // If the system refuses, the last word is only written later.
     let _ =
         setrlimit(Resource::Core, Rlimit { current: Some(maximum.map_or(1, |most| most.min(1))), maximum });
 }
 
-/// What the helper does. `frames` is the pipe from the server, `line` the serial line, `answer` where it says that it is ready.
+/// Runs the helper. `frames` is the pipe from the server, `line` is the serial line, and `answer`
+/// is where the helper reports that it is ready.
 ///
 /// # Errors
-/// The pipe brings no frame, or the line is gone.
+/// Fails if the pipe delivers no complete frame, or if the line is lost.
 pub fn run(frames: impl Read, line: impl AsFd, answer: impl io::Write) -> io::Result<()> {
     signals::ignore()?;
-    // Without the right to these the server has none either, and says so.
+    // If the system refuses these, it also refused the server, which has reported it.
     let _ = real_time(LOOP_PRIORITY);
     let _ = lock_memory();
-    // Only a name.
+    // A failure only leaves the process without a clear name.
     let _ = rustix::thread::set_name(c"hbot-last-word");
     serve(frames, &line, answer)
 }
 
-/// Waits for the end of the server.
+/// Waits for the server to end, and then writes the frame unless the motors are already off.
 fn serve(mut frames: impl Read, line: &impl AsFd, mut answer: impl io::Write) -> io::Result<()> {
     let mut length = [0];
     frames.read_exact(&mut length)?;
@@ -233,7 +243,7 @@ fn serve(mut frames: impl Read, line: &impl AsFd, mut answer: impl io::Write) ->
     }
 }
 
-/// Writes the frame several times, whole.
+/// Writes the frame [`TIMES`] times.
 fn say(line: &impl AsFd, frame: &[u8]) -> io::Result<()> {
     for k in 0..TIMES {
         if k > 0 {

@@ -1,43 +1,43 @@
-//! Which joint of the rig stands where on which motor bus, and what its count is where the rig has
-//! its zero.
+//! The place of each joint of the rig on the motor buses, and the offset from its count to the
+//! rig's zero.
 
 use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_core::MAX_JOINTS;
 
-/// The place of every joint of a rig. Signs and gears are not here: the controller of hbot-core works
-/// in the sense of the motor controllers and knows both.
+/// The places and zero offsets of all joints of a rig. Signs and gears are not part of it: the
+/// controller of hbot-core works with the motor controllers' signs and knows both.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// For each joint, in the order steer, drive of each wheel.
+    /// Place of each joint, in the order steer, drive of each wheel.
     pub places: Vec<Place>,
-    /// What is added to the count of each joint, so that zero is where the rig has it.
+    /// Counts that are added to the count of each joint, so that the sum is zero at the rig's zero.
     pub offsets: [i32; MAX_JOINTS],
 }
 
-/// Where a joint stands.
+/// The place of a joint on the motor buses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Place {
-    /// The bus that carries it, from 0.
+    /// Number of the bus that carries the joint, from 0.
     pub bus: usize,
-    /// Its place on that bus, from 0: the joints of a bus stand in the order of their ids.
+    /// Place of the joint on that bus, from 0.
     pub at: usize,
     /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its place.
     pub id: u8,
 }
 
 impl Layout {
-    /// The layout of a rig file.
+    /// Returns the layout of a rig file.
     #[must_use]
     pub fn of(rig: &RigConfig) -> Self {
         let mut offsets = [0; MAX_JOINTS];
         for (j, offset) in offsets.iter_mut().enumerate().take(rig.rig.device.joints()).step_by(2) {
             let counts = rig.zero_offsets[j] / rig.rig.joints[j].radians_per_count();
-            // Wraps as the controllers' own counter does.
+            // The offset wraps at 32 bits, as the controllers' own counters do.
             *offset = counts.round() as i64 as i32;
         }
         if rig.link.port == Port::Sim {
-            // The simulated controllers stand on one bus in the order of the joints.
+            // The simulated controllers are on one bus, in the order of the joints.
             let first = rig.link.protocol.ids().map_or(0, |ids| *ids.start() as u8);
             return Self { offsets, ..Self::single(0..rig.controllers.len()).numbered_from(first) };
         }
@@ -58,20 +58,21 @@ impl Layout {
         self
     }
 
-    /// All joints on one bus: `places` in the order steer, drive of each wheel.
+    /// Returns a layout with all joints on one bus and without offsets. `places` are in the order
+    /// steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>) -> Self {
         let places = places.into_iter().map(|at| Place { bus: 0, at, id: at as u8 }).collect();
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 
-    /// How many buses there are.
+    /// Returns the number of buses.
     #[must_use]
     pub fn buses(&self) -> usize {
         self.places.iter().map(|place| place.bus + 1).max().unwrap_or(0)
     }
 
-    /// The joints of the rig on one bus, each with its place there.
+    /// Returns the joints on one bus: each joint's number in the rig, and its place on the bus.
     pub fn joints(&self, bus: usize) -> impl Iterator<Item = (usize, usize)> {
         self.on(bus).map(|(joint, place)| (joint, place.at))
     }

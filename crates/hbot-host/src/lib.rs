@@ -1,22 +1,27 @@
-//! The host's side of the line: everything that touches the motors and the machine. It knows nothing
-//! of clients.
+//! The host's side of the line: everything that talks to the motors and to the operating system.
+//! This crate knows nothing of clients.
 //!
-//! # Rooms, from the line up
+//! # Modules, from the line up
 //!
-//! 1. [`mod@line`]: bytes in, bytes out, never waiting: a serial port, or the simulated rig in memory.
-//!    [`last_word`]: a process that switches the motors off where this one cannot any more.
-//! 2. [`bus`]: motor buses, the seam for drivers; [`conformance`]: what every driver must do.
-//! 3. [`layout`]: which joint of the rig stands where on which bus; [`motors`]: all buses as one set of
-//!    joints.
-//! 4. [`engine`]: one tick: readings in, `Controller::tick`, command out, sample. [`bridge`]: wait-free
-//!    rings between the loop and everything else; [`sample`]: what a tick publishes.
-//! 5. [`run_loop`]: the thread that ticks, in wall-clock time ([`pace`], `early`, [`realtime`],
+//! 1. [`mod@line`] moves bytes to and from the motor controllers and never waits. A line is a
+//!    serial port, or the simulated rig in memory. [`last_word`] is a helper process that switches
+//!    the motors off if this process dies.
+//! 2. [`bus`] defines motor buses, the interface that drivers implement. [`conformance`] is the
+//!    test suite that every driver must pass.
+//! 3. [`layout`] maps each joint of the rig to its place on a bus. [`motors`] presents all buses as
+//!    one set of joints.
+//! 4. [`engine`] runs one tick: it takes readings in, calls `Controller::tick`, sends the command
+//!    and publishes a sample. [`bridge`] holds the wait-free rings between the loop and the rest of
+//!    the program. [`sample`] defines what a tick publishes.
+//! 5. [`run_loop`] is the thread that ticks, in wall-clock time ([`pace`], `early`, [`realtime`],
 //!    [`processor`], [`clock`]) or in virtual time.
-//! 6. [`attach`]: from a rig file to its buses; [`host`]: all of it put together, started and stopped.
-//! 7. [`bringup`]: one joint at a time, and calibration; [`signals`] that end it; [`stop_signal`]: an
-//!    emergency stop by signal; [`doctor`]: whether a machine can keep the loop's time;
-//!    [`expectation`]: what a rig's methods cost on this machine and how far they err; [`stiffness`]:
-//!    what a rig can render.
+//! 6. [`attach`] turns a rig file into motor buses. [`host`] starts and stops all of these parts
+//!    together.
+//! 7. [`bringup`] moves one joint at a time and calibrates the rig. [`signals`] lists the signals
+//!    that end a program. [`stop_signal`] is an emergency stop by signal. [`doctor`] checks whether
+//!    a machine can keep the loop's deadlines. [`expectation`] measures what a rig's methods cost
+//!    on this machine and how large their error is. [`stiffness`] computes the stiffness that a rig
+//!    can render.
 
 pub mod attach;
 pub mod bridge;

@@ -9,10 +9,10 @@ use hbot_core::outputs::Drive;
 use crate::bus::{BusCommand, Heard, MotorBus, Reading};
 use crate::layout::Layout;
 
-/// Motors off.
+/// The command that switches the motors off.
 pub(crate) const OFF: Drive = Drive { enable: false, torque: [0.0; MAX_JOINTS] };
 
-/// Before anything is heard.
+/// The readings before any bus has sent one.
 const NO_READINGS: JointFeedback = JointFeedback {
     sequence: 0,
     counts: [0; MAX_JOINTS],
@@ -30,51 +30,55 @@ const NO_COMPLAINTS: Complaints = Complaints {
     not_finite: false,
 };
 
-/// The motor buses of a rig.
+/// The motor buses of a rig, which present all joints in the order of the rig.
 pub struct Motors {
     buses: Vec<Attached>,
     offsets: [i32; MAX_JOINTS],
     watchdog_ms: u16,
-    /// What the joints of all buses have said last, each in its own time.
+    /// The last readings of the joints of all buses. They can differ in age.
     readings: JointFeedback,
 }
 
-/// One bus and what is known of it.
+/// One bus and its state.
 struct Attached {
     bus: Box<dyn MotorBus>,
-    /// Each joint of the rig on it, with its place.
+    /// The joints on this bus: each joint's number in the rig, and its place on the bus.
     joints: Vec<(usize, usize)>,
     /// The tick of the command that its newest reading answers.
     answers: Option<u32>,
-    /// It has panicked. It is not asked again, so that a helper process, if it has one, speaks.
+    /// True if a call of the bus has panicked. It is not called again, so that its helper process,
+    /// if any, writes the last word.
     broken: bool,
-    /// The line was reopened. Reported as an expired watchdog with the next reading, so that torque
-    /// needs `reset` and `enable`.
+    /// True if the line was reopened. The next reading then reports an expired watchdog, so that
+    /// torque returns only after `reset` and `enable`.
     lost: bool,
 }
 
-/// What all buses have said since they were asked last.
+/// Everything that all buses have received since the previous tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct News {
-    /// The readings of all joints, as old as the oldest of them; `None` where nothing is new.
+    /// The readings of all joints, with the age of the oldest of them; `None` if nothing new has
+    /// arrived.
     pub feedback: Option<JointFeedback>,
-    /// How many buses have brought a reading.
+    /// Number of buses that have delivered a reading.
     pub buses_with_reading: usize,
-    /// Damaged frames.
+    /// Number of damaged frames.
     pub damaged: u16,
-    /// Frames that are not from these controllers.
+    /// Number of intact frames that are not from these controllers, or answer a command that was
+    /// never sent.
     pub foreign: u64,
-    /// Zeros may be lost on some bus.
+    /// True if the controllers of some bus may have lost their zeros.
     pub zeros_lost: bool,
-    /// Lines that were gone and are back.
+    /// Number of lines that were lost and have been reopened.
     pub reopened: u64,
 }
 
 impl Motors {
-    /// `buses` in the order of the buses of `layout`. Controllers hold a command for `watchdog_ms`.
+    /// Combines `buses`, which must be in the order of the buses of `layout`. The controllers hold
+    /// each command for `watchdog_ms`, ms.
     ///
     /// # Panics
-    /// Where there are more or fewer buses than `layout` has.
+    /// Panics if the number of buses differs from that of `layout`.
     #[must_use]
     pub fn new(buses: Vec<Box<dyn MotorBus>>, layout: &Layout, watchdog_ms: u16) -> Self {
         assert_eq!(buses.len(), layout.buses(), "a joint without a bus would never be commanded");
@@ -93,23 +97,24 @@ impl Motors {
         }
     }
 
-    /// How many buses there are.
+    /// Returns the number of buses.
     #[must_use]
     pub fn buses(&self) -> usize {
         self.buses.len()
     }
 
-    /// Whether any bus has brought a reading yet.
+    /// Returns whether any bus has delivered a reading yet.
     pub(crate) fn has_answered(&self) -> bool {
         self.buses.iter().any(|attached| attached.answers.is_some())
     }
 
-    /// The readings of all joints, each as new as its bus has brought it.
+    /// Returns the last readings of all joints. They can differ in age.
     pub(crate) fn readings(&self) -> &JointFeedback {
         &self.readings
     }
 
-    /// Reads what has arrived on all buses before the command of `tick` goes out. Never waits.
+    /// Reads everything that has arrived on all buses. The loop calls it before it sends the
+    /// command of `tick`. Never waits.
     pub fn receive(&mut self, now_ns: u64, tick: u32) -> News {
         let mut news = News::default();
         let mut complaints = Complaints::default();
@@ -126,8 +131,8 @@ impl Motors {
                 attached.place(&reading, &self.offsets, &mut self.readings);
             }
         }
-        // The oldest answer tells how new all are together: what the core takes as news is news of
-        // every joint. Complaints it takes in any case.
+        // The oldest answer defines the age of the combined reading. The core treats a reading as
+        // new only if all of its joints are new. Complaints take effect in any case.
         let age = |answers: u32| tick.wrapping_sub(answers);
         let oldest = self.buses.iter().try_fold(tick, |oldest, attached| {
             attached.answers.map(|answers| if age(answers) > age(oldest) { answers } else { oldest })
@@ -141,7 +146,8 @@ impl Motors {
         news
     }
 
-    /// Writes the command of `tick` to all buses. Returns how many did not take it whole.
+    /// Writes the command of `tick` to all buses. Returns how many buses did not accept it
+    /// completely.
     pub fn command(&mut self, now_ns: u64, tick: u32, drive: &Drive) -> u64 {
         let mut refused = 0;
         for attached in &mut self.buses {
@@ -155,8 +161,8 @@ impl Motors {
         refused
     }
 
-    /// Writes the command that switches the motors off to all buses, even if one of them panics.
-    /// Returns how many did not take it whole.
+    /// Writes the command that switches the motors off to all buses, even if the call of one of
+    /// them panics. Returns how many did not accept it completely.
     pub fn switch_off(&mut self, now_ns: u64, tick: u32) -> u64 {
         let command =
             BusCommand { tick, enable: false, watchdog_ms: self.watchdog_ms, torque: [0.0; MAX_JOINTS] };
@@ -169,7 +175,8 @@ impl Motors {
         refused
     }
 
-    /// Tells all buses that their motors are off and that no command follows. May wait.
+    /// Informs all buses that their motors are off and that no command follows. This call can
+    /// block.
     pub fn release(&mut self) {
         for attached in self.buses.iter_mut().filter(|attached| !attached.broken) {
             attached.broken = catch_unwind(AssertUnwindSafe(|| attached.bus.release())).is_err();
@@ -178,7 +185,8 @@ impl Motors {
 }
 
 impl Attached {
-    /// What a bus complains of. The first word after its line was gone is a complaint.
+    /// Returns the complaints of this bus. The first message after its line was reopened counts as
+    /// a complaint.
     fn complaints(&mut self, heard: &Heard) -> Complaints {
         self.lost |= heard.reopened;
         let says = heard.reading.is_some() || heard.complaints != Complaints::default();
@@ -186,7 +194,8 @@ impl Attached {
         Complaints { watchdog: heard.complaints.watchdog | lost, ..heard.complaints }
     }
 
-    /// Puts a reading of this bus where the rig has its joints.
+    /// Copies a reading of this bus to the places of its joints in the rig, and adds the zero
+    /// offsets.
     fn place(&self, reading: &Reading, offsets: &[i32; MAX_JOINTS], readings: &mut JointFeedback) {
         for (joint, at) in &self.joints {
             let read = &reading.joints[*at];
@@ -208,7 +217,7 @@ mod tests {
     use super::*;
     use crate::layout::Place;
 
-    /// Notes what it is told; panics at every command if it is to.
+    /// A bus that records its calls. It panics at every command if the flag is set.
     struct Noted(Arc<Mutex<Vec<String>>>, bool);
 
     impl MotorBus for Noted {
@@ -240,7 +249,7 @@ mod tests {
         assert_eq!((motors.switch_off(0, 1), motors.switch_off(0, 2)), (1, 0));
         motors.release();
         assert_eq!(*said[1].lock().unwrap(), ["false [0.0, 0.0]", "false [0.0, 0.0]", "released"]);
-        // Not released: its helper, if it has one, speaks.
+        // It is not released, so its helper process, if any, writes the last word.
         assert!(said[0].lock().unwrap().is_empty());
     }
 }

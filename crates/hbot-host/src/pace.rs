@@ -1,6 +1,7 @@
 //! Absolute deadlines that keep their phase.
 
-/// Deadlines at whole periods from a start; those that have passed are skipped, not caught up.
+/// Deadlines at whole periods after a start time. Deadlines that have passed are skipped, not
+/// caught up.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
     start_ns: u64,
@@ -8,42 +9,44 @@ pub struct Pace {
     next: u64,
 }
 
-/// Which tick it is, and how late.
+/// The number and lateness of a tick that begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Beat {
-    /// The tick's number.
+    /// Number of the tick, from 0.
     pub tick: u64,
-    /// From its deadline to now, ns.
+    /// Time from the tick's deadline to its start, ns.
     pub lateness_ns: u64,
-    /// More than a quarter period late.
+    /// True if the tick began more than a quarter period after its deadline.
     pub late: bool,
 }
 
 impl Pace {
-    /// Tick 0 at `start_ns`, then one every `period_ns` (not zero).
+    /// Sets the deadline of tick 0 to `start_ns`; one more follows every `period_ns`, which must
+    /// not be zero.
     #[must_use]
     pub fn new(start_ns: u64, period_ns: u64) -> Self {
         Self { start_ns, period_ns: period_ns.max(1), next: 0 }
     }
 
-    /// The next tick's deadline, ns.
+    /// Returns the deadline of the next tick, ns.
     #[must_use]
     pub fn deadline_ns(&self) -> u64 {
         self.start_ns + self.next * self.period_ns
     }
 
-    /// The tick that begins at `now_ns`, its deadline having passed.
+    /// Returns the tick that begins at `now_ns`. Its deadline must have passed.
     #[must_use]
     pub fn beat(&self, now_ns: u64) -> Beat {
         let lateness_ns = now_ns.saturating_sub(self.deadline_ns());
         Beat { tick: self.next, lateness_ns, late: lateness_ns > self.period_ns / 4 }
     }
 
-    /// Ends a tick at `now_ns`: how many deadlines have passed meanwhile and are skipped.
+    /// Ends a tick at `now_ns`. Returns how many deadlines have passed meanwhile; their ticks are
+    /// skipped.
     pub fn end(&mut self, now_ns: u64) -> u64 {
         self.next += 1;
         let behind = now_ns.saturating_sub(self.deadline_ns());
-        // A deadline that is just now counts as met.
+        // A deadline at exactly `now_ns` counts as met.
         let skipped = behind.div_ceil(self.period_ns);
         self.next += skipped;
         skipped
@@ -62,7 +65,7 @@ mod tests {
         assert_eq!(pace.end(1_050), 0);
         assert_eq!(pace.deadline_ns(), 1_100);
         assert!(pace.beat(1_126).late);
-        // Deadlines 1200 and 1300 pass while tick 1 runs.
+        // The deadlines 1200 and 1300 pass while tick 1 runs.
         assert_eq!(pace.end(1_350), 2);
         assert_eq!(pace.deadline_ns(), 1_400);
         assert_eq!(pace.beat(1_400).tick, 4);

@@ -1,14 +1,14 @@
-//! A processor that the loop's thread stays on.
+//! Keeps the loop's thread on one processor.
 
 use rustix::io::Errno;
 use rustix::thread::{CpuSet, sched_setaffinity};
 use thiserror::Error;
 
-/// A processor that this program may run on.
+/// A processor that this program is allowed to run on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Processor(u32);
 
-/// A processor that it may not.
+/// The error for a processor that this program cannot run on.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "loop.cpu: processor {number} {reason}; legal: one of {online}, which this machine has (count from 0)"
@@ -20,11 +20,12 @@ pub struct NoProcessor {
 }
 
 impl Processor {
-    /// Processor `number`, from 0. A short thread tries it, since one that the system keeps free (`isolcpus`) is not among those that
-    /// a program is told of.
+    /// Checks that the program can run on processor `number`, counted from 0. The check pins a
+    /// short-lived thread to it: a processor that the system keeps free (`isolcpus`) is not in the
+    /// list of processors that a program is given.
     ///
     /// # Errors
-    /// It is not there, or not for this program.
+    /// Fails if the processor does not exist, or if this program must not use it.
     pub fn new(number: u32) -> Result<Self, NoProcessor> {
         let tried = std::thread::spawn(move || pin(number)).join().unwrap_or(Err(Errno::INVAL));
         tried.map(|()| Self(number)).map_err(|errno| NoProcessor {
@@ -38,10 +39,10 @@ impl Processor {
         })
     }
 
-    /// Keeps the calling thread on it.
+    /// Pins the calling thread to this processor.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the reason that the system gives.
     pub fn keep(self) -> Result<(), String> {
         pin(self.0).map_err(|errno| errno.to_string())
     }

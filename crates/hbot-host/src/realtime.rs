@@ -1,4 +1,4 @@
-//! What a thread needs of the system to keep its time: a real-time priority, and memory that stays.
+//! Real-time priority and locked memory, which a thread needs to keep its deadlines.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -9,18 +9,19 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// SCHED_FIFO priority of the loop: above everything but the kernel's own threads (which have 50 and more).
+/// SCHED_FIFO priority of the loop: above everything except the kernel's own threads, which have 50
+/// and more.
 pub const LOOP_PRIORITY: u8 = 49;
 /// SCHED_FIFO priority of the simulated rig's thread: just below the loop.
 pub const SIMULATOR_PRIORITY: u8 = 48;
 
-/// Stack that a real-time thread touches before it starts, bytes.
+/// Stack that a real-time thread touches before its first tick, bytes.
 const STACK: usize = 256 * 1024;
 
-/// Gives the calling thread SCHED_FIFO at `priority`; the reason in words where the system refuses.
+/// Gives the calling thread the scheduling policy SCHED_FIFO at `priority`.
 ///
 /// # Errors
-/// Why not: usually a missing right.
+/// Returns the reason in words if the system refuses, usually a missing permission.
 pub fn real_time(priority: u8) -> Result<(), String> {
     let value = ThreadPriorityValue::try_from(priority).map_err(|e| e.to_string())?;
     set_thread_priority_and_policy(
@@ -34,29 +35,31 @@ pub fn real_time(priority: u8) -> Result<(), String> {
     })
 }
 
-/// Locks the process's memory, now and later, so that no page fault meets the loop.
+/// Locks the process's present and future memory, so that no page fault delays the loop.
 ///
 /// # Errors
-/// Why not: usually a missing right.
+/// Returns the reason if the system refuses, usually a missing permission.
 pub fn lock_memory() -> Result<(), String> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| e.to_string())
 }
 
-/// Where the system takes how long processors may take to wake (PM QoS, kernel documentation power/pm_qos_interface).
+/// The system's file for the limit on how long processors can take to wake (PM QoS, kernel
+/// documentation power/pm_qos_interface).
 const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// Keeps processors out of sleeps that take long to wake from, as long as it is there.
+/// A limit on how long processors can take to wake from sleep. It lasts for as long as this value
+/// exists.
 #[derive(Debug)]
 pub struct WakeLatency {
-    /// The system heeds the limit until this is closed.
+    /// The open file: the system applies the limit until it is closed.
     _file: File,
 }
 
 impl WakeLatency {
-    /// A limit of so many us; 0: no processor sleeps.
+    /// Limits the wake-up time of all processors to `us`, µs. With 0 no processor sleeps.
     ///
     /// # Errors
-    /// Why not: usually a missing right.
+    /// Returns the reason if the system refuses, usually a missing permission.
     pub fn limit(us: u32) -> Result<Self, String> {
         let mut file = File::options().write(true).open(WAKE_LATENCY).map_err(in_words)?;
         file.write_all(&us.to_ne_bytes()).map_err(in_words)?;
@@ -68,7 +71,7 @@ fn in_words(error: std::io::Error) -> String {
     format!("{WAKE_LATENCY}: {error}")
 }
 
-/// Touches the stack that the thread will use.
+/// Touches the stack that the thread will use, so that no page fault occurs later.
 #[inline(never)]
 pub fn touch_stack() {
     let mut pages = [0_u8; STACK];

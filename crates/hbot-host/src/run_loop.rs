@@ -1,4 +1,4 @@
-//! The loop's thread, in wall-clock or in virtual time.
+//! The thread of the control loop, in wall-clock or in virtual time.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -11,48 +11,51 @@ use crate::engine::{Engine, Moment};
 use crate::pace::{Beat, Pace};
 use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
 
-/// Asks the loop to end after its next tick.
+/// A flag that asks the loop to end. At most one more tick begins after it is set. Clones share one
+/// flag.
 #[derive(Debug, Clone, Default)]
 pub struct StopFlag(Arc<AtomicBool>);
 
 impl StopFlag {
-    /// Asks.
+    /// Asks the loop to end.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// The flag itself, for signal handlers, which can only set it.
+    /// Returns the flag itself, for signal handlers, which can only set an atomic value.
     pub(crate) fn shared(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.0)
     }
 
-    /// Whether somebody has asked.
+    /// Returns whether the loop has been asked to end.
     #[must_use]
     pub fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Which time a loop runs in.
+/// The kind of time in which a loop runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Time {
-    /// The clock's.
+    /// Wall-clock time: each tick has a deadline on the system clock.
     Wall,
-    /// As fast as the machine goes, in lock-step with the simulated rig.
+    /// Virtual time: as fast as the machine allows, in lock-step with the simulated rig.
     Virtual,
 }
 
 /// How a loop ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// As asked, or after the ticks it was given.
+    /// The loop was asked to end, or has run all its ticks.
     Stopped,
-    /// By a fault of its own; motors were switched off.
+    /// The loop panicked. The motors were switched off.
     Panicked,
 }
 
-/// Ticks at absolute deadlines every `period_ns` until stopped, or for `ticks` periods, awake up to `early_ns` before them. Zero torque
-/// is sent at the end, whatever ends it. `settled` hears whether the thread has its real-time priority, or why not, before the first tick.
+/// Runs ticks at absolute deadlines, one every `period_ns`, until `stop` is set or the tick number
+/// reaches `ticks`. The thread wakes up to `early_ns` before each deadline. The motors are switched
+/// off at the end, even if a tick panics. Before the first tick, `settled` is called with the
+/// result of requesting real-time priority: `Ok`, or the reason for the refusal.
 pub fn wall(
     mut engine: Engine,
     period_ns: u64,
@@ -82,8 +85,8 @@ pub fn wall(
     })
 }
 
-/// Ticks as fast as the machine goes, in lock-step with a simulated rig at the other end of the line. It waits only for
-/// somebody to fetch its samples, so none is lost.
+/// Runs ticks as fast as the machine allows, in lock-step with a simulated rig at the other end of
+/// the line. It waits only while the ring of samples is full, so that no sample is lost.
 pub fn lockstep(mut engine: Engine, period_ns: u64, ticks: Option<u64>, stop: &StopFlag) -> Ended {
     let mut tick = 0;
     guarded(&mut engine, Duration::ZERO, |engine| {
@@ -99,9 +102,9 @@ pub fn lockstep(mut engine: Engine, period_ns: u64, ticks: Option<u64>, stop: &S
     })
 }
 
-/// Runs `ticks` and switches the motors off at the end, even where it panics.
+/// Runs `ticks` and switches the motors off at the end, even if `ticks` panics.
 fn guarded(engine: &mut Engine, pause: Duration, ticks: impl FnOnce(&mut Engine) -> u64) -> Ended {
-    // What a panic leaves behind in the engine is not used again: stop() writes a fresh frame.
+    // The engine's state is not used after a panic: `stop` writes a newly built frame.
     let last = catch_unwind(AssertUnwindSafe(|| ticks(engine)));
     engine.stop(last.as_ref().map_or(u32::MAX, |tick| *tick as u32), pause);
     if last.is_ok() { Ended::Stopped } else { Ended::Panicked }

@@ -1,67 +1,69 @@
-//! What the loop publishes each tick.
+//! The sample that the loop publishes in each tick.
 
 use hbot_core::inputs::MAX_COMMANDS;
 use hbot_core::outputs::{Reply, State};
 
-/// One tick, as everybody but the loop sees it.
+/// The record of one tick that the loop publishes to the rest of the program.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// The controller's state.
+    /// State of the controller after the tick.
     pub state: State,
-    /// Nominal time of the tick since the loop's start, ns.
+    /// Nominal time of the tick since the start of the loop, ns.
     pub t_ns: u64,
-    /// The revision of the scene that was rendered.
+    /// Revision of the scene that was rendered.
     pub scene: u64,
-    /// How long things took.
+    /// Time that each part of this tick took.
     pub timing: Timing,
-    /// What has happened since the start.
+    /// Counts of events since the start of the loop.
     pub counters: Counters,
-    /// Answers to orders that this tick took.
+    /// Answers to the orders that this tick took.
     pub answers: [Option<Answer>; MAX_COMMANDS],
 }
 
-/// The answer to an order.
+/// The answer to one order.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer {
-    /// The order's ticket.
+    /// Ticket of the order.
     pub ticket: u64,
-    /// What became of it.
+    /// The controller's reply to the order.
     pub reply: Reply,
 }
 
-/// How long things took in one tick, ns.
+/// Time that each part of one tick took, ns.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timing {
-    /// Awake before the deadline, waiting for it; 0 in virtual time.
+    /// Time awake before the deadline, ns; 0 in virtual time.
     pub awake_ns: u64,
-    /// From the deadline to the start of the tick; 0 in virtual time.
+    /// Time from the deadline to the start of the tick, ns; 0 in virtual time.
     pub lateness_ns: u64,
-    /// In the controller.
+    /// Time spent in the controller, ns.
     pub compute_ns: u64,
-    /// On the serial line: reading, decoding, encoding, writing.
+    /// Time spent on the serial line, ns: reading, decoding, encoding and writing.
     pub link_ns: u64,
-    /// Torque age: from the command that the newest reading answers (which is when the controller took the reading) to
-    /// this tick's torque on the wire. `None` before the first reading.
+    /// Age of the torque, ns: the time from the measurement of the newest reading to sending this
+    /// tick's torque. A motor controller reads its encoders when it receives a command, so the
+    /// measurement counts from the sending of the command that the reading answers. `None` if this
+    /// tick has no new reading, or if the send time is no longer known.
     pub age_ns: Option<u64>,
 }
 
-/// What has happened since the loop's start.
+/// Counts of events since the start of the loop.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Ticks that started more than a quarter period after their deadline.
+    /// Late ticks: those that began more than a quarter period after their deadline.
     pub late: u64,
-    /// Ticks whose deadline passed before the one before them ended.
+    /// Skipped ticks: those whose deadline passed before the previous tick ended.
     pub skipped: u64,
-    /// Ticks without new feedback.
+    /// Missed ticks: those without a new reading.
     pub missed: u64,
     /// Damaged frames.
     pub corrupt_frames: u64,
-    /// Whole frames from other controllers, or that answer a command that was never sent.
+    /// Intact frames that came from other controllers or answer a command that was never sent.
     pub foreign_frames: u64,
-    /// Commands that the serial line did not take whole.
+    /// Commands that the serial line did not accept completely.
     pub send_failures: u64,
-    /// Times that a serial line was gone and came back.
+    /// Number of times that a lost serial line was reopened.
     pub reopened: u64,
-    /// Samples that found no place because nobody fetched them.
+    /// Samples that were dropped because the ring was full.
     pub dropped_samples: u64,
 }

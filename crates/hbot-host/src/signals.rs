@@ -1,4 +1,4 @@
-//! The signals by which somebody wants a program to end.
+//! The signals by which a user or a service manager ends a program.
 
 use std::io;
 use std::sync::Arc;
@@ -9,13 +9,15 @@ use signal_hook::{flag, low_level};
 
 use crate::run_loop::StopFlag;
 
-/// SIGTSTP (Ctrl-Z) is one of them: a program that is suspended while motors push cannot stop them.
+/// The signals that end a program. SIGTSTP (Ctrl-Z) is one of them, because a suspended program
+/// could not stop motors that are on.
 pub const STOPPING: [i32; 5] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP];
 
-/// A flag that each of the stopping signals sets from now on, in place of what it would do otherwise.
+/// Returns a flag that is set by any of the [`STOPPING`] signals from now on. The signals no longer
+/// have their default effect.
 ///
 /// # Errors
-/// The system refuses.
+/// Fails if the system refuses to install a signal handler.
 pub fn stop_flag() -> io::Result<StopFlag> {
     let stop = StopFlag::default();
     for signal in STOPPING {
@@ -24,19 +26,20 @@ pub fn stop_flag() -> io::Result<StopFlag> {
     Ok(stop)
 }
 
-/// Takes no notice of the stopping signals from now on.
+/// Ignores the [`STOPPING`] signals from now on.
 ///
 /// # Errors
-/// The system refuses.
+/// Fails if the system refuses to install a signal handler.
 pub(crate) fn ignore() -> io::Result<()> {
     let nobody_reads = Arc::new(AtomicBool::new(false));
     STOPPING.iter().try_for_each(|signal| flag::register(*signal, Arc::clone(&nobody_reads)).map(drop))
 }
 
-/// Ends this process as SIGINT does to a program that does not handle it, so that a shell ends the loop or script that started it.
+/// Ends this process as an unhandled SIGINT would. A shell then also ends the loop or script that
+/// started the process.
 ///
 /// # Errors
-/// The system refuses; otherwise it does not return.
+/// Fails if the system refuses. Otherwise it does not return.
 pub fn end_as_interrupted() -> io::Result<()> {
     low_level::emulate_default_handler(SIGINT)
 }

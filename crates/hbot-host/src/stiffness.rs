@@ -1,33 +1,38 @@
-//! What stiffness a rig can be expected to render: the linear border of a spring in a sampled loop, and what one count of its encoders
-//! is to the hand.
+//! Estimates the stiffness that a rig can render: the linear stability limit of a spring in a
+//! sampled loop, and the turn of the sphere that corresponds to one encoder count.
 
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
 use hbot_sim::plant::{Plant, State};
 
-/// From a reading to its torque, ticks: the loop takes what arrived in the last tick.
+/// Delay from a reading to the torque computed from it, ticks: the loop uses the reading that
+/// arrived in the last tick.
 pub const DELAY_TICKS: f64 = 1.0;
 
-/// A spring's damping where one figure is to stand for all, N m s/rad: felt, and no louder than counts allow.
+/// Damping of a spring for a single example value, N m s/rad. It can be felt, and is small enough
+/// that encoder counts do not make it noisy.
 pub const USUAL_DAMPING: f64 = 0.02;
 
-/// Steering angles looked at.
+/// Number of postures that are examined.
 const SAMPLES: usize = 256;
 
-/// What a spring's stiffness is bounded by, without any help from friction or hand.
+/// The properties of a rig that limit the stiffness of a spring, without help from friction or the
+/// hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expected {
-    /// The loop's period, s.
+    /// Period of the loop, s.
     pub period: f64,
-    /// The least apparent inertia about any axis over the steering angles, kg m².
+    /// Smallest apparent inertia about any axis over the examined postures, kg m².
     pub inertia: f64,
-    /// The most that the sphere turns while one joint moves by one count, at the steering angles zero, rad.
+    /// Largest turn of the sphere while one joint moves by one encoder count, with all steer angles
+    /// at zero, rad.
     pub count: f64,
 }
 
 impl Expected {
-    /// Of the rig and loop of `config`. None where its inertias contradict each other.
+    /// Computes the properties of the rig and loop of `config`. Returns `None` if its inertias
+    /// contradict each other.
     #[must_use]
     pub fn of(config: &RigConfig) -> Option<Self> {
         let rig = &config.rig;
@@ -46,38 +51,47 @@ impl Expected {
         })
     }
 
-    /// The stiffness up to which a spring is stable where `damping` (N m s/rad) is its own and the device's together:
-    /// damping / (h (1/2 + D)), N m/rad. It holds for a damping small beside J / h.
+    /// Returns the largest stiffness at which a spring is stable, N m/rad. `damping` (N m s/rad) is
+    /// the sum of the spring's own and the device's.
+    ///
+    /// The formula is damping / (h (1/2 + D)), with the period h and the delay D. It holds if the
+    /// damping is small relative to J / h.
     #[must_use]
     pub fn stable(&self, damping: f64) -> f64 {
         damping / (self.period * (0.5 + DELAY_TICKS))
     }
 
-    /// The stiffness that no damping of a spring can carry further, N m/rad, and the damping that carries it, N m s/rad.
+    /// Returns the largest stiffness that is stable with any damping, N m/rad, and the damping with
+    /// which it is reached, N m s/rad.
     ///
-    /// A free inertia whose torque is read one tick before it acts, with k = K h²/J and d = B h/J, has the characteristic polynomial
-    /// z (z - 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions it is stable where k < u - u², u = d - k/2: at most
-    /// k = 1/4, at d = 5/8.
+    /// A free inertia whose torque is read one tick before it acts, with k = K h²/J and d = B h/J,
+    /// has the characteristic polynomial z (z - 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions
+    /// it is stable if k < u - u², with u = d - k/2. The maximum is k = 1/4, at d = 5/8.
     #[must_use]
     pub fn most(&self) -> [f64; 2] {
         [0.25 * self.inertia / (self.period * self.period), 0.625 * self.inertia / self.period]
     }
 
-    /// The stiffness up to which a spring that reads whole counts is passive by the Coulomb friction `coulomb` (N m) of the device:
-    /// 2 c / d (Abbott and Okamura 2005), N m/rad.
+    /// Returns the largest stiffness, N m/rad, at which Coulomb friction keeps a spring passive
+    /// that reads whole counts. `coulomb` is the device's friction, N m.
+    ///
+    /// The formula is 2 c / d, with the friction c and the turn d per count (Abbott and Okamura
+    /// 2005).
     #[must_use]
     pub fn quiet(&self, coulomb: f64) -> f64 {
         2.0 * coulomb / self.count
     }
 }
 
-/// Steering angles of the wheels, spread evenly: each by a part of the golden ratio's.
+/// Returns sample postures. The steer angle of wheel i, from 0, advances by sqrt(4 i + 5) turns
+/// from one sample to the next.
 fn postures(device: &Device) -> impl Iterator<Item = State> {
     let wheels = device.wheels().len();
     (0..SAMPLES).map(move |k| {
         let mut state = State::default();
         for (i, th) in state.steer[..wheels].iter_mut().enumerate() {
-            // Quadratic irrationals of different fields: no two wheels go in step.
+            // The steps are irrational, so that no two wheels advance together. Exceptions are
+            // wheels 1 and 5: their steps are 3 and 5 turns, so their angles stay at zero.
             let ratio = ((4 * i + 5) as f64).sqrt();
             *th = (k as f64 * ratio).fract() * core::f64::consts::TAU;
         }
@@ -85,7 +99,8 @@ fn postures(device: &Device) -> impl Iterator<Item = State> {
     })
 }
 
-/// The least eigenvalue of a symmetric positive definite matrix: by iteration on its inverse.
+/// Returns the smallest eigenvalue of a symmetric positive definite matrix, by power iteration on
+/// its inverse.
 fn least(matrix: Mat3) -> f64 {
     let inverse = matrix.inverse();
     let mut v = Vec3::new(0.6, 0.64, 0.48);
@@ -99,7 +114,8 @@ fn least(matrix: Mat3) -> f64 {
 mod tests {
     use super::*;
 
-    /// Whether a free inertia of 1 on a spring that acts a tick late comes to rest, at a period of 1.
+    /// Returns whether a unit inertia on a spring that acts one tick late comes to rest, at a
+    /// period of 1.
     fn rests(stiffness: f64, damping: f64) -> bool {
         let (mut x, mut v, mut torque) = (1.0_f64, 0.0_f64, 0.0);
         for _ in 0..20_000 {
@@ -117,7 +133,7 @@ mod tests {
     fn no_damping_carries_more_than_the_most() {
         let [most, damping] = Expected { period: 1.0, inertia: 1.0, count: 1.0 }.most();
         assert!(rests(0.99 * most, damping));
-        // Every damping up to where it swings up by itself.
+        // Tries dampings from zero up to where the damping itself makes the motion unstable.
         for k in 0..=100 {
             assert!(!rests(1.01 * most, 0.01 * f64::from(k)), "{k}");
         }
@@ -126,7 +142,8 @@ mod tests {
     #[test]
     fn little_damping_carries_what_the_linear_border_says() {
         let expected = Expected { period: 1.0, inertia: 1.0, count: 1.0 };
-        // The next order is (5/3) d/(3/2): 1 % at a damping of 0.01, and the last tenth of it dies too slowly to wait for.
+        // The next order of the formula is (5/3) d/(3/2), 1 % at a damping of 0.01. The last tenth
+        // of the motion decays too slowly to wait for.
         let border = expected.stable(0.01);
         assert!(rests(0.9 * border, 0.01) && !rests(1.1 * border, 0.01));
     }
@@ -135,11 +152,11 @@ mod tests {
     fn the_prototype_is_as_the_notes_have_it() {
         let config = RigConfig::prototype();
         let expected = Expected::of(&config).expect("the prototype is a plant");
-        // Physics notes, section 6: lambda_min of the apparent inertia is 3.4e-3.
+        // Physics notes, section 6: lambda_min of the apparent inertia is 3.4e-3 kg m².
         assert!((expected.inertia - 3.4e-3).abs() < 0.05e-3, "{}", expected.inertia);
-        // The bare sphere has 3.239e-3, which wheels only add to.
+        // The bare sphere has 3.239e-3 kg m², and the wheels only add to it.
         assert!(expected.inertia > config.rig.device.sphere_inertia());
-        // A count of the steering, 2 pi/16384, turns the sphere by no more than that.
+        // One count of a steer joint, 2 pi/16384 rad, turns the sphere by no more than that angle.
         assert!(
             expected.count > 0.0 && expected.count <= core::f64::consts::TAU / 16384.0,
             "{}",

@@ -1,4 +1,4 @@
-//! SIGUSR1: an emergency stop by signal, on a thread that does nothing else.
+//! An emergency stop by the signal SIGUSR1, handled by a thread that does nothing else.
 
 use std::io;
 
@@ -8,26 +8,29 @@ use signal_hook::iterator::Signals;
 use crate::bridge::EmergencyStop;
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 
-/// Receives the signal from the moment it is made.
+/// A receiver of SIGUSR1. It receives signals from the moment it is created.
 pub struct StopSignal(Signals);
 
 impl StopSignal {
-    /// Takes SIGUSR1 over: it no longer ends the process. One that comes before [`obey`](Self::obey) is kept for it.
+    /// Starts to receive SIGUSR1, which no longer ends the process. A signal that arrives before
+    /// [`obey`](Self::obey) is called is kept and obeyed then.
     ///
     /// # Errors
-    /// The system gives no descriptor.
+    /// Fails if the system provides no file descriptor.
     pub fn listen() -> io::Result<Self> {
         Signals::new([SIGUSR1]).map(Self)
     }
 
-    /// Stops the loop at every signal from now on, on a thread of just below the loop's priority where the system allows that.
+    /// Starts a thread that triggers `stop` at every SIGUSR1. The thread runs just below the loop's
+    /// priority if the system allows it.
     ///
     /// # Errors
-    /// The system gives no thread.
+    /// Fails if the system cannot start a thread.
     pub fn obey(self, stop: EmergencyStop) -> io::Result<()> {
         let Self(mut signals) = self;
         let wait = move || {
-            // Without the right to it the thread still sleeps until the signal comes, and is then woken before busy ones.
+            // Without real-time priority the stop still works: the thread sleeps until the signal
+            // arrives, and a thread that has slept is scheduled before busy ones.
             let _ = real_time(SIMULATOR_PRIORITY);
             for _ in signals.forever() {
                 stop.stop_by_signal();

@@ -1,4 +1,5 @@
-//! The drivers of this crate do what every driver must do.
+//! Tests that the drivers of this crate pass the conformance suite, and that docs/drivers.md agrees
+//! with the code.
 
 #[allow(unreachable_pub, reason = "a test has no outside")]
 mod toy;
@@ -12,10 +13,10 @@ use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 
 use toy::motors::HeldMotors;
 
-/// The page for those who write drivers.
+/// The documentation page for authors of drivers.
 const PAGE: &str = include_str!("../../../docs/drivers.md");
 
-/// The simulated rig's controllers. Its plant stands still: what is looked at is the protocol.
+/// The controllers of the simulated rig. The mechanics are not under test here, only the protocol.
 struct Simulated(SimulatedRig);
 
 impl Simulated {
@@ -63,7 +64,7 @@ fn a_driver_of_one_s_own_conforms() {
     assert_conforms(&subject(&toy::Toy, held_motors));
 }
 
-/// The words of a text, one space between them.
+/// Returns the words of a text, separated by single spaces.
 fn words(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -1,40 +1,40 @@
-//! From the bytes on the line to messages, in whatever pieces the bytes arrive.
+//! Decodes bytes from the line into messages. The bytes can arrive in pieces of any size.
 
 use crate::Message;
 use crate::frame::{CRC, CRC_BYTES, DELIMITER, MAX_FRAME};
 use core::{fmt, marker::PhantomData};
 
-/// Collects bytes until a delimiter and makes a message, or an error, of what came before it.
+/// Collects bytes up to a delimiter and decodes them into a message or an error.
 ///
-/// Frames may arrive in halves, several at once, or behind garbage. Every frame gives one result, in the
-/// order of the line; a frame that is refused takes none of the next with it, since the search begins anew at
-/// each zero. Two zeros in a row are an empty frame and are skipped silently, so a sender may end whatever
-/// came before with an extra zero. The first result after a port is opened may be an error, where reading
-/// began in the midst of a frame.
+/// Frames can arrive in parts, several at once, or after garbage. Every frame gives one result, in
+/// the order of arrival. A refused frame does not affect the next one, because each zero byte
+/// starts a new search. Two zeros in a row are an empty frame and are skipped silently, so a sender
+/// can end old bytes with an extra zero. The first result after a port is opened can be an error,
+/// if reading began in the middle of a frame.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {
-    /// What came since the last delimiter, still in COBS, in the first `length` bytes.
+    /// The bytes since the last delimiter, still in COBS, in the first `length` bytes.
     frame: [u8; MAX_FRAME],
     length: usize,
-    /// This frame has been refused as too long: nothing is kept until its delimiter.
+    /// True if this frame has been refused as too long. Its bytes are dropped up to the delimiter.
     skipping: bool,
     message: PhantomData<fn() -> M>,
 }
 
 impl<M: Message> Decoder<M> {
-    /// A decoder at the start of a frame.
+    /// Creates a decoder at the start of a frame.
     #[must_use]
     pub const fn new() -> Self {
         Self { frame: [0; MAX_FRAME], length: 0, skipping: false, message: PhantomData }
     }
 
-    /// Takes one byte in and returns the result that it completes, if any.
+    /// Takes one byte. Returns a message or an error if the byte completes a frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<M, FrameError>> {
         if byte == DELIMITER { self.finish() } else { self.collect(&[byte]).map(Err) }
     }
 
-    /// Takes any number of bytes in and hands each result that they complete to `each`: the same results as
-    /// [`push`](Self::push) for every byte, and quicker.
+    /// Takes any number of bytes and calls `each` with every result that they complete. The results
+    /// are those of [`push`](Self::push) for every byte, but this is faster.
     pub fn feed(&mut self, bytes: &[u8], mut each: impl FnMut(Result<M, FrameError>)) {
         let mut pieces = bytes.split(|byte| *byte == DELIMITER);
         let unfinished = pieces.next_back().unwrap_or_default();
@@ -51,19 +51,20 @@ impl<M: Message> Decoder<M> {
         }
     }
 
-    /// Forgets a frame begun, as after the port was opened anew.
+    /// Drops an incomplete frame, for example after the port was reopened.
     pub const fn reset(&mut self) {
         self.length = 0;
         self.skipping = false;
     }
 
-    /// Keeps bytes without a delimiter; an error where the frame has just become too long.
+    /// Stores bytes that contain no delimiter. Returns an error if the frame has just become too
+    /// long.
     fn collect(&mut self, bytes: &[u8]) -> Option<FrameError> {
         if self.skipping {
             return None;
         }
         let end = self.length + bytes.len();
-        // The delimiter itself is never kept.
+        // The delimiter itself is never stored.
         if end > M::MAX_FRAME - 1 {
             self.skipping = true;
             return Some(FrameError::TooLong);
@@ -73,7 +74,8 @@ impl<M: Message> Decoder<M> {
         None
     }
 
-    /// The result of the frame that a delimiter ends, if it has not had one.
+    /// Ends the frame at a delimiter. Returns its result, unless it is empty or was already
+    /// refused.
     fn finish(&mut self) -> Option<Result<M, FrameError>> {
         let had_its_result = self.skipping || self.length == 0;
         let length = self.length;
@@ -88,7 +90,7 @@ impl<M: Message> Default for Decoder<M> {
     }
 }
 
-/// The message in a frame without its delimiter; the frame is overwritten.
+/// Decodes the message in a frame without its delimiter. Overwrites the frame.
 fn decode<M: Message>(frame: &mut [u8]) -> Result<M, FrameError> {
     let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Cobs)?;
     let (body, check) = frame[..length].split_last_chunk::<CRC_BYTES>().ok_or(FrameError::TooShort)?;
@@ -104,20 +106,23 @@ fn decode<M: Message>(frame: &mut [u8]) -> Result<M, FrameError> {
     }
 }
 
-/// Why a frame was refused.
+/// The reason why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FrameError {
-    /// More bytes without a delimiter than the longest frame has. Told once, as soon as it is so; the rest of
-    /// the frame is skipped. Common causes: another device or baud rate, a delimiter lost.
+    /// More bytes arrived without a delimiter than the longest frame has. Reported once,
+    /// immediately; the rest of the frame is skipped. Common causes are another device, another
+    /// baud rate or a lost delimiter.
     TooLong,
-    /// A COBS code points past the end of the frame: bytes were lost or a delimiter came too early.
+    /// A COBS code points beyond the end of the frame: bytes were lost or a delimiter came too
+    /// early.
     Cobs,
-    /// Too few bytes for a body and its check.
+    /// The frame has too few bytes for a body and its check.
     TooShort,
     /// The check does not match the body: the frame was damaged on the line.
     Crc,
-    /// The check matches, but the body is no message of this direction and protocol version, or bytes are
-    /// left over after it. The sender is of another version or at fault; the line is not.
+    /// The check matches, but the body is not a message of this direction and protocol version, or
+    /// bytes are left over after it. The sender has another version or is faulty; the line is in
+    /// order.
     Body,
 }
 

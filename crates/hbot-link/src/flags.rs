@@ -1,4 +1,4 @@
-//! Sets of flags, 16 bits wide. Bits without a name are kept as they came, so that a newer controller can set
+//! Sets of flags, 16 bits wide. Unknown bits are kept unchanged, so that newer controllers can use
 //! them.
 
 use core::{fmt, ops};
@@ -14,55 +14,55 @@ macro_rules! flags {
         impl $name {
             $($(#[$doc])* pub const $flag: Self = Self(1 << $bit);)*
 
-            /// No flag at all.
+            /// Returns a set without any flag.
             #[must_use]
             pub const fn empty() -> Self {
                 Self(0)
             }
 
-            /// The set with exactly these bits, named or not.
+            /// Returns the set with exactly these bits, known or not.
             #[must_use]
             pub const fn from_bits(bits: u16) -> Self {
                 Self(bits)
             }
 
-            /// The bits as they stand on the line.
+            /// Returns the bits as they are sent on the line.
             #[must_use]
             pub const fn bits(self) -> u16 {
                 self.0
             }
 
-            /// Whether no flag is set, not even one without a name.
+            /// Returns true if no flag is set, known or not.
             #[must_use]
             pub const fn is_empty(self) -> bool {
                 self.0 == 0
             }
 
-            /// Whether every flag of `other` is set here.
+            /// Returns true if all flags of `other` are set.
             #[must_use]
             pub const fn contains(self, other: Self) -> bool {
                 self.0 & other.0 == other.0
             }
 
-            /// Whether any flag of `other` is set here.
+            /// Returns true if at least one flag of `other` is set.
             #[must_use]
             pub const fn intersects(self, other: Self) -> bool {
                 self.0 & other.0 != 0
             }
 
-            /// The flags set in either.
+            /// Returns the flags that are set in `self`, in `other` or in both.
             #[must_use]
             pub const fn union(self, other: Self) -> Self {
                 Self(self.0 | other.0)
             }
 
-            /// The flags set here and not in `other`.
+            /// Returns the flags that are set in `self` but not in `other`.
             #[must_use]
             pub const fn difference(self, other: Self) -> Self {
                 Self(self.0 & !other.0)
             }
 
-            /// Sets or clears every flag of `other`.
+            /// Sets all flags of `other` if `on` is true, otherwise clears them.
             pub const fn set(&mut self, other: Self, on: bool) {
                 *self = if on { self.union(other) } else { self.difference(other) };
             }
@@ -82,7 +82,8 @@ macro_rules! flags {
             }
         }
 
-        /// The names of the flags set, and the bits without a name: `JointFlags(INDEX_SEEN | 0x8000)`.
+        /// Writes the names of the set flags, and the unknown bits: `JointFlags(INDEX_SEEN |
+        /// 0x8000)`.
         impl fmt::Debug for $name {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 write_names(f, stringify!($name), self.0, &[$((stringify!($flag), 1 << $bit)),*])
@@ -92,32 +93,32 @@ macro_rules! flags {
 }
 
 flags! {
-    /// The state of a controller.
+    /// The state of a motor controller, as a set of flags.
     ControllerFlags {
-        /// The torques of the command answered are being applied.
+        /// The torques of the answered command are applied.
         ENABLED = 0;
-        /// No valid command came in time: torque is zero until a [`Command`](crate::Command) with
+        /// No valid command came in time. Torque is zero until a [`Command`](crate::Command) with
         /// `enable = false`.
         WATCHDOG_EXPIRED = 1;
-        /// The controller found a fault of its own (a driver, a supply, an encoder, a joint too hot): torque
-        /// is zero.
+        /// The controller found an internal fault (a driver, a supply, an encoder, a joint too
+        /// hot). Torque is zero.
         FAULT = 2;
-        /// Set from boot until a [`Describe`](crate::ToController::Describe) is answered. A host that has had
-        /// its description and sees this flag knows that the controller has rebooted and that its counts
-        /// began anew.
+        /// Set from boot until a [`Describe`](crate::ToController::Describe) is answered. If a host
+        /// has received the description and later sees this flag, the controller has rebooted and
+        /// its counts started anew.
         UNDESCRIBED = 3;
     }
 }
 
 flags! {
-    /// What there is to say of one joint.
+    /// The state of one joint, as a set of flags.
     JointFlags {
-        /// The encoder's index mark was passed since boot. From the first reading with this flag on, `count`
-        /// is 0 at the mark; the difference to the reading before it is no motion.
+        /// The encoder's index mark was passed since boot. From the first reading with this flag,
+        /// `count` is 0 at the mark. The difference from the reading before it is not a motion.
         INDEX_SEEN = 0;
-        /// The current is at the limit of motor or driver, so the torque may fall short of the one commanded.
+        /// The current is at the limit of motor or driver. The torque can be less than commanded.
         OVERCURRENT = 1;
-        /// Motor or driver is hotter than it may be.
+        /// The motor or its driver is hotter than allowed.
         OVERTEMPERATURE = 2;
     }
 }

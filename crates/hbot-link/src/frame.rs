@@ -1,23 +1,27 @@
-//! From a message to the bytes on the line, and how many they are.
+//! Encodes messages into frames, and computes the sizes of frames.
 
 use crate::{MAX_FIRMWARE_BYTES, MAX_JOINTS, Message};
 use core::fmt;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
-/// Line time of a byte: a start bit, eight bits of data, a stop bit (8N1). Bytes of a frame times this times
-/// frames a second is the baud rate that one direction of a line needs at the least.
+/// Bits on the line per byte: a start bit, eight data bits and a stop bit (8N1). The lowest baud
+/// rate for one direction of a line is bytes per frame, times this value, times frames per second.
 pub const BITS_PER_BYTE: usize = 10;
 
-/// [`command_frame_bytes`] of [`MAX_JOINTS`]: no frame to a controller is longer.
+/// Length of the longest frame to a controller, in bytes: [`command_frame_bytes`] for
+/// [`MAX_JOINTS`].
 pub const MAX_COMMAND_FRAME: usize = command_frame_bytes(MAX_JOINTS);
 
-/// [`feedback_frame_bytes`] of [`MAX_JOINTS`]: no frame from a controller is longer.
+/// Length of the longest frame from a controller, in bytes: [`feedback_frame_bytes`] for
+/// [`MAX_JOINTS`].
 pub const MAX_FEEDBACK_FRAME: usize = feedback_frame_bytes(MAX_JOINTS);
 
-/// [`description_frame_bytes`] of [`MAX_JOINTS`].
+/// Length of the longest description frame, in bytes: [`description_frame_bytes`] for
+/// [`MAX_JOINTS`].
 pub const MAX_DESCRIPTION_FRAME: usize = description_frame_bytes(MAX_JOINTS);
 
-/// The most bytes on the line, delimiter included, of a [`Command`](crate::Command) for so many joints.
+/// Returns the largest number of bytes on the line, with delimiter, of a
+/// [`Command`](crate::Command) for this number of joints.
 ///
 /// # Preconditions
 ///
@@ -28,8 +32,9 @@ pub const fn command_frame_bytes(joints: usize) -> usize {
     frame_bytes(header + joints * F32)
 }
 
-/// The most bytes on the line, delimiter included, of a [`Feedback`](crate::Feedback) of so many joints. How
-/// many there are in fact depends on counts, flags and sequence, which are shorter where they are small.
+/// Returns the largest number of bytes on the line, with delimiter, of a
+/// [`Feedback`](crate::Feedback) for this number of joints. The real number depends on counts,
+/// flags and sequence, because small values have shorter codes.
 ///
 /// # Preconditions
 ///
@@ -41,8 +46,8 @@ pub const fn feedback_frame_bytes(joints: usize) -> usize {
     frame_bytes(header + joints * joint)
 }
 
-/// The most bytes on the line, delimiter included, of a [`Description`](crate::Description) of so many
-/// joints.
+/// Returns the largest number of bytes on the line, with delimiter, of a
+/// [`Description`](crate::Description) for this number of joints.
 ///
 /// # Preconditions
 ///
@@ -53,17 +58,18 @@ pub const fn description_frame_bytes(joints: usize) -> usize {
     frame_bytes(header + joints * VARINT_U32)
 }
 
-/// Writes the frame of a message to the start of `buffer`, delimiter included, and returns its length in
-/// bytes. `M::MAX_FRAME` bytes always suffice.
+/// Writes the frame of a message, with delimiter, to the start of `buffer`. Returns its length in
+/// bytes. A buffer of `M::MAX_FRAME` bytes is always large enough.
 ///
 /// # Errors
 ///
-/// [`EncodeError::BufferTooSmall`] where this very frame does not fit; what `buffer` then holds is of no use.
+/// Returns [`EncodeError::BufferTooSmall`] if the frame does not fit. The content of `buffer` is
+/// then invalid.
 pub fn encode<M: Message>(message: &M, buffer: &mut [u8]) -> Result<usize, EncodeError> {
     let too_small = EncodeError::BufferTooSmall { given: buffer.len(), enough: M::MAX_FRAME };
     let mut scratch = [0; MAX_CHECKED_BODY];
-    // The sizes above are those of the largest messages, so the scratch holds every one and this error cannot
-    // occur.
+    // The sizes above are those of the largest messages. So every message fits the scratch buffer,
+    // and this error cannot occur.
     let body =
         postcard::to_slice(message, &mut scratch[..MAX_CHECKED_BODY - CRC_BYTES]).map_err(|_| too_small)?;
     let length = body.len();
@@ -71,20 +77,20 @@ pub fn encode<M: Message>(message: &M, buffer: &mut [u8]) -> Result<usize, Encod
     scratch[length..length + CRC_BYTES].copy_from_slice(&check.to_le_bytes());
 
     let end = cobs::try_encode(&scratch[..length + CRC_BYTES], buffer).map_err(|_| too_small)?;
-    // Where the last byte is a zero, `try_encode` may count a code byte that it had no room to write: `end`
-    // is then past the buffer, and so refused here.
+    // If the last byte is a zero, `try_encode` may count a code byte that did not fit. Then `end`
+    // is outside of the buffer and the frame is refused here.
     *buffer.get_mut(end).ok_or(too_small)? = DELIMITER;
     Ok(end + 1)
 }
 
-/// Why a message was not encoded.
+/// The reason why a message was not encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncodeError {
     /// The frame does not fit the buffer.
     BufferTooSmall {
-        /// The size of the buffer, in bytes.
+        /// Size of the buffer, bytes.
         given: usize,
-        /// A size that suffices for every message of this type, in bytes.
+        /// A size that is enough for every message of this type, bytes.
         enough: usize,
     },
 }
@@ -98,31 +104,34 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Ends a frame; COBS keeps it out of the rest.
+/// The byte that ends a frame. COBS removes it from all other places.
 pub(crate) const DELIMITER: u8 = 0;
 
-/// Bytes of the check after the body.
+/// Number of bytes of the check after the body.
 pub(crate) const CRC_BYTES: usize = 4;
 
-/// The CRC of the body. The table of 16 lanes takes 16 KiB of read-only memory and several bytes at a time.
+/// The CRC of the body. Its table of 16 lanes takes 16 KiB of read-only memory and processes
+/// several bytes at a time.
 pub(crate) static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-/// The longest frame of either direction, delimiter included.
+/// Length of the longest frame of either direction, with delimiter, in bytes.
 pub(crate) const MAX_FRAME: usize = MAX_FEEDBACK_FRAME;
 
-/// The longest body of either direction with its check. COBS adds at least a byte, the delimiter is another.
+/// Length of the longest body of either direction with its check, in bytes. COBS adds at least one
+/// byte, and the delimiter is another.
 const MAX_CHECKED_BODY: usize = MAX_FRAME - 2;
 
 const _: () = assert!(MAX_COMMAND_FRAME <= MAX_FRAME && MAX_DESCRIPTION_FRAME <= MAX_FRAME);
 
-/// The most bytes of each kind of field in a postcard body: a varint carries 7 bits a byte.
+/// Largest number of bytes of each kind of field in a postcard body. A varint carries 7 bits per
+/// byte.
 const VARINT_U32: usize = 5;
 const VARINT_U16: usize = 3;
 const F32: usize = 4;
 const BOOL: usize = 1;
-/// Which variant of the enum, a varint below 128.
+/// Number of the enum's variant, a varint below 128.
 const VARIANT: usize = 1;
-/// How many elements or bytes follow, a varint below 128.
+/// Number of elements or bytes that follow, a varint below 128.
 const COUNT: usize = 1;
 const _: () = assert!(MAX_JOINTS < 128 && MAX_FIRMWARE_BYTES < 128);
 
@@ -137,8 +146,8 @@ mod tests {
     use crate::{FromController, ToController};
     use std::{format, vec};
 
-    /// Every size is reached, and by the largest values exactly: the bound is tight for each number of
-    /// joints.
+    /// Checks that the largest values give exactly the computed size, for each number of joints. So
+    /// the bounds are tight.
     #[test]
     fn worst_case_sizes_are_exact() {
         let mut buffer = [0; MAX_FRAME];
@@ -174,8 +183,9 @@ mod tests {
         }
     }
 
-    /// The last code byte of COBS then has nothing after it, and a buffer one byte short must still be
-    /// refused. About one check in 256 ends so; a few thousand sequences have several.
+    /// If the check ends in zero, nothing follows the last COBS code byte, and a buffer one byte
+    /// too short must still be refused. About one check in 256 ends so. A few thousand sequence
+    /// numbers give several.
     #[test]
     fn a_check_that_ends_in_zero_is_framed_whole() {
         let mut buffer = [0; MAX_COMMAND_FRAME];

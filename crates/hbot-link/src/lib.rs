@@ -1,38 +1,45 @@
-//! The serial line between an Hbot's rig PC (the *host*) and its motor controllers: messages, frames, and a
-//! decoder that survives a bad line. Neither the standard library nor an allocator is used, so firmware links
-//! the same crate. `docs/link.md` describes the same bytes for firmware in any other language.
+//! The serial protocol between the rig PC of an Hbot (the *host*) and its motor controllers:
+//! messages, frames, and a decoder that recovers from a damaged line. The crate needs neither the
+//! standard library nor an allocator, so firmware can use it too. `docs/link.md` describes the same
+//! bytes for firmware in any other language.
 //!
 //! # Layers, top to bottom
 //!
-//! | layer | here | what it does |
+//! | layer | here | purpose |
 //! |---|---|---|
-//! | message | [`ToController`], [`FromController`] | what is said: a description, torques, readings |
-//! | body | [postcard](https://postcard.jamesmunns.com/wire-format) | integers as varints, `f32` little endian |
-//! | check | CRC-32/ISO-HDLC | four bytes little endian after the body |
-//! | frame | COBS | takes every zero out of body and check, at a byte for each 254 begun |
-//! | delimiter | one byte `0x00` | ends the frame; the one zero on the line, so a reader always finds back |
+//! | message | [`ToController`], [`FromController`] | a description, torques or readings |
+//! | body | [postcard] | integers as varints, `f32` little endian |
+//! | check | CRC-32/ISO-HDLC | four bytes, little endian, after the body |
+//! | frame | COBS | removes every zero; adds one byte per 254 bytes begun |
+//! | delimiter | one byte `0x00` | ends the frame; the only zero on the line |
 //!
-//! [`encode`] goes down through all of them into a buffer of the caller's; a [`Decoder`] goes up, from bytes
-//! in whatever pieces the port delivers.
+//! A reader that starts in the middle of a frame finds the next one at the delimiter.
 //!
-//! # The conversation
+//! [`encode`] applies all layers and writes into a buffer of the caller. A [`Decoder`] reverses
+//! them. It takes bytes in pieces of any size, as the port delivers them.
 //!
-//! A controller speaks when it is spoken to. [`ToController::Describe`] is answered by a [`Description`],
-//! each valid [`Command`] by a [`Feedback`] with the command's `sequence`. One command and one feedback a
-//! tick carry all joints of a port, in the order of the description.
+//! # Request and answer
 //!
-//! # What is judged here, and what is not
+//! A controller sends only when it receives a request. It answers [`ToController::Describe`] with a
+//! [`Description`], and each valid [`Command`] with a [`Feedback`] that repeats the command's
+//! `sequence`. In each tick, one command and one feedback carry all joints of a port, in the order
+//! of the description.
 //!
-//! A frame is accepted whole or refused whole, with a [`FrameError`]. Inside an accepted frame every bit
-//! pattern of a field passes as it is: NaN and infinite floats, flags that have no name yet, implausible
-//! currents. Judging values is left to those who know what is plausible: on the host the core's feedback
-//! check, on a controller its own limits (see [`Command`]).
+//! # What this crate checks, and what it does not
+//!
+//! A frame is accepted or refused as a whole. A refused frame gives a [`FrameError`]. In an
+//! accepted frame every bit pattern of a field passes unchanged: NaN and infinite floats, unknown
+//! flags, implausible currents. Values are checked by the receiver: on the host by the core, on a
+//! controller by its own limits (see [`Command`]).
+//!
+//! [postcard]: https://postcard.jamesmunns.com/wire-format
 //!
 //! ```
 //! use hbot_link::{Command, Decoder, MAX_COMMAND_FRAME, ToController, encode};
 //!
 //! let torque = heapless::Vec::from_slice(&[0.25, -0.5]).unwrap();
-//! let message = ToController::Command(Command { sequence: 7, enable: true, watchdog_ms: 20, torque });
+//! let command = Command { sequence: 7, enable: true, watchdog_ms: 20, torque };
+//! let message = ToController::Command(command);
 //! let mut buffer = [0; MAX_COMMAND_FRAME];
 //! let length = encode(&message, &mut buffer).unwrap();
 //!
@@ -63,12 +70,12 @@ pub use message::{
     Command, Description, Feedback, FromController, JointDescription, JointReading, Message, ToController,
 };
 
-/// The version that both sides must have in common; a [`Description`] says the controller's. It goes up with
-/// every change to the bytes on the line.
+/// Version of the protocol. Both sides must have the same version; a [`Description`] contains that
+/// of the controller. It increases with every change to the bytes on the line.
 pub const PROTOCOL_VERSION: u16 = 1;
 
-/// The most joints that one port carries. A rig with more has several ports.
+/// Largest number of joints on one port. A rig with more joints needs several ports.
 pub const MAX_JOINTS: usize = 16;
 
-/// The longest [`Description::firmware`], in bytes of UTF-8.
+/// Largest length of [`Description::firmware`], in bytes of UTF-8.
 pub const MAX_FIRMWARE_BYTES: usize = 32;

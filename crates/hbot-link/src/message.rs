@@ -1,20 +1,20 @@
-//! What is said on the line. Fields stand here in the order in which they are encoded.
+//! The messages of the protocol. The fields are in the order in which they are encoded.
 
 use crate::{
     ControllerFlags, JointFlags, MAX_COMMAND_FRAME, MAX_FEEDBACK_FRAME, MAX_FIRMWARE_BYTES, MAX_JOINTS,
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-/// Host to controller.
+/// A message from the host to a motor controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToController {
-    /// Asks for a [`Description`]; the first message after the port is opened.
+    /// Asks the controller for a [`Description`]. It is the first message after the port is opened.
     Describe,
-    /// Torques for one tick.
+    /// The torques of one tick.
     Command(Command),
 }
 
-/// Controller to host, and only in answer to a message from there.
+/// A message from a motor controller to the host. A controller sends one only as an answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[expect(
     clippy::large_enum_variant,
@@ -31,74 +31,79 @@ pub enum FromController {
 ///
 /// # Valid commands
 ///
-/// A command is valid where its frame is accepted, its torques are as many as the controller's joints, and
-/// each of them is finite. This crate checks the first alone. Firmware must check the rest and act on no
-/// other: an invalid command is not answered and does not feed the watchdog.
+/// A command is valid if three conditions hold: its frame is accepted, it has one torque per joint
+/// of the controller, and each torque is finite. This crate checks only the first. Firmware must
+/// check the others. It must not act on an invalid command, not answer it and not restart the
+/// watchdog with it.
 ///
 /// # The watchdog
 ///
-/// A controller that hears no valid command for `watchdog_ms` goes to zero torque by itself, sets
-/// [`ControllerFlags::WATCHDOG_EXPIRED`], and stays there, however many commands arrive after, until it sees
-/// a command with `enable = false`. That one clears the flag; the next with `enable = true` may give torque
-/// again.
+/// If a controller receives no valid command for `watchdog_ms`, it goes to zero torque by itself
+/// and sets [`ControllerFlags::WATCHDOG_EXPIRED`]. It stays at zero torque, however many commands
+/// arrive, until it receives a command with `enable = false`. That command clears the flag. The
+/// next command with `enable = true` can give torque again.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Command {
-    /// Counts the commands of this port and wraps; the feedback repeats it.
+    /// Number of the command on this port. It wraps. The feedback repeats it.
     pub sequence: u32,
-    /// Whether the torques are to be applied. Where false, the joints are free of torque whatever `torque`
-    /// says, and an expired watchdog is cleared.
+    /// True if the torques are to be applied. If false, the joints have no torque, whatever
+    /// `torque` contains, and an expired watchdog is cleared.
     pub enable: bool,
-    /// How long this command holds with no other after it, in ms from its arrival; 1 to 65535. A host never
-    /// sends 0; a controller takes 0 as expired on arrival, so the command gives no torque.
+    /// Watchdog time in ms, 1 to 65535: how long the command is valid after its arrival if no other
+    /// command follows. A host never sends 0. A controller treats 0 as expired on arrival, so the
+    /// command gives no torque.
     pub watchdog_ms: u16,
-    /// Torque at each joint, after the gear, in N m, in the order of the description. Its sign is the
-    /// controller's own: positive turns the joint towards greater counts. Signs of the rig are put right by
-    /// the host.
+    /// Torque at each joint, after the gear, N m, in the order of the description. The sign is that
+    /// of the controller: a positive torque turns the joint towards greater counts. The host
+    /// converts the signs of the rig.
     pub torque: heapless::Vec<f32, MAX_JOINTS>,
 }
 
-/// What a controller is.
+/// The description that a motor controller gives of itself: protocol version, firmware and joints.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Description {
-    /// The controller's [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION). A host refuses any but its own.
+    /// [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION) of the controller. A host refuses any version
+    /// except its own.
     pub protocol: u16,
     /// Name and version of the firmware, for people to read.
     pub firmware: heapless::String<MAX_FIRMWARE_BYTES>,
-    /// The joints of the port. Commands and feedback keep this order.
+    /// The joints of the port. Commands and feedback have the same order.
     pub joints: heapless::Vec<JointDescription, MAX_JOINTS>,
 }
 
-/// What a joint is.
+/// The properties of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JointDescription {
-    /// Counts in one turn of the encoder, before the gear; 1 or more. The host holds it against the rig file.
+    /// Encoder counts per turn of the encoder, before the gear; 1 or more. The host compares it
+    /// with the rig file.
     pub counts_per_turn: u32,
 }
 
-/// What the joints of the port read, all sampled together on the arrival of the command that this answers.
+/// The readings of all joints of the port. All are sampled together when the answered command
+/// arrives.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Feedback {
-    /// [`Command::sequence`] of the command that this answers.
+    /// [`Command::sequence`] of the command that is answered.
     pub sequence: u32,
-    /// The state of the controller once it has taken that command in.
+    /// State of the controller after it has processed that command.
     pub flags: ControllerFlags,
-    /// One reading a joint, in the order of the description.
+    /// One reading per joint, in the order of the description.
     pub joints: heapless::Vec<JointReading, MAX_JOINTS>,
 }
 
-/// What one joint reads.
+/// The reading of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointReading {
-    /// Position at the encoder, before the gear, in counts. Wraps from [`i32::MAX`] to [`i32::MIN`] and back:
-    /// the motion between two readings is their wrapping difference.
+    /// Position of the encoder, before the gear, in counts. It wraps from [`i32::MAX`] to
+    /// [`i32::MIN`] and back: the motion between two readings is their wrapping difference.
     pub count: i32,
-    /// Rate of the joint, after the gear, in rad/s; positive towards greater counts.
+    /// Rate of the joint, after the gear, rad/s; positive towards greater counts.
     pub rate: f32,
-    /// Motor current in A; positive drives towards greater counts. 0 where it is not measured.
+    /// Motor current, A; positive current drives towards greater counts. 0 if it is not measured.
     pub current: f32,
-    /// Temperature of the motor in degrees Celsius. 0 where it is not measured.
+    /// Temperature of the motor, degrees Celsius. 0 if it is not measured.
     pub temperature: f32,
-    /// What there is to say of this joint.
+    /// State of this joint, as a set of flags.
     pub flags: JointFlags,
 }
 
@@ -108,10 +113,11 @@ mod sealed {
     impl Sealed for super::FromController {}
 }
 
-/// A message that travels in a frame of its own: [`ToController`] or [`FromController`], and no other type.
+/// A message that is sent in its own frame: [`ToController`] or [`FromController`]. The trait is
+/// sealed.
 pub trait Message: Serialize + DeserializeOwned + sealed::Sealed {
-    /// The most bytes that a frame of this type has on the line, delimiter included: a buffer of this size
-    /// always suffices.
+    /// Largest number of bytes of a frame of this type on the line, with its delimiter. A buffer of
+    /// this size is always large enough.
     const MAX_FRAME: usize;
 }
 

@@ -1,24 +1,25 @@
-//! Bars one below the other.
+//! Draws horizontal bars, one below the other.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{COLOURS, drawn, failed, short};
 
-/// One bar.
+/// One bar of a bar chart, drawn by [`bars()`].
 #[derive(Debug, Clone)]
 pub struct Bar {
-    /// What stands beside it.
+    /// Name, drawn left of the bar.
     pub name: String,
-    /// Its length.
+    /// Value that gives the length of the bar.
     pub value: f64,
-    /// How far the value is sure: quartiles.
+    /// Lower and upper quartile of the value, drawn as a line over the bar.
     pub spread: Option<[f64; 2]>,
-    /// Which colour.
+    /// Index into the palette of eight colours. Larger numbers start again from the first.
     pub colour: usize,
 }
 
-/// Bars one below the other as SVG; `x` says what their lengths are.
+/// Draws bars one below the other and returns the picture as SVG. `x` is the label of the axis of
+/// values.
 #[must_use]
 pub fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
     let mut out = String::new();
@@ -69,7 +70,7 @@ pub fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
             let text = EmptyElement::at((reach(bar).max(0.0), y + 0.5))
                 + Text::new(short(bar.value), (6, -6), label.clone());
             chart.draw_series([text]).map_err(failed)?;
-            // Names stand left of the axis.
+            // Names are drawn left of the axis.
             let (x0, middle) = chart.backend_coord(&(1.05 * least, y + 0.5));
             let place = (x0 - 8, middle);
             let style = label.clone().pos(Pos::new(HPos::Right, VPos::Center));

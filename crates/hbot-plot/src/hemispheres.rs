@@ -1,4 +1,4 @@
-//! A value over all directions, as two discs: the sphere from above and from below.
+//! Draws a value over all directions as two discs: the unit sphere seen from above and from below.
 
 use hbot_core::Vec3;
 use plotters::prelude::*;
@@ -7,18 +7,20 @@ use crate::{Failed, Surface, failed};
 
 /// Height of both discs with their title and names, pixels.
 pub(crate) const HEIGHT: u32 = 440;
-/// Radius of a disc and side of a cell, pixels.
+/// Radius of a disc, pixels. `CELL` is the side of a cell.
 const RADIUS: i32 = 186;
 const CELL: i32 = 6;
-/// Shades from the least value to the largest.
+/// Number of shades between the smallest and the largest value.
 const SHADES: u32 = 10;
-/// Of each disc: 1 for the upper half of the sphere, -1 for the lower; where its centre stands, pixels; its name.
+/// For each disc: the side of the sphere (1 upper, -1 lower), the x coordinate of its centre in
+/// pixels, and its name.
 const SIDES: [(f64, i32, &str); 2] = [(1.0, 225, "seen from above (z)"), (-1.0, 615, "seen from below (-z)")];
 
-/// A cell of a disc: its upper left corner from the disc's centre, pixels, y up, and its value.
+/// A cell of a disc: x and y of its upper left corner relative to the disc's centre (pixels, y up),
+/// and its value.
 type Cell = (i32, i32, f64);
 
-/// A value over all directions, drawn in shades: dark is little.
+/// A value over all directions, drawn as two shaded discs. Small values are dark.
 #[derive(Debug, Clone)]
 pub struct Hemispheres {
     title: String,
@@ -26,7 +28,8 @@ pub struct Hemispheres {
 }
 
 impl Hemispheres {
-    /// Looks `value` up for the direction (a unit vector) in the middle of every cell.
+    /// Creates the discs from `value`, which is called with the direction (a unit vector) of the
+    /// centre of every cell.
     pub fn new(title: &str, mut value: impl FnMut(Vec3) -> f64) -> Self {
         Self { title: title.to_owned(), cells: SIDES.map(|(side, ..)| cells(&mut value, side)) }
     }
@@ -54,7 +57,8 @@ impl Hemispheres {
     }
 }
 
-/// Draws the cells of one disc. Neighbours of one shade in a row are one box, which keeps files small.
+/// Draws the cells of one disc. Neighbours in a row with equal shade become one box, which keeps
+/// files small.
 fn disc(
     area: &Surface<'_>,
     cells: &[Cell],
@@ -70,7 +74,7 @@ fn disc(
             .count();
         let grey = 40 + 200 * shade(*value) / (SHADES - 1);
         let colour = RGBColor((grey * 7 / 8) as u8, (grey * 15 / 16) as u8, grey.min(255) as u8);
-        // A pixel over the edge, which the next box covers: no seams.
+        // The box overlaps the next one by a pixel, so that no seam shows.
         let end = corner(x + run as i32 * CELL + 1, y - CELL - 1);
         area.draw(&Rectangle::new([corner(*x, *y), end], colour.filled())).map_err(failed)?;
         rest = &rest[run..];
@@ -78,7 +82,7 @@ fn disc(
     Ok(())
 }
 
-/// The cells of one side, row by row from the top.
+/// Returns the cells of one side, row by row from the top.
 fn cells(value: &mut impl FnMut(Vec3) -> f64, side: f64) -> Vec<Cell> {
     let steps = RADIUS / CELL;
     let mut cells = Vec::new();
@@ -88,7 +92,7 @@ fn cells(value: &mut impl FnMut(Vec3) -> f64, side: f64) -> Vec<Cell> {
             let (x, y) = (middle(column), middle(row - 1));
             let rest = 1.0 - x * x - y * y;
             if rest > 0.0 {
-                // From below, x to the right still: y then points down.
+                // Seen from below, x still points right, so y points down.
                 let direction = Vec3::new(x, y * side, side * rest.sqrt());
                 cells.push((column * CELL, row * CELL, value(direction)));
             }
@@ -101,7 +105,7 @@ fn cells(value: &mut impl FnMut(Vec3) -> f64, side: f64) -> Vec<Cell> {
 mod tests {
     use super::*;
 
-    /// The halves of the sphere are told apart, and each direction is a unit vector.
+    /// The discs show different halves of the sphere, and each direction is a unit vector.
     #[test]
     fn every_cell_has_the_value_of_its_direction() {
         let mut seen = Vec::new();
@@ -113,7 +117,7 @@ mod tests {
             both.cells[0].iter().all(|cell| cell.2 > 0.0) && both.cells[1].iter().all(|cell| cell.2 < 0.0)
         );
         assert_eq!(both.cells[0].len(), both.cells[1].len());
-        // A disc of radius 31 cells.
+        // A disc with a radius of 31 cells.
         assert!((both.cells[0].len() as f64 / (core::f64::consts::PI * 31.0 * 31.0) - 1.0).abs() < 0.01);
         assert!(seen.iter().all(|direction| (direction.length() - 1.0).abs() < 1e-12));
     }

@@ -1,17 +1,17 @@
-//! Plots as SVG text, for the studies and for `hbot scene plot`.
+//! Draws plots as SVG text, for the studies and for `hbot scene plot`.
 //!
 //! | module | what it draws |
 //! |---|---|
-//! | `lines` | lines over a plane, with even or logarithmic axes: [`Lines`] |
-//! | `scatter` | groups of points, single ones marked by name: [`Scatter`] |
-//! | `bars` | bars one below the other: [`bars()`] |
-//! | `map` | a value over a square of angles, in colours: [`maps`] |
-//! | `sketch` | a sphere and what stands around it: [`Sketch`] |
-//! | `panels` | curves over even axes, one panel below the other: [`sheet`] |
+//! | `lines` | lines in a plane, with linear or logarithmic axes: [`Lines`] |
+//! | `scatter` | groups of points and one marked point: [`Scatter`] |
+//! | `bars` | horizontal bars, one below the other: [`bars()`] |
+//! | `map` | a value over a square of angles, as colours: [`maps`] |
+//! | `sketch` | a sphere with lines, arrows and points around it: [`Sketch`] |
+//! | `panels` | curves over linear axes, one panel below the other: [`sheet`] |
 //! | `hemispheres` | a value over all directions, as two discs: [`Hemispheres`] |
-//! | `plane` | axes and legend that they share |
+//! | `plane` | axes and legends for the other modules |
 //!
-//! The same input gives the same text on every machine.
+//! Equal inputs give equal text on every machine.
 
 mod bars;
 mod hemispheres;
@@ -33,7 +33,7 @@ pub use panels::{Curve, Panel, sheet};
 pub use scatter::{Cloud, Scatter};
 pub use sketch::{Pen, Sketch};
 
-/// Colours that people of any colour vision tell apart (Okabe and Ito 2008).
+/// Colours that people with any colour vision can distinguish (Okabe and Ito 2008).
 const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -50,7 +50,7 @@ const SIZE: (u32, u32) = (960, 540);
 
 type Surface<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A number with few digits, as axes and tables have it.
+/// Formats a number with few digits, for axes and tables: `0.25`, `1234`, `1.5e-7`.
 #[must_use]
 pub fn short(value: f64) -> String {
     let size = value.abs();
@@ -66,7 +66,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Drawing into a string fails only where plotters has a bug.
+/// A drawing error. Drawing into a string fails only if plotters has a bug.
 #[derive(Debug)]
 struct Failed(String);
 

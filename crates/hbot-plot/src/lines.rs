@@ -1,4 +1,4 @@
-//! Lines over a plane, with even or logarithmic axes.
+//! Draws lines in a plane, with linear or logarithmic axes.
 
 use std::ops::Range;
 
@@ -8,36 +8,40 @@ use plotters::prelude::*;
 use crate::plane::{Axis, Legend, MARKS, PALE, TOP, Words, plane, rooms};
 use crate::{COLOURS, Failed, SIZE, Surface, drawn, failed};
 
-/// A line of more points than this is drawn without them: they would run together.
+/// Largest number of points that are drawn on a line. If there are more, only the line is drawn,
+/// because the points would run together.
 const MARKED: usize = 120;
 
-/// One line of a plot.
+/// One line of a plot, drawn by [`Lines`].
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// What it is called in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Its points.
+    /// Points (x, y) of the line.
     pub points: Vec<(f64, f64)>,
-    /// Which colour; lines that belong together share one.
+    /// Index into the palette of eight colours. Lines that belong together share a colour.
     pub colour: usize,
-    /// Open points and a thin line, instead of filled ones: a prediction, or the other width of numbers.
+    /// Whether to draw open points and a thin line instead of filled points. It marks a prediction,
+    /// or numbers of the other width (f32 or f64).
     pub open: bool,
 }
 
-/// Lines over a plane.
+/// A plot of lines in a plane.
 #[derive(Debug, Clone)]
 pub struct Lines {
-    /// The title.
+    /// Title of the plot.
     pub title: String,
-    /// What stands at the lower axis.
+    /// Label of the x axis.
     pub x: String,
-    /// What stands at the left axis.
+    /// Label of the y axis.
     pub y: String,
-    /// Whether each axis is logarithmic; what is not positive is left out then.
+    /// Whether the x axis and the y axis are logarithmic. Points that are not positive on a
+    /// logarithmic axis are left out.
     pub log: [bool; 2],
-    /// The lines.
+    /// The lines of the plot.
     pub series: Vec<Series>,
-    /// Marks what no other point beats in both x and y.
+    /// Whether to circle the Pareto front: the points that no other point beats, where small x and
+    /// y are best.
     pub front: bool,
 }
 
@@ -48,7 +52,7 @@ impl Series {
 }
 
 impl Lines {
-    /// The plot as SVG.
+    /// Draws the plot and returns it as SVG.
     #[must_use]
     pub fn svg(&self) -> String {
         let mut out = String::new();
@@ -80,7 +84,7 @@ impl Lines {
             low / 1.6..high * 1.6
         } else {
             let margin = if high > low { 0.05 * (high - low) } else { 1.0 };
-            // An axis that begins near zero begins at zero.
+            // An axis that would begin near zero begins at zero.
             let bottom = if low >= 0.0 && low < 0.3 * high { 0.0 } else { low - margin };
             bottom..high + margin
         }
@@ -121,7 +125,7 @@ impl Lines {
         Ok(())
     }
 
-    /// What each line is, beside the plane.
+    /// Draws the legend beside the plane.
     fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
@@ -144,7 +148,8 @@ impl Lines {
         Ok(())
     }
 
-    /// The points that no other beats: none that is cheaper is as good to 5 %.
+    /// Returns the points of the front. A point is beaten by one with smaller x whose y is at most
+    /// 5 % larger, or by one with smaller y whose x is not larger.
     fn best(&self) -> Vec<(f64, f64)> {
         let all: Vec<(f64, f64)> =
             self.series.iter().flat_map(|s| &s.points).copied().filter(|p| self.visible(p)).collect();

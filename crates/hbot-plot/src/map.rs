@@ -1,4 +1,4 @@
-//! Maps: a value over a plane, in colours, with a bar that says what they mean.
+//! Draws maps: a value over a plane as colours, with a colour bar.
 
 use std::ops::Range;
 
@@ -7,12 +7,14 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{Failed, Surface, drawn, failed, short};
 
-/// Size of one map with its bar, pixels.
+/// Width and height of one map with its bar, pixels.
 const SIZE: (u32, u32) = (560, 470);
-/// Steps of colour: neighbouring cells of the same one are drawn as one, which keeps files small.
+/// Number of colour bands. Neighbouring cells of one band are drawn as one rectangle, which keeps
+/// files small.
 const BANDS: usize = 20;
 
-/// Stops of the viridis map (Smith, van der Walt and Firing 2015), which people of any colour vision read, dark for little.
+/// Stops of the viridis colour map (Smith, van der Walt and Firing 2015), dark for small values.
+/// People with any colour vision can read it.
 const VIRIDIS: [[f64; 3]; 9] = [
     [68.0, 1.0, 84.0],
     [71.0, 44.0, 122.0],
@@ -25,26 +27,27 @@ const VIRIDIS: [[f64; 3]; 9] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// A value over a square of angles, deg.
+/// A map of a value over a square of angles in degrees, drawn by [`maps`].
 #[derive(Debug, Clone)]
 pub struct Map {
-    /// The title.
+    /// Title of the map.
     pub title: String,
-    /// What stands at the lower axis.
+    /// Label of the x axis.
     pub x: String,
-    /// What stands at the left axis.
+    /// Label of the y axis.
     pub y: String,
-    /// What both axes span, deg.
+    /// Range of both axes, degrees.
     pub span: Range<f64>,
-    /// The values at the middles of even cells, row by row from the lowest y; as many rows as cells in a row.
+    /// Values at the centres of a square grid of equal cells, row by row from the lowest y.
     pub values: Vec<f64>,
-    /// What the bar spans; values beyond have the colour of its end.
+    /// Range of the colour bar. Values outside it have the colour of the nearer end.
     pub range: Range<f64>,
-    /// Lines over the map, such as where the value is zero.
+    /// Lines drawn over the map, for example along the zeros of the value. Each has two ends (x,
+    /// y).
     pub lines: Vec<[(f64, f64); 2]>,
 }
 
-/// Maps side by side, two in a row.
+/// Draws maps side by side, two in a row, and returns the picture as SVG.
 #[must_use]
 pub fn maps(all: &[Map]) -> String {
     let columns = all.len().min(2);
@@ -58,7 +61,7 @@ pub fn maps(all: &[Map]) -> String {
 }
 
 impl Map {
-    /// Cells in a row.
+    /// Returns the number of cells in a row.
     fn cells(&self) -> usize {
         self.values.len().isqrt()
     }
@@ -77,7 +80,7 @@ impl Map {
             .y_label_area_size(58)
             .build_cartesian_2d(self.span.clone(), self.span.clone())
             .map_err(failed)?;
-        // Places on the whole drawing, as seen from this map's corner.
+        // Converts positions on the whole drawing to positions relative to this map's corner.
         let (left_edge, top_edge) = whole.get_base_pixel();
         let shifted = |(x, y): (i32, i32)| (x - left_edge, y - top_edge);
         let cells = self.cells();
@@ -106,7 +109,7 @@ impl Map {
             .axis_desc_style(("sans-serif", 14))
             .draw()
             .map_err(failed)?;
-        // Angles are read in quarter turns, which plotters does not choose by itself.
+        // Angles are labelled every quarter of the range, which plotters does not do by itself.
         let font = ("sans-serif", 13).into_font().color(&BLACK);
         let below = font.clone().pos(Pos::new(HPos::Center, VPos::Top));
         let beside = font.pos(Pos::new(HPos::Right, VPos::Center));
@@ -126,7 +129,7 @@ impl Map {
         self.bar(&bar)
     }
 
-    /// What the colours mean.
+    /// Draws the colour bar with its numbers.
     fn bar(&self, area: &Surface<'_>) -> Result<(), Failed> {
         let (top, bottom) = (38, SIZE.1 as i32 - 52);
         let place = |part: f64| bottom - (part * f64::from(bottom - top)).round() as i32;
@@ -145,7 +148,7 @@ impl Map {
     }
 }
 
-/// The colour of a band.
+/// Returns the colour of a band.
 fn colour(band: usize) -> RGBColor {
     let stops = (VIRIDIS.len() - 1) as f64;
     let along = stops * band as f64 / (BANDS - 1) as f64;
@@ -175,7 +178,7 @@ mod tests {
         };
         assert_eq!([map.band(-1.0), map.band(0.5), map.band(9.0)], [0, BANDS / 2, BANDS - 1]);
         let svg = maps(std::slice::from_ref(&map));
-        // The white ground, three runs, the bar.
+        // The white background, three rectangles, and the bar.
         assert_eq!(svg.matches("<rect").count(), 1 + 3 + BANDS);
         assert!(svg.contains("Margin") && svg.contains("theta 2"));
     }

@@ -1,4 +1,4 @@
-//! Curves over even axes, one panel below the other, with one title.
+//! Draws curves over linear axes, in panels one below the other with a common title.
 
 use std::ops::Range;
 
@@ -8,41 +8,42 @@ use crate::hemispheres::{self, Hemispheres};
 use crate::plane::{Axis, Legend, Words, plane, rooms};
 use crate::{COLOURS, Failed, Surface, drawn, failed};
 
-/// Width of the picture and height of each panel, pixels.
+/// Width of the picture, pixels. `PANEL` is the height of each panel.
 const WIDTH: u32 = 840;
 const PANEL: u32 = 250;
 /// Height of the title, pixels.
 const TITLE: u32 = 40;
 
-/// One curve of a panel.
+/// One curve of a [`Panel`].
 #[derive(Debug, Clone)]
 pub struct Curve {
-    /// Its name in the legend, if it has one.
+    /// Name in the legend. A curve without a name has no legend entry.
     pub name: Option<String>,
-    /// Its points.
+    /// Points (x, y) of the curve.
     pub points: Vec<(f64, f64)>,
-    /// Which colour, for a thin line. `None`: a strong black one.
+    /// Index into the palette of eight colours, for a thin line. `None` gives a thick black line.
     pub colour: Option<usize>,
-    /// Dashed and thin.
+    /// Whether the line is dashed and thin.
     pub dashed: bool,
 }
 
-/// One panel: curves over the same axes.
+/// One panel: several curves over common axes.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// What stands at the lower axis.
+    /// Label of the x axis.
     pub x: String,
-    /// What stands at the left axis.
+    /// Label of the y axis.
     pub y: String,
-    /// What the lower axis spans, and about how many numbers stand at it.
+    /// Range of the x axis, and the approximate number of its tick labels.
     pub x_range: (Range<f64>, usize),
-    /// What the left axis spans.
+    /// Range of the y axis.
     pub y_range: Range<f64>,
-    /// The curves; later ones are drawn over earlier ones.
+    /// The curves. Later ones are drawn over earlier ones.
     pub curves: Vec<Curve>,
 }
 
-/// Draws panels one below the other, and `below` them the two discs if there are any; the picture as SVG.
+/// Draws panels one below the other, with the discs of `below`, if any, under them. Returns the
+/// picture as SVG.
 #[must_use]
 pub fn sheet(title: &str, panels: &[Panel], below: Option<&Hemispheres>) -> String {
     let height = TITLE + PANEL * panels.len() as u32 + below.map_or(0, |_| hemispheres::HEIGHT);
@@ -67,7 +68,8 @@ impl Panel {
         self.curves.iter().filter_map(|curve| curve.name.as_deref())
     }
 
-    /// Draws the panel. `names`: those of all panels, which leave the same room for their legends.
+    /// Draws the panel. `names` are the curve names of all panels, so that all legends get equal
+    /// widths.
     fn draw(&self, place: &Surface<'_>, names: &[&str]) -> Result<(), Failed> {
         let mut area = place.clone();
         if !names.is_empty() {
@@ -135,7 +137,7 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         assert!(svg.starts_with(r#"<svg width="840" height="540""#), "{}", &svg[..60]);
-        // Without a name there is no legend, and its room is the plane's.
+        // Without names there is no legend, and the plane takes its place.
         assert!(sheet("A scene", std::slice::from_ref(&alone), None).contains("angle"));
         let discs = Hemispheres::new("energy", |direction| direction.z);
         assert!(

@@ -1,4 +1,4 @@
-//! What plots over a plane share: axes with a title, and beside them a legend.
+//! Axes with a title, and the legend beside them, for all plots in a plane.
 
 use std::ops::Range;
 
@@ -8,39 +8,41 @@ use plotters::prelude::*;
 
 use crate::{Failed, Surface, failed, short};
 
-/// What stands at a plot and its axes.
+/// The texts of a plot and the density of its axis marks.
 pub(crate) struct Words<'a> {
-    /// Above the plot; nothing if empty.
+    /// Title above the plot. Empty for no title.
     pub(crate) title: &'a str,
     pub(crate) x: &'a str,
     pub(crate) y: &'a str,
-    /// About how many numbers stand at the lower axis.
+    /// Approximate number of labels on the x axis.
     pub(crate) x_marks: usize,
-    /// Into how many parts at most pale lines divide the room between two numbers.
+    /// Largest number of parts into which pale lines divide the distance between two labels.
     pub(crate) pale: usize,
 }
 
-/// [`Words::x_marks`] and [`Words::pale`] of a plot by itself.
+/// Value of [`Words::x_marks`] for a plot that fills its picture. `PALE` is that of
+/// [`Words::pale`].
 pub(crate) const MARKS: usize = 8;
 pub(crate) const PALE: usize = 10;
 
-/// One axis.
+/// One axis of a plane, linear or logarithmic.
 pub(crate) struct Axis<C> {
-    /// Even or logarithmic.
+    /// The plotters coordinate, which is linear or logarithmic.
     pub(crate) coordinate: C,
-    /// Below this a mark is zero: at zero it is off it by the rounding of the marks' distance.
+    /// Values below this are labelled 0. The computed mark at zero can be off by a rounding error.
     pub(crate) rounding: f64,
 }
 
 impl Axis<Range<f64>> {
-    /// An even axis.
+    /// Returns a linear axis over `range`.
     pub(crate) fn even(range: Range<f64>) -> Self {
         let rounding = 1.0e-9 * (range.end - range.start);
         Self { coordinate: range, rounding }
     }
 }
 
-/// The room of the plane and that of its legend, which has the longest of these names.
+/// Splits an area into a part for the plane and a part for its legend, wide enough for the longest
+/// of `names`.
 pub(crate) fn rooms<'a, 'b>(
     whole: &Surface<'a>,
     names: impl Iterator<Item = &'b str>,
@@ -49,14 +51,14 @@ pub(crate) fn rooms<'a, 'b>(
     whole.split_horizontally(whole.dim_in_pixel().0 as i32 - 44 - 7 * longest as i32)
 }
 
-/// A plane with its axes drawn.
+/// A chart with its axes drawn.
 type Plane<'a, 'b, X, Y> = ChartContext<
     'b,
     SVGBackend<'a>,
     Cartesian2d<<X as AsRangedCoord>::CoordDescType, <Y as AsRangedCoord>::CoordDescType>,
 >;
 
-/// Draws the axes.
+/// Draws the axes and returns the chart for the curves.
 pub(crate) fn plane<'a, 'b, X, Y>(
     area: &'b Surface<'a>,
     words: &Words<'_>,
@@ -98,22 +100,23 @@ where
     Ok(chart)
 }
 
-/// [`Legend::on`] below the title of a plot by itself.
+/// Value of `top` in [`Legend::on`] that places a legend below the title of a plot that fills its
+/// picture.
 pub(crate) const TOP: i32 = 56;
 
-/// What each colour and mark is, one below the other: the marks first, then the name of each.
+/// A legend with one entry per line: the mark first, then its name.
 pub(crate) struct Legend<'a, 'b> {
     area: &'b Surface<'a>,
     y: i32,
 }
 
 impl<'a, 'b> Legend<'a, 'b> {
-    /// A legend whose first line stands `top` pixels below the upper edge of `area`.
+    /// Creates a legend whose first entry is `top` pixels below the upper edge of `area`.
     pub(crate) fn on(area: &'b Surface<'a>, top: i32) -> Self {
         Self { area, y: top }
     }
 
-    /// Leaves some pixels out.
+    /// Leaves a gap of `pixels` before the next entry.
     pub(crate) fn skip(&mut self, pixels: i32) {
         self.y += pixels;
     }
@@ -126,7 +129,7 @@ impl<'a, 'b> Legend<'a, 'b> {
         self.area.draw(&Circle::new((16, self.y), radius, style)).map_err(failed)
     }
 
-    /// A filled shape, by its corners from its middle.
+    /// Draws a filled polygon as the mark. `corners` are relative to its centre, pixels.
     pub(crate) fn shape(&self, corners: &[(i32, i32)], colour: RGBColor) -> Result<(), Failed> {
         let corners: Vec<_> = corners.iter().map(|(dx, dy)| (16 + dx, self.y + dy)).collect();
         self.area.draw(&Polygon::new(corners, colour.filled())).map_err(failed)

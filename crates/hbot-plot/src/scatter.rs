@@ -1,4 +1,4 @@
-//! Points over a plane in groups, with single ones marked by name: many designs at once.
+//! Draws groups of points and one marked point in a plane, for example many designs at once.
 
 use std::ops::Range;
 
@@ -7,36 +7,37 @@ use plotters::prelude::*;
 use crate::plane::{Axis, Legend, MARKS, PALE, TOP, Words, plane, rooms};
 use crate::{COLOURS, Failed, SIZE, Surface, drawn, failed};
 
-/// Points of one kind.
+/// A group of points of one kind, drawn by a [`Scatter`].
 #[derive(Debug, Clone)]
 pub struct Cloud {
-    /// What it is called in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Its points.
+    /// Points (x, y) of the group.
     pub points: Vec<(f64, f64)>,
-    /// Which colour.
+    /// Index into the palette of eight colours. Larger numbers start again from the first.
     pub colour: usize,
-    /// Joined by a line in their order, and larger; else small open points.
+    /// Whether the points are large and joined by a line in their order. Otherwise they are small
+    /// and open.
     pub joined: bool,
 }
 
-/// Clouds of points on even axes.
+/// A plot of groups of points over linear axes, with one marked point.
 #[derive(Debug, Clone)]
 pub struct Scatter {
-    /// The title.
+    /// Title of the plot.
     pub title: String,
-    /// What stands at the lower axis.
+    /// Label of the x axis.
     pub x: String,
-    /// What stands at the left axis.
+    /// Label of the y axis.
     pub y: String,
     /// The groups of points.
     pub clouds: Vec<Cloud>,
-    /// A point by itself, and what it is: a black diamond.
+    /// Name and position of a single point, drawn as a black diamond.
     pub mark: (String, (f64, f64)),
 }
 
 impl Scatter {
-    /// The plot as SVG.
+    /// Draws the plot and returns it as SVG.
     #[must_use]
     pub fn svg(&self) -> String {
         let mut out = String::new();
@@ -123,7 +124,7 @@ mod tests {
         // Three points of each cloud, and one of each in the legend.
         assert_eq!(svg.matches("<circle").count(), 8);
         assert_eq!(svg.matches("<polygon").count(), 2);
-        // The mark is inside its axes.
+        // The axes include the mark.
         assert!(scatter.range(|p| p.0).contains(&5.0));
     }
 }

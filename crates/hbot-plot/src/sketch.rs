@@ -1,4 +1,4 @@
-//! Sketches of a sphere and what stands around it, seen from far away.
+//! Draws sketches of a sphere with lines, arrows and points around it, in parallel projection.
 
 use hbot_core::Vec3;
 use plotters::prelude::*;
@@ -6,55 +6,58 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{COLOURS, Failed, Surface, drawn, failed};
 
-/// Points of the drawing in a pixel of the picture: plotters knows whole points alone, and a circle of whole pixels wobbles.
+/// Drawing points per pixel. plotters knows only whole points, and a circle of whole pixels would
+/// look uneven.
 const FINE: u32 = 16;
-/// Points of so many pixels.
+/// Converts pixels to drawing points.
 const fn pixels(count: u32) -> u32 {
     FINE * count
 }
 
-/// Pixels of each panel.
+/// Width and height of each panel, pixels.
 const SIZE: (u32, u32) = (500, 480);
-/// Pixels of a length of 1, the sphere's radius.
+/// Length of the sphere's radius, pixels.
 const SCALE: u32 = 140;
-/// Where the centre stands in its panel, pixels.
+/// Position of the sphere's centre in its panel, pixels.
 const CENTRE: (u32, u32) = (250, 240);
 
-/// How a line is drawn.
+/// The style of a line.
 #[derive(Debug, Clone, Copy)]
 pub enum Pen {
-    /// A thin grey one.
+    /// A thin grey line.
     Thin,
-    /// A strong one of a colour.
+    /// A thick line in the colour with this index in the palette.
     Strong(usize),
 }
 
-/// One panel: what is drawn in units of the sphere's radius, in N, around its centre.
+/// One panel of a picture: a sphere with lines, arrows and points around it.
 ///
-/// What lies behind the sphere's middle plane is drawn paler.
+/// Coordinates are in frame N relative to the sphere's centre, with the sphere's radius as the unit
+/// of length. Parts behind the plane through the centre are drawn paler.
 #[derive(Debug, Clone)]
 pub struct Sketch {
     title: String,
-    /// Right, up, and towards the eye.
+    /// Unit vectors that point right, up, and towards the eye.
     eye: [Vec3; 3],
     lines: Vec<(Vec<Vec3>, Pen)>,
     dots: Vec<(Vec3, usize)>,
     labels: Vec<Label>,
 }
 
-/// A name beside a place.
+/// A text next to a point.
 #[derive(Debug, Clone)]
 struct Label {
     at: Vec3,
     text: String,
-    /// Black without one.
+    /// Index into the palette of eight colours. `None` is black.
     colour: Option<usize>,
-    /// How far right and down of the place, points.
+    /// Offset from the point to the right and down, drawing points.
     off: [i32; 2],
 }
 
 impl Sketch {
-    /// Nothing but the sphere's outline, seen from `azimuth` (about n3 from n1) and `elevation`, deg.
+    /// Creates a sketch of the sphere's outline, seen from `azimuth` (about n3, from n1) and
+    /// `elevation`, degrees.
     #[must_use]
     pub fn new(title: impl Into<String>, azimuth: f64, elevation: f64) -> Self {
         let (sa, ca) = libm::sincos(azimuth.to_radians());
@@ -65,26 +68,26 @@ impl Sketch {
         Self { title: title.into(), eye, lines: Vec::new(), dots: Vec::new(), labels: Vec::new() }
     }
 
-    /// A line through `points`.
+    /// Adds a line through `points`.
     pub fn line(&mut self, points: Vec<Vec3>, pen: Pen) -> &mut Self {
         self.lines.push((points, pen));
         self
     }
 
-    /// A line from `from` to `to` with a head.
+    /// Adds a line from `from` to `to` with an arrow head.
     fn arrow(&mut self, from: Vec3, to: Vec3, pen: Pen) -> &mut Self {
         let along = to - from;
         let side = along.cross(self.eye[2]);
         let length = along.length();
         let width = side.length().max(1.0e-9);
-        // A head of a fixed size, but never longer than half of the arrow.
+        // The head has a fixed size, but at most half the length of the arrow.
         let head = f64::min(0.07, 0.5 * length);
         let (back, out) = (along * (head / length), side * (0.45 * head / width));
         self.line(vec![from, to], pen);
         self.line(vec![to - back + out, to, to - back - out], pen)
     }
 
-    /// An arrow with a name beyond its head.
+    /// Adds an arrow from `from` to `to` with a name beyond its head.
     pub fn named(&mut self, from: Vec3, to: Vec3, name: &str, pen: Pen) -> &mut Self {
         let colour = match pen {
             Pen::Thin => None,
@@ -93,20 +96,20 @@ impl Sketch {
         let [a, b] = [from, to].map(|at| self.place(at));
         let (x, y) = (f64::from(b.0 - a.0), f64::from(b.1 - a.1));
         let length = libm::hypot(x, y);
-        // An arrow that points at the eye has its name above.
+        // An arrow that points at the eye has its name above it.
         let (x, y) = if length > f64::from(pixels(6)) { (x / length, y / length) } else { (0.0, -1.0) };
         let off = [(14, x), (13, y)].map(|(far, along)| (f64::from(pixels(far)) * along).round() as i32);
         self.labels.push(Label { at: to, text: name.to_owned(), colour, off });
         self.arrow(from, to, pen)
     }
 
-    /// A point.
+    /// Adds a point at `at` in the colour with the index `colour`.
     pub fn dot(&mut self, at: Vec3, colour: usize) -> &mut Self {
         self.dots.push((at, colour));
         self
     }
 
-    /// The circle of the unit vectors at `angle` (rad) from `axis`.
+    /// Adds the circle of all unit vectors at `angle` (rad) from `axis`.
     pub fn circle(&mut self, axis: Vec3, angle: f64, pen: Pen) -> &mut Self {
         let across = if axis.z.abs() < 0.9 { Vec3::Z } else { Vec3::X };
         let u = axis.cross(across);
@@ -120,7 +123,7 @@ impl Sketch {
         self.line((0..=72).map(at).collect(), pen)
     }
 
-    /// Panels, two in a row.
+    /// Draws sketches as panels, two in a row, and returns the picture as SVG.
     #[must_use]
     pub fn panels(all: &[Self]) -> String {
         let columns = all.len().min(2);
@@ -149,7 +152,7 @@ impl Sketch {
         area.draw(&Circle::new(centre, radius, RGBColor(246, 247, 250).filled())).map_err(failed)?;
         area.draw(&Circle::new(centre, radius, RGBColor(150, 150, 150).stroke_width(pixels(1))))
             .map_err(failed)?;
-        // Far ones first.
+        // Parts behind the plane are drawn first.
         for front in [false, true] {
             for (points, pen) in &self.lines {
                 let near = |p: &[Vec3]| self.eye[2].dot(p[0] + p[1]) > -1.0e-9;
@@ -183,16 +186,16 @@ fn style(pen: Pen, front: bool) -> ShapeStyle {
     }
 }
 
-/// The colour itself, or a paler one for what is behind.
+/// Returns the colour, made paler if it is for a part behind the plane.
 fn shade(colour: RGBColor, front: bool) -> RGBColor {
     let pale = |c: u8| if front { c } else { ((u16::from(c) + 2 * 235) / 3) as u8 };
     RGBColor(pale(colour.0), pale(colour.1), pale(colour.2))
 }
 
-/// The same drawing in a picture of so many pixels.
+/// Sets the size of a picture to `width` and `height` pixels without changing the drawing.
 fn shrunk(svg: &str, (width, height): (u32, u32)) -> String {
     let of = |width: u32, height: u32| format!(r#"<svg width="{width}" height="{height}""#);
-    // The header says what the drawing measures; its viewBox does too, and stays.
+    // The header holds the size in drawing points. The viewBox holds it too and stays.
     svg.replacen(&of(pixels(width), pixels(height)), &of(width, height), 1)
 }
 
@@ -200,7 +203,7 @@ fn shrunk(svg: &str, (width, height): (u32, u32)) -> String {
 mod tests {
     use super::*;
 
-    /// The corners of a circle of the sphere are where they belong to a small part of a pixel.
+    /// The corners of a circle are within a small fraction of a pixel of their true places.
     #[test]
     fn circles_do_not_wobble() {
         let mut sketch = Sketch::new("A pole", 0.0, 90.0);
@@ -214,7 +217,7 @@ mod tests {
             let (x, y) = point.split_once(',').expect("x and y");
             let pixel = |points: &str| points.parse::<f64>().expect("a number") / f64::from(FINE);
             let far = libm::hypot(pixel(x) - f64::from(CENTRE.0), pixel(y) - f64::from(CENTRE.1));
-            // Half a point either way.
+            // Rounding by half a point in each direction.
             assert!((far - 0.5 * f64::from(SCALE)).abs() < 0.75 / f64::from(FINE), "{far}");
             corners += 1;
         }

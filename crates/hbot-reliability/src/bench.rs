@@ -1,4 +1,4 @@
-//! A server with what it talks to.
+//! Starts a server together with the processes that it talks to.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::Outcome;
 
-/// A process that ends with this one.
+/// A child process that is killed when this value is dropped.
 pub(crate) struct Other(pub(crate) Child);
 
 impl Other {
@@ -22,13 +22,13 @@ impl Other {
 
 impl Drop for Other {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process can have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// This program again, in another part, with lines to and from it.
+/// This program, run again in another role, with its standard input and output as lines.
 pub(crate) struct Helper {
     pub(crate) process: Other,
     input: ChildStdin,
@@ -51,7 +51,7 @@ impl Helper {
         Ok(writeln!(self.input, "{line}")?)
     }
 
-    /// The next line that it says.
+    /// Reads the next line that the process prints.
     pub(crate) fn line(&mut self) -> Outcome<String> {
         let mut line = String::new();
         self.output.read_line(&mut line)?;
@@ -59,7 +59,8 @@ impl Helper {
     }
 }
 
-/// The program that is put to the test.
+/// Returns a command for the `hbot` program under test, which must be in the folder of this
+/// program.
 pub(crate) fn hbot() -> Outcome<Command> {
     let path = std::env::current_exe()?.with_file_name("hbot");
     if !path.exists() {
@@ -68,19 +69,20 @@ pub(crate) fn hbot() -> Outcome<Command> {
     Ok(Command::new(path))
 }
 
-/// A server, its states watched.
+/// A running server, with a client that watches its states.
 pub(crate) struct Bench {
     pub(crate) server: Other,
     pub(crate) address: String,
     pub(crate) watcher: Client,
-    /// Where flight logs go, unless somewhere else.
+    /// Folder for flight logs, unless another is given.
     _state: tempfile::TempDir,
-    /// The end of the server's output, which must stay open.
+    /// The server's standard output, which must stay open.
     _out: BufReader<ChildStdout>,
 }
 
 impl Bench {
-    /// A server on `port`, with nothing to render but a client's torque, active.
+    /// Starts a server on `port` and brings it to active. Its scene has no effects, so the only
+    /// torque is a client's.
     pub(crate) fn start(port: &str, simulate: Value) -> Outcome<Self> {
         let state = tempfile::tempdir()?;
         let mut command = hbot()?;
@@ -91,7 +93,8 @@ impl Bench {
         Ok(bench)
     }
 
-    /// One whose states nobody takes, and of which nothing is asked but that its loop ticks.
+    /// Starts a server of which only the loop is used. No client receives its states, and it need
+    /// not become active.
     pub(crate) fn ticking() -> Outcome<Self> {
         let state = tempfile::tempdir()?;
         let mut command = hbot()?;
@@ -101,11 +104,12 @@ impl Bench {
         Ok(bench)
     }
 
-    /// The same with its flight logs in `logs`, what it says of them in the file `said`, and files of at most `blocks` (512 bytes).
+    /// Starts a server that writes its flight logs to `logs` and its warnings to the file `said`.
+    /// Files can have at most `blocks` blocks of 512 bytes.
     pub(crate) fn logging(logs: &Path, said: &Path, blocks: Option<u32>) -> Outcome<Self> {
         let hbot = hbot()?;
         let mut command = Command::new("sh");
-        // Writing beyond the limit is then an error, as on a disk that is full.
+        // With the signal ignored, writing beyond the limit is an error, as on a full disk.
         let limit = blocks.map_or_else(String::new, |n| format!("trap '' XFSZ; ulimit -f {n};"));
         command.arg("-c").arg(format!("{limit} exec \"$0\" \"$@\"")).arg(hbot.get_program());
         command.env("XDG_STATE_HOME", logs).env("HBOT_LOG", "warn").stderr(std::fs::File::create(said)?);
@@ -141,14 +145,15 @@ impl Bench {
         Ok(Self { server, address, watcher, _state: state, _out: out })
     }
 
-    /// Brings it to active, with the lease in hand.
+    /// Brings the server to active. The watcher then holds the lease.
     pub(crate) fn activate(&mut self) -> Outcome<()> {
-        // A machine that stood still for 20 ms has made a fault already, which is not what is looked at here.
+        // If the machine stood still for 20 ms, the server is already in a fault, which is not the
+        // fault under test.
         for _ in 0..10 {
             self.until(|state| state.mode != Mode::Unreferenced)?;
-            // Refused while its cause is there: then once more.
+            // A reset is refused while the cause of the fault persists. It is then tried again.
             let enabled = self.watcher.reset().and_then(|_| self.watcher.enable());
-            // States of before may still be on their way.
+            // States from before the reset can still arrive.
             let now = self.watcher.ping(Value::Null)?.tick;
             let settled =
                 self.until(|state| state.tick > now && !matches!(state.mode, Mode::Enabling | Mode::Idle))?;
@@ -159,7 +164,7 @@ impl Bench {
         Err("this machine cannot keep the rig active: `hbot doctor`".into())
     }
 
-    /// The next state for which `found` holds.
+    /// Returns the next state for which `found` is true. Fails if none comes within 20 s.
     pub(crate) fn until(&mut self, found: impl Fn(&StateEvent) -> bool) -> Outcome<StateEvent> {
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(20) {
@@ -176,7 +181,7 @@ impl Bench {
         Ok(self.watcher.stats()?)
     }
 
-    /// A client that pushes, its torque felt.
+    /// Starts a client that commands a torque, and waits until that torque acts.
     pub(crate) fn pushed(&mut self) -> Outcome<Helper> {
         let mut client = Helper::start(&["push", &self.address])?;
         client.line()?;

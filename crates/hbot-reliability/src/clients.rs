@@ -1,4 +1,4 @@
-//! Clients, and what they are compared with, as processes of their own.
+//! Test clients and an echo server, each run as a separate process.
 
 use std::time::{Duration, Instant};
 
@@ -9,10 +9,10 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use crate::Outcome;
 use crate::timing::quantile;
 
-/// How long a client's torque holds, ms.
+/// Time for which a client's torque is valid, ms.
 pub(crate) const VALID_MS: u64 = 100;
 
-/// Commands 0.3 N m a hundred times a second, for ever.
+/// Connects a client that commands 0.3 N m a hundred times a second, without end.
 pub(crate) fn push(address: &str) -> Outcome<()> {
     let mut client = Client::connect(address, "pusher")?;
     client.acquire(true)?;
@@ -25,7 +25,8 @@ pub(crate) fn push(address: &str) -> Outcome<()> {
     Ok(())
 }
 
-/// Renders a spring for itself: a state in, a torque out, every tick. Says how old its torques were, in ticks.
+/// Renders a spring in the client: receives a state and sends a torque every tick. Prints the age
+/// of its torques in ticks.
 pub(crate) fn render(address: &str, seconds: u64) -> Outcome<()> {
     let mut client = Client::connect(address, "renderer")?;
     client.acquire(true)?;
@@ -35,7 +36,8 @@ pub(crate) fn render(address: &str, seconds: u64) -> Outcome<()> {
         let Some(Event::State(state)) = client.next_event(Duration::from_secs(5))? else { continue };
         ages.extend(state.client.map(|client| client.age_ticks as f64));
         let [w, x, y, z] = state.q;
-        // Twice the vector part is the turn, for a small one; its sign is that of the nearer way.
+        // For a small turn, twice the vector part is the turn. The sign of w selects the shorter
+        // way.
         let torque = [x, y, z].map(|part| -0.2 * w.signum() * part);
         client.torque(TorqueCommand {
             torque,
@@ -50,7 +52,7 @@ pub(crate) fn render(address: &str, seconds: u64) -> Outcome<()> {
     Ok(())
 }
 
-/// Sends back what comes, on the same kind of runtime as the server's.
+/// Returns every byte it receives, on the kind of runtime that the server uses.
 pub(crate) fn echo() -> Outcome<()> {
     tokio::runtime::Builder::new_current_thread().enable_all().build()?.block_on(async {
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;

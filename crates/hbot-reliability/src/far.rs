@@ -1,5 +1,5 @@
-//! The motor controllers: a simulated rig at the far end of a pseudo-terminal. It gets into trouble as lines on standard input say,
-//! and keeps count of what it hears.
+//! The motor controllers: a simulated rig at the far end of a pseudo-terminal. Lines on standard
+//! input make it misbehave. It counts the commands that it receives.
 
 use std::io::{Read as _, Write as _};
 use std::sync::mpsc::{TryRecvError, channel};
@@ -16,25 +16,25 @@ use serialport::{SerialPort as _, TTYPort};
 
 use crate::Outcome;
 
-/// How it answers.
+/// How the motor controllers answer.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Manner {
-    /// As controllers do.
+    /// With proper readings.
     Well,
-    /// With bytes at random, as many as the line takes.
+    /// With random bytes, as many as the line takes.
     Babbles,
-    /// With the bytes that it has heard.
+    /// With the bytes that they received.
     Echoes,
 }
 
-/// What has been heard since the trouble began.
+/// Counts of the commands received, in part since the misbehaviour began.
 #[derive(Default)]
 struct Heard {
     since_ns: Option<u64>,
     commands: u64,
-    /// From the beginning of the trouble to the first command without torque, ns.
+    /// Time from the start of the misbehaviour to the first command without torque, ns.
     zero_after_ns: Option<u64>,
-    /// Commands with motors off and no torque, with none other after them.
+    /// Number of commands with motors off and zero torque at the end of all commands.
     last_zeros: u64,
 }
 
@@ -49,7 +49,7 @@ impl Heard {
         }
     }
 
-    /// One line of JSON.
+    /// Returns the counts as one line of JSON.
     fn report(&self) -> String {
         let ms = |ns: Option<u64>| ns.map(|ns| ns as f64 * 1e-6);
         json!({"zero_after_ms": ms(self.zero_after_ns), "last_zeros": self.last_zeros, "commands": self.commands})
@@ -57,12 +57,13 @@ impl Heard {
     }
 }
 
-/// Says where it can be opened, and is there until its standard input ends.
+/// Prints the path of its port and serves it until standard input ends.
 pub(crate) fn run() -> Outcome<()> {
     let (mut near, far) = TTYPort::pair()?;
     near.set_timeout(Duration::from_millis(1))?;
     println!("{}", far.name().ok_or("a pseudo-terminal without a name")?);
-    // Without the right to it other work on the machine can be felt, as it can in the server.
+    // Without the right to real-time priority, other work on the machine can delay this process, as
+    // it can delay the server.
     let _ = real_time(SIMULATOR_PRIORITY);
     let (orders, asked) = channel();
     std::thread::spawn(move || {
@@ -97,10 +98,10 @@ pub(crate) fn run() -> Outcome<()> {
         }
         if manner == Manner::Babbles {
             let garbage: Vec<u8> = (0..4096).map(|_| random.rand_u64() as u8).collect();
-            // What the line does not take is not said.
+            // Bytes that the line does not take are dropped.
             let _ = near.write(&garbage);
         }
-        // Nothing has come for a millisecond: the sphere moves all the same.
+        // Without bytes for a millisecond, the simulated sphere still has to move.
         let Ok(n) = near.read(&mut buffer) else {
             rig.advance_to(now);
             continue;

@@ -13,23 +13,26 @@ use crate::bench::{Bench, Helper, hbot, still};
 use crate::clients::VALID_MS;
 use crate::{Outcome, Row};
 
-/// The ramp that follows a client's torque, ms, and the ticks for taking note.
+/// Length of the ramp after the end of a client's torque, ms. `NOTE` is the number of ticks allowed
+/// for noticing the end.
 const RAMP_MS: u64 = 20;
 const NOTE: u64 = 2;
-/// The controllers' watchdog time on a device, ms.
+/// Watchdog time of the motor controllers, ms.
 const WATCHDOG_MS: f64 = 20.0;
-/// A hand that holds the sphere and does not turn it.
+/// Parameters of a hand that holds the sphere still.
 const HOLDS: &str = r#"{"stiffness": 50, "damping": 1, "amplitude": 0}"#;
 
 fn hand() -> Outcome<Value> {
     Ok(serde_json::from_str(HOLDS)?)
 }
 
-/// A client that pushes is lost: how many ticks after the last message that was taken the torque is zero.
+/// Kills or stops a client that commands a torque. Measures the ticks from the last message taken
+/// to zero torque.
 pub(crate) fn client_lost(fault: &str, signal: Signal) -> Outcome<Row> {
     let mut row = client_lost_once(fault, signal)?;
     for _ in 0..4 {
-        // A fault of the machine's own ended the torque before: that shows nothing.
+        // A fault of the machine can end the torque earlier. Such a run proves nothing, so it is
+        // repeated.
         if row.kept {
             break;
         }
@@ -61,7 +64,8 @@ fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
     ))
 }
 
-/// A server on controllers that are processes of their own, pushed by a client.
+/// Starts a server with motor controllers in a separate process, and a client that commands a
+/// torque.
 fn pushed_rig() -> Outcome<(Helper, Bench, Helper)> {
     let mut peer = Helper::start(&["peer"])?;
     let port = peer.line()?;
@@ -70,7 +74,8 @@ fn pushed_rig() -> Outcome<(Helper, Bench, Helper)> {
     Ok((peer, bench, client))
 }
 
-/// Controllers that are gone, so that only the server can be asked: how many ticks without a reading until it asks for no torque.
+/// Kills or stops the motor controllers. Measures the ticks without a reading until the server asks
+/// for zero torque. Only the server can report this.
 pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
     let (peer, mut bench, _client) = pushed_rig()?;
     let missed = |bench: &mut Bench| Ok::<_, Box<dyn std::error::Error>>(bench.stats()?.missed_ticks);
@@ -93,17 +98,18 @@ fn cause(fault: Option<Fault>) -> String {
     fault.map_or_else(|| "no fault".to_owned(), |fault| fault.to_string())
 }
 
-/// Controllers in trouble that still listen: how long until they hear of zero torque, by their own clock.
+/// Makes the motor controllers misbehave while they still listen. Measures, by their own clock, the
+/// time until they receive zero torque.
 pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
     let (mut peer, mut bench, _client) = pushed_rig()?;
     peer.say(trouble)?;
     let state = bench.until(|state| state.mode == Mode::Fault)?;
-    // Its own record, once the fault's commands are there.
+    // Wait until the motor controllers have received the commands of the fault.
     bench.until(|later| later.tick > state.tick + 50)?;
     peer.say("report")?;
     let heard: Value = serde_json::from_str(&peer.line()?)?;
     let after_ms = heard["zero_after_ms"].as_f64().unwrap_or(f64::INFINITY);
-    // A tick until it is noticed, and one until the command is there.
+    // One tick to notice the fault and one to send the command.
     let bound = WATCHDOG_MS + NOTE as f64;
     let stats = bench.stats()?;
     Ok(Row::new(
@@ -119,7 +125,7 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
     ))
 }
 
-/// A line that spoils a share of the frames.
+/// Impairs the line so that a share of the frames is damaged.
 pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     let link = json!({"latency_s": 0, "command_latency_s": 0, "jitter_s": 0, "loss": 0, "corrupt": share});
     let mut bench = Bench::start("sim", json!({"hand": hand()?}))?;
@@ -149,7 +155,7 @@ pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     ))
 }
 
-/// The same without a clock, so that nothing but the noise can end it.
+/// Impairs the line as in [`noise`], but in virtual time, so that only the noise can cause a fault.
 pub(crate) fn noise_virtual(share: f64, seconds: u64) -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let scene = folder.path().join("noise.toml");
@@ -180,13 +186,14 @@ pub(crate) fn noise_virtual(share: f64, seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// A stopping signal while a client pushes: what the controllers heard last.
+/// Sends a stopping signal to the server while a client commands a torque. Checks the last commands
+/// that the motor controllers receive.
 pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
     let (mut peer, mut bench, _client) = pushed_rig()?;
     peer.say("mark")?;
     bench.server.signal(signal)?;
     let status = bench.server.0.wait()?;
-    // What is on the line still arrives.
+    // Bytes on the line still arrive.
     std::thread::sleep(Duration::from_millis(100));
     peer.say("report")?;
     let heard: Value = serde_json::from_str(&peer.line()?)?;
@@ -202,7 +209,7 @@ pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
     ))
 }
 
-/// A flight log finds no room.
+/// Makes a flight log fail because the disk is full.
 pub(crate) fn disk_full() -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let small = folder.path().join("small");
@@ -221,7 +228,7 @@ pub(crate) fn disk_full() -> Outcome<Row> {
     )
 }
 
-/// A flight log finds nothing that can be written.
+/// Makes a flight log fail because the disk is read-only.
 pub(crate) fn disk_read_only() -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let logs = folder.path().join("read-only");
@@ -230,7 +237,7 @@ pub(crate) fn disk_read_only() -> Outcome<Row> {
     let (how, place) = if mounted.is_some() {
         ("a file system mounted read-only", logs.clone())
     } else {
-        // Not even root makes folders there.
+        // Not even root can make folders there.
         ("a folder below /proc, for want of the right to mount", "/proc/self/hbot".into())
     };
     unwritten(
@@ -245,7 +252,7 @@ fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Ou
     let said = folder.join("said");
     let mut bench = Bench::logging(logs, &said, blocks)?;
     let counts = |stats: &StatsOk| [stats.late_ticks, stats.skipped_ticks, stats.missed_ticks];
-    // A second without, and the second in which the log goes out.
+    // Measures a second without a flight log, then the second in which the log is written.
     let second = |bench: &mut Bench| {
         let before = counts(&bench.stats()?);
         let tick = bench.watcher.ping(Value::Null)?.tick;
@@ -273,7 +280,8 @@ fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Ou
     ))
 }
 
-/// A mount that ends with its value; `None` where this process may not.
+/// Mounts a file system that is unmounted when the value is dropped. Returns `None` if this process
+/// is not permitted to mount.
 fn mount(args: &[&str], at: &Path) -> Option<Mounted> {
     let mounted = Command::new("mount").args(args).arg(at).output().is_ok_and(|out| out.status.success());
     mounted.then(|| Mounted(at.to_owned()))
@@ -283,7 +291,7 @@ struct Mounted(std::path::PathBuf);
 
 impl Drop for Mounted {
     fn drop(&mut self) {
-        // Lazily: the server may still have it open.
+        // Unmount lazily, because the server can still have a file open.
         let _ = Command::new("umount").arg("-l").arg(&self.0).output();
     }
 }

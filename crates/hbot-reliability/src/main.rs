@@ -1,13 +1,18 @@
-//! Injects faults into a running server in wall-clock time and prints what came of each, as the rows of docs/reliability.md.
+//! Injects faults into a running server in wall-clock time. Prints the result of each as a row of
+//! the fault table in docs/reliability.md.
 //!
 //! ```text
-//! cargo build --release && cargo run --release -p hbot-reliability -- [--quick] [--seconds N] [--out FILE] [ROW...]
+//! cargo build --release
+//! cargo run --release -p hbot-reliability -- [--quick] [--seconds N] [--out FILE] [ROW...]
 //! ```
 //!
-//! The server, the motor controllers (`far`: a simulated rig at the far end of a pseudo-terminal that keeps what it hears) and the
-//! clients are processes of their own, so that each can be stopped and killed (`bench`). Only tick stamps of the server and
-//! clocks of the controllers are read, so nothing depends on when this program runs. `losses` are the rows in which something is
-//! taken away, `timing` those in which something is measured beside what it is compared with, turn by turn.
+//! The server, the motor controllers and the clients are separate processes, so that each can be
+//! stopped and killed (`bench`). The motor controllers (`far`) are a simulated rig behind a
+//! pseudo-terminal that records the commands it receives. Only tick numbers of the server and
+//! clocks of the motor controllers are read, so no result depends on when this program runs.
+//!
+//! The rows in `losses` take something away from the server. The rows in `timing` measure something
+//! in alternation with a comparison.
 
 mod bench;
 mod clients;
@@ -20,10 +25,11 @@ use std::time::Instant;
 
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
-/// What may go wrong on the way to a row.
+/// Result of a step that can fail on the way to a row.
 pub(crate) type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// A row of the table.
+/// A row of the fault table: the fault, what is promised, what was found, and whether the promise
+/// was kept.
 pub(crate) struct Row {
     pub(crate) fault: String,
     pub(crate) promise: String,
@@ -37,10 +43,10 @@ impl Row {
     }
 }
 
-/// How a row is made; what is measured takes so many seconds a turn.
+/// A function that makes a row. Its argument is the time of each measurement turn, s.
 type Make = fn(u64) -> Outcome<Row>;
 
-/// The rows by name, in the order of the table.
+/// The rows with their names, in the order of the table.
 const ROWS: &[(&str, Make)] = &[
     ("client_killed", |_| losses::client_lost("killed", Signal::KILL)),
     ("client_stopped", |_| losses::client_lost("stopped (SIGSTOP)", Signal::STOP)),
@@ -66,7 +72,7 @@ const ROWS: &[(&str, Make)] = &[
     ("load", timing::load),
 ];
 
-/// Seconds of each turn of what is measured, and those of a quick look.
+/// Length of each measurement turn, s. `QUICK_SECONDS` is the length with `--quick`.
 const SECONDS: u64 = 8;
 const QUICK_SECONDS: u64 = 2;
 
@@ -98,13 +104,13 @@ fn main() -> Outcome<()> {
             }
         }
     }
-    // A thousand connections are held at once.
+    // Up to a thousand connections are open at once.
     let limit = getrlimit(Resource::Nofile);
     setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit })?;
     table(seconds, &wanted, out.as_deref())
 }
 
-/// Makes the rows that are wanted, all where none is named, and prints them as they come.
+/// Makes the wanted rows, or all if none are named, and prints each when it is done.
 fn table(seconds: u64, wanted: &[String], out: Option<&str>) -> Outcome<()> {
     let mut table = "| fault | promise | found | |\n|---|---|---|---|\n".to_owned();
     print!("{table}");
@@ -114,7 +120,7 @@ fn table(seconds: u64, wanted: &[String], out: Option<&str>) -> Outcome<()> {
             continue;
         }
         eprintln!("{:5.0} s  {name}", start.elapsed().as_secs_f64());
-        // A row that could not be made is no reason to leave out the others.
+        // A row that fails does not stop the others.
         let Row { fault, promise, found, kept } = make(seconds)
             .unwrap_or_else(|error| Row::new(name, "", format!("could not be made: {error}"), false));
         if !kept {

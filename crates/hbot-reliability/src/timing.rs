@@ -1,4 +1,4 @@
-//! Rows in which something is measured, turn by turn with what it is compared with.
+//! Rows in which something is measured in alternation with what it is compared with.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -14,10 +14,10 @@ use serde_json::{Value, json};
 use crate::bench::{Bench, Helper, Other};
 use crate::{Outcome, Row};
 
-/// Pairs of turns, with and without.
+/// Number of pairs of turns, one with and one without the disturbance.
 const PAIRS: u32 = 5;
 
-/// Sorts the values, and gives the one below which this share of them lies.
+/// Sorts the values and returns the quantile at `share` (0 to 1), or NaN if there are none.
 pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
@@ -28,7 +28,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     quantile(&mut values, 0.5)
 }
 
-/// What one run of a server's loop was like.
+/// Timing of a server's loop in one run: median lateness and compute time, and numbers of late and
+/// of all ticks.
 #[derive(Clone, Copy)]
 struct Run {
     lateness_us: f64,
@@ -54,14 +55,14 @@ impl Run {
     }
 }
 
-/// A server whose states nobody takes.
+/// Starts a server and brings it to active. No client receives its states.
 fn quiet() -> Outcome<Bench> {
     let mut bench = Bench::start("sim", Value::Null)?;
     bench.watcher.unsubscribe()?;
     Ok(bench)
 }
 
-/// A connection over which lines go to and fro.
+/// A connection for lines of text in both directions.
 struct Line(TcpStream);
 
 impl Line {
@@ -72,7 +73,7 @@ impl Line {
         Ok(Self(stream))
     }
 
-    /// Until the line that answers is there.
+    /// Sends a line and returns the time until the answer line has arrived.
     fn ask(&mut self, line: &[u8]) -> Outcome<Duration> {
         let start = Instant::now();
         self.0.write_all(line)?;
@@ -88,7 +89,7 @@ impl Line {
         }
     }
 
-    /// Round trips, us, with a pause after each.
+    /// Measures `count` round trips, in microseconds, with a pause after each.
     fn round_trips(&mut self, count: u32, pause: Duration, into: &mut Vec<f64>) -> Outcome<()> {
         for _ in 0..count {
             into.push(self.ask(b"{\"id\":1,\"op\":\"ping\"}\n")?.as_secs_f64() * 1e6);
@@ -100,7 +101,8 @@ impl Line {
     }
 }
 
-/// Round trips to an echo, us: how fast two processes of this kind can be.
+/// Measures round trips to an echo process, in microseconds. They show how fast two such processes
+/// can be.
 fn echoes(count: u32) -> Outcome<Vec<f64>> {
     let mut echo = Helper::start(&["echo"])?;
     let mut times = Vec::new();
@@ -108,18 +110,21 @@ fn echoes(count: u32) -> Outcome<Vec<f64>> {
     Ok(times)
 }
 
-/// Pings one after the other, beside an echo.
+/// Compares back-to-back pings with an echo.
 pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
     pings("one after the other", 200, Duration::ZERO, seconds)
 }
 
-/// One a millisecond, as a client asks that keeps step with the loop: all that answers has had time to get cold.
+/// Compares pings once a millisecond with an echo. A client in step with the loop asks like this,
+/// so caches have had time to get cold.
 pub(crate) fn ping_paced(seconds: u64) -> Outcome<Row> {
     pings("one a millisecond", 20, Duration::from_millis(1), seconds)
 }
 
-/// Pings beside an echo on the same kind of runtime. Turns are short: what the machine is busy with otherwise changes from one moment to the
-/// next, and is to meet both.
+/// Compares pings with an echo on the kind of runtime that the server uses.
+///
+/// The turns are short. Other work on the machine changes from moment to moment, and should affect
+/// both equally.
 fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
     let bench = quiet()?;
     let mut server = Line::connect(&bench.address)?;
@@ -152,7 +157,7 @@ fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// A client that renders for itself in step with the loop.
+/// Measures the age of the torques of a client that renders in step with the loop.
 pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     let hand = json!({"hand": {"amplitude": 0.2}});
     let mut bench = Bench::start("sim", hand)?;
@@ -175,7 +180,7 @@ pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// Eight clients that take every state.
+/// Runs a server with eight clients that receive every state.
 fn subscribed(seconds: u64) -> Outcome<Run> {
     let mut bench = quiet()?;
     let over = Arc::new(AtomicBool::new(false));
@@ -187,7 +192,7 @@ fn subscribed(seconds: u64) -> Outcome<Run> {
             Ok(std::thread::spawn(move || {
                 let mut taken = 0_u64;
                 while !over.load(Ordering::Relaxed) {
-                    // One that is cut ends; the statistics say so.
+                    // A client that the server disconnects ends here. The statistics show it.
                     let Ok(event) = client.next_event(Duration::from_millis(100)) else { break };
                     taken += u64::from(event.is_some());
                 }
@@ -199,7 +204,7 @@ fn subscribed(seconds: u64) -> Outcome<Run> {
     let stats = bench.stats()?;
     over.store(true, Ordering::Relaxed);
     let taken: u64 = readers.into_iter().filter_map(|reader| reader.join().ok()).sum();
-    // All but what is still on its way.
+    // Nearly all states must have been read. Some are still in flight.
     if taken < 8 * 900 * seconds {
         return Err(format!("only {taken} states were read").into());
     }
@@ -229,14 +234,14 @@ pub(crate) fn subscribers(seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// A run with 1,000 connections, of which 200 send garbage and 50 do not read.
+/// Runs a server with 1,000 connections, of which 200 send garbage and 50 do not read.
 fn attacked(seconds: u64) -> Outcome<Run> {
     let mut bench = quiet()?;
     let mut held = Vec::new();
     for k in 0..1000 {
         let Ok(mut stream) = TcpStream::connect(&bench.address) else { continue };
         stream.set_nonblocking(true)?;
-        // What does not go out is of no interest.
+        // Bytes that are not accepted are dropped.
         let _ = match k {
             0..50 => stream.write(
                 b"{\"id\":1,\"op\":\"hello\",\"version\":1,\"name\":\"deaf\"}\n{\"id\":2,\"op\":\"subscribe\",\"every\":1}\n",
@@ -265,7 +270,8 @@ pub(crate) fn attack(seconds: u64) -> Outcome<Row> {
         quiet = (quiet.0 + a.late, quiet.1 + a.ticks);
         loud = (loud.0 + b.late, loud.1 + b.ticks);
     }
-    // As many as there would be in as many ticks, and how far apart two such counts may lie by chance.
+    // The expected number of late ticks without a disturbance, and the standard deviation of the
+    // difference of two such counts.
     let expected = quiet.0 as f64 * loud.1 as f64 / quiet.1.max(1) as f64;
     let sigma = (expected + loud.0 as f64).sqrt().max(1.0);
     let ratio = median(ratios);
@@ -287,7 +293,8 @@ pub(crate) fn load(seconds: u64) -> Outcome<Row> {
             .map(|_| Ok(Other(Command::new("sh").args(["-c", "while :; do :; done"]).spawn()?)))
             .collect::<Outcome<_>>()?;
         let bare = punctuality(1000, None, Duration::from_secs(seconds));
-        // With every core loaded a pseudo-terminal may be held up until its link is lost: the loop ticks all the same.
+        // With every core loaded, a pseudo-terminal can stall until the link counts as lost. The
+        // loop still ticks.
         let mut bench = Bench::ticking()?;
         std::thread::sleep(Duration::from_secs(seconds));
         let late = bench.stats()?.lateness_us;

@@ -1,8 +1,10 @@
-//! The flight log: what the loop did in the second before a fault and the 100 ms after it, as a file.
+//! The flight log: a file with every tick of the loop from 1 s before a fault or emergency stop
+//! until 100 ms after it.
 //!
-//! Samples go into a ring that is there from the start. After a trigger the ring goes on for 100 ms and is then given out
-//! as a [`Flight`], which a blocking thread writes; whoever records never touches the disk. What comes within the 100 ms after a
-//! first trigger goes into the same log, which then goes on until 100 ms after the last of it.
+//! Samples go into a ring whose memory is allocated at the start. After a trigger, the ring is
+//! filled for another 100 ms. Then its contents are returned as a [`Flight`], which a blocking
+//! thread writes, so recording never waits for the disk. A second trigger within 100 ms of the
+//! first extends the first log until 100 ms after the second trigger.
 
 mod names;
 
@@ -19,27 +21,28 @@ pub use self::names::{MAX_FILES, prune};
 use crate::service::convert;
 use hbot_host::sample::Sample;
 
-/// How much of the time before a fault is kept.
+/// How long before a fault its flight log begins.
 const BEFORE: Duration = Duration::from_secs(1);
-/// How much of the time after it.
+/// How long after a fault its flight log ends.
 const AFTER: Duration = Duration::from_millis(100);
-/// Keeps the last second.
+/// Keeps the samples of the last second in memory, and returns them as a log after a trigger.
 pub struct FlightRecorder {
     dir: PathBuf,
     ring: Vec<Sample>,
     capacity: usize,
-    /// Where the next sample goes, once the ring is full.
+    /// Index in the full ring where the next sample is written.
     next: usize,
     before_ticks: u64,
     after_ticks: u64,
-    /// Logs that have been begun: at most two, since one ends before a third can begin.
+    /// Flight logs in progress. There are at most two, because one ends before a third can begin.
     triggers: VecDeque<Trigger>,
-    /// Logs begun so far, which tells files of one second apart.
+    /// Number of flight logs begun. It is part of the file name and distinguishes logs of the same
+    /// millisecond.
     begun: u64,
 }
 
 struct Trigger {
-    /// What it is about.
+    /// The tick of the fault.
     tick: u64,
     /// The last tick of the log.
     until: u64,
@@ -47,7 +50,8 @@ struct Trigger {
 }
 
 impl FlightRecorder {
-    /// A recorder for a loop of this period that has its files in `dir`. Takes all its memory now.
+    /// Creates a recorder for a loop with period `period_ns`, ns. Its logs go into the folder
+    /// `dir`. Allocates all of its memory now.
     #[must_use]
     pub fn new(dir: PathBuf, period_ns: u64) -> Self {
         let ticks =
@@ -66,7 +70,7 @@ impl FlightRecorder {
         }
     }
 
-    /// Takes the next sample; gives out the log that it completes, if it does.
+    /// Records the next sample. Returns a flight log if this sample completes it.
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Flight> {
         if self.ring.len() < self.capacity {
@@ -79,8 +83,9 @@ impl FlightRecorder {
         if done { self.finish() } else { None }
     }
 
-    /// Begins a log of what has happened in `tick`, whose sample has been pushed, and says where it will be. One that has
-    /// been begun within the last 100 ms takes this one in.
+    /// Begins a flight log about `what` in `tick`, whose sample has already been pushed. Returns
+    /// the path that the log will have. If another log began at most 100 ms before, that log is
+    /// extended instead.
     pub fn trigger(&mut self, tick: u64, what: &str) -> &Path {
         let until = tick + self.after_ticks;
         match self.triggers.back_mut() {
@@ -95,7 +100,8 @@ impl FlightRecorder {
         self.triggers.back().map_or(&self.dir, |trigger| &trigger.path)
     }
 
-    /// Gives out the oldest log that has been begun, complete or not.
+    /// Ends the oldest flight log in progress and returns it, complete or not. Returns `None` if
+    /// there is none.
     pub fn finish(&mut self) -> Option<Flight> {
         let Trigger { tick, until, path } = self.triggers.pop_front()?;
         let wanted = tick.saturating_sub(self.before_ticks)..=until;
@@ -105,19 +111,19 @@ impl FlightRecorder {
     }
 }
 
-/// Makes the folder of the logs, and looks whether they can be written to it.
+/// Creates the folder for flight logs and checks that files can be written there.
 ///
 /// # Errors
-/// What the system says.
+/// Returns the operating system's error if the folder cannot be created or written.
 pub fn prepare(dir: &Path) -> io::Result<()> {
     fs::create_dir_all(dir)?;
     Ok(access(dir, Access::WRITE_OK | Access::EXEC_OK)?)
 }
 
-/// How often failures to write a log are told.
+/// Minimum time between two reports that flight logs could not be written.
 const TELL_EVERY: Duration = Duration::from_secs(60);
 
-/// Failures to write a log, told at most once a minute.
+/// Limits the reports of flight logs that could not be written to one per minute.
 #[derive(Debug, Default)]
 pub(crate) struct Failures {
     told: Option<Instant>,
@@ -125,7 +131,8 @@ pub(crate) struct Failures {
 }
 
 impl Failures {
-    /// Takes one more failure. Returns how many there have been since they were told last, where it is time to tell them.
+    /// Counts one more flight log that could not be written. If a report is due, returns the number
+    /// of failures since the last report.
     pub(crate) fn failed(&mut self, now: Instant) -> Option<u64> {
         self.untold += 1;
         if self.told.is_some_and(|told| now.duration_since(told) < TELL_EVERY) {
@@ -136,19 +143,21 @@ impl Failures {
     }
 }
 
-/// A log that has not been written yet.
+/// A flight log that has not been written yet.
 pub struct Flight {
-    /// Where it belongs.
+    /// Path of the file.
     pub path: PathBuf,
-    /// In the order of time.
+    /// The samples of the log, oldest first.
     pub samples: Vec<Sample>,
 }
 
 impl Flight {
-    /// Writes the file, whole or not at all, and removes others beyond [`MAX_FILES`] as [`prune`] does. Blocks.
+    /// Writes the log to its file, either completely or not at all. Then removes old logs beyond
+    /// [`MAX_FILES`], as [`prune`] describes. Blocks until the file is written.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the operating system's error if the file cannot be created or written, or if an old
+    /// log cannot be removed.
     pub fn write(&self) -> io::Result<()> {
         let dir = self.path.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(dir)?;
@@ -156,7 +165,8 @@ impl Flight {
         let table = File::create_new(&part)?;
         let written = self.write_to(table).and_then(|()| fs::rename(&part, &self.path));
         if written.is_err() {
-            // What is left of it is of no use; that it could not be written is the error to tell.
+            // An incomplete file is useless. The error to report is the failed write, not a failed
+            // removal.
             let _ = fs::remove_file(&part);
         }
         written?;
@@ -177,7 +187,7 @@ impl Flight {
     }
 }
 
-/// The names of the columns, with units; vectors in N.
+/// Returns the column names, with units. Vectors are in frame N.
 fn header(joints: usize) -> Vec<String> {
     let names = |list: &str| list.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
     let mut all = names(
@@ -231,7 +241,7 @@ fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
     );
 }
 
-/// A moment as `20260131T235959.123Z`.
+/// Formats a time in UTC as `20260131T235959.123Z`.
 fn utc(time: SystemTime) -> String {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
     let (days, s) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
@@ -240,11 +250,12 @@ fn utc(time: SystemTime) -> String {
     format!("{year:04}{month:02}{day:02}T{h:02}{m:02}{s:02}.{ms:03}Z")
 }
 
-/// Year, month and day of a day counted from 1970-01-01, in the Gregorian calendar.
+/// Converts days since 1970-01-01 to year, month and day in the Gregorian calendar.
 ///
-/// Source: Howard Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`, for days from 1970 on.
+/// Source: Howard Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`, for
+/// days from 1970 on.
 fn civil(days: u64) -> (u64, u64, u64) {
-    // Days from 0000-03-01, so that a leap day is the last of its year.
+    // Count days from 0000-03-01, so that a leap day is the last day of its year.
     let shifted = days + 719_468;
     let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
     let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
@@ -261,7 +272,8 @@ mod tests {
 
     use super::*;
 
-    /// The first and last tick of each log that a recorder gives out over `ticks`, where faults come in `faults`; without holes.
+    /// Returns the first and last tick of each log that a recorder produces in `ticks` ticks with
+    /// faults in the ticks `faults`. Asserts that no log has gaps.
     fn logs(faults: &[u64], ticks: u64) -> Vec<(u64, u64)> {
         let mut recorder = FlightRecorder::new(PathBuf::from("flights"), 1_000_000);
         let mut flights = Vec::new();
@@ -284,13 +296,14 @@ mod tests {
     #[test]
     fn faults_in_quick_succession_each_have_their_second_before_and_tenth_after() {
         assert_eq!(logs(&[2000], 5000), [(1000, 2100)]);
-        // Within the tenth after the first: one log, and it goes on.
+        // A second fault within 100 ms of the first extends the first log.
         assert_eq!(logs(&[2000, 2099], 5000), [(1000, 2199)]);
         assert_eq!(logs(&[2000, 2050, 2100], 5000), [(1000, 2200)]);
-        // In what the second has made it longer by: a log of its own, while the first goes on.
+        // A fault more than 100 ms after the first one begins its own log, even while the extended
+        // first log is still in progress.
         assert_eq!(logs(&[2000, 2090, 2110, 2190], 5000), [(1000, 2190), (1110, 2290)]);
         assert_eq!(logs(&[2000, 2101], 5000), [(1000, 2100), (1101, 2201)]);
-        // In every tick for half a second.
+        // A fault in every tick for half a second.
         let all: Vec<u64> = (2000..2500).collect();
         let logs = logs(&all, 5000);
         assert!(logs.len() == 5 && logs[0] == (1000, 2200) && logs[4].1 == 2599, "{logs:?}");

@@ -1,9 +1,11 @@
-//! What touches clients: haptics over TCP, metrics over HTTP, the flight log. The loop and its motors
-//! are hbot-host's.
+//! The part of hbot that talks to clients: haptics over TCP, metrics over HTTP, and the flight log.
+//! The loop and the motors are in hbot-host.
 //!
-//! - [`service`]: clients over TCP, the lease, scenes, statistics. [`tls`]: their encryption.
-//! - [`flight`]: the log of what led to a fault. [`metrics`]: figures for Prometheus.
-//! - [`server`]: a rig that runs and its service, put together, started and stopped.
+//! - [`service`]: the TCP service with clients, the lease, scenes and statistics.
+//! - [`tls`]: encryption of the TCP service.
+//! - [`flight`]: the log of the ticks around a fault.
+//! - [`metrics`]: statistics for Prometheus.
+//! - [`server`]: starts and stops a loop together with its service.
 
 pub mod flight;
 pub mod metrics;

@@ -1,8 +1,9 @@
-//! What a server counts and measures, for Prometheus: `GET /metrics` over HTTP, read only.
+//! Statistics of a server for Prometheus: `GET /metrics` over HTTP, read only.
 //!
-//! A task of the service's runtime asks the hub as any client's `stats` does, so a scrape costs the loop nothing. At most a few
-//! connections at a time, each short and bounded. On an address that other machines reach it wants a token as
-//! `Authorization: Bearer TOKEN`: one for this page alone, since it goes over the network unencrypted.
+//! A task on the service's runtime asks the hub for the statistics, as a client does with `stats`,
+//! so a scrape costs the loop nothing. Connections are few at a time, short, and bounded in size.
+//! If the address can be reached from other machines, a scrape must show a token as `Authorization:
+//! Bearer TOKEN`. Use a separate token for this page, because it crosses the network unencrypted.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -23,28 +24,31 @@ use tokio::time::timeout;
 
 use crate::service::{Control, Summary};
 
-/// Connections at a time; more wait in the system's queue.
+/// Largest number of simultaneous connections to the metrics page. Further ones wait in the
+/// system's queue.
 const CONNECTIONS: usize = 4;
-/// How long one may take in all.
+/// Time limit for reading a request and answering it.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// The longest request, bytes.
+/// Size limit of an HTTP request, bytes.
 const REQUEST: usize = 8 * 1024;
-/// How long nothing is accepted after the system has refused to.
+/// Pause before the next attempt after the operating system has failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// Answers scrapes on `listener` for as long as it is polled, with what the service behind `control` says. `token`: what a
-/// scrape must show, where one is asked for.
+/// Answers scrapes on `listener` for as long as the future is polled. Gets the statistics from the
+/// service through `control`. If `token` is given, every scrape must show it.
 pub async fn serve(listener: TcpListener, control: mpsc::Sender<Control>, token: Option<String>) {
     let places = Arc::new(Semaphore::new(CONNECTIONS));
     let token = Arc::new(token);
     loop {
-        // The semaphore is never closed.
+        // Unreachable: the semaphore is never closed.
         let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
         match listener.accept().await {
             Ok((stream, _)) => {
                 let (control, token) = (control.clone(), Arc::clone(&token));
                 tokio::spawn(async move {
-                    // Who is too slow gets nothing. Its place is kept meanwhile, so no more of this waits for the hub than there are places.
+                    // A connection that exceeds its time gets no answer. It keeps its place until
+                    // its refusal is counted, so the number of messages that wait for the hub stays
+                    // bounded.
                     if timeout(PATIENCE, answer(stream, &control, token.as_deref())).await.is_err() {
                         let _ = control.send(Control::Refused(ErrorCode::BadRequest)).await;
                     }
@@ -79,7 +83,7 @@ async fn answer(
         judge(&String::from_utf8_lossy(&request), token)
     };
     if let Err(status) = judged {
-        // Where nobody counts any more, nobody asks how many.
+        // If the service has ended, nobody counts refusals any more.
         let _ = control.send(Control::Refused(code(status))).await;
     }
     let (status, kind, body) = match judged {
@@ -100,7 +104,8 @@ async fn answer(
     stream.shutdown().await
 }
 
-/// What a request is answered where it is not `GET /metrics` by somebody who may.
+/// Checks that a request is an authorized `GET /metrics`. Otherwise returns the HTTP status of the
+/// refusal.
 fn judge(request: &str, token: Option<&str>) -> Result<(), &'static str> {
     let mut lines = request.split("\r\n");
     let mut words = lines.next().unwrap_or_default().split(' ');
@@ -119,7 +124,7 @@ fn judge(request: &str, token: Option<&str>) -> Result<(), &'static str> {
     if same { Ok(()) } else { Err("401 Unauthorized") }
 }
 
-/// Under which of the API's codes a refusal is counted.
+/// Returns the API error code under which a refusal with this HTTP status is counted.
 fn code(status: &str) -> ErrorCode {
     match status.get(..3) {
         Some("401") => ErrorCode::Unauthorized,
@@ -134,12 +139,13 @@ async fn summary(control: &mpsc::Sender<Control>) -> Option<Box<Summary>> {
     told.await.ok()
 }
 
-/// A summary in the text format of OpenMetrics.
+/// Formats the statistics of a run as OpenMetrics text.
 fn text(summary: Box<Summary>) -> String {
     let mut registry = Registry::with_prefix("hbot");
     registry.register_collector(Box::new(Figures(summary)));
     let mut out = String::new();
-    // A string takes everything; should an encoder fail all the same, that is told and not half of it.
+    // Writing to a string cannot fail. If an encoder fails anyway, return the error and not half of
+    // the text.
     if let Err(error) = encode(&mut out, &registry) {
         out.clear();
         let _ = writeln!(out, "# {error}\n# EOF");
@@ -147,13 +153,14 @@ fn text(summary: Box<Summary>) -> String {
     out
 }
 
-/// A summary as metrics.
+/// The collector that presents a summary as metrics.
 #[derive(Debug)]
 struct Figures(Box<Summary>);
 
 impl Collector for Figures {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), std::fmt::Error> {
-        // Every field by its name: one that is added to the answer does not compile until it is shown here too.
+        // Every field is named, so a field that is added to the summary does not compile until it
+        // is exported here too.
         let Summary {
             ticks,
             awake_us,

@@ -1,4 +1,4 @@
-//! A whole server: a rig that runs and the service that offers it to clients.
+//! A complete server: the loop that drives a rig, and the service that offers the rig to clients.
 
 use std::fmt;
 use std::future::{Future, poll_fn};
@@ -28,41 +28,43 @@ use crate::flight;
 use crate::service::{self, Control, SetPhenomena, Setup, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 
-/// What a server is to be.
+/// The settings with which a [`Server`] is started.
 pub struct Options {
-    /// The rig, with its line and service.
+    /// The rig, including its line and the settings of the service.
     pub rig: RigConfig,
-    /// The scene to begin with.
+    /// The scene that runs at the start.
     pub scene: SceneFile,
-    /// Wall-clock or virtual time.
+    /// Whether the loop runs in wall-clock time or in virtual time.
     pub time: Time,
-    /// End after this time of the loop.
+    /// Time of the loop after which the server ends. With `None` the server runs until it is
+    /// stopped.
     pub duration: Option<Duration>,
-    /// What clients must know.
+    /// The token that clients must show in their hello. With `None` no token is required.
     pub token: Option<String>,
-    /// Motor buses of your own, in place of those of the rig file.
+    /// Motor buses that replace those of the rig file.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
-    /// How this program is started as the helper that switches motors off if the server dies; on real serial ports, and with `None`
-    /// on none.
+    /// How to start this program as the helper process that switches the motors off if the server
+    /// dies. The helper is used only on real serial ports. With `None` no helper is started.
     pub last_word: Option<Program>,
-    /// Where flight logs go; none are written without it.
+    /// The folder for flight logs. With `None` no logs are written.
     pub flight_dir: Option<PathBuf>,
-    /// Sees what goes into and comes out of every tick, in the loop's thread. For tests and replay.
+    /// A callback that receives the inputs and outputs of every tick, for tests and replay. It runs
+    /// in the loop's thread.
     pub recorder: Option<Recorder>,
 }
 
-/// Why a server did not start.
+/// The reason why a server did not start.
 #[derive(Debug, Error)]
 pub enum StartError {
-    /// The rig.
+    /// The rig could not be started.
     #[error(transparent)]
     Rig(#[from] host::StartError),
-    /// The files of an encrypted service.
+    /// The certificate or the key for encryption cannot be used.
     #[error(transparent)]
     Certificate(#[from] CertificateError),
 }
 
-/// A server whose loop runs.
+/// A server whose loop is running.
 pub struct Server {
     setup: Setup,
     end: ServiceEnd,
@@ -73,23 +75,24 @@ pub struct Server {
     started_ns: u64,
 }
 
-/// How a server ended.
+/// The outcome of a server that has ended.
 #[derive(Debug)]
 pub struct Finished {
-    /// What the service counted and measured; nothing where it was the service that failed.
+    /// Statistics of the run. All values are zero if the service failed.
     pub summary: Summary,
-    /// What ended by a fault of its own, if anything did. Motors were switched off all the same.
+    /// The part that panicked, if any. The motors were switched off in that case too.
     pub failed: Option<Part>,
-    /// In virtual time: how many times faster than the clock it ran.
+    /// The ratio of simulated time to elapsed wall-clock time. `None` unless the loop ran in
+    /// virtual time.
     pub speed: Option<f64>,
 }
 
-/// What a server is made of.
+/// One of the two parts of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// The thread that ticks.
+    /// The thread that runs the ticks.
     Loop,
-    /// What talks to clients.
+    /// The TCP service for clients.
     Service,
 }
 
@@ -106,7 +109,9 @@ impl Server {
     /// Attaches the rig's motors and starts the loop.
     ///
     /// # Errors
-    /// The port, the controllers, or the system; nothing is left running.
+    /// Fails if a port cannot be opened, if a motor controller does not answer as expected, if the
+    /// operating system refuses a resource, or if the files for encryption cannot be used. Nothing
+    /// is left running then.
     pub fn start(options: Options) -> Result<Self, StartError> {
         let Options { rig, scene, time, duration, token, buses, last_word, flight_dir, recorder } = options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
@@ -133,23 +138,25 @@ impl Server {
         Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns() })
     }
 
-    /// What a user should know about how it runs.
+    /// Returns messages for the user about how the server runs, for example that flight logs cannot
+    /// be written.
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
     }
 
-    /// What stops the loop from any thread, past the service.
+    /// Returns a handle that stops the loop from any thread without going through the service.
     #[must_use]
     pub fn emergency_stop(&self) -> EmergencyStop {
         self.end.emergency_stop()
     }
 
-    /// Serves clients on `listener` until `shutdown`, until the loop ends, or until either fails. Zero torque is on the line
-    /// before it returns.
+    /// Serves clients on `listener` until `shutdown` completes, the loop ends, or one of the two
+    /// panics. Before this returns, the loop has sent zero torque on the line.
     ///
     /// # Errors
-    /// The service cannot go on.
+    /// Currently never returns an error. A panic of the loop or the service is reported in
+    /// [`Finished::failed`].
     pub async fn serve(
         self,
         listener: TcpListener,
@@ -158,7 +165,7 @@ impl Server {
         shutdown: impl Future<Output = ()>,
     ) -> std::io::Result<Finished> {
         let Self { setup, end, mut host, notices: _, period_ns, time, started_ns } = self;
-        // Zero torque first: the loop stops before the clients are told.
+        // The loop stops, with zero torque, before the clients are notified.
         let stopping = {
             let stop = host.stop_flag();
             async move {
@@ -167,7 +174,7 @@ impl Server {
             }
         };
         let mut serving = pin!(service::serve(listener, end, setup, control, status, stopping));
-        // What a panic leaves behind is dropped without being used again.
+        // After a panic the future is not polled again. It is only dropped.
         let summary = poll_fn(|context| {
             catch_unwind(AssertUnwindSafe(|| serving.as_mut().poll(context)))
                 .map_or(Poll::Ready(None), |polled| polled.map(Some))
@@ -186,14 +193,14 @@ impl Server {
     }
 }
 
-/// What the simulated rig shows at the start: it is ideal and in a hand that turns it about, unless
-/// the scene says otherwise.
+/// Returns the phenomena of the simulated rig at the start: those of the scene. If the scene names
+/// none, the rig is ideal and a simulated hand turns the sphere.
 fn at_start(scene: &SceneFile) -> Phenomena {
     let otherwise = || Phenomena { hand: Some(Hand::default()), ..Phenomena::default() };
     scene.simulate().copied().unwrap_or_else(otherwise)
 }
 
-/// What a user should know before the first client comes.
+/// Returns messages for the user that are known before the first client connects.
 fn notices(flight_dir: Option<&std::path::Path>) -> Vec<String> {
     let mut notices = Vec::from_iter(service::too_few_descriptors());
     if let Some(dir) = flight_dir
@@ -204,7 +211,7 @@ fn notices(flight_dir: Option<&std::path::Path>) -> Vec<String> {
     notices
 }
 
-/// Replaces the phenomena of the simulated rig by those of a scene.
+/// Returns a function that replaces the phenomena of the simulated rig by those of a scene.
 fn replace_phenomena(simulator: Simulator) -> SetPhenomena {
     Box::new(move |simulate: &Simulate| simulator.show(*simulate))
 }

@@ -1,4 +1,4 @@
-//! However a server ends, the last that its motor controllers hear is zero torque, three times.
+//! Tests that the last word on the line is zero torque, sent three times, however a server ends.
 
 #[path = "../../../tests/server/far.rs"]
 mod far;
@@ -19,10 +19,10 @@ use crate::service::Status;
 use hbot_host::bridge::EmergencyStop;
 use hbot_host::engine::Recorder;
 
-/// How long a test waits for what must come.
+/// Longest time that a test waits for an expected event.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// What a test has in hand to end a server.
+/// The handles with which a test ends a server.
 struct Ends {
     address: SocketAddr,
     shutdown: Option<oneshot::Sender<Shutdown>>,
@@ -30,15 +30,16 @@ struct Ends {
     stop: EmergencyStop,
 }
 
-/// How the future ends that tells the service to stop.
+/// How the shutdown future of the service ends.
 enum Shutdown {
-    /// As it should.
+    /// The future completes normally.
     Orderly,
-    /// By a panic, in the service's own task.
+    /// The future panics in the service's task.
     Panic,
 }
 
-/// A client of this name makes the log panic that notes its hello: in the midst of a request, with the hub in use.
+/// A client with this name makes the log panic when its hello is logged, which is during a request,
+/// while the hub is in use.
 const PANICS: &str = "one that makes the log panic";
 
 async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {
@@ -47,8 +48,9 @@ async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {
     }
 }
 
-/// Lets a client push by a server, ends it by `end` while it does, and asserts that the last commands are zero. Returns how it ended,
-/// if somebody waited for that. `log` hears what the service says.
+/// Starts a server, lets a client command torque, calls `end` to end the server, and asserts that
+/// the last commands are zero torque. Returns the server's outcome, or `None` if its future was
+/// dropped. `log` receives what the service logs.
 fn ended(
     recorder: Option<Recorder>,
     log: Option<tracing::Dispatch>,
@@ -57,7 +59,7 @@ fn ended(
     let mut rig = RigConfig::prototype();
     let far = Far::start(&rig);
     rig.link.port = Port::Devices(vec![far.path.clone()]);
-    // A busy machine does not step on these.
+    // Long timeouts, so that a busy test machine does not cause a fault.
     rig.link.watchdog_ms = 1000;
     rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let (ready, started) = mpsc::channel();
@@ -95,8 +97,8 @@ fn ended(
     let start = Instant::now();
     while !far.pushed() {
         assert!(start.elapsed() < PATIENCE, "no torque came about");
-        // A machine that stands still for 20 ms makes a fault, which is not what is looked at here. And the loop may end in the midst
-        // of this, where its end is to come with the first torque.
+        // If the test machine stalls for 20 ms, a fault follows, so reset and enable again. Errors
+        // are ignored, because in one test the loop ends as soon as there is torque.
         let _ = client.reset().and_then(|_| client.enable());
         let torque = TorqueCommand { torque: [0.0, 0.1, 0.0], valid_ms: 1000, tick: None, seq: None };
         let _ = client.torque(torque);
@@ -115,7 +117,8 @@ impl Ends {
     }
 }
 
-/// Hears what is said, each with the thread that says it.
+/// A log subscriber that passes each message on together with the name of the thread that logged
+/// it.
 struct Listener<F>(F);
 
 impl<F: Fn(String) + 'static> tracing::Subscriber for Listener<F> {
@@ -144,7 +147,7 @@ impl<F: Fn(String) + 'static> tracing::Subscriber for Listener<F> {
 #[test]
 fn the_loop_says_nothing_whatever_happens() {
     let said = Arc::new(Mutex::new(Vec::new()));
-    // Of all threads of all tests of this process.
+    // Collects the messages of all threads and all tests of this process.
     let heard = Arc::clone(&said);
     let note = move |text| heard.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     tracing::subscriber::set_global_default(Listener(note)).unwrap();
@@ -179,13 +182,14 @@ fn a_service_that_panics_leaves_zero_torque_on_the_line() {
 #[test]
 fn a_request_that_panics_leaves_zero_torque_on_the_line() {
     let fail = |ends: &mut Ends| {
-        // Its hello may be answered before it is noted; what it asks then is not.
+        // The hello can be answered before it is logged, but the ping after it fails.
         let refused = Client::connect(&ends.address.to_string(), PANICS)
             .and_then(|mut client| client.ping(serde_json::Value::Null));
         assert!(refused.is_err(), "its connection has ended");
     };
-    // While there is one subscriber alone, `tracing` asks it only where the thread that comes to a line
-    // first has it as its own; another test's thread has not.
+    // With a single subscriber, `tracing` caches for each log statement whether the first thread
+    // that reaches it has the subscriber. That can be a thread of another test, without one. A
+    // second subscriber disables this shortcut.
     let _second = tracing::Dispatch::new(tracing::subscriber::NoSubscriber::default());
     let log =
         tracing::Dispatch::new(Listener(|text: String| assert!(!text.contains(PANICS), "as a test asks")));

@@ -4,7 +4,7 @@ use hbot_core::inputs::{Inputs, MAX_COMMANDS};
 use hbot_core::{CompiledScene, Controller};
 use hbot_host::sample::{Counters, Sample, Timing};
 
-/// That of a loop which has just begun, with nothing on its line.
+/// Returns the sample of a loop that has just begun and has received nothing on its line.
 pub(crate) fn still(tick: u64) -> Sample {
     let mut controller = Controller::new(hbot_config::RigConfig::prototype().rig);
     let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;

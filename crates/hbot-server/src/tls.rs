@@ -1,4 +1,4 @@
-//! Encryption of the service (TLS 1.3), where the rig file asks for it.
+//! Encryption of the TCP service with TLS 1.3, if the rig file asks for it.
 
 use std::future::Future;
 use std::path::PathBuf;
@@ -18,57 +18,60 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::{Error as TlsError, ServerConfig, ServerConnection, version};
 use tokio_rustls::server::TlsStream;
 
-/// Bytes that may wait in a connection to be sent: one record, so that a client that reads on, however slowly, is not
-/// taken for one that does not.
+/// Limit of the unsent bytes that a TLS session buffers: one TLS record. The limit is small so that
+/// the server notices progress of a client that reads slowly, and does not cut it as one that does
+/// not read.
 const RECORD: usize = 16 * 1024;
-/// How far the thread that shakes hands gives way to others (the system's niceness).
+/// Niceness of the handshake thread. A positive value gives other threads priority.
 const NICENESS: i32 = 10;
 
-/// Why the files of the rig's `[api] tls` cannot be used.
+/// The reason why the files named in `[api] tls` of the rig file cannot be used.
 #[derive(Debug, Error)]
 pub enum CertificateError {
-    /// The certificates.
+    /// The certificate file cannot be used.
     #[error("api.tls.certificate: {}: {what}; legal: a file with at least one section BEGIN CERTIFICATE (PEM)", path.display())]
     Certificate {
-        /// The file.
+        /// Path of the certificate file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// What is wrong with the file.
         what: String,
     },
-    /// The private key.
+    /// The private key file cannot be used.
     #[error("api.tls.key: {}: {what}; legal: a file with one section BEGIN PRIVATE KEY (PEM), without a password", path.display())]
     Key {
-        /// The file.
+        /// Path of the key file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// What is wrong with the file.
         what: String,
     },
-    /// The thread that shakes hands.
+    /// The thread for TLS handshakes could not be started.
     #[error("api.tls: the system gives no thread: {0}")]
     Thread(std::io::Error),
-    /// Both together.
+    /// The certificate and the key do not belong together.
     #[error(
         "api.tls: {} and {} do not go together: {what}; legal: the key that the file's first certificate was made for",
         files.certificate.display(),
         files.key.display()
     )]
     Pair {
-        /// The files.
+        /// The certificate file and the key file.
         files: TlsFiles,
-        /// What is wrong.
+        /// What is wrong with the pair.
         what: String,
     },
 }
 
-/// Encrypts connections. Handshakes are made on a thread of their own, so that the work of the private key, which a stranger can
-/// ask for, takes no time of the thread that serves clients.
+/// Encrypts connections. TLS handshakes run on a separate thread: they cost computing time for the
+/// private key, and any unknown client can ask for them. They must not take time from the thread
+/// that serves clients.
 #[derive(Clone)]
 pub struct Encryption {
     acceptor: TlsAcceptor,
     shaker: Arc<Shaker>,
 }
 
-/// The thread that shakes hands. How many do so at a time is bounded by the places for connections without a hello.
+/// The thread that performs TLS handshakes. The limit of connections without a hello also bounds
+/// the number of simultaneous handshakes.
 struct Shaker(Option<Runtime>);
 
 impl Shaker {
@@ -77,7 +80,8 @@ impl Shaker {
             .worker_threads(1)
             .thread_name("hbot-tls")
             .on_thread_start(|| {
-                // It gives way to the service. Nothing is lost where the system refuses.
+                // Give way to the service's thread. If the system refuses, only the priority is
+                // lost.
                 let _ = setpriority_process(Some(gettid()), NICENESS);
             })
             .enable_io()
@@ -85,7 +89,7 @@ impl Shaker {
         Ok(Self(Some(runtime)))
     }
 
-    /// Has the thread do something. Dropping the future ends it.
+    /// Runs a future on the handshake thread. Dropping the returned future cancels the work.
     async fn work<T: Send + 'static>(
         &self,
         work: impl Future<Output = std::io::Result<T>> + Send + 'static,
@@ -104,17 +108,18 @@ impl Shaker {
 impl Drop for Shaker {
     fn drop(&mut self) {
         if let Some(runtime) = self.0.take() {
-            // The last owner may be a task, which must not wait for threads.
+            // The last owner can be an async task, which must not block until the thread ends.
             runtime.shutdown_background();
         }
     }
 }
 
 impl Encryption {
-    /// With the certificate and key of these files.
+    /// Creates the encryption from a certificate file and a private key file.
     ///
     /// # Errors
-    /// A file cannot be read, or is not what it should be.
+    /// Fails if a file cannot be read or parsed, if the key does not match the certificate, or if
+    /// the handshake thread cannot be started.
     pub fn from_files(files: &TlsFiles) -> Result<Self, CertificateError> {
         let certificate =
             |what: String| CertificateError::Certificate { path: files.certificate.clone(), what };
@@ -137,7 +142,8 @@ impl Encryption {
         let pair = |error: TlsError| CertificateError::Pair {
             files: files.clone(),
             what: match error {
-                // What is not told apart: the certificate of another key.
+                // By default the TLS library does not say that the certificate belongs to another
+                // key.
                 TlsError::InconsistentKeys(_) => "the key is another certificate's".to_owned(),
                 other => other.to_string(),
             },
@@ -152,19 +158,21 @@ impl Encryption {
         Ok(Self { acceptor: TlsAcceptor::from(Arc::new(config)), shaker })
     }
 
-    /// Shakes hands on the other thread; the connection is let go where the client does not. Dropping the future ends it.
+    /// Performs the TLS handshake on the handshake thread. If the handshake fails, the connection
+    /// is closed and the error is returned. Dropping the future cancels the handshake.
     pub(crate) async fn shake_hands(&self, stream: TcpStream) -> std::io::Result<TlsStream<TcpStream>> {
         let (stream, acceptor) = (stream.into_std()?, self.acceptor.clone());
         let shaken = self.shaker.work(async move {
             let bounded = |session: &mut ServerConnection| session.set_buffer_limit(Some(RECORD));
-            // A stream belongs to the runtime that it was made on.
+            // A tokio stream belongs to the runtime on which it was created, so it is created anew
+            // on each runtime.
             let (stream, session) =
                 acceptor.accept_with(TcpStream::from_std(stream)?, bounded).await?.into_inner();
             Ok((stream.into_std()?, session))
         });
         let (stream, session) = shaken.await?;
         let stream = TcpStream::from_std(stream)?;
-        // The session goes on here in place of a new one; it has nothing left to shake.
+        // Replace the new session by the finished one. No handshake is left to do.
         self.acceptor.accept_with(stream, |new| *new = session).await
     }
 }

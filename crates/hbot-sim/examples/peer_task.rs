@@ -1,10 +1,13 @@
-//! The task that simulators are compared by (`docs/simulator.md`): 2 s of a spring-held sphere driven by two sines. Called by
-//! `benches/peer/plant.sh`.
+//! The task by which simulators are compared (`docs/simulator.md`): 2 s of a sphere held by a
+//! spring and driven by two sinusoidal torques. It is run by `benches/peer/plant.sh`.
 //!
 //! ```text
-//! peer_task run METHOD STEPS REPS     seconds of the median run; METHOD as in plant::Method, STEPS in each 10 ms
-//! peer_task error METHOD STEPS        largest error of orientation at the 10 ms marks, and that at the end, rad
-//! peer_task error FILE                the same of a file that the C program wrote
+//! peer_task run METHOD STEPS REPS   prints the median run time, s
+//! peer_task error METHOD STEPS      prints the largest orientation error at the 10 ms marks,
+//!                                   and the error at the end, rad
+//! peer_task error FILE              prints these errors for a file written by the C program
+//!
+//! METHOD is a name from plant::Method, STEPS the number of steps in each 10 ms.
 //! ```
 
 use std::time::Instant;
@@ -13,7 +16,7 @@ use hbot_core::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
 
-/// Marks, each 10 ms.
+/// Number of marks, one every 10 ms.
 const MARKS: usize = 200;
 
 fn main() {
@@ -41,7 +44,7 @@ fn main() {
             let bytes = std::fs::read(file).expect("the C program's file");
             let numbers: Vec<f64> =
                 bytes.as_chunks::<8>().0.iter().map(|bytes| f64::from_ne_bytes(*bytes)).collect();
-            // Quaternion, two steering angles, angular velocity.
+            // Quaternion, two steer angles, angular velocity.
             let q = |state: &[f64]| Quat::from_xyzw(state[1], state[2], state[3], state[0]).normalize();
             print_error(&plant, numbers.chunks_exact(9).map(q));
         }
@@ -71,7 +74,7 @@ fn load() -> impl Load {
     Sum(spring, Sum(about_n1, about_n2))
 }
 
-/// The prototype with r = 10.2 mm and the inertias of the task.
+/// Returns the prototype with r = 10.2 mm and the inertias of the task.
 fn prototype() -> Device {
     let wheel = |x: f64| WheelSpec {
         axis: Vec3::new(x, 0.0, -1.0),
@@ -85,7 +88,7 @@ fn prototype() -> Device {
     Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).expect("a legal device")
 }
 
-/// The states at all marks, the start among them.
+/// Returns the states at all marks, including the start.
 fn run(plant: &Plant, method: Method, steps: u32, load: &impl Load) -> Vec<State> {
     let h = 0.01 / f64::from(steps);
     let mut marks = Vec::with_capacity(MARKS + 1);

@@ -1,5 +1,5 @@
-//! What the plant's methods and a tick of the whole rig cost and how exact they are; `docs/simulator.md` has the
-//! table that this prints.
+//! Measures the cost and accuracy of the plant's methods, and the cost of one tick of the simulated
+//! rig. Prints the tables of `docs/simulator.md`.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
 use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
 use hbot_sim::rig::{RigConfig, SimulatedRig};
 
-/// Runs of each measurement, of which the quickest counts: the others were disturbed.
+/// Number of runs of each measurement. The fastest run counts, because the others were disturbed.
 const RUNS: usize = 15;
 
 fn main() {
@@ -58,7 +58,7 @@ fn main() {
     }
 }
 
-/// The prototype with the inertias of the comparison task.
+/// Returns the prototype with the inertias of the comparison task.
 fn prototype() -> Device {
     let s = core::f64::consts::FRAC_1_SQRT_2;
     let wheel = |x: f64| WheelSpec {
@@ -73,7 +73,7 @@ fn prototype() -> Device {
     Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).expect("a legal device")
 }
 
-/// The state after `duration` seconds in `steps` steps from rest.
+/// Returns the state after `duration` seconds from rest, in `steps` steps.
 fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Load) -> State {
     let h = duration / f64::from(steps);
     let mut state = State::default();
@@ -83,7 +83,7 @@ fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Loa
     state
 }
 
-/// Nanoseconds of one tick of the rig.
+/// Measures one tick of the rig, ns.
 fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     let joint = Joint { gear: 17.0, continuous: 0.02, zero: Zero::Assume, ..Joint::new(16384, 0.2) };
     let config = RigConfig {
@@ -113,7 +113,7 @@ fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     })
 }
 
-/// Nanoseconds of one of `count` parts of the quickest of several runs.
+/// Runs `run` several times and returns the shortest time divided by `count`, ns.
 fn quickest(count: u32, mut run: impl FnMut()) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..RUNS {

@@ -1,5 +1,5 @@
-//! A simulated rig at the end of a line in memory, for whoever has no server: commands go to it and readings come back as
-//! the same bytes that a port would carry.
+//! A simulated rig at the end of a line in memory, for programs without a server. Commands and
+//! readings cross the line as the same bytes that a serial port would carry.
 
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointFeedback};
@@ -8,12 +8,12 @@ use hbot_link::{Command, Decoder, FromController, MAX_COMMAND_FRAME, ToControlle
 
 use crate::rig::SimulatedRig;
 
-/// How long the simulated controllers hold a command, ms: longer than any tick.
+/// Watchdog time sent with each command, ms. It is longer than any tick.
 const WATCHDOG_MS: u16 = 1000;
-/// Room for the answers of a tick, bytes.
+/// Initial capacity of the buffer for the answers of one tick, bytes.
 const REPLY: usize = 4096;
 
-/// A simulated rig and its line.
+/// A simulated rig together with the line to it, driven tick by tick.
 #[derive(Debug, Clone)]
 pub struct Exchange {
     rig: SimulatedRig,
@@ -23,7 +23,8 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// `rig`, whose device has so many joints, at the end of a line.
+    /// Connects `rig` to a line in memory. `joints` is the number of joints of its device; at most
+    /// [`MAX_JOINTS`] are used.
     #[must_use]
     pub fn new(rig: SimulatedRig, joints: usize) -> Self {
         let mut exchange = Self {
@@ -36,24 +37,26 @@ impl Exchange {
         exchange
     }
 
-    /// The rig.
+    /// Returns the simulated rig.
     #[must_use]
     pub fn rig(&self) -> &SimulatedRig {
         &self.rig
     }
 
-    /// The rig, to change it.
+    /// Returns the simulated rig mutably, for example to set an external torque.
     pub fn rig_mut(&mut self) -> &mut SimulatedRig {
         &mut self.rig
     }
 
-    /// One tick of the line at `now_ns`: the command `drive` goes out under the number `sequence`, and the newest reading that has
-    /// come back is taken, if any has.
+    /// Runs one tick at `now_ns`: sends the command `drive` with the number `sequence` and returns
+    /// the newest reading that came back.
+    ///
+    /// Returns `None` if no reading has arrived.
     pub fn tick(&mut self, now_ns: u64, sequence: u32, drive: &Drive) -> Option<JointFeedback> {
         let mut command =
             Command { sequence, enable: drive.enable, watchdog_ms: WATCHDOG_MS, ..Command::default() };
         for torque in &drive.torque[..self.joints] {
-            // As many as it holds.
+            // If the list is full, further torques are left out.
             let _ = command.torque.push(*torque as f32);
         }
         self.write(now_ns, &ToController::Command(command));
@@ -77,10 +80,10 @@ impl Exchange {
         newest
     }
 
-    /// Sends `message`; what is answered stands in `reply`.
+    /// Sends `message` to the rig. The answer is then in `reply`.
     fn write(&mut self, now_ns: u64, message: &ToController) {
         let mut frame = [0; MAX_COMMAND_FRAME];
-        // A frame of the largest size holds every message.
+        // A buffer of the largest frame size holds every message.
         let length = encode(message, &mut frame).unwrap_or(0);
         self.reply.clear();
         self.rig.receive(now_ns, &frame[..length], &mut self.reply);

@@ -1,18 +1,21 @@
-//! The reference for motions that are given: y' = f(t, y) for a smooth f, to rounding.
+//! Solves y' = f(t, y) for a smooth f, accurate to rounding error. It is the reference for
+//! prescribed motions.
 //!
-//! Gragg's modified midpoint rule extrapolated by Richardson's scheme (Bulirsch and Stoer; Hairer, Norsett and Wanner 1993,
-//! II.9), up to order 12. An interval whose last two columns differ by more than the tolerance is halved.
+//! The method is Gragg's modified midpoint rule with Richardson extrapolation up to order 12
+//! (Bulirsch and Stoer; Hairer, Norsett and Wanner 1993, II.9). An interval is halved while the
+//! last two columns of the extrapolation table differ by more than the tolerance.
 
-/// Substeps of the rows of the extrapolation table.
+/// Number of substeps of each row of the extrapolation table.
 const SUBSTEPS: [usize; ROWS] = [2, 4, 6, 8, 10, 12];
-/// Rows of the extrapolation table.
+/// Number of rows of the extrapolation table.
 const ROWS: usize = 6;
-/// What the last two columns may differ by, relative to 1 + |y|; some ten roundings.
+/// Largest allowed difference of the last two columns, relative to 1 + |y|: some tens of roundings.
 const TOLERANCE: f64 = 1.0e-14;
-/// Halvings after which rounding, and not the step, is what is left.
+/// Largest number of halvings. After these, the remaining difference is rounding and smaller steps
+/// do not help.
 const HALVINGS: u32 = 10;
 
-/// The solution of y' = `f`(t, y) at the time `t` + `h`, from `y` at the time `t`.
+/// Returns the solution of y' = `f`(t, y) at time `t` + `h`, starting from `y` at time `t`.
 #[must_use]
 pub fn advance<const N: usize>(
     f: &impl Fn(f64, &[f64; N]) -> [f64; N],
@@ -38,7 +41,7 @@ fn halved<const N: usize>(
     halved(f, t + 0.5 * h, 0.5 * h, &middle, halvings - 1)
 }
 
-/// One step, and what its last two columns differ by.
+/// Returns the result of one step, and the difference of the last two columns of its table.
 fn extrapolated<const N: usize>(
     f: &impl Fn(f64, &[f64; N]) -> [f64; N],
     t: f64,
@@ -46,7 +49,7 @@ fn extrapolated<const N: usize>(
     y: &[f64; N],
 ) -> ([f64; N], f64) {
     let start = f(t, y);
-    // What is extrapolated is the change, which rounds less than the value.
+    // The table holds the change of y, which rounds less than y itself.
     let mut above = [[0.0; N]; ROWS];
     let mut error = 0.0;
     for (row, &n) in SUBSTEPS.iter().enumerate() {
@@ -69,7 +72,7 @@ fn extrapolated<const N: usize>(
     unreachable!("the last row ends it")
 }
 
-/// The change of y over `h` by Gragg's rule in `n` substeps, smoothed at its end.
+/// Returns the change of y over `h` by Gragg's rule in `n` substeps, smoothed at the end.
 fn midpoint<const N: usize>(
     f: &impl Fn(f64, &[f64; N]) -> [f64; N],
     t: f64,
@@ -103,7 +106,7 @@ mod tests {
         for k in 0..400 {
             y = advance(&f, f64::from(k) * 0.25, 0.25, &y);
         }
-        // 400 steps, each to the tolerance of 1e-14.
+        // 400 steps, each within the tolerance of 1e-14.
         assert!((y[0] - 100.0_f64.sin()).abs() < 4e-12 && (y[1] - 100.0_f64.cos()).abs() < 4e-12, "{y:?}");
     }
 

@@ -1,8 +1,9 @@
-//! A person's hand on the sphere: a spring, a damper and a mass, to a target that moves about.
+//! A person's hand on the sphere: a spring, a damper and a mass, coupled to a moving target.
 //!
-//! The target is where the person would have the sphere. It starts at the orientation in which the hand takes hold,
-//! with no rate and no torque, so taking hold never jerks; then it wanders about all three axes with incommensurate
-//! sines, never quite repeating itself. It is a function of time alone: the same times give the same bits.
+//! The target is the orientation to which the hand pulls the sphere. It starts at the sphere's
+//! orientation when the hand takes hold, at rest, so that taking hold causes no jerk. It then moves
+//! about all three axes along sines with incommensurate frequencies, so the motion never repeats
+//! exactly. The target depends on time alone: equal times give equal bits.
 
 use core::f64::consts::TAU;
 
@@ -11,14 +12,17 @@ use hbot_core::{Quat, Vec3, rotation};
 use crate::phenomena::Hand;
 use crate::plant::Load;
 
-/// Rates of the three axes relative to [`Hand::rate`]: 1, 1/sqrt 2 and the golden ratio's inverse have no common period.
+/// Frequencies of the target about the three axes, relative to [`Hand::rate`]. 1, 1/sqrt 2 and the
+/// inverse of the golden ratio have no common period.
 const RATIOS: [f64; 3] = [1.0, core::f64::consts::FRAC_1_SQRT_2, 0.618_033_988_749_894_9];
 
-/// How long the motion of the target takes to reach its full amplitude after taking hold, s.
+/// Time from taking hold until the target's motion has its full amplitude, s.
 const FADE_S: f64 = 1.0;
 
-/// A hand that holds the sphere: the load on the plant. The inertia is the plant's to add
-/// ([`Plant::set_sphere_inertia`](crate::plant::Plant::set_sphere_inertia)).
+/// A hand that holds the sphere. As a [`Load`] it gives the torque of its spring and damper.
+///
+/// The hand's inertia is not part of the load. It is added to the plant by
+/// [`Plant::set_sphere_inertia`](crate::plant::Plant::set_sphere_inertia).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grip {
     hand: Hand,
@@ -26,42 +30,47 @@ pub struct Grip {
     start: Quat,
 }
 
-/// Where the hand would have the sphere at one instant.
+/// The orientation and angular velocity to which the hand's spring and damper pull the sphere, at
+/// one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
-    /// Orientation, sphere axes to N, unit.
+    /// Orientation as a unit quaternion that maps sphere axes to frame N.
     pub q: Quat,
-    /// Angular velocity in N, rad/s: exactly the rate of change of `q`.
+    /// Angular velocity in frame N, rad/s. It is exactly the rate of change of `q`.
     pub omega: Vec3,
 }
 
 impl Grip {
-    /// `hand` takes hold at the time `since` (s) of a sphere with the orientation `q`.
+    /// Creates the grip of a `hand` that takes hold of the sphere at time `since` (s), when its
+    /// orientation is `q`.
     #[must_use]
     pub fn new(hand: Hand, since: f64, q: Quat) -> Self {
         Self { hand, since, start: q }
     }
 
-    /// The hand that holds.
+    /// Returns the parameters of the hand.
     #[must_use]
     pub fn hand(&self) -> &Hand {
         &self.hand
     }
 
-    /// Energy of the spring at the time `t` (s) for the orientation `q`, J.
+    /// Returns the energy stored in the hand's spring, J, at time `t` (s) and the sphere's
+    /// orientation `q`.
     #[must_use]
     pub fn energy(&self, t: f64, q: Quat) -> f64 {
         2.0 * self.hand.stiffness * rotation::vector_part(q * self.target(t).q.conjugate()).length_squared()
     }
 
-    /// Where the hand would have the sphere at the time `t`, s; before it took hold, where it did.
+    /// Returns the hand's target at time `t`, s. Before the hand takes hold, this is its starting
+    /// orientation at rest.
     #[must_use]
     pub fn target(&self, t: f64) -> Target {
         let age = t - self.since;
         if !(age > 0.0) {
             return Target { q: self.start, omega: Vec3::ZERO };
         }
-        // Rises from 0 to 1 with no jump in rate or acceleration at either end.
+        // The amplitude's factor rises from 0 to 1 without a jump in rate or acceleration at either
+        // end.
         let (fade, fade_rate) = if age < FADE_S {
             let x = age / FADE_S;
             (x * x * x * (10.0 - x * (15.0 - 6.0 * x)), 30.0 * x * x * (1.0 - x) * (1.0 - x) / FADE_S)
@@ -75,7 +84,8 @@ impl Grip {
             p[k] = self.hand.amplitude * fade * s;
             p_rate[k] = self.hand.amplitude * (fade * pace * c + fade_rate * s);
         }
-        // The turn as a vector of length 2 tan(angle/2): its rotation and its rate need no further sine.
+        // The turn is a vector of length 2 tan(angle/2), from which rotation and rate need no
+        // further sine.
         let (g, g_rate) = (Vec3::from_array(p) * 0.5, Vec3::from_array(p_rate) * 0.5);
         let size = 1.0 + g.length_squared();
         let turn = rotation::from_parts(1.0, g) * (1.0 / libm::sqrt(size));
@@ -91,8 +101,11 @@ impl Load for Grip {
         self.target(t)
     }
 
-    /// The quaternion spring of the physics notes, section 6, for an isotropic stiffness, and its
-    /// damper. The torque is K sin(angle): it gives way beyond a quarter turn, as a grip does.
+    /// Returns the torque of the hand's quaternion spring (isotropic stiffness) and damper, in
+    /// frame N, N m.
+    ///
+    /// The equations are in the physics notes, section 6. The spring torque is K sin(angle): beyond
+    /// a quarter turn it falls, as a person's grip does.
     #[inline]
     fn torque(&self, target: &Target, q: Quat, omega: Vec3) -> Vec3 {
         let error = target.q * q.conjugate();
@@ -111,7 +124,8 @@ mod tests {
         let grip = Grip::new(Hand::default(), 5.0, q);
         // q q⁻¹ is the identity to rounding.
         assert!(grip.torque(&grip.at(5.0), q, Vec3::ZERO).length() < 1e-15);
-        // A fade that begins as t³ gives A 10 t³ w t = 4e-12 rad a millisecond later, and 2e-8 rad/s.
+        // The amplitude's factor begins as 10 t³. After 1 ms the target is at A 10 t³ w t = 4e-12
+        // rad and moves at 2e-8 rad/s.
         let soon = grip.torque(&grip.at(5.001), q, Vec3::ZERO);
         assert!(soon.length() > 0.0 && soon.length() < 1e-8, "{soon}");
     }
@@ -123,7 +137,8 @@ mod tests {
             let h = 1e-4;
             let turn = rotation::difference(grip.target(t + h).q, grip.target(t - h).q) / (2.0 * h);
             let target = grip.target(t);
-            // Central differences: h² times a third derivative of order 10 (100 within the fade).
+            // The error of central differences is h² times a third derivative of order 10 (100
+            // while the amplitude rises).
             assert!((turn - target.omega).length() < 1e-6, "t = {t}: {turn} against {}", target.omega);
             assert!((target.q.length() - 1.0).abs() < 4.0 * f64::EPSILON);
         }
@@ -151,7 +166,7 @@ mod tests {
             assert!((torque - Vec3::X * (-3.0 * 0.1f64.sin())).length() < 1e-15, "{torque}");
         }
         assert_eq!(grip.torque(&now, Quat::IDENTITY, Vec3::Y), Vec3::Y * -0.05);
-        // A sphere that goes along with a moving target feels nothing.
+        // A sphere that moves exactly with the target feels no torque.
         let moving = Grip::new(Hand::default(), 0.0, Quat::IDENTITY);
         let target = moving.target(3.0);
         assert!(target.omega.length() > 0.1);

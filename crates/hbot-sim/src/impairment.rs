@@ -1,8 +1,8 @@
-//! What a bad line does to the bytes on it: frames late, lost, damaged ([`Link`]).
+//! Impairs a simulated line: delays, loses and damages frames as a scene's [`Link`] asks.
 //!
-//! It works on frames (everything up to the byte that ends one in the protocol of the line), knows nothing of what is in
-//! them, and reorders nothing within a direction. A frame begun is kept until its end has come. Its memory is bounded and
-//! taken at the start: of a line that carries more than fits, frames are lost.
+//! It works on whole frames (all bytes up to a zero) and does not look at their content. Frames of
+//! one direction keep their order. A partial frame is kept until its last byte arrives. Memory is
+//! bounded and allocated at the start. When it is full, further frames are lost.
 
 use std::collections::VecDeque;
 
@@ -11,32 +11,33 @@ use oorandom::Rand64;
 
 use crate::phenomena::Link;
 
-/// The most frames and bytes of one direction that are on their way at a time: at the longest latency and jitter, 0.2 s, all
-/// of a loop of 5 kHz.
+/// Largest number of frames in flight in one direction. `BYTES` limits their bytes. Both hold all
+/// frames of a 5 kHz loop at the longest latency plus jitter, 0.2 s.
 const FRAMES: usize = 1024;
 const BYTES: usize = 128 * 1024;
 
-/// The longest frame, with its end before it. What is longer without an end is no frame; it travels in pieces of this size.
+/// Size of the longest frame with a leading zero, bytes. A longer run without a zero cannot be a
+/// frame and is sent in pieces of this size.
 pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
-/// What became of the frames of one direction since the line was impaired.
+/// Counts of the frames sent in one direction of an impaired line, since the impairment began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Traffic {
-    /// Frames sent.
+    /// Number of frames sent.
     pub sent: u64,
-    /// Of those, lost.
+    /// Number of frames that were lost, out of those sent.
     pub lost: u64,
-    /// Of those, delivered with a flipped byte.
+    /// Number of frames that were delivered with a damaged byte, out of those sent.
     pub corrupted: u64,
 }
 
-/// A line that is impaired, both ways.
+/// An impaired line, both directions.
 #[derive(Debug, Clone)]
 pub(crate) struct Impairment {
     random: Rand64,
     pub(crate) commands: Lane,
     pub(crate) answers: Lane,
-    /// Room for what the controllers answer to one frame.
+    /// Buffer for the motor controllers' answers to one frame.
     pub(crate) scratch: Vec<u8>,
 }
 
@@ -53,25 +54,26 @@ impl Impairment {
         line
     }
 
-    /// Has the figures replaced; what is on its way stays so, and arrives when it was to.
+    /// Replaces the parameters. Frames in flight still arrive at the time set when they were sent.
     pub(crate) fn replace(&mut self, link: &Link) {
         self.random = Rand64::new(u128::from(link.seed));
         self.commands.set(link, link.command_latency_s);
         self.answers.set(link, link.latency_s);
     }
 
-    /// Sends bytes to the controllers.
+    /// Sends bytes from the host to the motor controllers.
     pub(crate) fn command(&mut self, now_ns: u64, bytes: &[u8]) {
         self.commands.send(now_ns, bytes, &mut self.random);
     }
 
-    /// Sends the scratch's bytes to the host.
+    /// Sends the bytes in `scratch` to the host and clears it.
     pub(crate) fn answer(&mut self, now_ns: u64) {
         self.answers.send(now_ns, &self.scratch, &mut self.random);
         self.scratch.clear();
     }
 
-    /// When the next frame arrives at either end, ns.
+    /// Returns the time at which the next frame arrives at either end, ns. `None` if no frame is in
+    /// flight.
     pub(crate) fn next_ns(&self) -> Option<u64> {
         let (command, answer) = (self.commands.next_ns(), self.answers.next_ns());
         command.map_or(answer, |c| Some(answer.map_or(c, |a| a.min(c))))
@@ -84,7 +86,7 @@ struct Frame {
     length: usize,
 }
 
-/// One direction of the line.
+/// One direction of an impaired line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
     /// The byte that ends a frame.
@@ -93,10 +95,10 @@ pub(crate) struct Lane {
     jitter_ns: f64,
     loss: f64,
     corrupt: f64,
-    /// A frame whose end has not come yet.
+    /// Bytes of a partial frame, of which `length` are used.
     begun: [u8; LONGEST],
     length: usize,
-    /// On their way, the oldest first.
+    /// Frames in flight, oldest first.
     frames: VecDeque<Frame>,
     bytes: VecDeque<u8>,
     pub(crate) traffic: Traffic,
@@ -123,12 +125,12 @@ impl Lane {
         (self.jitter_ns, self.loss, self.corrupt) = (link.jitter_s * 1.0e9, link.loss, link.corrupt);
     }
 
-    /// When its next frame arrives, ns.
+    /// Returns the time at which the next frame of this direction arrives, ns.
     pub(crate) fn next_ns(&self) -> Option<u64> {
         self.frames.front().map(|frame| frame.due_ns)
     }
 
-    /// Hands the next frame over if it arrives by `until_ns`.
+    /// Passes the next frame to `each` if it arrives by `until_ns`. Returns whether it did.
     pub(crate) fn take(&mut self, until_ns: u64, mut each: impl FnMut(&[u8])) -> bool {
         let Some(frame) = self.frames.front().copied().filter(|frame| frame.due_ns <= until_ns) else {
             return false;
@@ -158,11 +160,12 @@ impl Lane {
         }
     }
 
-    /// Puts the frame that has just ended on its way.
+    /// Sends the complete frame in `begun`, with delay, loss and damage.
     fn put(&mut self, now_ns: u64, random: &mut Rand64) {
         let frame = &mut self.begun[..self.length];
         self.traffic.sent += 1;
-        // As many draws for every frame, so that one figure does not change what another does.
+        // Every frame draws equally many random numbers, so that one parameter does not change the
+        // effect of another.
         let (loss, corrupt, late) = (random.rand_float(), random.rand_float(), random.rand_float());
         let (place, flip) = (random.rand_u64(), random.rand_u64());
         let full = self.frames.len() == FRAMES || self.bytes.len() + frame.len() > BYTES;
@@ -172,11 +175,11 @@ impl Lane {
         }
         if corrupt < self.corrupt {
             self.traffic.corrupted += 1;
-            // Remainders of 64 bits by small numbers: as even as nobody can tell from even.
+            // The remainder of a 64-bit number by a small one is uniform to about 1e-17.
             let place = (place % (frame.len() as u64 - 1).max(1)) as usize;
             frame[place] ^= (1 + flip % 255) as u8;
         }
-        // One that is due earlier than the one before it waits behind it.
+        // A frame that is due before its predecessor still waits behind it in the queue.
         let due_ns = now_ns.saturating_add(self.latency_ns).saturating_add((late * self.jitter_ns) as u64);
         self.frames.push_back(Frame { due_ns, length: frame.len() });
         self.bytes.extend(&*frame);

@@ -1,5 +1,6 @@
-//! True motions of a sphere that does not slip, and what encoders read of them: the truth that methods of odometry are
-//! measured by, at the server's start and in the accuracy study.
+//! Exact motions of a sphere without slip, with the joint angles that encoders would read.
+//!
+//! Odometry methods are measured against them, at the server's start and in the accuracy study.
 
 use core::f64::consts::TAU;
 
@@ -9,27 +10,29 @@ use hbot_core::{Device, MAX_WHEELS, Quat, Vec3, rotation};
 
 use crate::extrapolation;
 
-/// Wheels of the device that the motions are of.
+/// Number of wheels of the devices that these motions are made for.
 pub const WHEELS: usize = 2;
-/// Its joints.
+/// Number of joints of these devices: two for each wheel.
 pub const JOINTS: usize = 2 * WHEELS;
-/// q as w, x, y, z, then the joints of that device.
+/// Length of the state vector: the orientation q as w, x, y, z, then the joint angles.
 const SIZE: usize = 4 + JOINTS;
 
-/// How a sphere is turned.
+/// A prescribed way in which the sphere turns, defined by its angular velocity over time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// As ids have it.
+    /// Name as used in the ids of figures.
     pub name: &'static str,
-    /// How fast it turns on average, rad/s.
+    /// Mean angular speed, rad/s.
     pub speed: f64,
-    /// How often the turning changes, Hz.
+    /// Frequency at which the angular velocity varies, Hz.
     pub hertz: f64,
-    /// It goes back and forth, so that the wheels are pushed backwards, instead of ever on.
+    /// Whether the sphere turns back and forth, which pushes the wheels backwards. Otherwise it
+    /// keeps turning.
     pub reversing: bool,
 }
 
-/// Gentle, brisk and violent, each ever on and back and forth.
+/// The motions by which odometry is measured: gentle, brisk and violent, each both turning steadily
+/// and turning back and forth.
 pub const MOTIONS: [Motion; 6] = {
     const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> Motion {
         Motion { name, speed, hertz, reversing }
@@ -44,13 +47,13 @@ pub const MOTIONS: [Motion; 6] = {
     ]
 };
 
-/// The mean axis of a motion: along neither steering axis of the prototype.
+/// Mean axis of a motion. It is parallel to neither steering axis of the prototype.
 const AXIS: Vec3 = Vec3::new(0.5, 0.8, 0.331_662_479);
-/// Frequencies about the three axes relative to the motion's: no common period.
+/// Frequencies about the three axes relative to the motion's frequency. They have no common period.
 const RATIOS: [f64; 3] = [1.0, core::f64::consts::SQRT_2, 1.618_033_988_749_895];
 
 impl Motion {
-    /// The angular velocity in N at the time `t` (s), rad/s.
+    /// Returns the angular velocity of the sphere at time `t` (s), in frame N, rad/s.
     #[must_use]
     pub fn omega(&self, t: f64) -> Vec3 {
         let wave = |k: usize, phase: f64| libm::sin(TAU * self.hertz * RATIOS[k] * t + phase);
@@ -63,23 +66,27 @@ impl Motion {
     }
 }
 
-/// A moment of a true motion.
+/// One moment of an exact motion: orientation and joint angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// Orientation as w, x, y, z.
+    /// Orientation as w, x, y, z, sphere axes to frame N.
     pub q: [f64; 4],
-    /// Angles of the joints in the order steer, drive of each wheel, rad.
+    /// Joint angles in the order steer, drive of each wheel, rad.
     pub joints: [f64; JOINTS],
 }
 
-/// How long a motion is followed before the first moment asked for, s: wheels that roll on have then turned into line.
+/// Time for which a motion runs before the first requested moment, s. During it the wheels align
+/// with their rolling direction.
 const BEFORE: f64 = 1.0;
 
-/// Readings that the longest path goes through before the first interval that it is followed over.
+/// Number of readings that must precede the first measured interval. A cubic path between readings,
+/// the longest kind, needs them.
 pub const LEAD: usize = 3;
 
 impl Motion {
-    /// `count` moments, `hz` a second; the `lead`th is at the time 0 and has the identity for its orientation. To rounding.
+    /// Returns `count` moments of the motion at `hz` moments a second, accurate to rounding error.
+    ///
+    /// Moment number `lead` (counted from 0) is at time 0 and has the identity as its orientation.
     #[must_use]
     pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<Moment> {
         let h = 1.0 / f64::from(hz);
@@ -94,7 +101,11 @@ impl Motion {
 }
 
 impl Motion {
-    /// q (w, x, y, z) and the joints of `device`, N - 4 of them, from the time `start` on every `h` seconds, for ever. To rounding.
+    /// Returns an endless iterator over the motion, one item every `h` seconds from time `start`
+    /// (s).
+    ///
+    /// Each item holds the orientation q (w, x, y, z) and the N - 4 joint angles of `device`,
+    /// accurate to rounding error.
     pub fn course<const N: usize>(
         self,
         device: &Device,
@@ -119,8 +130,11 @@ impl Motion {
     }
 }
 
-/// Joints that turn at constant rates (rad/s) from the steering angles `th`, for `time` seconds: the orientation at the end,
-/// to rounding.
+/// Returns the sphere's orientation (w, x, y, z) after its joints have turned at constant rates,
+/// accurate to rounding error.
+///
+/// The joints start at the steer angles `th` (rad) and turn at `zd` (rad/s) for `time` seconds. The
+/// sphere starts at the identity.
 #[must_use]
 pub fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], time: f64) -> [f64; 4] {
     let turning = |t: f64, y: &[f64; 4]| {
@@ -137,7 +151,10 @@ pub fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], time: f64
     q
 }
 
-/// The orientation to rounding after joints have gone along `path` from the steering angles `th`, `q` before.
+/// Returns the sphere's orientation (w, x, y, z) after its joints have moved along `path`, accurate
+/// to rounding error.
+///
+/// The motion starts at the steer angles `th` (rad) and the orientation `q`.
 #[must_use]
 pub fn along(device: &Device, th: [f64; WHEELS], path: &Path, q: [f64; 4]) -> [f64; 4] {
     let turning = |s: f64, y: &[f64; 4]| {
@@ -164,7 +181,7 @@ fn rates<const N: usize>(device: &Device, omega: Vec3, y: &[f64; N]) -> [f64; N]
     core::array::from_fn(|i| if i < 4 { q[i] } else { joints[i - 4] })
 }
 
-/// dq/dt = 1/2 (0, w) q.
+/// Returns dq/dt = 1/2 (0, w) q, with `w` in frame N.
 fn quaternion_rate(q: &[f64; 4], w: Vec3) -> [f64; 4] {
     let e = Vec3::new(q[1], q[2], q[3]);
     let rate = (w * q[0] + w.cross(e)) * 0.5;
@@ -176,7 +193,7 @@ fn normalise(y: &mut [f64]) {
     y[..4].iter_mut().for_each(|x| *x /= norm);
 }
 
-/// The angle between two orientations given as w, x, y, z, rad.
+/// Returns the angle between two orientations given as w, x, y, z, rad.
 #[must_use]
 pub fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
     rotation::angle_between(orientation(&a), orientation(&b))
@@ -186,7 +203,7 @@ pub fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Sampled twice as often, a motion reads the same: what the reference adds is rounding, also after reversals.
+    /// Sampling twice as often gives an equal motion. Only rounding differs, even after reversals.
     #[test]
     fn a_motion_does_not_depend_on_how_often_it_is_read() {
         let device = hbot_config::RigConfig::prototype().rig.device;
@@ -194,7 +211,7 @@ mod tests {
             let coarse = motion.moments(&device, 1000, 201, 0);
             let fine = motion.moments(&device, 2000, 401, 0);
             let off = angle(coarse[200].q, fine[400].q);
-            // Four hundred steps, each of which rounds by 1e-16.
+            // 400 steps with a rounding error of 1e-16 each.
             assert!(off < 4e-14, "{}: {off:e}", motion.name);
         }
     }

@@ -1,28 +1,31 @@
-//! What a real rig shows besides the ideal one, each on request, none otherwise.
+//! Phenomena: properties of a real rig, such as friction, that the simulated rig shows on request.
 //!
-//! The tables of figures are those of scene files (`[simulate]`, hbot-config): each phenomenon is one,
-//! and its `default()` has the prototype's figures, or those usual of such parts. What is `None` costs
-//! nothing: no state, no instruction but the look whether it is there. `docs/simulator.md` has the
-//! equation, the source and the validation of each.
+//! Without a request the simulated rig is ideal. The types are the tables of `[simulate]` in scene
+//! files (hbot-config), one for each phenomenon. Their `default()` has the values of the prototype,
+//! or typical values of such parts. A phenomenon that is `None` needs no state and costs only the
+//! test for `None`. The equation, source and validation of each are in `docs/simulator.md`.
 //!
 //! | where it acts | phenomena |
 //! |---|---|
-//! | the plant | [`JointFriction`], [`CageFriction`], [`Slip`], [`Pivoting`], [`Eccentric`], [`WheelModules`], [`Gear`] |
-//! | the controllers | [`Encoder`], [`Motor`] |
+//! | the plant: friction | [`JointFriction`], [`CageFriction`], [`Slip`], [`Pivoting`] |
+//! | the plant: weight and play | [`Eccentric`], [`WheelModules`], [`Gear`] |
+//! | the motor controllers | [`Encoder`], [`Motor`] |
 //! | the line | [`Link`] |
 //! | the sphere | [`Hand`] |
 //!
-//! What is random comes from a seed: the same figures and the same bytes in give the same bytes out.
+//! Random numbers come from a seed. Equal parameters and equal input bytes give equal output bytes.
 
 pub use hbot_config::scene::{
     CageFriction, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting,
     Simulate as Phenomena, Slip, WheelModules,
 };
 
-/// The phenomena of the plant alone; a hand is not the plant's.
+/// Returns a copy of `phenomena` with only those that act in the plant, such as friction and slip.
+/// Encoder, motor, link and hand become `None`.
 #[must_use]
 pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
-    // All by name: a new phenomenon does not compile until somebody says whose it is.
+    // Fields are listed by name so that a new phenomenon fails to compile until it is assigned
+    // here.
     let Phenomena {
         joint_friction,
         cage_friction,
@@ -48,12 +51,14 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
     }
 }
 
-/// The dry friction of a joint at `rate` (rad/s), N m; at rest the torque that it withstands. The
-/// viscous part is not in it.
+/// Returns the dry friction torque of a joint that turns at `rate` (rad/s), N m. The viscous part
+/// is not included.
 ///
-/// coulomb + (breakaway - coulomb) exp(-(rate / stribeck_rate)²), the Gaussian form of the Stribeck
-/// curve (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994). A breakaway below coulomb counts as
-/// coulomb.
+/// At `rate` 0 it is the largest torque that friction holds at rest.
+///
+/// The value is `coulomb + (breakaway - coulomb) exp(-(rate / stribeck_rate)²)`, the Gaussian form
+/// of the Stribeck curve (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994). If `breakaway` is
+/// below `coulomb`, `coulomb` is used.
 #[must_use]
 pub fn dry_friction(friction: &JointFriction, rate: f64) -> f64 {
     let more = friction.breakaway - friction.coulomb;
@@ -64,17 +69,19 @@ pub fn dry_friction(friction: &JointFriction, rate: f64) -> f64 {
     friction.coulomb + more * libm::exp(-x * x)
 }
 
-/// The largest friction force mu N of a contact, N.
+/// Returns the largest friction force of a contact: the friction coefficient times the normal
+/// force, N.
 #[must_use]
 pub fn largest_grip(slip: &Slip) -> f64 {
     slip.mu * slip.normal_force
 }
 
-/// The largest torque of a contact about its normal c3, N m: that of a flat round patch under even
-/// pressure, (2/3) mu N a (0.53 mN m by default).
+/// Returns the largest friction torque of a contact about its normal c3, N m.
 ///
-/// Under Hertz's pressure, which is greater in the middle, it would be (3 pi/16) mu N a (Johnson,
-/// *Contact Mechanics*, 1985), 12 % less: well within what one knows of a or mu.
+/// It is (2/3) mu N a for a flat round patch of radius a under even pressure, with mu the friction
+/// coefficient and N the normal force: 0.53 mN m by default. Under Hertzian pressure, which is
+/// greater in the middle, it would be (3 pi/16) mu N a (Johnson, *Contact Mechanics*, 1985). That
+/// is 12 % less, well within the uncertainty of a and mu.
 #[must_use]
 pub fn largest_pivoting_torque(pivoting: &Pivoting) -> f64 {
     2.0 / 3.0 * pivoting.mu * pivoting.normal_force * pivoting.patch_radius
@@ -88,13 +95,13 @@ mod tests {
     fn the_stribeck_curve_starts_at_breakaway_and_ends_at_coulomb() {
         let friction = JointFriction { breakaway: 5.0e-4, ..JointFriction::default() };
         assert_eq!(dry_friction(&friction, 0.0), 2.0e-4 + (5.0e-4 - 2.0e-4));
-        // One e-th of the peak is left at the Stribeck rate, either way; rounding alone.
+        // At plus or minus the Stribeck rate 1/e of the peak is left. The tolerance is rounding.
         for rate in [0.5, -0.5] {
             let expected = 2.0e-4 + 3.0e-4 / core::f64::consts::E;
             assert!((dry_friction(&friction, rate) - expected).abs() < 1e-18);
         }
         assert_eq!(dry_friction(&friction, 100.0), 2.0e-4);
-        // No peak: the same at every rate, and a breakaway below Coulomb's counts as none.
+        // Without a peak, friction is equal at every rate. A breakaway below Coulomb means no peak.
         assert_eq!(dry_friction(&JointFriction::default(), 0.1), 2.0e-4);
         assert_eq!(dry_friction(&JointFriction { breakaway: 0.0, ..friction }, 0.0), 2.0e-4);
     }
@@ -102,7 +109,7 @@ mod tests {
     #[test]
     fn limits_are_those_of_the_physics_notes() {
         assert_eq!(largest_grip(&Slip::default()), 8.0);
-        // 2/3 of 0.8 x 10 N x 0.1 mm, to rounding.
+        // 2/3 of 0.8 x 10 N x 0.1 mm. The tolerance is rounding.
         assert!((largest_pivoting_torque(&Pivoting::default()) - 1.6e-3 / 3.0).abs() < 1e-18);
     }
 }

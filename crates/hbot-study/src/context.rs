@@ -1,4 +1,4 @@
-//! How a study is shown while it runs, and stopped.
+//! Progress display and interruption of a running study.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::Arc;
@@ -7,30 +7,30 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A flag that whoever runs a study raises to have it stop.
+/// A flag that asks a running study to stop. Its clones share one value.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Asks the study to stop. It does within a second, and writes nothing.
+    /// Asks the study to stop. The study stops within a second and writes nothing.
     pub fn raise(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether it was raised.
+    /// Returns whether [`raise`](Self::raise) was called on this flag or a clone of it.
     #[must_use]
     pub fn raised(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// The study was asked to stop.
+/// The error of a study that was asked to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Interrupted;
 
-/// What every part of a study needs: how thorough to be, where to show progress, when to stop.
+/// The run of a study: how thorough it is, where it shows progress, and when it must stop.
 pub(crate) struct Context {
-    /// Fewer samples.
+    /// Whether to use fewer samples.
     pub(crate) quick: bool,
     interrupt: Interrupt,
     bar: ProgressBar,
@@ -39,7 +39,8 @@ pub(crate) struct Context {
 }
 
 impl Context {
-    /// A bar on standard error where that is a terminal, lines elsewhere.
+    /// Creates the context of the study called `name`. Progress is a bar on standard error if that
+    /// is a terminal, and otherwise one line per part.
     pub(crate) fn new(name: &str, quick: bool, interrupt: &Interrupt) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
@@ -54,35 +55,35 @@ impl Context {
         Self { quick, interrupt: interrupt.clone(), bar, terminal, started: Instant::now() }
     }
 
-    /// So many parts are to come, besides those that were said already.
+    /// Adds `parts` to the number of parts that the progress bar expects.
     pub(crate) fn expect(&self, parts: usize) {
         self.bar.inc_length(parts as u64);
     }
 
-    /// The next part begins.
+    /// Shows that the part described by `what` begins.
     ///
     /// # Errors
-    /// Where the study is to stop.
+    /// Fails if the study was asked to stop.
     pub(crate) fn part(&self, what: &str) -> Result<(), Interrupted> {
         self.go_on()?;
         self.bar.set_message(what.to_owned());
         self.bar.inc(1);
         if !self.terminal {
-            // A report that nobody reads hinders no study.
+            // A progress line that cannot be written does not stop the study.
             let _ = writeln!(std::io::stderr(), "{:6.1} s  {what}", self.started.elapsed().as_secs_f64());
         }
         Ok(())
     }
 
-    /// Asked in every long loop.
+    /// Checks whether the study can continue. Every long loop calls it.
     ///
     /// # Errors
-    /// Where the study is to stop.
+    /// Fails if the study was asked to stop.
     pub(crate) fn go_on(&self) -> Result<(), Interrupted> {
         if self.interrupt.raised() { Err(Interrupted) } else { Ok(()) }
     }
 
-    /// Takes the bar away.
+    /// Removes the progress bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }

@@ -1,21 +1,27 @@
-//! Studies of an Hbot: what accuracy costs, what each effect costs, where stability ends, what its paper reports, and what
-//! other designs of it could do.
+//! Studies of an Hbot. They measure what accuracy costs, what each effect costs, where stability
+//! ends, how well the paper's results are reproduced, and what other designs could do.
 //!
-//! A study measures on the machine at hand, checks what it says it checks, and writes `report.md`, the same as
-//! one `report.html`, SVG plots and `summary.json` into one folder once it is done; a study that is stopped writes nothing.
+//! A study measures on the machine that it runs on and tests its own claims as checks. When it is
+//! complete it writes one folder: `report.md`, `report.html` with the same content, SVG plots and
+//! `summary.json`. A study that is stopped writes nothing.
 //!
 //! # Layers, top to bottom
 //!
-//! | module | what it does |
-//! |---|---|
-//! | `verification` | of this program. `accuracy`: error against time of every stage that has a choice; `effects`: what each effect and phenomenon costs a tick; `stability`: how stiff a wall may be, and what holds over a day |
-//! | `research` | on the device. `paper`: every analysis and experiment of the paper; `design`: which dimensions a better Hbot would have |
-//! | `report`, `machine`, `names` | what is written |
-//! | `whole` | the whole loop, controller, line and simulated rig in lock-step |
-//! | `timing`, `context`, `rng` | how it is timed, shown and stopped; numbers at random |
+//! - `verification`: studies of this program.
+//!   - `accuracy`: error against time for every stage with a choice of methods.
+//!   - `effects`: the cost per tick of each effect and phenomenon.
+//!   - `stability`: how stiff a wall can be, and a simulated day of operation.
+//! - `research`: studies of the rig.
+//!   - `paper`: every analysis and experiment of the paper.
+//!   - `design`: the dimensions of a better Hbot.
+//! - `report`, `machine`, `names`: the report, its description of the machine, and the ids of
+//!   figures.
+//! - `whole`: the whole loop: controller, line and simulated rig in lock-step.
+//! - `timing`, `context`, `rng`: time measurement, progress and interruption, random numbers.
 //!
-//! Verification and research know nothing of each other. Plots are drawn by `hbot-plot`; true motions come from
-//! `hbot_sim::motion`. Every study is deterministic but for its times.
+//! `verification` and `research` do not depend on each other. Plots are drawn by `hbot-plot`. The
+//! true motions come from `hbot_sim::motion`. Every study is deterministic except for the times
+//! that it measures.
 
 mod context;
 mod machine;
@@ -38,23 +44,23 @@ use context::{Context, Interrupted};
 use research::{design, paper};
 use verification::{accuracy, effects, stability};
 
-/// Which study.
+/// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Study {
-    /// Error against time of every stage that has a choice.
+    /// Error against time for every stage with a choice of methods.
     Accuracy,
-    /// What each effect and phenomenon costs a tick.
+    /// The cost per tick of each effect and each phenomenon.
     Effects,
-    /// How stiff a wall may be, and what holds over a day.
+    /// How stiff a virtual wall can be, and what stays constant over a simulated day.
     Stability,
-    /// Every analysis and experiment of the paper, beside what it reports.
+    /// Every analysis and experiment of the paper, compared with the values that it reports.
     Paper,
-    /// Which dimensions a better Hbot would have.
+    /// A search for the dimensions of a better Hbot.
     Design,
 }
 
 impl Study {
-    /// What the command line and the folder call it.
+    /// Returns the study's name on the command line, which is also the name of its default folder.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -67,29 +73,32 @@ impl Study {
     }
 }
 
-/// How a study is run.
+/// Options of a study.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// The folder that it writes to; made where it is not there. `None`: `target/study/NAME`.
+    /// Folder for the results. It is created if it does not exist. `None` means
+    /// `target/study/NAME`.
     pub out: Option<PathBuf>,
-    /// About 30 s (`paper` and `design`: up to a minute), with fewer samples, instead of up to 5 minutes.
+    /// Whether to use fewer samples. A study then takes about 30 s (`paper` and `design`: up to a
+    /// minute) instead of up to 5 minutes.
     pub quick: bool,
-    /// How this program counts its instructions, where it can.
+    /// How to run this program under callgrind, which counts its instructions. `None` if
+    /// instructions cannot be counted.
     pub counter: Option<Counter>,
 }
 
-/// Why a study has no result.
+/// The reason why a study has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// It was asked to stop.
+    /// The study was asked to stop.
     #[error("stopped; nothing was written")]
     Interrupted,
-    /// Its results could not be written.
+    /// A file or folder of the results could not be written.
     #[error("{path}: {source}")]
     Write {
-        /// Where to.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// Why not.
+        /// The error of the operating system.
         source: std::io::Error,
     },
 }
@@ -100,11 +109,11 @@ impl From<Interrupted> for StudyError {
     }
 }
 
-/// Runs `study` and writes what it found: the report, and the folder that it lies in.
+/// Runs `study` and writes its results. Returns the report and the folder that holds it.
 ///
 /// # Errors
-/// Where `interrupt` was raised on the way, or the folder cannot be written. Checks that do not hold are no error: see
-/// [`Report::holds`].
+/// Fails if `interrupt` was raised during the study, or if the folder cannot be written. A check
+/// that does not hold is not an error: see [`Report::holds`].
 pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Report, PathBuf), StudyError> {
     let started = Instant::now();
     let mut report = measure(study, options, interrupt)?;
@@ -114,10 +123,10 @@ pub fn run(study: Study, options: &Options, interrupt: &Interrupt) -> Result<(Re
     Ok((report, out))
 }
 
-/// Runs `study` without writing anything.
+/// Runs `study` and returns its report without writing any file.
 ///
 /// # Errors
-/// Where `interrupt` was raised on the way.
+/// Fails if `interrupt` was raised during the study.
 pub fn measure(study: Study, options: &Options, interrupt: &Interrupt) -> Result<Report, StudyError> {
     let context = Context::new(study.name(), options.quick, interrupt);
     let report = match study {

@@ -1,8 +1,8 @@
-//! The machine that a study ran on, and how the program was compiled.
+//! The machine on which a study ran, and how the program was compiled.
 
 use serde_json::{Value, json};
 
-/// What figures of time are worth nothing without.
+/// Description of the computer and of the build. Measured times mean nothing without it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Machine {
     cpu: String,
@@ -10,12 +10,12 @@ pub(crate) struct Machine {
     os: String,
     rustc: &'static str,
     profile: String,
-    /// Compiled for speed: times mean something.
+    /// Whether the program was compiled for speed. If not, its times mean nothing.
     optimised: bool,
 }
 
 impl Machine {
-    /// This one.
+    /// Describes the machine that this program runs on.
     pub(crate) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let value = |text: &str, key: &str, by: char| {
@@ -41,7 +41,7 @@ impl Machine {
         }
     }
 
-    /// For summary.json.
+    /// Returns the description for `summary.json`.
     pub(crate) fn to_json(&self) -> Value {
         json!({
             "cpu": self.cpu, "cores": self.cores, "os": self.os, "rustc": self.rustc, "profile": self.profile,
@@ -49,12 +49,12 @@ impl Machine {
         })
     }
 
-    /// For people.
+    /// Returns the description as a sentence for the report.
     pub(crate) fn sentence(&self) -> String {
         format!("{}, {} cores, {}; {}, {}.", self.cpu, self.cores, self.os, self.rustc, self.profile)
     }
 
-    /// What there is to say against the times of this run.
+    /// Returns a warning for the report if the times of this run mean nothing.
     pub(crate) fn warning(&self) -> Option<&'static str> {
         (!self.optimised).then_some(
             "**The times of this run count for nothing: the program was not compiled with `--release`.** \

@@ -1,4 +1,5 @@
-//! `hbot-study`: the studies as a program. Measures on this machine, and leaves a report, plots and figures in a folder.
+//! The command-line program `hbot-study`. It runs a study on this machine and writes a report,
+//! plots and figures into a folder.
 
 use std::io::{ErrorKind, Write as _};
 use std::path::PathBuf;
@@ -10,9 +11,10 @@ use clap::{Args, Parser, Subcommand};
 use hbot_study::{Counter, Interrupt, Options, Report, Study, StudyError};
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Measures on this machine what accuracy and effects cost and where stability ends, reruns the paper, looks for better designs.
+/// Measures on this machine what accuracy and effects cost and where stability ends, repeats the
+/// paper's experiments, and searches for better designs.
 ///
-/// Build it with `--release`, or its times count for nothing.
+/// Build it with `--release`. Otherwise the measured times mean nothing.
 #[derive(Debug, Parser)]
 #[command(name = "hbot-study", version, propagate_version = true, max_term_width = 110)]
 struct Cli {
@@ -20,20 +22,22 @@ struct Cli {
     command: Command,
 }
 
-/// Which study.
+/// The study to run.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Error against time of every stage that has a choice, and of the whole tick
+    /// Error against time for every stage with a choice of methods, and for the whole tick
     Accuracy(StudyArgs),
-    /// What each effect and each phenomenon of the simulated rig costs a tick, alone and in pairs
+    /// Cost per tick of each effect and each phenomenon of the simulated rig, alone and in pairs
     Effects(StudyArgs),
-    /// How stiff a virtual wall may be, beside theory, and what holds over a day of simulated time
+    /// How stiff a virtual wall can be, compared with theory, and a day of simulated time
     Stability(StudyArgs),
-    /// Every analysis and experiment of the paper, beside what it reports
+    /// Every analysis and experiment of the paper, compared with the values that it reports
     Paper(StudyArgs),
-    /// Which dimensions a better Hbot would have: a Pareto front, and rig files of the best
+    /// Search for the dimensions of a better Hbot: a Pareto front, and rig files of the best
+    /// designs
     Design(StudyArgs),
-    /// Runs ticks whose instructions are counted; the study `effects` starts it under valgrind
+    /// Runs the ticks whose instructions are counted. The study `effects` starts this command under
+    /// valgrind
     #[command(hide = true)]
     EffectsWorker {
         /// The setups, as JSON
@@ -41,20 +45,20 @@ enum Command {
     },
 }
 
-/// How to run a study.
+/// Options of every study.
 #[derive(Debug, Args)]
 struct StudyArgs {
     /// Folder for report.md, report.html, summary.json and plots [default: target/study/NAME]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Fewer samples: about 30 s (paper, design: a minute) instead of up to 5 minutes
+    /// Use fewer samples: about 30 s (paper, design: a minute) instead of up to 5 minutes
     #[arg(long)]
     quick: bool,
 }
 
-/// The name of the hidden command that the study `effects` starts under valgrind.
+/// Name of the hidden command that the study `effects` starts under valgrind.
 const WORKER: &str = "effects-worker";
-/// The exit code of a program that Ctrl-C ended, by the convention of shells.
+/// Exit code after Ctrl-C, by the convention of shells.
 const INTERRUPTED: u8 = 130;
 
 const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -101,7 +105,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// A line for each check of the report.
+/// Returns one line of text for each check of the report.
 fn verdicts(report: &Report) -> String {
     let line = |check: &hbot_study::Check| {
         let (colour, verdict) = if check.holds { (GOOD, "holds") } else { (BAD, "does not hold") };
@@ -110,7 +114,7 @@ fn verdicts(report: &Report) -> String {
     report.checks().iter().map(line).collect()
 }
 
-/// Writes to standard output. A reader who has gone away (`| head`) is no error.
+/// Writes to standard output. It is not an error if the reader has closed the pipe (`| head`).
 fn say(text: &str) -> anyhow::Result<()> {
     let mut out = anstream::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -121,12 +125,13 @@ fn say(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Writes a line to standard error. Nothing is left to complain to if that fails.
+/// Writes a line to standard error. A failure is ignored, as there is nowhere to report it.
 fn note(line: &str) {
     let _ = writeln!(anstream::stderr(), "{line}");
 }
 
-/// Lets SIGINT and SIGTERM stop the study between two steps, with nothing half written.
+/// Raises `interrupt` on SIGINT or SIGTERM. The study then stops between two steps, so that no file
+/// is left incomplete.
 fn raise_on_signal(interrupt: &Interrupt) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (mut stop, mut end) = {

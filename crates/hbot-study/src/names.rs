@@ -1,6 +1,6 @@
-//! Names as ids have them.
+//! Rules for the ids of figures.
 
-/// `SemiImplicitEuler` as `semi_implicit_euler`: how a type's name becomes a part of an id.
+/// Converts a type's name to a part of an id: `SemiImplicitEuler` becomes `semi_implicit_euler`.
 pub(crate) fn snake(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
@@ -12,13 +12,14 @@ pub(crate) fn snake(name: &str) -> String {
     out
 }
 
-/// Whether `id` is lower_snake_case.
+/// Returns whether `id` is in lower_snake_case.
 pub(crate) fn is_id(id: &str) -> bool {
     id.starts_with(|c: char| c.is_ascii_lowercase())
         && id.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
 }
 
-/// Whether `id` is of the family that `pattern` names: `{...}` stands for any part that is not empty.
+/// Returns whether `id` belongs to the family of ids that `pattern` describes. Each `{...}` in the
+/// pattern stands for any text that is not empty.
 pub(crate) fn matches(pattern: &str, id: &str) -> bool {
     match pattern.split_once('{') {
         None => pattern == id,

@@ -1,11 +1,11 @@
-//! Numbers without a pattern, the same in every run: splitmix64 (Steele, Lea and Flood 2014).
+//! Pseudo-random numbers that are equal in every run, by splitmix64 (Steele, Lea and Flood 2014).
 
-/// The generator; its seed is its state.
+/// The random number generator. The number is its state and initially its seed.
 #[derive(Debug, Clone)]
 pub(crate) struct Rng(pub(crate) u64);
 
 impl Rng {
-    /// Uniform in 0 to 1.
+    /// Returns a random number, uniform in [0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -14,12 +14,12 @@ impl Rng {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Uniform between two numbers.
+    /// Returns a random number, uniform between `low` and `high`.
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// A direction, uniform on the sphere.
+    /// Returns a random unit vector, uniform on the sphere.
     pub(crate) fn direction(&mut self) -> [f64; 3] {
         let z = self.between(-1.0, 1.0);
         let (s, c) = libm::sincos(self.between(0.0, core::f64::consts::TAU));

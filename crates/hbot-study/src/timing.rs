@@ -1,19 +1,21 @@
-//! How things are timed: all that are to be compared in turn, warmed up, many samples, medians with quartiles.
+//! Measurement of computing time. Everything that is compared is warmed up and measured in turn,
+//! with many samples. Results are medians with quartiles.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use crate::context::{Context, Interrupted};
 
-/// What is to be timed: runs what it measures so many times and keeps its result alive.
+/// A piece of code whose time is measured. It runs a given number of times, and its result is kept
+/// so that the compiler cannot remove the code.
 pub(crate) struct Timed<'a> {
     run: Box<dyn FnMut(u64) + 'a>,
-    /// Runs of what is measured in one call's unit.
+    /// Number of units of work in one call. The reported time is the time of one unit.
     unit: f64,
 }
 
 impl<'a> Timed<'a> {
-    /// Times `what`; its result is kept alive.
+    /// Prepares `what` to be timed. Its result is kept so that the compiler cannot remove the code.
     pub(crate) fn new<R>(mut what: impl FnMut() -> R + 'a) -> Self {
         let run = move |times| {
             for _ in 0..times {
@@ -23,24 +25,25 @@ impl<'a> Timed<'a> {
         Self { run: Box::new(run), unit: 1.0 }
     }
 
-    /// One call of which is `unit` times what is measured.
+    /// States that one call does `unit` units of work, so that the reported time is that of one
+    /// unit.
     pub(crate) fn in_units_of(self, unit: f64) -> Self {
         Self { unit, ..self }
     }
 }
 
-/// A time with its spread, ns.
+/// A measured time with its spread, ns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Time {
-    /// Median of the samples.
+    /// Median of the samples, ns.
     pub(crate) median: f64,
-    /// A quarter of the samples are below.
+    /// Lower quartile of the samples, ns.
     pub(crate) q1: f64,
-    /// A quarter of the samples are above.
+    /// Upper quartile of the samples, ns.
     pub(crate) q3: f64,
-    /// The quickest.
+    /// Shortest sample, ns.
     pub(crate) least: f64,
-    /// How many there are.
+    /// Number of samples.
     pub(crate) samples: usize,
 }
 
@@ -56,26 +59,28 @@ impl Time {
     }
 }
 
-/// Times all of `what`: in every round each once, so that a machine that is slow for a while is slow for all.
+/// Measures the time of each element of `what`. Every round measures each element once, so that a
+/// period in which the machine is slow affects all of them.
 ///
-/// A sample runs what it times for at least a millisecond (300 us when quick); 41 rounds (11 when quick) of them.
+/// There are 41 rounds (11 if quick). One sample lasts at least 1 ms (300 us if quick).
 ///
 /// # Errors
-/// Where the study is to stop.
+/// Fails if the study was asked to stop.
 pub(crate) fn in_turn(context: &Context, what: &mut [Timed<'_>]) -> Result<Vec<Time>, Interrupted> {
     let (least, rounds) =
         if context.quick { (Duration::from_micros(300), 11) } else { (Duration::from_millis(1), 41) };
     sampled(context, what, least, rounds)
 }
 
-/// [`in_turn`] with so many rounds of samples that take at least so long.
+/// Measures like [`in_turn`], with the given number of rounds and the shortest duration `least` of
+/// a sample.
 pub(crate) fn sampled(
     context: &Context,
     what: &mut [Timed<'_>],
     least: Duration,
     rounds: usize,
 ) -> Result<Vec<Time>, Interrupted> {
-    // Finding out how many runs make a sample is the warm-up.
+    // The search for the number of runs in a sample also serves as the warm-up.
     let mut times = Vec::new();
     for timed in &mut *what {
         context.go_on()?;

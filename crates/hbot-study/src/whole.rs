@@ -1,4 +1,4 @@
-//! The whole loop: a controller, its line and its simulated rig in lock-step.
+//! The whole loop in virtual time: a controller, its line and its simulated rig in lock-step.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Commands, Inputs, JointFeedback};
@@ -10,10 +10,11 @@ use hbot_sim::plant::State;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 use serde_json::Value;
 
-/// The tick that enables: the first ones bring the readings without which there is nothing to enable.
+/// The tick in which torque is enabled. The controller refuses `enable` before it has readings, and
+/// the first ticks bring them.
 const ENABLE: u32 = 6;
 
-/// The prototype with other values of some keys of its rig file.
+/// Returns the prototype's rig with other values for the keys in `with`.
 pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     let each =
         |(path, value): &(&'static str, Value)| Override { path, value: value.clone(), from: "the study" };
@@ -21,7 +22,8 @@ pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     RigConfig::load(None, &with).unwrap_or_else(|error| unreachable!("a legal rig: {error}"))
 }
 
-/// A loop in virtual time. From a reading to its torque is one period.
+/// A control loop in virtual time. The delay from a reading to the torque computed from it is one
+/// period.
 pub(crate) struct Whole {
     controller: Controller,
     scene: CompiledScene,
@@ -33,7 +35,8 @@ pub(crate) struct Whole {
 }
 
 impl Whole {
-    /// The rig of `config` at `start`, at the time 0, to render `scene` (a scene file as JSON), showing `phenomena`.
+    /// Creates the loop at time 0. The simulated rig of `config` starts in state `start` and shows
+    /// `phenomena`. `scene` is a scene file as JSON.
     pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: State) -> Self {
         let scene =
             SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
@@ -51,12 +54,12 @@ impl Whole {
         }
     }
 
-    /// Ticks of so many seconds.
+    /// Returns the number of ticks in `seconds`.
     pub(crate) fn ticks(&self, seconds: f64) -> u32 {
         (seconds * 1.0e9 / self.period_ns as f64) as u32
     }
 
-    /// The period, s.
+    /// Returns the period of the loop, s.
     pub(crate) fn period(&self) -> f64 {
         self.period_ns as f64 / 1.0e9
     }
@@ -77,8 +80,8 @@ impl Whole {
         self.exchange.rig_mut()
     }
 
-    /// One tick: the reading that came back in the last one, and a command that acts from this one on. It is enabled in the
-    /// sixth.
+    /// Runs one tick: reads what came back during the last tick, and sends joint torques that act
+    /// from this tick on. Tick 6, counted from 0, also enables torque.
     pub(crate) fn step(&mut self, command: Option<Command>) -> Outputs {
         let outputs =
             self.listen(command.into_iter().chain((self.tick == ENABLE).then_some(Command::Enable)));
@@ -87,8 +90,9 @@ impl Whole {
         outputs
     }
 
-    /// One tick whose torques are not the controller's: it is never enabled and reads the joints, `torque` makes joint torques
-    /// (N m) of what it knows, and those act from this tick on.
+    /// Runs one tick with joint torques (N m) that `torque` computes from the controller's outputs.
+    /// They act from this tick on. The controller itself is never enabled and only reads the
+    /// joints.
     pub(crate) fn step_driven(&mut self, torque: impl FnOnce(&Outputs) -> [f64; MAX_JOINTS]) -> Outputs {
         let outputs = self.listen(None);
         self.drive = Drive { enable: true, torque: torque(&outputs) };
@@ -100,7 +104,7 @@ impl Whole {
         let mut inputs = Inputs { feedback: self.feedback.take(), ..Inputs::quiet(u64::from(self.tick)) };
         inputs.commands = Commands::default();
         for command in commands {
-            // Two at most.
+            // There are at most two commands, which fit.
             let _ = inputs.commands.push(command);
         }
         self.controller.tick(&self.scene, &inputs)

@@ -1,16 +1,16 @@
-//! What `hbot rig calibrate` says of rigs with something wrong.
+//! Tests of the messages of `hbot rig calibrate` for rigs with an error.
 
 use hbot_host::run_loop::StopFlag;
 
 use super::*;
 
-/// The counts of the simulated prototype while a hand turns it.
+/// Returns the counts of the simulated prototype while a hand turns it.
 fn watched() -> Vec<Counts> {
     let mut bench = open(&RigConfig::prototype(), true, StopFlag::default(), &Program::this("none")).unwrap();
     watch(&mut bench, 20).unwrap()
 }
 
-/// The prototype's file with a mistake in it.
+/// Returns the prototype's rig file with a mistake in it.
 fn mistaken(from: &str, to: &str) -> RigConfig {
     let file = include_str!("../../../rigs/prototype.toml");
     assert!(file.contains(from), "the prototype has no {from:?}");
@@ -38,7 +38,7 @@ fn two_exchanged_joints_are_named_and_no_zeros_are_made_of_them() {
 fn a_dead_encoder_is_named_and_no_zeros_are_made_of_it() {
     for joint in 0..4 {
         let mut counts = watched();
-        // It trembles between two counts.
+        // The encoder jitters between two counts.
         counts.iter_mut().enumerate().for_each(|(k, now)| now[joint] = 77 + (k % 2) as i32);
         let (words, as_filed) = told(&RigConfig::prototype(), &counts).unwrap();
         assert!(!as_filed && !words.contains("zero_offset"), "{words}");
@@ -51,7 +51,7 @@ fn a_dead_encoder_is_named_and_no_zeros_are_made_of_it() {
 
 #[test]
 fn a_wrong_gear_is_neither_a_radius_nor_a_zero() {
-    // Of the first drive: the wheel seems larger by what the gear is too large.
+    // The gear of the first drive joint is wrong: its wheel seems larger by the same factor.
     let (words, as_filed) = told(&mistaken("gear = 17 ", "gear = 20 "), &watched()).unwrap();
     assert!(!as_filed && words.contains("wheel A rolls 18 % further than wheel B"), "{words}");
     assert!(words.contains("the gear of one drive is wrong"), "{words}");

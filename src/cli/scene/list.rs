@@ -1,4 +1,4 @@
-//! `hbot scene list`: what a scene can be made of.
+//! `hbot scene list`: lists the kinds of effects and the phenomena that a scene can contain.
 
 use hbot_config::scene::{Listed, kinds, phenomena};
 use serde_json::json;

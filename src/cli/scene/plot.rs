@@ -1,4 +1,4 @@
-//! `hbot scene plot`: what a scene will feel like, as a picture. Look before you feel.
+//! `hbot scene plot`: draws the torque of a scene, so that a user sees it before feeling it.
 
 use std::path::{Path, PathBuf};
 
@@ -16,15 +16,16 @@ use super::sweep::Probe;
 pub(crate) struct PlotArgs {
     /// The scene file (TOML)
     file: PathBuf,
-    /// The picture (SVG)
+    /// File for the picture (SVG)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; may be given several times [default: x y z]
+    /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; can be given several times
+    /// [default: x y z]
     #[arg(long, value_name = "AXIS", value_parser = axis, allow_hyphen_values = true)]
     axis: Vec<Axis>,
 }
 
-/// An axis in N with its name.
+/// An axis in frame N, with its name.
 #[derive(Debug, Clone)]
 struct Axis {
     name: String,
@@ -47,7 +48,7 @@ fn axis(text: &str) -> Result<Axis, String> {
     Ok(Axis { name: text.to_owned(), unit })
 }
 
-/// The kind whose energy is worth a picture on the sphere of directions.
+/// The kind of effect whose energy is also drawn, on the sphere of directions.
 const LANDSCAPE: &str = "snaps";
 pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     let scene = SceneFile::from_path(&args.file)?;
@@ -64,7 +65,7 @@ fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// The picture as SVG.
+/// Returns the picture of a scene as SVG.
 fn draw(scene: &SceneFile, axes: &[Axis]) -> String {
     let kinds: Vec<&str> = scene.effects().iter().map(|effect| effect.kind_name()).collect();
     let probe = Probe::new(scene);
@@ -78,7 +79,8 @@ fn draw(scene: &SceneFile, axes: &[Axis]) -> String {
     sheet(scene.name(), &panels, landscape.as_ref())
 }
 
-/// How long to hold the sphere still, s, for kinds that go by time, and every how many ticks to look.
+/// For kinds that depend on time, returns how long the sphere is held still, s, and the number of
+/// ticks between two points of the curve.
 fn still_time(kinds: &[&str]) -> Option<(f64, u64)> {
     if kinds.contains(&"track") {
         Some((12.0, 10))
@@ -89,13 +91,14 @@ fn still_time(kinds: &[&str]) -> Option<(f64, u64)> {
     }
 }
 
-/// The largest absolute value of all curves, with room.
+/// Returns the range of the vertical axis: the largest absolute value of all curves, plus a margin.
 fn span<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> f64 {
     1.1 * points.map(|(_, y)| y.abs()).fold(1.0e-3, f64::max)
 }
 
-/// Torque against angle while the sphere swings about `axis`: the scene's in black, its way back dashed where that
-/// differs, and of several effects each.
+/// Plots torque against angle while the sphere turns about `axis` and back. The torque of the scene
+/// is black. The way back is dashed, and is drawn only if it differs. If there are several effects,
+/// each has its own curve.
 fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> Panel {
     let whole = probe.swing(axis.unit);
     let each: Vec<_> = parts.iter().map(|(name, part)| (name, part.swing(axis.unit))).collect();
@@ -127,7 +130,7 @@ fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> Panel {
     }
 }
 
-/// Torque against time on a sphere that is held still.
+/// Plots torque against time while the sphere is held still.
 fn still(probe: &Probe, time: f64, every: u64) -> Panel {
     let curves = probe.still(time, every);
     let most = span(curves.iter().flatten());

@@ -1,4 +1,4 @@
-//! Feels a scene out: swings a sphere about an axis, or holds it still, and notes the torque.
+//! Computes the torque of a scene while a virtual sphere swings about an axis or is held still.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,20 +7,20 @@ use hbot_core::effects::{Effect, Motion, Span};
 use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
-/// One swing from one half turn to the other and back takes so long, s.
+/// Duration of one swing from one half turn to the other and back, s.
 const SWING_S: f64 = 8.0;
-/// The way to its start, s.
+/// Duration of the motion to the start of the swing, s.
 const LEAD_S: f64 = 1.0;
 const DT: f64 = 1.0e-3;
 
-/// A scene to be felt out, on the prototype's loop.
+/// A scene whose torque is computed, with the loop of the prototype.
 pub(super) struct Probe {
     renderer: Renderer,
     scene: CompiledScene,
     names: Vec<String>,
 }
 
-/// Torque about an axis against the angle about it, forth and back.
+/// Torque about an axis, N m, against the angle about it, rad, for both directions of a swing.
 pub(super) struct Curves {
     pub(super) forth: Vec<(f64, f64)>,
     pub(super) back: Vec<(f64, f64)>,
@@ -30,7 +30,7 @@ impl Probe {
     pub(super) fn new(file: &SceneFile) -> Self {
         let names = file.effects().iter().map(|effect| effect.id().to_owned()).collect();
         let compiled = RunningScene::new().load(file.clone());
-        // Fading in is not what it feels like.
+        // The plot shows the scene after its effects have faded in.
         let effects: Vec<Effect> =
             compiled.effects().iter().map(|effect| Effect { fade_s: 0.0, ..*effect }).collect();
         let end = effects.iter().map(|effect| effect.figures.start + effect.figures.len).max().unwrap_or(0);
@@ -40,7 +40,8 @@ impl Probe {
         Self { renderer: Renderer::new(&RigConfig::prototype().rig), scene, names }
     }
 
-    /// The scene of each effect alone, with its id; none where there is but one.
+    /// Returns a scene for each single effect, with the effect's id. Returns none if there is only
+    /// one effect.
     pub(super) fn parts(&self) -> Vec<(String, Self)> {
         if self.names.len() < 2 {
             return Vec::new();
@@ -62,14 +63,14 @@ impl Probe {
         renderer
     }
 
-    /// A swing about the unit vector `axis` in N, every fifth tick of it.
+    /// Swings the sphere about the unit vector `axis` in frame N. Returns every fifth tick.
     pub(super) fn swing(&self, axis: Vec3) -> Curves {
         let mut renderer = self.fresh();
         let mut curves = Curves { forth: Vec::new(), back: Vec::new() };
         let ticks = |time: f64| (time / DT).round() as u64;
         let (lead, swing) = (ticks(LEAD_S), ticks(SWING_S));
         for tick in 0..=lead + swing {
-            // To the start and then from there, without a jump in rate.
+            // Moves to the start of the swing and then swings, without a jump in rate.
             let (angle, rate) = if tick < lead {
                 let pace = PI / LEAD_S;
                 let phase = pace * tick as f64 * DT;
@@ -94,7 +95,8 @@ impl Probe {
         curves
     }
 
-    /// The torque's three components in N on a sphere that is held still for `time` seconds, every tick of `every`.
+    /// Holds the sphere still for `time` seconds. Returns the three components of the torque in
+    /// frame N, N m, at every `every`th tick.
     pub(super) fn still(&self, time: f64, every: u64) -> [Vec<(f64, f64)>; 3] {
         let mut renderer = self.fresh();
         let motion = Motion { q: Quat::IDENTITY, omega: Vec3::ZERO };
@@ -110,9 +112,10 @@ impl Probe {
         curves
     }
 
-    /// The least energy with the sphere's third axis towards the unit vector `direction`, J.
+    /// Returns the smallest energy with the sphere's third axis along the unit vector `direction`,
+    /// J.
     pub(super) fn least_energy(&self, direction: Vec3) -> f64 {
-        /// About the axis, a turn in steps of 5 degrees.
+        /// Number of turns about that axis that are tried, in steps of 5 degrees.
         const SPINS: u32 = 72;
         let renderer = self.fresh();
         let there = Quat::from_rotation_arc(Vec3::Z, direction);

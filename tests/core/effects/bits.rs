@@ -1,10 +1,11 @@
-//! Same motion, same bits: every kind, on every machine and in every profile.
+//! Equal motions give equal bits, for every kind of effect, on every machine and in every profile.
 
 use super::{Felt, all};
 use crate::rng::Rng;
 use hbot_core::{Quat, Vec3, rotation};
 
-/// The hash of all torques. It changes when what an effect computes does; the test then prints the new one.
+/// The hash of all torques. It changes when an effect computes something else; the test then prints
+/// the new hash.
 const GOLDEN: u64 = 0x276E_2D55_9EE4_81F7;
 
 #[test]

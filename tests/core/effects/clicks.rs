@@ -1,4 +1,4 @@
-//! What goes by time: vibrations, pulses, tracks.
+//! Effects that depend on time: vibrations, pulses, tracks.
 
 use super::{Felt, askew, axis, pulse, vibration};
 use crate::bench::{Bench, DT, altered, effect, rig};
@@ -16,12 +16,14 @@ fn a_vibration_rises_holds_dies_and_comes_again() {
     assert!(crest(0, 10) < 0.05 && crest(20, 100) > 0.0997 && crest(20, 100) <= 0.1);
     assert!(crest(125, 150) < 0.06);
     assert_eq!(crest(152, 300), 0.0);
-    // Again at 0.3 s, within the tick that the sum of its time's rounding may take.
+    // The second vibration begins at 0.3 s, to within a tick, because rounding errors of the time
+    // add up.
     assert!((0..150).all(|k| (torque[k] - torque[300 + k]).abs() < 1e-9), "the second is as the first");
     for wave in [Wave::Square, Wave::Saw] {
         let torque = along(&mut Felt::new(Kind::Vibration(vibration(wave))), Quat::IDENTITY, 100);
         let mean = torque[25..100].iter().sum::<f64>() / 75.0;
-        // Over three whole periods; a saw of 25 samples misses its middle by half a step.
+        // The mean is over three whole periods. A saw of 25 samples misses its centre by half a
+        // step.
         assert!(mean.abs() < 0.1 / 20.0, "{wave:?}: {mean}");
     }
 }
@@ -43,13 +45,14 @@ fn a_pulse_clicks_when_told_at_its_period_and_from_notch_to_notch() {
     let fired = run(Pulse { fire: 1, ..quiet }, 0.0);
     assert_eq!(clicks(&fired), 1);
     assert!(fired.iter().sum::<f64>().abs() < 1e-12, "its impulse is zero");
-    // A sine over ten ticks is seen at 36 degrees, not at its crest.
+    // A sine over ten ticks is sampled every 36 degrees, which misses its crest.
     assert!(
         (fired.iter().fold(0.0_f64, |m, t| m.max(*t)) - 0.2 * (0.4 * core::f64::consts::PI).sin()).abs()
             < 1e-12
     );
     assert_eq!(clicks(&run(Pulse { period: 0.1, ..quiet }, 0.0)), 10);
-    // Half a turn a second passes six of twelve notches, whichever way, and each click pushes along first.
+    // Half a turn per second passes six of twelve notches in either direction, and each click
+    // pushes in the direction of motion first.
     for rate in [core::f64::consts::PI, -core::f64::consts::PI] {
         let torque = run(Pulse { count: 12, ..quiet }, rate);
         assert_eq!(clicks(&torque), 6);
@@ -57,7 +60,7 @@ fn a_pulse_clicks_when_told_at_its_period_and_from_notch_to_notch() {
     }
 }
 
-/// Setting another number, as `set` does, clicks once.
+/// Setting another value of `fire`, as the op `set` does, makes one click.
 #[test]
 fn a_pulse_that_is_set_clicks_in_the_controller() {
     let quiet = Pulse { period: 0.0, count: 0, target: Target::N, ..pulse() };
@@ -89,7 +92,7 @@ fn a_swing_goes_as_its_sine_and_a_chirp_s_phase_is_the_integral_of_its_frequency
         for (felt, phase) in [(&mut sine, 0.5 * t), (&mut chirp, phase(t))] {
             let want = axis() * (2.0 * 0.3 * (core::f64::consts::TAU * phase).sin());
             let torque = felt.at(base);
-            // The sum of 4000 roundings of the phase.
+            // The tolerance is the sum of 4000 roundings of the phase.
             assert!((torque - want).length() < 1e-11, "at {t} s: {torque} against {want}");
         }
     }
@@ -111,7 +114,7 @@ fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
         let mut felt = track(Path::Points { rest, repeat: false }, &points);
         let mut places = Vec::new();
         for _ in 0..1500 {
-            // 2 N m/rad: half of the torque is the turn to the reference.
+            // At 2 N m/rad, half of the torque is the turn to the reference.
             places.push(rotation::exp(felt.at(base) * 0.5) * base);
         }
         for (turn, tick) in [(0, 0), (1, 500), (2, 1250), (2, 1499)] {
@@ -121,7 +124,7 @@ fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
         let rate = |k: usize| rotation::angle_between(places[k + 1], places[k]) / DT;
         if rest {
             assert!(rate(0) < 1e-3 && rate(499) < 1e-3 && rate(500) < 1e-3 && rate(1248) < 1e-3);
-            // The crest of least jerk is 15/8 of the mean.
+            // The peak rate of the path of least jerk is 15/8 of the mean.
             assert!((rate(250) - 1.875 * turns[1].length() / 0.5).abs() < 1e-3);
         } else {
             assert!((rate(100) - turns[1].length() / 0.5).abs() < 1e-9);
@@ -129,7 +132,8 @@ fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
     }
 }
 
-/// Its own rate is what its damper is against: a sphere that goes along feels nothing.
+/// The damper of a track acts relative to the track's own rate. A sphere that moves along therefore
+/// feels no torque.
 #[test]
 fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
     let points = vec![0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.8, 0.6, 0.0, 0.0];
@@ -157,7 +161,7 @@ fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
     }
 }
 
-/// In a scene the figures of several effects stand side by side.
+/// In a scene the figures of several effects are stored one after another.
 #[test]
 fn each_effect_finds_its_own_figures() {
     let figures = [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.25];
@@ -171,7 +175,7 @@ fn each_effect_finds_its_own_figures() {
     assert_eq!(scene.figures(scene.effects()[1].figures), &figures[5..10]);
     assert!(CompiledScene::with_figures(1, &[still(7)], &figures).is_err());
     assert!(CompiledScene::with_figures(1, &[], &[0.0; 5000]).is_err());
-    // The second alone stands half a turn away.
+    // Only the second effect has its reference half a turn away.
     let rig = altered(&rig(), |rig| rig.limits.enable_max_angle = std::f64::consts::PI);
     let torque = Bench::active(rig, scene).step().state.torque;
     assert!(torque.length() > 1.0, "{torque}");

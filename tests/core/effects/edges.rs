@@ -1,12 +1,12 @@
-//! Exactly at the edges: half turns, swings of a half turn, rims of walls and notches, poles. Every torque there is finite and, but for
-//! a spring's at its half turn, continuous.
+//! Effects at exact edges: half turns, swings of a half turn, rims of walls and notches, poles.
+//! Every torque is finite there. It is also continuous, except that of a spring at its half turn.
 
 use super::{Felt, all, anywhere, askew, axis, conservative, pointer};
 use crate::rng::Rng;
 use hbot_core::effects::{EndStop, Kind, Spring};
 use hbot_core::{Quat, Vec3, rotation};
 
-/// Orientations in the reference's frame at which something is undefined or begins.
+/// Returns orientations, relative to the reference, at which something is undefined or begins.
 fn corners() -> Vec<Quat> {
     let half = |v: Vec3| rotation::from_parts(0.0, v);
     let across = axis().any_orthonormal_vector();
@@ -27,13 +27,13 @@ fn corners() -> Vec<Quat> {
         rotation::exp(axis() * 0.2),
         rotation::exp(Vec3::X * core::f64::consts::FRAC_PI_4),
         rotation::exp(Vec3::ONE.normalize() * core::f64::consts::FRAC_PI_3),
-        // The pointer along the plane's normal.
+        // The pointer along the normal of the plane.
         Quat::from_rotation_arc(pointer(), axis()),
         Quat::from_rotation_arc(pointer(), -axis()),
     ];
     // A swing of exactly a half turn, with any twist.
     all.extend([0.3, 1.0, 2.0].map(|twist| half(across) * rotation::exp(axis() * twist)));
-    // Next to nothing away from each.
+    // Orientations very close to each of these.
     let near: Vec<Quat> =
         all.iter().flat_map(|x| [1e-300, 1e-16, 1e-9].map(|t| rotation::exp(pointer() * t) * *x)).collect();
     all.extend(near);
@@ -47,7 +47,7 @@ fn every_kind_is_finite_wherever_it_is_asked() {
     for (kind, figures) in all() {
         for x in corners() {
             for omega in [Vec3::ZERO, Vec3::X * 1e-300, rng.vector(30.0), Vec3::Y * 1e6] {
-                // Fresh at the very place, and come there from elsewhere.
+                // The effect is evaluated first at this place, and again after it was elsewhere.
                 let mut felt = Felt::with_figures(kind, &figures);
                 felt.moving(base * x, omega);
                 felt.moving(anywhere(&mut rng), rng.vector(5.0));
@@ -63,7 +63,7 @@ fn no_conservative_torque_jumps_anywhere_but_a_spring_s_at_a_half_turn() {
     let mut rng = Rng(41);
     let base = askew().reference().0;
     for case in conservative() {
-        // An uneven spring of either law pulls another way on the other side of a half turn.
+        // An anisotropic spring of either law pulls in another direction beyond a half turn.
         if matches!(case.kind, Kind::Spring(_)) {
             continue;
         }
@@ -74,7 +74,8 @@ fn no_conservative_torque_jumps_anywhere_but_a_spring_s_at_a_half_turn() {
             for direction in [Vec3::X, Vec3::Y, Vec3::Z, axis(), pointer()] {
                 let mut felt = felt.clone();
                 let there = felt.at(rotation::exp(direction * STEP) * x);
-                // The steepest slopes are a twist wall's where its dial fades, some 30 N m/rad, and a ridge's.
+                // The steepest slopes, about 30 N m/rad, are those of a twist wall as its dial
+                // fades, and of a ridge.
                 let most = 300.0 * STEP;
                 assert!((there - here).length() < most, "{}: {here} to {there} at {x}", case.name);
             }
@@ -82,8 +83,8 @@ fn no_conservative_torque_jumps_anywhere_but_a_spring_s_at_a_half_turn() {
     }
 }
 
-/// What an uneven spring does at a half turn is documented: it keeps the side that it came from at exactly a half turn, then
-/// changes sides; its size is the same on both.
+/// The behaviour of a spring at a half turn is documented. At exactly a half turn it keeps the side
+/// it came from, and beyond it changes sides. The size of its torque is equal on both sides.
 #[test]
 fn a_geodesic_spring_keeps_its_side_at_exactly_a_half_turn() {
     let spring = Spring::new(
@@ -116,7 +117,8 @@ fn walls_begin_at_nothing_are_damped_on_the_way_in_alone_and_only_push() {
         felt.moving(base * rotation::exp(across * (0.5 + depth)), out * rate).dot(out)
     };
     assert_eq!(torque(-1e-9, 5.0), 0.0);
-    // At the edge to the rounding of its place, and half way into the soft first 10 mrad.
+    // At the edge the torque is zero to the rounding of the place. In the middle of the first 10
+    // mrad it is still soft.
     assert!(torque(0.0, 5.0).abs() < 1e-12);
     assert!((torque(0.005, 5.0) + 0.015 + 0.25).abs() < 1e-12, "{}", torque(0.005, 5.0));
     assert!((torque(0.1, 2.0) + 0.3 + 0.2).abs() < 1e-12);

@@ -1,4 +1,5 @@
-//! What effects store and what they take: every torque against its energy, around closed paths and along open ones.
+//! Energy stored and absorbed by effects: every torque compared with its energy, along closed and
+//! open paths.
 
 use super::{Felt, anywhere, askew, conservative, dissipative, uneven};
 use crate::bench::DT;
@@ -6,22 +7,23 @@ use crate::rng::Rng;
 use hbot_core::effects::{Friction, Inertia, Kind};
 use hbot_core::{Quat, Vec3, rotation};
 
-/// Orientations that a case is about.
+/// Returns a random orientation in the range of a case.
 fn somewhere(rng: &mut Rng, everywhere: bool) -> Quat {
-    // The near ones stay within 1.2 rad of the reference, and paths around them within 2.4.
+    // The near ones are within 1.2 rad of the reference, and paths around them within 2.4 rad.
     if everywhere { anywhere(rng) } else { rotation::exp(rng.vector(0.68)) * askew().reference().0 }
 }
 
 #[test]
 fn every_conservative_torque_is_the_gradient_of_its_energy() {
-    /// Central differences: h²/6 of a third derivative (900 x 0.05 of the texture) is 1e-11, rounding 1e-16/h is 1e-10; where a
-    /// second derivative jumps, by 0.1/0.017 at a ridge of the icosahedron, 6 h/4.
+    /// Step of the central differences, rad. The error h²/6 of a third derivative (900 x 0.05 for
+    /// the texture) is 1e-11, and rounding 1e-16/h is 1e-10. Where a second derivative jumps, by
+    /// 0.1/0.017 at a ridge of the icosahedron, the error is 6 h/4.
     const H: f64 = 1e-6;
     let mut rng = Rng(1);
     for case in conservative() {
         let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
         for _ in 0..3000 {
-            // Afresh each time: turns are counted from here.
+            // The effect is new each time, because turns are counted from here.
             let mut felt = Felt::with_figures(case.kind, &case.figures);
             let q = somewhere(&mut rng, case.everywhere);
             let torque = felt.at(q);
@@ -40,11 +42,12 @@ fn every_conservative_torque_is_the_gradient_of_its_energy() {
     }
 }
 
-/// A closed path: two fixed axes, each turned by a trigonometric polynomial of its own; orientation and exact rate.
+/// A closed path: turns about two fixed axes, each by its own trigonometric polynomial. It gives
+/// the orientation and the exact rate.
 struct Loop {
     start: Quat,
     axes: [Vec3; 2],
-    /// Of sin, 1 - cos, sin 2 and 1 - cos 2.
+    /// Coefficients of sin, 1 - cos, sin 2 and 1 - cos 2.
     terms: [[f64; 4]; 2],
 }
 
@@ -68,8 +71,8 @@ impl Loop {
         (q, self.axes[0] * one_rate + first * (self.axes[1] * two_rate))
     }
 
-    /// Work done around it by the trapezoid rule, which for a smooth periodic integrand is exact to rounding, and the work
-    /// that went to and fro.
+    /// Returns the net work along the path, and the sum of the absolute work, J. It uses the
+    /// trapezoid rule, which for a smooth periodic integrand is exact to rounding.
     fn work(&self, felt: &mut Felt, steps: usize) -> (f64, f64) {
         let h = core::f64::consts::TAU / steps as f64;
         let (mut sum, mut size) = (0.0, 0.0);
@@ -85,8 +88,10 @@ impl Loop {
 
 #[test]
 fn around_a_thousand_closed_paths_no_conservative_effect_does_net_work() {
-    /// The trapezoid rule over corners of the torque's slope (rims of notches, walls, ridges): an eighth of the jump in slope times
-    /// the square of a step, 1.6 N m/rad x (2 pi/12000 x 8 rad/s)² / 8 = 4e-6 J, at some corners of either sign.
+    /// Largest error of the trapezoid rule at corners of the torque's slope (rims of notches,
+    /// walls, ridges), J. At one corner it is an eighth of the jump in slope times the square of a
+    /// step: 1.6 N m/rad x (2 pi/12000 x 8 rad/s)² / 8 = 4e-6 J. There are some corners of either
+    /// sign.
     const SMALL: f64 = 2e-5;
     let mut rng = Rng(2);
     for case in conservative() {
@@ -97,7 +102,8 @@ fn around_a_thousand_closed_paths_no_conservative_effect_does_net_work() {
             let mut felt = Felt::with_figures(case.kind, &case.figures);
             let (mut net, size) = path.work(&mut felt.clone(), 1500);
             if net.abs() > SMALL {
-                // An error of the rule over a corner goes with the square of the step; work does not.
+                // The error of the rule at a corner decreases with the square of the step, and work
+                // does not.
                 (net, _) = path.work(&mut felt, 12_000);
             }
             worst = worst.max(net.abs());
@@ -120,7 +126,7 @@ fn what_damps_never_pushes_along() {
             let omega = rng.vector(10.0);
             let still = felt.at(q);
             let power = (felt.moving(q, omega) - still).dot(omega);
-            // To the rounding of a torque of 10 N m at 17 rad/s.
+            // The tolerance is the rounding of a torque of 10 N m at 17 rad/s.
             assert!(power <= 1e-13, "{kind:?} gives {power} W");
             taken = taken.max(-power);
         }
@@ -128,8 +134,9 @@ fn what_damps_never_pushes_along() {
     }
 }
 
-/// Along any path from where its bristle was at rest, friction has taken more than it stores. The torque at a step's end, times the
-/// step, is what a held torque can do at most: over the way in a convex energy it is more than the energy's growth.
+/// Along any path from a place where its bristle was at rest, friction has absorbed more energy
+/// than it stores. The torque at the end of a step times the step bounds the work of a held torque:
+/// the energy is convex, so this work is more than the growth of the energy.
 #[test]
 fn friction_never_gives_more_than_its_bristle_holds() {
     let mut rng = Rng(4);
@@ -154,7 +161,8 @@ fn friction_never_gives_more_than_its_bristle_holds() {
     assert!(taken_most > 100.0 * held, "{taken_most} J: it slid");
 }
 
-/// Its impedance is positive real without delay: from rest, whatever the motion, more has gone in than has come out.
+/// The impedance of a virtual mass is positive real without delay. From rest it therefore absorbs
+/// more energy than it gives back, for any motion.
 #[test]
 fn a_virtual_mass_never_gives_more_than_it_took() {
     let mut rng = Rng(5);

@@ -1,4 +1,4 @@
-//! Changes while the rig runs: scenes, parameters, references, fades. Torque never steps.
+//! Changes while the rig runs: scenes, parameters, references, fades. The torque never steps.
 
 use super::{active, anywhere, conservative, dissipative};
 use crate::bench::{Bench, FirstReply, altered, effect, rig};
@@ -18,8 +18,8 @@ fn scene(revision: u64, kind: Kind, figures: &[f64]) -> CompiledScene {
     .unwrap()
 }
 
-/// From any kind to any other and back, with the sphere held somewhere: no tick changes the torque by more than the steepest slope of
-/// the blend has of the whole change.
+/// Changes from any kind of effect to any other while the sphere is held. No tick changes the
+/// torque by more than the steepest slope of the blend allows for the whole change.
 #[test]
 fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
     let rig = altered(&rig(), |rig| {
@@ -27,7 +27,7 @@ fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
     });
     let mut kinds: Vec<_> = conservative().into_iter().map(|case| (case.kind, case.figures)).collect();
     kinds.extend(dissipative());
-    // So soft that no limit of the motors bends what is blended.
+    // The effects are so soft that no limit of the motors affects the blend.
     let soft = |revision, kind, figures: &[f64]| {
         let span = Span { start: 0, len: figures.len() as u16 };
         let effect = Effect { figures: span, gain: 0.05, ..effect(0, revision as u32, kind) };
@@ -35,7 +35,7 @@ fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
     };
     let mut rng = Rng(50);
     let mut bench = Bench::active(rig, soft(1, kinds[0].0, &kinds[0].1));
-    // Somewhere off all references.
+    // Moves away from all references.
     for _ in 0..400 {
         bench.turn(Vec3::new(1.0, -0.6, 0.4));
     }
@@ -51,14 +51,14 @@ fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
             steepest = steepest.max((torque - last).length());
             last = torque;
         }
-        // 74 % of the step in 10 ms at its steepest, as in the tests of the blend.
+        // At its steepest the blend covers 74 % of the step in 10 ms, as in the tests of the blend.
         let change = (last - before).length();
         assert!(steepest <= 0.0745 * change + 1e-12, "{kind:?}: {steepest} of {change}");
         before = last;
     }
 }
 
-/// Whatever kinds, changes and references: the rig's slew limit holds, and every number is finite.
+/// For any kinds, changes and references the rig's slew limit holds, and every number is finite.
 #[test]
 fn nothing_that_a_client_does_is_faster_than_the_slew_limit() {
     let rig = altered(&rig(), |rig| {
@@ -91,11 +91,11 @@ fn nothing_that_a_client_does_is_faster_than_the_slew_limit() {
         fastest = fastest.max((torque - last).length());
         last = torque;
     }
-    // Through the joints and back, to rounding.
+    // The torque goes through the joints and back, with rounding.
     assert!((fastest - 20.0e-3).abs() < 1e-12, "{fastest} N m in a tick");
 }
 
-/// The clock of a fade is the tick's; ten roundings of its sum.
+/// Rounding of a fade whose clock is a sum of ticks: ten roundings of the sum.
 const ROUNDING: f64 = 1e-12;
 
 #[test]
@@ -116,7 +116,7 @@ fn an_effect_fades_in_and_out_over_its_times() {
         assert!((torque - 0.2 * (1.0 - f64::from(k) / 100.0)).abs() < ROUNDING, "{k} ms: {torque}");
     }
     assert!(bench.run(3).state.torque.length() < ROUNDING);
-    // Other changes do not bring it back.
+    // Other changes do not bring the effect back.
     bench.scene = CompiledScene::new(3, &[Effect { leaving: true, ..fading }]).unwrap();
     assert!(bench.run(60).state.torque.length() < ROUNDING);
 }
@@ -132,11 +132,11 @@ fn one_that_leaves_in_the_middle_of_its_coming_goes_from_there() {
     bench.scene = CompiledScene::new(2, &[Effect { leaving: true, ..fading }]).unwrap();
     for k in 0..110 {
         let torque = bench.step().state.torque.x;
-        // It turns round within a tick: what that one would have risen is blended.
+        // The fade reverses within a tick. The increase missed in that tick is blended.
         let want = 0.1 * (1.0 - f64::from(k) / 100.0).max(0.0);
         assert!((torque - want).abs() < 1.001e-3, "{k} ms: {torque}");
     }
-    // It takes no references any more.
+    // The leaving effect no longer accepts references.
     let stamp = Stamp::default();
     let command =
         Command::Reference { slot: 0, epoch: 9, q: Quat::IDENTITY, omega: Vec3::ZERO, valid_ticks: 1, stamp };

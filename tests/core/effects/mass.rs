@@ -1,4 +1,4 @@
-//! Virtual masses: felt as such, and never more than the loop can make of them.
+//! Virtual masses: they feel like masses, and are limited to what the loop can render stably.
 
 use super::Felt;
 use crate::bench::{DT, effect, rig};
@@ -17,12 +17,12 @@ fn a_steady_acceleration_is_opposed_by_the_mass() {
     for k in 0..200 {
         torque = felt.moving(Quat::IDENTITY, Vec3::Y * (3.0 * DT * f64::from(k)));
     }
-    // 3 rad/s²; twenty time constants of smoothing leave 2e-9.
+    // At 3 rad/s², twenty time constants of smoothing leave an error of 2e-9.
     assert!((torque + Vec3::Y * 0.006).length() < 1e-10, "{torque}");
 }
 
-/// A free sphere of the rig's own inertia under the scene's torque, `delay` ticks late, kicked once: how far its rate goes at most,
-/// and at the end.
+/// Simulates a free sphere with the rig's own inertia under the torque of `effects`, which acts
+/// `delay` ticks late. The sphere is kicked once. Returns its largest and its final rate, rad/s.
 fn kicked(effects: &[Kind], delay: usize) -> (f64, f64) {
     let rig = rig();
     let scene: Vec<_> =
@@ -53,7 +53,8 @@ fn whatever_a_scene_asks_for_a_free_sphere_stays_calm() {
                     [vec![mass(asked, smoothing)], vec![mass(0.5 * asked, smoothing), mass(asked, 0.02)]]
                 {
                     let (most, last) = kicked(&kinds, delay);
-                    // The kick, and a ring of at most as much again while the mass joins in.
+                    // The bound is the kick, and a ringing of at most equal size while the mass
+                    // sets in.
                     assert!(most < 2.0, "{asked} kg m², {smoothing} s, {delay} ticks late: {most} rad/s");
                     assert!(last <= 1.0 + 1e-9, "{last} rad/s left");
                 }
@@ -62,7 +63,8 @@ fn whatever_a_scene_asks_for_a_free_sphere_stays_calm() {
     }
 }
 
-/// What is rendered of it, by the bound of docs/effects.md: half of the sphere's inertia over a = h/(smoothing + h).
+/// The rendered mass has the upper bound of docs/effects.md: half of the sphere's inertia over a =
+/// h/(smoothing + h).
 #[test]
 fn a_mass_beyond_the_bound_is_rendered_up_to_it() {
     let inertia = rig().device.sphere_inertia();
@@ -75,6 +77,6 @@ fn a_mass_beyond_the_bound_is_rendered_up_to_it() {
         }
         assert!((torque.z + want).abs() < 1e-9, "asked for {asked}, {torque}");
     }
-    // The prototype's: five times what its own sphere has.
+    // On the prototype the bound is 5.5 times the inertia of the sphere.
     assert!((bound / inertia - 5.5).abs() < 1e-9);
 }

@@ -1,4 +1,4 @@
-//! The kinds of effects: their energies, their edges, and what they promise.
+//! Tests of the kinds of effect: their energies, their edges, and their promises.
 
 mod bits;
 mod clicks;
@@ -20,7 +20,7 @@ use hbot_core::effects::{
 use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
-/// A renderer that runs one effect.
+/// A renderer that runs a single effect.
 #[derive(Clone)]
 pub struct Felt {
     scene: CompiledScene,
@@ -43,12 +43,13 @@ impl Felt {
         }
     }
 
-    /// One tick at rest at `q`.
+    /// Renders one tick with the sphere at rest at `q`. Returns the torque, N m in N.
     pub fn at(&mut self, q: Quat) -> Vec3 {
         self.moving(q, Vec3::ZERO)
     }
 
-    /// One tick.
+    /// Renders one tick with the sphere at `q` turning at `omega` (rad/s in N). Returns the torque,
+    /// N m in N.
     pub fn moving(&mut self, q: Quat, omega: Vec3) -> Vec3 {
         self.renderer.adopt(&self.scene, q);
         self.tick += 1;
@@ -57,7 +58,7 @@ impl Felt {
         torque
     }
 
-    /// The energy at `q`; call [`at`](Self::at) first where the effect counts turns.
+    /// Returns the energy at `q`, J. If the effect counts turns, call [`at`](Self::at) first.
     pub fn energy(&mut self, q: Quat) -> f64 {
         self.renderer.adopt(&self.scene, q);
         let energy = self.renderer.energy(&self.scene, q).expect("a conservative effect");
@@ -66,7 +67,7 @@ impl Felt {
     }
 }
 
-/// A reference somewhere, so that no frame is mistaken for another.
+/// Returns a reference that is not aligned with any frame, so that mixing up frames is noticed.
 pub fn askew() -> Target {
     Target::new(rotation::exp(Vec3::new(0.4, -0.7, 0.2)), Anchor::Absolute).unwrap()
 }
@@ -75,7 +76,7 @@ pub fn axis() -> Vec3 {
     Vec3::new(0.48, -0.6, 0.64)
 }
 
-/// Evenly over SO(3) (Shoemake 1992).
+/// Returns a random orientation, uniform over SO(3) (Shoemake 1992).
 pub fn anywhere(rng: &mut Rng) -> Quat {
     const TURN: f64 = core::f64::consts::TAU;
     let (u, a, b) = (rng.between(0.0, 1.0), rng.between(0.0, TURN), rng.between(0.0, TURN));
@@ -83,7 +84,8 @@ pub fn anywhere(rng: &mut Rng) -> Quat {
     Quat::from_xyzw(r * a.sin(), r * a.cos(), s * b.sin(), s * b.cos())
 }
 
-/// Symmetric, positive, and along no axis.
+/// Returns a symmetric positive definite matrix with these eigenvalues, whose principal axes are
+/// not the coordinate axes.
 pub fn uneven(x: f64, y: f64, z: f64) -> Mat3 {
     let r = Mat3::from_quat(rotation::exp(Vec3::new(0.3, 0.5, -0.2)));
     let m = r * Mat3::from_diagonal(Vec3::new(x, y, z)) * r.transpose();
@@ -129,23 +131,24 @@ pub fn pointer() -> Vec3 {
     Vec3::new(0.0, 0.8, 0.6)
 }
 
-/// Four orientations of nobody's group.
+/// Returns four orientations that do not belong to a symmetry group.
 pub fn own() -> Vec<f64> {
     let turns = [Vec3::ZERO, Vec3::new(1.0, 0.2, 0.0), Vec3::new(-0.4, 1.1, 0.3), Vec3::new(0.2, -0.3, 2.5)];
     turns.into_iter().flat_map(|v| rotation::to_wxyz(rotation::exp(v))).collect()
 }
 
-/// A conservative effect for the tests of all.
+/// A conservative effect, for tests of all such effects.
 pub struct Case {
     pub name: &'static str,
     pub kind: Kind,
     pub figures: Vec<f64>,
-    /// Whether its energy is one function of the orientation with a continuous slope on all of SO(3); others are held against paths near
-    /// their reference: a geodesic spring's torque changes sides at a half turn, and turns are counted from where one began.
+    /// Whether the energy is a single function of the orientation with a continuous slope on all of
+    /// SO(3). Other effects are only tested on paths near their reference: the torque of a geodesic
+    /// spring changes sides at a half turn, and some effects count turns from the start.
     pub everywhere: bool,
 }
 
-/// Every conservative effect, without damping.
+/// Returns every conservative effect, without damping.
 pub fn conservative() -> Vec<Case> {
     let case = |name, kind, figures, everywhere| Case { name, kind, figures, everywhere };
     let snap = |set, figures: Vec<f64>| (Kind::Snaps(snaps(set, &figures)), figures);
@@ -183,7 +186,7 @@ fn pendulum() -> Kind {
     Kind::Pendulum(Pendulum { centre: Vec3::new(0.01, 0.02, -0.05), weight: Vec3::new(0.0, 0.0, -4.0) })
 }
 
-/// Every effect that takes energy, with some to take.
+/// Returns every effect that absorbs energy, with parameters for which it does.
 pub fn dissipative() -> Vec<(Kind, Vec<f64>)> {
     let plain = |kind| (kind, vec![]);
     vec![
@@ -199,7 +202,7 @@ pub fn dissipative() -> Vec<(Kind, Vec<f64>)> {
     ]
 }
 
-/// Those that do work of their own.
+/// Returns the effects that do work by themselves.
 pub fn active() -> Vec<(Kind, Vec<f64>)> {
     let swing = Path::Swing { axis: axis(), amplitude: 0.4, from: 0.5, to: 3.0, sweep: 2.0, repeat: true };
     let track =
@@ -237,7 +240,7 @@ pub fn pulse() -> Pulse {
     Pulse { target: askew(), axis: axis(), strength: 0.2, duration: 0.01, fire: 0, period: 0.1, count: 12 }
 }
 
-/// All of the above.
+/// Returns all active, dissipative and conservative effects.
 pub fn all() -> Vec<(Kind, Vec<f64>)> {
     let mut all = active();
     all.extend(dissipative());

@@ -1,4 +1,4 @@
-//! Detents: where they hold, and what it takes to leave them.
+//! Detents: where they hold the dial, and the torque needed to leave them.
 
 use super::{Felt, askew, axis, detents};
 use crate::rng::Rng;
@@ -9,12 +9,12 @@ fn felt(detents: Detents, positions: &[f64]) -> Felt {
     Felt::with_figures(Kind::Detents(detents), positions)
 }
 
-/// The dial turned to `psi`, its axis tilted a little.
+/// Returns the orientation of the dial at the angle `psi`, with its axis tilted by `tilt`, rad.
 fn turned(psi: f64, tilt: Vec3) -> Quat {
     askew().reference().0 * rotation::exp(tilt) * rotation::exp(axis() * psi)
 }
 
-/// Lets a sphere without inertia go: it turns as the torque says.
+/// Releases a sphere without inertia. It turns in proportion to the torque.
 fn settle(felt: &mut Felt, mut q: Quat, load: Vec3, steps: usize) -> Quat {
     for _ in 0..steps {
         let torque = felt.at(q) + load;
@@ -29,7 +29,8 @@ fn a_dial_rests_at_its_notches_to_a_microradian() {
     let mut rng = Rng(20);
     for (dial, positions) in [(detents(12, 0.0), vec![]), (detents(0, 0.0), vec![-0.9, -0.4, 0.1, 0.3])] {
         for _ in 0..300 {
-            // On a dial of 0.524 rad from notch to notch the ground is level from 0.2 to 0.324.
+            // On a dial with 0.524 rad from notch to notch, there is no torque from 0.2 to 0.324
+            // rad.
             let at = if positions.is_empty() {
                 core::f64::consts::TAU / 12.0 * rng.below(12) as f64
             } else {
@@ -60,10 +61,10 @@ fn a_dial_steps_over_at_its_strength() {
     assert!((load / dial.strength - 1.0).abs() < 0.01, "{load} N m");
 }
 
-/// What a tick gives at an angle of the dial, along its axis.
+/// Returns the torque about the dial's axis at the angle `psi`, N m.
 fn along(dial: Detents, positions: &[f64], psi: f64) -> f64 {
     let mut felt = felt(dial, positions);
-    // Round to there, in steps that a turn count follows.
+    // The dial approaches `psi` in steps small enough for counting turns.
     let steps = (psi.abs() / 0.5).ceil();
     let mut torque = felt.at(turned(0.0, Vec3::ZERO));
     for k in 1..=steps as u32 {
@@ -77,7 +78,7 @@ fn ends_are_one_sided_walls_or_open() {
     let positions = [-1.0, 0.0, 9.0];
     let closed = detents(0, 0.0);
     let open = Detents { end_stiffness: 0.0, ..closed };
-    // Exactly at the edge, and to both sides of it.
+    // Exactly at the edge, and on both sides of it.
     for (psi, want) in [(9.0, 0.0), (9.25, -0.5), (-1.0, 0.0), (-1.5, 1.0), (9.0 - 0.1, 0.1), (-0.9, -0.1)] {
         let torque = along(closed, &positions, psi);
         assert!((torque - want).abs() < 1e-12, "at {psi}: {torque}");

@@ -1,4 +1,4 @@
-//! Friction holds, and slides at its torque.
+//! Friction sticks below its torque and slides at it.
 
 use super::Felt;
 use crate::bench::DT;
@@ -6,10 +6,10 @@ use hbot_core::effects::{Friction, Kind};
 use hbot_core::{Quat, Vec3, rotation};
 
 const FRICTION: Friction = Friction { torque: 0.05, stiffness: 5.0, damping: 0.02 };
-/// The prototype's sphere, kg m².
+/// Inertia of the prototype's sphere, kg m².
 const INERTIA: f64 = 3.24e-3;
 
-/// A sphere under friction and a load, moved on by the semi-implicit Euler method.
+/// A sphere under friction and a load, simulated by the semi-implicit Euler method.
 struct Body {
     felt: Felt,
     q: Quat,
@@ -34,12 +34,13 @@ fn a_million_ticks_of_a_load_below_the_limit_do_not_move_it() {
     let mut first = Quat::IDENTITY;
     let mut swing = 0.0_f64;
     for k in 0..1_000_000_u32 {
-        // Around a cone, a second a turn, 90 % of the limit; the bristle's own swings are six times as quick.
+        // The load moves around a cone once per second, at 90 % of the limit. The swings of the
+        // bristle are six times as fast.
         let (s, c) = (core::f64::consts::TAU * f64::from(k % 1000) / 1000.0).sin_cos();
         body.step(
             Vec3::new(0.6 * s, -0.8 * s, if k < 1000 { s } else { c - 1.0 } * 0.3) * (0.9 * FRICTION.torque),
         );
-        // The start's own swings have died away: 30 times their time constant of 2 I/D = 0.3 s.
+        // The initial swings have decayed: 30 times their time constant of 2 I/D = 0.3 s.
         if k == 9999 {
             first = body.q;
         }
@@ -47,7 +48,7 @@ fn a_million_ticks_of_a_load_below_the_limit_do_not_move_it() {
     }
     let drift = rotation::angle_between(body.q, first);
     println!("friction: drift {drift:.1e} rad in a million ticks");
-    // The bound is the task of friction; what is there is the rounding of a million turns.
+    // The bound is what friction must achieve. The actual drift is the rounding of a million turns.
     assert!(drift < 1e-6, "{drift:e} rad");
     assert!(swing > 0.5 * FRICTION.torque / FRICTION.stiffness, "the load did bend the bristle: {swing}");
 }
@@ -64,7 +65,7 @@ fn it_slides_at_its_torque_and_holds_wherever_it_is_left() {
         body.step(Vec3::X * (1.1 * FRICTION.torque));
     }
     assert!(rotation::angle_between(stuck, body.q) > 0.05, "it slides");
-    // 30 time constants of the bristle's swings, 2 I/D.
+    // 30 time constants 2 I/D of the swings of the bristle.
     for _ in 0..10_000 {
         body.step(Vec3::ZERO);
     }

@@ -1,18 +1,18 @@
-//! A wheel is a caster: when the sphere reverses, its heading error grows by exp(cot a x angle turned) (physics notes,
-//! section 4). This is the mechanism's own and no fault of a method, so it is measured here, and no other test compares trajectories
-//! across reversals.
+//! The caster effect of a wheel: if the sphere reverses, its heading error grows by exp(cot a x
+//! angle turned) (physics notes, section 4). This is a property of the mechanism and not an error
+//! of a method. It is measured here, and no other test compares trajectories across reversals.
 
 use crate::designs::prototype;
 use hbot_core::{Vec3, kinematics::Posture};
 
-/// cot of the prototype's cone angle.
+/// Returns the cotangent of the prototype's cone angle.
 fn cot() -> f64 {
     1.0 / 0.1745_f64.tan()
 }
 
-/// Steering rates while the sphere turns with `omega`.
+/// Returns the steer rates (rad/s) while the sphere turns with `omega` (rad/s).
 fn rates(th: [f64; 2], omega: f64) -> [f64; 2] {
-    // About n2, which is at right angles to both steering axes, a wheel trails fully.
+    // n2 is perpendicular to both steering axes. A turn about it makes a wheel trail fully.
     let rates = Posture::new(&prototype(), &th).inverse(Vec3::Y * omega);
     [rates[0], rates[2]]
 }
@@ -21,7 +21,8 @@ fn moved(th: [f64; 2], by: [f64; 2], h: f64) -> [f64; 2] {
     [th[0] + h * by[0], th[1] + h * by[1]]
 }
 
-/// Steering after the sphere has turned by `angle` (either sense) in steps of 1 mrad: explicit midpoint, order 2.
+/// Returns the steer angles after the sphere has turned by `angle` in either direction, rad. It
+/// uses the explicit midpoint method (order 2) in steps of 1 mrad.
 fn midpoint(th: [f64; 2], angle: f64) -> [f64; 2] {
     let h = angle.signum() * 1e-3;
     (0..(angle.abs() * 1e3).round() as u32).fold(th, |th, _| {
@@ -30,7 +31,7 @@ fn midpoint(th: [f64; 2], angle: f64) -> [f64; 2] {
     })
 }
 
-/// The same by the classical Runge-Kutta method, order 4.
+/// Returns the steer angles like [`midpoint`], by the classic Runge-Kutta method (order 4).
 fn rk4(th: [f64; 2], angle: f64) -> [f64; 2] {
     let h = angle.signum() * 1e-3;
     (0..(angle.abs() * 1e3).round() as u32).fold(th, |th, _| {
@@ -49,12 +50,14 @@ fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 #[test]
 fn two_correct_integrators_part_by_exp_of_cot_a_times_the_angle_after_a_reversal() {
-    // Rolled forwards, any heading falls in behind and both methods agree to rounding.
+    // If the sphere rolls forwards, every heading comes into line and both methods agree to
+    // rounding.
     let start = [0.3, -0.5];
     let (a, b) = (midpoint(start, 6.5), rk4(start, 6.5));
     let trailing = apart(a, b);
     assert!(trailing < 1e-13, "forwards they agree: {trailing:e}");
-    // Reversed, a difference of 1e-10 rad grows by the same factor in both, and between them.
+    // If the sphere reverses, a difference of 1e-10 rad grows by one factor in both methods, and
+    // also between them.
     for angle in [0.5, 1.0, 2.0] {
         let growth = (cot() * angle).exp();
         let seeded = [b[0] + 1e-10, b[1] + 1e-10];
@@ -64,13 +67,14 @@ fn two_correct_integrators_part_by_exp_of_cot_a_times_the_angle_after_a_reversal
             apart(midpoint(a, -angle), rk4(seeded, -angle)) / 1e-10,
         ];
         println!("{angle} rad: {by:?}, exp(cot a x angle) = {growth}");
-        // What midpoint leaves of the rate in steps of 5.7e-3: its third over 6 a step, 3e-5 a radian; and the last
-        // digit of 1e-10 and of the agreement before.
+        // With steps of 5.7e-3 the midpoint method leaves a third power over 6 of the rate per
+        // step, which is 3e-5 per radian. The rest is the last digit of 1e-10 and of the agreement
+        // before.
         for by in by {
             assert!((by / growth - 1.0).abs() < 2e-3, "{angle} rad: {by}, not {growth}");
         }
     }
-    // After a turn the headings of two correct integrators have nothing to do with each other.
+    // After a full turn the headings of two correct integrators are unrelated.
     let far = apart(midpoint(a, -6.5), rk4([b[0] + 1e-15, b[1] - 1e-15], -6.5));
     println!("after 6.5 rad: {far} rad apart");
     assert!(far > 0.01, "{far}");

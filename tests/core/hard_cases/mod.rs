@@ -1,10 +1,10 @@
-//! Cases at which a controller of this kind usually breaks (docs/hard-cases.md). What depends on the width of a real is asked of
-//! both widths.
+//! Cases in which controllers of this kind usually fail (docs/hard-cases.md). Checks that depend on
+//! the width of numbers run in both widths.
 
 mod caster;
 mod stiff;
 
-/// Everything in f64.
+/// The checks in f64.
 #[path = "."]
 mod double {
     use hbot_core as core;
@@ -14,7 +14,7 @@ mod double {
     mod checks;
 }
 
-/// Everything in f32.
+/// The checks in f32.
 #[path = "."]
 mod single {
     use hbot_core_f32 as core;

@@ -1,5 +1,5 @@
-//! Scenes far beyond what the loop can render passively, with the passivity stage on: energy given out is bounded and the loop
-//! comes to rest.
+//! Scenes far beyond the stiffness that the loop can render passively, with the passivity stage on.
+//! The delivered energy is bounded and the loop comes to rest.
 
 use crate::bench::effect;
 use crate::passivity::{BORDER, DT, Loop, TAP, guarded};
@@ -12,8 +12,9 @@ fn scene(kind: Kind) -> CompiledScene {
     CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap()
 }
 
-/// What a spring of `stiffness` leaks in its first cycle of the energy `held`, two ticks late: 2 pi times twice the tick in radians of
-/// its oscillation.
+/// Returns the energy that a spring of `stiffness` (N m/rad) leaks in its first cycle, J, if it
+/// holds the energy `held` and acts two ticks late: 2 pi times twice the tick in radians of its
+/// oscillation.
 fn leak(run: &Loop, stiffness: f64, held: f64) -> f64 {
     let tick = DT * (stiffness / run.rig.device.sphere_inertia()).sqrt();
     4.0 * core::f64::consts::PI * tick * held

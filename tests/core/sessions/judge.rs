@@ -1,5 +1,5 @@
-//! Holds every tick against what a rig promises, by a model of its own that knows no more than what
-//! goes into a tick and what comes out of it.
+//! Checks every tick against the promises of a rig. It uses its own model, which only knows the
+//! inputs and the outputs of the ticks.
 
 use hbot_core::allocation::{ContactArms, traction};
 use hbot_core::effects::{Anchor, Kind};
@@ -13,21 +13,21 @@ use hbot_core::{CompiledScene, Vec3, rotation};
 use super::Seen;
 use crate::bench::{DT, assert_finite};
 
-/// The soft start takes this long, s.
+/// Duration of the soft start, s.
 const SOFT_START: f64 = 0.5;
-/// The ramp of a disable takes this long, s.
+/// Duration of the ramp at disable, s.
 const DISABLE: f64 = 0.05;
-/// What was felt before a scene that pulls from afar is gone after this time, s.
+/// Time after which the old torque is gone when a scene with a distant reference is loaded, s.
 const FADE: f64 = 0.05;
 /// Rounding of a torque that goes through the joints and back, N m.
 const ROUNDING: f64 = 1e-9;
 
-/// What the session did that a tick's inputs do not say.
+/// Actions of the session that the inputs of a tick do not show.
 #[derive(Debug, Default)]
 pub struct Told {
     /// Slots whose effects a load or a set has just placed.
     pub placed: Vec<u8>,
-    /// An enable was obeyed.
+    /// Whether an enable was obeyed.
     pub enabled: bool,
 }
 
@@ -38,12 +38,13 @@ pub struct Judge {
     tick: Option<u64>,
     revision: u64,
     mode: Mode,
-    /// The most that soft start and disable ramp allow, as a share of the limit.
+    /// Torque that the soft start and the ramp at disable allow, as a share of the limit.
     ramp: f64,
-    /// What was felt when a soft start began, N m, and how long ago that was, s.
+    /// Torque when the last soft start began, N m.
     carried: f64,
+    /// Time since the last soft start began, s.
     carried_s: f64,
-    /// Nobody has asked for torque since the last stop.
+    /// Whether nobody has enabled torque since the last stop.
     stopped: bool,
     newest: Option<u32>,
 }
@@ -92,32 +93,33 @@ impl Judge {
         let far = on && scene.revision() != self.revision && self.comes_from_afar(told, scene, outputs);
         self.carried_s += dt;
         if told.enabled && self.mode == Mode::Idle {
-            // Within the ramp of a disable: references are anchored anew, which may come from afar too.
+            // This happens within the ramp of a disable. References are anchored anew, which can
+            // also place them far away.
             (self.carried, self.carried_s) = (self.torque.length(), 0.0);
         }
         if far {
             seen.far_changes += 1;
             (self.ramp, self.carried, self.carried_s) = (0.0, self.torque.length(), 0.0);
         }
-        // A tick's room for the order in which a tick does things.
+        // One tick of tolerance for the order of operations in a tick.
         let ramp = if self.ramp > 0.0 || far { (self.ramp + dt / SOFT_START).min(1.0) } else { 0.0 };
         let carried = self.carried * (1.0 - (self.carried_s - dt) / FADE).clamp(0.0, 1.0);
         let ramped = limits.torque * ramp + carried;
         let reach = limits.torque_rate * dt;
-        // The slew limit may keep the torque above the ramp, but then it does not grow; once the ramp
-        // of a disable has ended it falls as fast as the slew limit lets it.
+        // The slew limit can keep the torque above the ramp, but then the torque does not grow.
+        // After the ramp of a disable has ended, it falls as fast as the slew limit allows.
         let before = self.torque.length();
         let falling = if self.ramp == 0.0 { before - reach } else { before };
         let bound = ramped.min(limits.torque).max(falling) + ROUNDING;
         assert!(size <= limits.torque + ROUNDING, "above the limit: {}", what());
         assert!(size <= bound, "above the ramp: {size} > {bound}, {}", what());
-        // The slew, but for stops.
+        // The slew limit, which does not apply to stops.
         let change = (state.torque - self.torque).length();
         if off {
             assert!(size == 0.0 && !outputs.drive.enable, "torque without leave: {}", what());
         } else {
-            // A direction that the wheels lose, and what the motors cannot hold any more because the
-            // wheels have steered on, goes at once: no software can hold it.
+            // A direction that the wheels lose, and a torque that the motors can no longer hold
+            // after steering, vanish at once. No software can hold them.
             let forced =
                 change > reach + ROUNDING && (state.deficient || self.least_change(outputs) > 0.98 * reach);
             seen.forced += u64::from(forced);
@@ -145,12 +147,12 @@ impl Judge {
             let load = traction(&arms, &state.joint_torque[..joints], grip.mu * grip.normal_force);
             assert!(load <= 1.0 + 1e-9, "beyond a contact's grip, {load}: {}", what());
         }
-        // The age.
+        // The age of the newest reading.
         if let Some(feedback) = inputs.feedback {
             let newer = self.newest.is_none_or(|newest| feedback.sequence.wrapping_sub(newest) as i32 > 0);
             self.newest = if newer { Some(feedback.sequence) } else { self.newest };
         }
-        // From the last command that was sent: ticks that were skipped have sent none.
+        // The age counts from the last command that was sent. Skipped ticks have sent none.
         let oldest = u64::from(self.rig.timing.timeout_ticks) + elapsed.max(1);
         if self.newest.is_some_and(|newest| inputs.tick - u64::from(newest) > oldest) {
             assert!(off, "torque of a reading that is too old: {}", what());
@@ -165,8 +167,8 @@ impl Judge {
             (state.torque, Some(inputs.tick), state.mode, scene.revision());
     }
 
-    /// The least change from the last tick's torque that motors and contacts allow at the posture of
-    /// now, N m: projected gradient descent on the joint torques.
+    /// Returns the smallest change from the torque of the last tick that motors and contacts allow
+    /// at the present posture, N m. It uses projected gradient descent on the joint torques.
     fn least_change(&self, outputs: &Outputs) -> f64 {
         let joints = self.rig.device.joints();
         let steering: Vec<f64> = outputs.state.angle[..joints].iter().step_by(2).copied().collect();
@@ -190,7 +192,8 @@ impl Judge {
         (self.torque - posture.torque_on_sphere(&tau[..joints])).length()
     }
 
-    /// Whether the change of scene has placed a spring further from the sphere than `enable` accepts.
+    /// Returns whether the change of scene has placed a spring further from the sphere than
+    /// `enable` accepts.
     fn comes_from_afar(&self, told: &Told, scene: &CompiledScene, outputs: &Outputs) -> bool {
         scene.effects().iter().any(|effect| {
             let far = matches!(effect.kind, Kind::Spring(_))

@@ -1,9 +1,10 @@
-//! Random sessions: scenes at the edges of their parameters, streams, steals, loads, enables and stops
-//! in any order, on readings that come late or not at all. Every tick of every session keeps the limits
-//! of size, slew, motors and contacts, the ramps, and the age of what it was computed from.
+//! Random sessions: scenes at the edges of their parameters, with streams, leases, loads, enables
+//! and stops in any order, and readings that are late or missing. Every tick of every session must
+//! respect the limits of size, slew, motors and contacts, the ramps, and the largest age of its
+//! reading.
 //!
-//! `HBOT_SESSION_TICKS=100000000 cargo test --release --test core sessions` runs more of them, and
-//! `HBOT_SESSION=1245` one alone: the one that a failure names.
+//! `HBOT_SESSION_TICKS=100000000 cargo test --release --test core sessions` runs more sessions.
+//! `HBOT_SESSION=1245` runs a single one, whose number a failure reports.
 
 mod judge;
 mod scenes;
@@ -20,9 +21,9 @@ use self::judge::{Judge, Told};
 use crate::bench::{DT, Sphere, altered, reading, rig, rig_with_grip};
 use crate::rng::Rng;
 
-/// Ticks of one session.
+/// Number of ticks in one session.
 const SESSION: u64 = 4000;
-/// Ticks in all, unless the environment asks for more.
+/// Default number of ticks in all sessions.
 const TICKS: u64 = 1_000_000;
 
 #[test]
@@ -50,7 +51,7 @@ fn whatever_comes_in_any_order_limits_slew_ramps_and_age_hold_in_every_tick() {
             .fold(Seen::default(), Seen::and)
     });
     println!("{totals:?}");
-    // What the sessions are about does happen in them.
+    // The situations under test do occur in the sessions.
     let per_million = |n: u64| n * 1_000_000 / ticks.max(1);
     assert!(per_million(totals.powered) > 300_000, "{totals:?}");
     assert!(per_million(totals.at_limit) > 10_000, "{totals:?}");
@@ -60,7 +61,7 @@ fn whatever_comes_in_any_order_limits_slew_ramps_and_age_hold_in_every_tick() {
     }
 }
 
-/// What happened in a number of sessions.
+/// Counts of what happened in some sessions.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Seen {
     pub powered: u64,
@@ -68,7 +69,7 @@ pub struct Seen {
     pub enables: u64,
     pub far_changes: u64,
     pub lost_links: u64,
-    /// Ticks in which motors or contacts limited the torque at the slew limit.
+    /// Ticks in which motors or contacts limited the torque while it changed at the slew limit.
     pub eased: u64,
     pub stops: u64,
     /// Ticks in which the motors could not hold the last torque closely enough for the slew limit.
@@ -90,7 +91,7 @@ impl Seen {
     }
 }
 
-/// The rigs that sessions run on, each limited by something else.
+/// Returns the rigs of the sessions. Each has another limiting factor.
 fn rigs() -> [(&'static str, Rig); 7] {
     let with = |alter: fn(&mut hbot_core::RigParts)| altered(&rig(), alter);
     [
@@ -111,7 +112,7 @@ fn rigs() -> [(&'static str, Rig); 7] {
     ]
 }
 
-/// A server that does as it likes, with a sphere that turns as it pleases.
+/// A session with a server that acts at random and a sphere that turns at random.
 struct Session {
     rng: Rng,
     rig: Rig,
@@ -120,9 +121,9 @@ struct Session {
     scene: Box<CompiledScene>,
     sphere: Sphere,
     omega: Vec3,
-    /// Readings on their way: the tick in which each arrives.
+    /// Readings on the line, each with the tick in which it arrives.
     line: VecDeque<(u64, JointFeedback)>,
-    /// How late readings come, ticks.
+    /// Delay of readings, ticks.
     delay: u64,
     tick: u64,
     mode: Mode,
@@ -176,7 +177,7 @@ impl Session {
 
     fn load(&mut self, told: &mut Told) {
         let scene = SceneFile::from_json(scenes::scene(&mut self.rng));
-        // What a file may not hold is refused before the loop.
+        // Scenes that a file must not contain are refused before the loop.
         if let Ok(file) = scene {
             *self.scene = self.running.load(file);
             told.placed = self.scene.effects().iter().map(|effect| effect.slot).collect();
@@ -199,7 +200,7 @@ impl Session {
         }
     }
 
-    /// What has arrived on the line.
+    /// Takes the readings that have arrived on the line.
     fn hear(&mut self, inputs: &mut Inputs) {
         while self.line.front().is_some_and(|(at, _)| *at <= self.tick) {
             inputs.feedback = self.line.pop_front().map(|(_, feedback)| feedback);
@@ -249,14 +250,15 @@ impl Session {
         }
     }
 
-    /// The sphere turns on for a tick; what its encoders read goes onto the line.
+    /// Turns the sphere for a tick and puts the reading of its encoders onto the line.
     fn turn(&mut self) {
         let rng = &mut self.rng;
         if rng.once_in(300) {
             self.omega = if rng.once_in(2) { Vec3::ZERO } else { rng.vector(0.5 * self.rig.limits.speed) };
         }
         let answer = reading(&self.rig, &self.sphere, self.tick as u32);
-        // Slow enough that no wheel loses its way between two readings, and quick enough to steer about.
+        // The rate changes slowly enough that no joint turns too far between two readings, and fast
+        // enough for the wheels to steer.
         let omega = self.sphere.omega + (self.omega - self.sphere.omega) * 0.05;
         self.sphere.turn(omega, DT);
         if rng.once_in(700) {

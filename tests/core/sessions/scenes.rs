@@ -1,4 +1,5 @@
-//! Scenes at the edges of what a file may hold, made from the kinds' own schemas.
+//! Random scenes at the edges of what a file can contain, generated from the schemas of the kinds
+//! of effect.
 
 use std::sync::LazyLock;
 
@@ -9,7 +10,7 @@ use crate::rng::Rng;
 
 static KINDS: LazyLock<Vec<Listed>> = LazyLock::new(kinds);
 
-/// A scene of one to eight effects.
+/// Returns a scene with one to eight effects.
 pub fn scene(rng: &mut Rng) -> Value {
     let effects: Vec<_> = (0..1 + rng.below(8))
         .map(|k| {
@@ -23,7 +24,7 @@ pub fn scene(rng: &mut Rng) -> Value {
     json!({"name": "random", "effect": effects})
 }
 
-/// Some parameters of a kind, each at an edge or between.
+/// Returns some parameters of a kind, each at an edge of its range or inside.
 pub fn parameters(rng: &mut Rng, kind: &str) -> Map<String, Value> {
     let listed = KINDS.iter().find(|listed| listed.name == kind);
     let Some(properties) = listed.and_then(|listed| listed.schema["properties"].as_object()) else {
@@ -31,7 +32,7 @@ pub fn parameters(rng: &mut Rng, kind: &str) -> Map<String, Value> {
     };
     let mut chosen = Map::new();
     for (key, schema) in properties {
-        // Files of points, and lists whose members depend on one another, are left at their defaults.
+        // Files of points, and lists whose elements depend on each other, keep their defaults.
         if matches!(key.as_str(), "file" | "points" | "positions" | "orientations" | "twist" | "path" | "set")
         {
             continue;
@@ -46,7 +47,7 @@ pub fn parameters(rng: &mut Rng, kind: &str) -> Map<String, Value> {
 fn value(rng: &mut Rng, key: &str, schema: &Value) -> Value {
     for choice in ["anyOf", "oneOf"] {
         if let Some(options) = schema[choice].as_array() {
-            // Of a number and a matrix the number.
+            // If a number and a matrix are allowed, the number is chosen.
             let option = if choice == "anyOf" { 0 } else { rng.below(options.len() as u64) as usize };
             return value(rng, key, &options[option]);
         }

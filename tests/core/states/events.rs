@@ -1,29 +1,33 @@
-//! What happens to a rig besides commands and faults of a tick: every such event in every mode.
+//! Events other than commands and the faults of a tick, each in every mode.
 
 use super::*;
 
-/// What happens to a rig besides commands and the conditions of `provoke`: in two parts where a line goes and comes back.
+/// An event other than a command or a condition of `provoke`. Loss and return of the line are
+/// separate events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Event {
-    /// The port is gone for longer than the time-out.
+    /// The port is gone for longer than the timeout.
     LineLost,
-    /// It was, and is back: its first reading says that torque had ended meanwhile.
+    /// The port was gone for longer than the timeout and is back. Its first reading says that
+    /// torque had ended in the meantime.
     LineBack,
-    /// It was gone for less than the time-out.
+    /// The port was gone for less than the timeout.
     LineBlinks,
-    /// The controllers have lost power.
+    /// The motor controllers have lost power.
     Reboot,
-    /// A tick came more than 20 ms late.
+    /// A tick began more than 20 ms late.
     Late,
     /// Ten ticks were skipped.
     Skipped,
-    /// A motor's own sensor says that it is too hot.
+    /// A motor's own sensor reports overheating.
     Hot,
-    /// The holder has gone, by each policy.
+    /// The holder has disconnected. By policy its torque stream ramps down to zero.
     ClientRamp,
+    /// The holder has disconnected. By policy its torque stream ends when it expires.
     ClientKeep,
+    /// The holder has disconnected. By policy this is a fault.
     ClientFault,
-    /// SIGUSR1, which the loop takes before all other commands of the tick.
+    /// The signal SIGUSR1, which the loop handles before all other commands of the tick.
     Signal,
 }
 
@@ -90,7 +94,7 @@ fn every_event_leads_where_the_table_says_from_every_mode() {
             let fault = |cause| (Fault, Some(if from == Fault { Cause::ControllerFault } else { cause }));
             let expected = match event {
                 Event::LineLost | Event::LineBack => fault(Cause::LinkLost),
-                // What gave no torque has lost none.
+                // Without torque, no torque was lost.
                 Event::LineBlinks => {
                     if powered {
                         fault(Cause::LinkLost)
@@ -110,7 +114,7 @@ fn every_event_leads_where_the_table_says_from_every_mode() {
                 assert!(outputs.state.torque == Vec3::ZERO && !outputs.drive.enable, "{place}");
                 assert_eq!(outputs.drive.torque, [0.0; 16], "{place}");
             }
-            // Nothing but a command brings torque back, however long one waits.
+            // Only a command brings torque back, after any waiting time.
             if !powered || mode != from {
                 let later = bench.run(700);
                 assert_eq!((later.state.mode, later.state.cause), expected, "{place}");
@@ -120,7 +124,8 @@ fn every_event_leads_where_the_table_says_from_every_mode() {
                 continue;
             }
             assert!(matches!(bench.command(Command::Enable).reply(), Reply::Refused(_)), "{place}");
-            // With the index not seen anew, zeros outlive everything but a loss of power.
+            // The index is not seen again. Zeros stay valid after everything except a loss of
+            // power.
             let back = if from == Unreferenced || event == Event::Reboot { Unreferenced } else { Idle };
             let reset = bench.command(Command::Reset);
             assert_eq!((reset.reply(), reset.state.mode), (Reply::Done, back), "{place}");

@@ -1,4 +1,4 @@
-//! Joint torques within limits, and what the joints can make along the axes.
+//! Checks of allocation: joint torques within limits, and the largest torques along the axes.
 
 use super::super::core::allocation::{JointLimits, allocate, capability};
 use super::super::core::{Real, Vec3};
@@ -6,8 +6,9 @@ use super::{EPS, GOLDEN, device, norm, posture, real, row_condition, vector, wid
 use crate::golden_support::sensitivity::{self, TORQUES};
 use crate::golden_support::{Ledger, double, vectors};
 
-/// What joint torques and cost are good to where there are more than two wheels (golden/README.md): a search among torques
-/// within the limits ends at a part of those limits.
+/// Relative accuracy of the vectors' joint torques and costs for more than two wheels
+/// (tests/golden/README.md). They come from a search among torques within the limits, which ends at
+/// a part of those limits.
 const SEARCHED: f64 = 1e-6;
 
 pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
@@ -31,7 +32,8 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     let got = allocate(rows, &limits, torque);
     let tau: Vec<f64> = got.torque[..joints].iter().copied().map(wide).collect();
 
-    // What sixteen roundings of all inputs, the rows with their own condition, can do to the exact answer.
+    // The change of the exact answer if all inputs change by sixteen roundings, and the rows by
+    // their own condition.
     let (sensitivity, moment) = {
         let posture = double::checks::posture(&exact, &case.theta);
         let mut limits = hbot_core::allocation::JointLimits::NONE;
@@ -45,8 +47,9 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
     };
     let rounding = 16.0 * EPS * worst(&case.device, &case.theta, row_condition);
 
-    // Least-cost torques are found from the moments sum g gᵀ / w, whose condition is the square of the rows': roundings of
-    // that size in the torques, which the limits of the joints then carry on like those in what came in.
+    // Least-cost torques are computed from the moments sum g gᵀ / w, whose condition is the square
+    // of the rows'. Rounding of that size enters the torques, and the joint limits propagate it
+    // like an error of the inputs.
     let moments = 16.0 * EPS * moment;
 
     let exactly = |k: usize, size: f64| GOLDEN * size + rounding * (sensitivity[k] + size);
@@ -66,7 +69,8 @@ pub fn allocation(case: &vectors::Allocation, ledger: &mut Ledger) {
         ledger.number("joint_torques", &[j], tau[j], *want, good + at_least_cost(TORQUES + j, size));
     }
 
-    // Whatever the vectors say: inside the limits to the last bit, and Gᵀ tau = s T to rounding.
+    // These hold for any vectors: torques are inside the limits to the last bit, and Gᵀ tau = s T
+    // to rounding.
     for j in 0..joints {
         let over = wide((got.torque[j].abs() - limits.peak[j]).max(0.0));
         ledger.number("joint torque over its limit", &[j], over, 0.0, 0.0);

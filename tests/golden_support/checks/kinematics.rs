@@ -1,4 +1,5 @@
-//! Contact frames, the rows of G, forward and inverse, and the margins and indices.
+//! Checks of contact frames, the rows of G, forward and inverse kinematics, and the margins and
+//! indices.
 
 use super::super::core::singularity::{Indices, boundary_determinant, interior_margin};
 use super::{
@@ -25,12 +26,12 @@ pub fn kinematics(case: &vectors::Kinematics, ledger: &mut Ledger) {
     let frames = worst(spec, &case.theta, frame_condition);
     let rows = worst(spec, &case.theta, row_condition);
 
-    // A product: relative errors add up.
+    // In a product relative errors add up.
     let levers: f64 = spec.wheels.iter().map(lever_condition).sum();
     let det: f64 = device.wheels().iter().map(|w| wide(boundary_determinant(&device, w))).product();
     ledger.number("det_h", &[], det, case.det_h, tolerance(case.det_h.abs(), levers));
 
-    // A singular value moves by no more than the matrix, whose 2n rows are unit vectors.
+    // A singular value changes by no more than the matrix, whose 2n rows are unit vectors.
     let z = (2.0 * wheels as f64).sqrt();
     ledger.number(
         "sigma_min_z",
@@ -52,8 +53,9 @@ pub fn kinematics(case: &vectors::Kinematics, ledger: &mut Ledger) {
         ledger.number("joint_rates", &[j], wide(rates[j]), case.joint_rates[j], tolerance(scale, condition));
     }
 
-    // w = A⁻¹ b: a relative error of A and of the terms of b comes out 1/lambda_min(A) times the size of b's terms
-    // times the condition of A; A = sum (I - c3 c3ᵀ) has its eigenvalues between sigma_min² and n.
+    // w = A⁻¹ b. A relative error of A and of the terms of b is amplified by 1/lambda_min(A) times
+    // the size of b's terms times the condition of A. The eigenvalues of A = sum (I - c3 c3ᵀ) are
+    // between sigma_min² and n.
     let least = case.sigma_min_z * case.sigma_min_z;
     let terms: f64 = spec
         .wheels
@@ -68,17 +70,19 @@ pub fn kinematics(case: &vectors::Kinematics, ledger: &mut Ledger) {
     let forward = posture.forward(&device, &reals(&case.noisy_joint_rates));
     let within = tolerance(terms / spec.sphere_radius / least, condition);
     ledger.numbers("omega_estimate", &[], &array(forward.omega), &case.omega_estimate, within);
-    // Slip is the wheel's velocity less R times w.
+    // Slip is the wheel's velocity minus R times w.
     let within = tolerance(terms / least.min(1.0), condition.max(1.0));
     let slip: Vec<f64> = forward.slip[..wheels].as_flattened().iter().copied().map(wide).collect();
     ledger.numbers("slip", &[], &slip, &case.slip, within);
 
     let got = Indices::of(posture.rows());
     let want = &case.indices;
-    // Rows that are off by a part of themselves move each singular value by that part of sigma_max, times sqrt 3.
+    // A relative error of the rows changes each singular value by that part of sigma_max, times
+    // sqrt 3.
     let spectral = want.lci_spectral;
     ledger.number("lci_spectral", &[], wide(got.spectral), spectral, tolerance(1.0, 2.0 * rows));
-    // Relative errors of the least singular value, 1/spectral times as large, carry over.
+    // The smallest singular value has a relative error that is 1/spectral times as large, and
+    // passes it on.
     let condition = 3.0 * rows / spectral;
     let frobenius = want.lci_frobenius;
     ledger.number("lci_frobenius", &[], wide(got.frobenius), frobenius, tolerance(frobenius, condition));

@@ -1,9 +1,11 @@
-//! The checks of one width. This folder is compiled twice, with `super::core` once `hbot_core` and once `hbot_core_f32`.
+//! The checks in one floating-point width. This folder is compiled twice: `super::core` is
+//! `hbot_core` or `hbot_core_f32`.
 //!
 //! # Tolerances
 //!
-//! Each is `scale * (GOLDEN + 16 EPS * condition)`: what the vectors themselves are good to, and sixteen roundings of this
-//! width, the inputs' among them, as far as the operation magnifies them. Scale and condition stand by each figure.
+//! Each tolerance is `scale * (GOLDEN + 16 EPS * condition)`: the accuracy of the vectors, and
+//! sixteen roundings of this width, including those of the inputs, as amplified by the operation.
+//! Comments at each figure explain its scale and condition.
 
 mod allocation;
 mod impedance;
@@ -20,13 +22,13 @@ use super::core::kinematics::Posture;
 use super::core::{Mat3, Quat, Real, Vec3};
 use crate::golden_support::vectors;
 
-/// What the vectors are good to, relative, where a closed form exists (golden/README.md).
+/// Relative accuracy of the vectors for figures with a closed form (tests/golden/README.md).
 pub const GOLDEN: f64 = 1e-12;
-/// One rounding of this width.
+/// Relative rounding error of one operation in this floating-point width.
 #[allow(clippy::unnecessary_cast, reason = "Real is f32 or f64")]
 pub const EPS: f64 = Real::EPSILON as f64;
 
-/// See the module's documentation.
+/// Returns the tolerance for a figure (see the documentation of this module).
 pub fn tolerance(scale: f64, condition: f64) -> f64 {
     scale * (GOLDEN + 16.0 * EPS * condition)
 }
@@ -61,7 +63,7 @@ pub fn wxyz(q: Quat) -> [f64; 4] {
     [q.w, q.x, q.y, q.z].map(wide)
 }
 
-/// From rows.
+/// Converts a matrix, given by its rows.
 pub fn matrix(rows: &vectors::Matrix) -> Mat3 {
     let [x, y, z] = rows.map(vector);
     Mat3::from_cols(x, y, z).transpose()
@@ -92,25 +94,26 @@ pub fn posture(device: &Device, theta: &[f64]) -> Posture {
     Posture::new(device, &reals(theta))
 }
 
-/// How far one rounding of axis, cone, toe and steering angle moves a wheel's contact frame. A0 turns about a
-/// horizontal axis that a change of l near -n3 swings about: by 1 / sin of the angle from -n3, or 1 / sqrt(1 + l3) or less.
+/// Returns how much a relative rounding of axis, cone, toe and steer angle moves a wheel's contact
+/// frame, in units of the rounding. A0 turns about a horizontal axis, which swings when l changes
+/// near -n3. The amplification is 1 / sin of the angle from -n3, which is at most 1 / sqrt(1 + l3).
 pub fn frame_condition(wheel: &vectors::Wheel, theta: f64) -> f64 {
     let from_below = (1.0 + wheel.axis[2]).max(1e-15).sqrt();
     1.0 + theta.abs() + 1.0 / from_below
 }
 
-/// The same, relative, of the rows of G: they divide by l.c2 = sin a cos b, which a rounding of a and b moves by
-/// a cot a and b tan b of it.
+/// Returns the relative amplification of rounding in the rows of G. The rows divide by l.c2 = sin a
+/// cos b, which a rounding of a and b changes by a cot a and b tan b of itself.
 pub fn row_condition(wheel: &vectors::Wheel, theta: f64) -> f64 {
     frame_condition(wheel, theta) + lever_condition(wheel)
 }
 
-/// Of l.c2 = sin a cos b, relative.
+/// Returns the relative amplification of rounding in l.c2 = sin a cos b.
 pub fn lever_condition(wheel: &vectors::Wheel) -> f64 {
     1.0 + (wheel.cone / wheel.cone.tan()).abs() + (wheel.toe * wheel.toe.tan()).abs()
 }
 
-/// The largest over the wheels.
+/// Returns the largest value of `of` over the wheels.
 pub fn worst(device: &vectors::Device, theta: &[f64], of: impl Fn(&vectors::Wheel, f64) -> f64) -> f64 {
     device.wheels.iter().zip(theta).map(|(w, th)| of(w, *th)).fold(0.0, f64::max)
 }

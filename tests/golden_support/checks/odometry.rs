@@ -1,4 +1,4 @@
-//! Orientation after segments of constant joint rates, by each method.
+//! Checks of odometry: the orientation after segments of constant joint rates, by each method.
 
 use super::super::core::odometry::{advance, turn};
 use super::super::core::rig::OdometryMethod;
@@ -7,11 +7,11 @@ use super::super::core::{Quat, Real, device::Device};
 use super::{EPS, device, norm, posture, quaternion, real, reals, row_condition, wide, worst, wxyz};
 use crate::golden_support::{Ledger, vectors};
 
-/// What the vectors are good to, rad (golden/README.md).
+/// Accuracy of the vectors, rad (tests/golden/README.md).
 const GOLDEN: f64 = 1e-11;
 
-/// Where joints and sphere are after all segments, each in steps in which neither a wheel nor the sphere turns by more
-/// than `stride` rad; and how many steps that took.
+/// Returns the sphere's orientation and the steer angles after all segments, and the number of
+/// steps. In each step neither a wheel nor the sphere turns by more than `stride` rad.
 fn integrate(
     case: &vectors::Odometry,
     device: &Device,
@@ -44,8 +44,9 @@ fn integrate(
     (q, theta, taken)
 }
 
-/// The part of the orientation's error that is rounding: each step adds one of q itself, at random; and the whole way
-/// carries the relative error of the sphere's rate, which is that of the rows times the condition of the least squares.
+/// Returns the part of the orientation's error that is due to rounding. Each step adds a random
+/// rounding of q. The whole way also has the relative error of the sphere's rate, which is that of
+/// the rows times the condition of the least squares.
 fn rounding(case: &vectors::Odometry, device: &Device, steps: usize) -> f64 {
     let mut theta = case.theta0.clone();
     let (mut way, mut condition, mut reach) = (1.0, 1.0_f64, norm(&theta));
@@ -73,21 +74,23 @@ pub fn odometry(case: &vectors::Odometry, ledger: &mut Ledger) {
         Ok(device) => device,
         Err(error) => return ledger.fail("device", error.to_string()),
     };
-    // Magnus's error is of the order of stride^4/500 a radian: 3e-14 in 2 mrad steps, 3e-10 in 20 mrad ones, far below the
-    // rounding of f64 over as many steps and of f32.
+    // The error of the Magnus method is about stride^4/500 per radian: 3e-14 with steps of 2 mrad
+    // and 3e-10 with steps of 20 mrad. This is far below the rounding of f64 over that many steps,
+    // and below that of f32.
     let stride = if EPS < 1e-10 { 2e-3 } else { 2e-2 };
     let (q, theta, steps) = integrate(case, &device, OdometryMethod::Magnus4, stride);
     let exact = GOLDEN + rounding(case, &device, steps);
     ledger.rotation("q", &[], wxyz(q), case.q, exact);
     for (k, (got, want)) in theta.iter().zip(&case.theta).enumerate() {
-        // Four sums; theta is the test's own in both widths.
+        // theta is the sum of four numbers, which this test computes itself in both widths.
         ledger.number("theta", &[k], *got, *want, 1e-12 * (1.0 + want.abs()));
     }
     if theta.len() != case.theta.len() {
         ledger.fail("theta", format!("got {} angles, expected {}", theta.len(), case.theta.len()));
     }
-    // The lesser methods, to their order: half the step leaves a half, or a quarter, of the error. A fifth more is for the
-    // next order, which at these strides is a few per cent.
+    // The other methods are checked by their order: with half the step, a half or a quarter of the
+    // error remains. Another fifth is allowed for the next order, which is a few per cent at these
+    // strides.
     for (method, field, order) in
         [(OdometryMethod::Euler, "q by Euler", 1), (OdometryMethod::Midpoint, "q by midpoint", 2)]
     {
@@ -100,7 +103,7 @@ pub fn odometry(case: &vectors::Odometry, ledger: &mut Ledger) {
     }
 }
 
-/// The distance of two unit quaternions, whatever their signs.
+/// Returns the distance between two unit quaternions, regardless of their signs.
 fn apart(a: [f64; 4], b: [f64; 4]) -> f64 {
     let [minus, plus] = [-1.0, 1.0].map(|s| norm(&[0, 1, 2, 3].map(|k| a[k] + s * b[k])));
     minus.min(plus)

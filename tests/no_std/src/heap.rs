@@ -1,4 +1,5 @@
-//! An allocator, used once: what .ci/no_std.sh must notice. Not part of the program without the feature `heap`.
+//! An allocator that makes a single allocation. It tests .ci/no_std.sh, which must detect it. It is
+//! only part of the program with the feature `heap`.
 
 extern crate alloc;
 
@@ -9,10 +10,10 @@ use core::cell::UnsafeCell;
 #[repr(align(16))]
 struct OneBlock(UnsafeCell<[u8; 256]>);
 
-// SAFETY: there is one thread.
+// SAFETY: there is only one thread.
 unsafe impl Sync for OneBlock {}
 
-// SAFETY: the block is large enough and aligned for all that is asked of it, which is asked once.
+// SAFETY: the block is large enough and aligned for the single request that is made.
 unsafe impl GlobalAlloc for OneBlock {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if layout.size() <= 256 && layout.align() <= 16 { self.0.get().cast() } else { core::ptr::null_mut() }

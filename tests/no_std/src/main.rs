@@ -1,17 +1,18 @@
-//! The example of an embedded program: a controller that renders a spring, with nothing underneath. No standard library, no
-//! allocator, no C library.
+//! An example of an embedded program: a controller that renders a spring without an operating
+//! system layer. It uses no standard library, no allocator and no C library.
 //!
 //! ```text
-//! .ci/no_std.sh                                    # builds it, runs it, and searches it for an allocator
-//! cd tests/no_std && cargo run --release; echo $?  # runs it alone: 0 if every result is right
+//! .ci/no_std.sh                                    # builds it, runs it, looks for an allocator
+//! cd tests/no_std && cargo run --release; echo $?  # only runs it: 0 if every result is right
 //! ```
 //!
-//! Read `rig.rs`: what stands there is what firmware or a small computer would have, apart from its end of the line. It states a
-//! rig and a scene, then ticks: a reading in, [`hbot_core::Controller::tick`], a command out as a frame of hbot-link.
-//! `memory.rs` and the start below are only there because this program has no C library; on a microcontroller a runtime such
-//! as cortex-m-rt has both.
+//! Read `rig.rs`: it contains what firmware or a small computer would have, apart from the motor
+//! controllers' end of the line. It states a rig and a scene and then runs ticks: a reading in,
+//! [`hbot_core::Controller::tick`], a command out as a frame of hbot-link. `memory.rs` and the
+//! entry point below exist only because this program has no C library. On a microcontroller a
+//! runtime such as cortex-m-rt provides both.
 //!
-//! It exits with the number of the first result that is wrong (see [`rig::run`]), or with 101 from a panic.
+//! The exit code is the number of the first wrong result (see [`rig::run`]), or 101 after a panic.
 #![no_std]
 #![no_main]
 
@@ -22,14 +23,14 @@ mod rig;
 
 use core::arch::{asm, naked_asm};
 
-/// The first instruction: the kernel jumps here with the stack pointer aligned to 16 bytes.
+/// The entry point. The kernel jumps here with the stack pointer aligned to 16 bytes.
 ///
 /// # Safety
-/// Called by the kernel alone.
+/// Only the kernel calls it.
 #[unsafe(no_mangle)]
 #[unsafe(naked)]
 unsafe extern "C" fn _start() -> ! {
-    // A call pushes 8 bytes, which is what the calling convention expects of a function's entry.
+    // A call pushes 8 bytes, which the calling convention expects at the entry of a function.
     naked_asm!("xor ebp, ebp", "call {main}", "ud2", main = sym main)
 }
 
@@ -40,11 +41,12 @@ extern "C" fn main() -> ! {
 }
 
 fn exit(code: i32) -> ! {
-    // SAFETY: exit_group (231) takes a number and does not come back.
+    // SAFETY: exit_group (231) takes a number and does not return.
     unsafe { asm!("syscall", in("rax") 231, in("rdi") code, options(noreturn, nostack)) }
 }
 
-/// What would unwind a frame. The core library, which comes compiled, names it; with panic = "abort" nobody calls it.
+/// A symbol that would be needed to unwind the stack. The precompiled core library refers to it.
+/// With panic = "abort" it is never called.
 #[unsafe(no_mangle)]
 extern "C" fn rust_eh_personality() {}
 

@@ -1,7 +1,9 @@
-//! The loop of an embedded program: the prototype with a spring wound up by a quarter of a radian, for 600 ticks.
+//! The loop of an embedded program: the prototype with a spring wound up by a quarter of a radian,
+//! for 600 ticks.
 //!
-//! [`run`] is the loop; [`rig`] and [`scene`] state what it controls and what that feels like. [`Controllers`] stands for the
-//! other end of the line: motor controllers that read a sphere which is held still. There a real program has its port.
+//! [`run`] is the loop. [`rig`] and [`scene`] state the rig and how it feels. [`Controllers`]
+//! stands for the other end of the line: motor controllers whose sphere does not move. A real
+//! program has a serial port there.
 
 use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
@@ -15,12 +17,12 @@ use hbot_link::{
 };
 
 const JOINTS: usize = 4;
-/// N m/rad.
+/// Stiffness of the spring, N m/rad.
 const STIFFNESS: f64 = 2.0;
-/// rad about n1.
+/// Angle by which the spring is wound up about n1, rad.
 const WOUND: f64 = 0.25;
 
-/// Runs the loop. Fails with the number of the first thing that is wrong.
+/// Runs the loop. Fails with the number of the first wrong result.
 pub fn run() -> Result<(), i32> {
     let scene = scene().ok_or(1)?;
     let mut controller = Controller::new(rig().ok_or(2)?);
@@ -33,7 +35,8 @@ pub fn run() -> Result<(), i32> {
         }
         let outputs = controller.tick(&scene, &inputs);
 
-        // The command as it goes out on the line; its sequence number is the tick, by which the answer names it.
+        // Sends the command on the line. Its sequence number is the tick, and the answer repeats
+        // the number.
         let mut torque = heapless::Vec::new();
         for j in 0..JOINTS {
             torque.push(outputs.drive.torque[j] as f32).map_err(|_| 4)?;
@@ -42,13 +45,14 @@ pub fn run() -> Result<(), i32> {
         let command = hbot_link::Command { sequence: tick as u32, enable, watchdog_ms: 20, torque };
         heard = Some(controllers.answer(&command)?);
 
-        // What must have come of it.
+        // Checks the result of the tick.
         let state = &outputs.state;
         match tick {
             1 if state.mode != Mode::Unreferenced => return Err(10),
             2 if state.mode != Mode::Idle || state.torque != Vec3::ZERO => return Err(11),
             3 if state.mode != Mode::Enabling || !enable => return Err(12),
-            // The soft start is half way: a gain of 250 ticks of 500, to the rounding of their sum.
+            // The soft start is half way: a gain of 250 ticks out of 500, to the rounding of their
+            // sum.
             252 if !near(state.torque, 0.5) => return Err(13),
             600 if state.mode != Mode::Active || !near(state.torque, 1.0) => return Err(14),
             _ => {}
@@ -60,7 +64,7 @@ pub fn run() -> Result<(), i32> {
     Ok(())
 }
 
-/// Whether it is so much of the spring's whole torque, to rounding.
+/// Returns whether `torque` is the given part of the spring's whole torque, to rounding.
 fn near(torque: Vec3, part: f64) -> bool {
     (torque - Vec3::X * (part * STIFFNESS * WOUND)).length() < 1e-12
 }
@@ -74,7 +78,7 @@ struct Controllers {
 }
 
 impl Controllers {
-    /// The command goes over the line and a reading comes back.
+    /// Sends the command over the line and returns the reading that comes back.
     fn answer(&mut self, command: &hbot_link::Command) -> Result<JointFeedback, i32> {
         let mut line = [0; MAX_COMMAND_FRAME];
         let length = encode(&ToController::Command(command.clone()), &mut line).map_err(|_| 20)?;
@@ -95,7 +99,7 @@ impl Controllers {
         }
         let mut line = [0; MAX_FEEDBACK_FRAME];
         let length = encode(&FromController::Feedback(feedback.clone()), &mut line).map_err(|_| 24)?;
-        // A damaged frame first: it must be refused and not spoil the next.
+        // A damaged frame comes first. It must be refused and must not spoil the next one.
         let mut damaged = line;
         damaged[2] ^= 0x40;
         let mut refused = 0;
@@ -140,7 +144,7 @@ fn rig() -> Option<Rig> {
     let joint = Joint { zero: Zero::Assume, ..Joint::new(16384, 2.0) };
     let mut parts = RigParts::new(device).with_joints(joint, joint);
     parts.limits.torque = 2.0;
-    // The stages with the most memory.
+    // The stages that need the most memory.
     parts.methods = Methods {
         rate: RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 64 },
         passivity: Some(PassivityLimit::of(&device, parts.timing.period_s())),

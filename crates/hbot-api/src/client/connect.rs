@@ -1,4 +1,4 @@
-//! From an address to a client that has said hello.
+//! Connects to a server and exchanges the hello.
 
 use super::tls::ALERT;
 use super::{Client, ClientError, Stream, Trust, new_splitter, read_piece};
@@ -12,25 +12,27 @@ use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
-/// How to connect.
+/// Options for connecting to a server.
 #[derive(Clone, Debug)]
 pub struct ConnectOptions {
-    /// Who connects, for people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes without control or invisible characters ([`is_plain`](crate::is_plain)).
+    /// Name of the client, for people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes without
+    /// control or invisible characters (see [`is_plain`](crate::is_plain)).
     pub name: String,
-    /// The server's token, where it asks for one.
+    /// Token of the server. Needed if the server asks for one.
     pub token: Option<Token>,
-    /// How both sides are to send.
+    /// Encoding that both sides use after the hello.
     pub encoding: Encoding,
-    /// Encrypts the connection, with a server that these certificates make believable. `None` for plain TCP: then a server that
-    /// encrypts is an error, as one that does not is with it.
+    /// Certificates that the client trusts. If given, the connection is encrypted, and connecting
+    /// fails if the server does not encrypt. `None` for plain TCP, which fails if the server
+    /// encrypts.
     pub trust: Option<Trust>,
-    /// How long the connection, and then each answer, may take. Default: 5 s, which leaves room for `load_scene` on a
-    /// small machine.
+    /// Longest time for connecting, and later for each answer. Default: 5 s, which is enough for
+    /// `load_scene` on a small machine.
     pub timeout: Duration,
 }
 
 impl ConnectOptions {
-    /// No token, JSON, plain TCP, and the default timeout.
+    /// Creates options with this client name: no token, JSON, plain TCP and a timeout of 5 s.
     #[must_use]
     pub fn new(name: &str) -> Self {
         Self {
@@ -44,21 +46,22 @@ impl ConnectOptions {
 }
 
 impl Client {
-    /// Connects to `address`, as `127.0.0.1:4268`, `[::1]:4268` or `rig.local` (then [`DEFAULT_PORT`] is meant), and
-    /// says hello.
+    /// Connects to `address` and says hello as `name`. The address is `HOST:PORT` or `HOST`, such
+    /// as `127.0.0.1:4268`, `[::1]:4268` or `rig.local`. The default port is [`DEFAULT_PORT`].
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoServer`] where nobody listens; [`ClientError::Server`] where the server refuses the hello.
+    /// Fails with [`ClientError::NoServer`] if no program listens at the address, and with
+    /// [`ClientError::Server`] if the server refuses the hello.
     pub fn connect(address: &str, name: &str) -> Result<Self, ClientError> {
         Self::connect_with(address, &ConnectOptions::new(name))
     }
 
-    /// The same with everything said.
+    /// Connects to `address` like [`connect`](Self::connect), with all options given.
     ///
     /// # Errors
     ///
-    /// As [`connect`](Self::connect).
+    /// Fails like [`connect`](Self::connect).
     pub fn connect_with(address: &str, options: &ConnectOptions) -> Result<Self, ClientError> {
         let deadline = Instant::now() + options.timeout;
         let stream = open(address, options.timeout)?;
@@ -120,12 +123,13 @@ fn read_hello(line: &[u8]) -> Result<HelloOk, ClientError> {
     }
 }
 
-/// The body of an answer as its type.
+/// Converts the body of an answer to its type.
 pub(super) fn typed<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, ClientError> {
     serde_json::from_value(body).map_err(|error| ClientError::Protocol(error.to_string()))
 }
 
-/// Tries every address that the name stands for: `localhost` may be two, of which a server listens on one.
+/// Opens a TCP connection. Tries every address of the name: `localhost`, for example, can have two,
+/// and a server listens on only one of them.
 fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
     let candidates = resolve(address)
         .map_err(|error| ClientError::Address { address: address.into(), reason: error.to_string() })?;
@@ -150,12 +154,14 @@ fn resolve(address: &str) -> io::Result<Vec<SocketAddr>> {
     }
 }
 
-/// A bare IPv6 address is full of colons and has no port all the same.
+/// Returns whether the address ends with a port. A bare IPv6 address contains colons but has no
+/// port.
 fn has_port(address: &str) -> bool {
     address.rsplit_once(':').is_some_and(|(host, _)| !host.contains(':') || host.ends_with(']'))
 }
 
-/// The address without its port and brackets: what a certificate is for.
+/// Returns the host of an address, without port and brackets. A certificate is issued for this
+/// name.
 fn host(address: &str) -> &str {
     let host = match address.rsplit_once(':') {
         Some((host, _)) if has_port(address) => host,
@@ -164,8 +170,9 @@ fn host(address: &str) -> &str {
     host.trim_start_matches('[').trim_end_matches(']')
 }
 
-/// Looks whether what comes first is no alert of a server that encrypts, without taking it. Where nothing comes, or the connection
-/// breaks, who reads next finds out.
+/// Waits for the first byte from the server without consuming it. Fails if it begins a TLS alert,
+/// which means that the server encrypts. If no byte arrives or the connection breaks, it succeeds,
+/// because the next read reports that.
 fn answers_plainly(socket: &TcpStream, deadline: Instant) -> Result<(), ClientError> {
     let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
     socket.set_read_timeout(Some(left)).map_err(ClientError::from_io)?;

@@ -1,4 +1,4 @@
-//! A method for each op.
+//! One method of the client for each op.
 
 use super::connect::typed;
 use super::{Client, ClientError};
@@ -8,30 +8,34 @@ use crate::{
 };
 use serde_json::{Map, Value};
 
-/// Each waits for the answer and fails as [`Client::call`] does, but for the two streams [`torque`](Client::torque) and
-/// [`reference`](Client::reference), which are sent as [`Client::send`] does.
+/// One method for each op. Each waits for the answer and fails like [`Client::call`], except the
+/// streams [`torque`](Client::torque) and [`reference`](Client::reference), which are sent like
+/// [`Client::send`].
 impl Client {
-    /// What the rig is and can do, the effects and their parameters, the scene.
+    /// Returns the description of the rig, the kinds of effects with their parameters, and the
+    /// scene.
     pub fn info(&mut self) -> Result<InfoOk, ClientError> {
         self.call(Op::Info).and_then(typed)
     }
 
-    /// Histograms and counters of the loop.
+    /// Returns the statistics and counters of the loop and the service.
     pub fn stats(&mut self) -> Result<StatsOk, ClientError> {
         self.call(Op::Stats).and_then(typed)
     }
 
-    /// Asks for a state every so many ticks, from 1 to [`MAX_EVERY`](crate::MAX_EVERY).
+    /// Subscribes to one state message every `every` ticks, from 1 to
+    /// [`MAX_EVERY`](crate::MAX_EVERY).
     pub fn subscribe(&mut self, every: u64) -> Result<SubscribeOk, ClientError> {
         self.call(Op::Subscribe { every }).and_then(typed)
     }
 
-    /// Asks for no more states.
+    /// Ends the subscription to state messages.
     pub fn unsubscribe(&mut self) -> Result<(), ClientError> {
         self.call(Op::Unsubscribe).map(drop)
     }
 
-    /// Takes the lease to command, with `steal` even from another.
+    /// Takes the lease, which is the right to command. With `steal`, takes it even from another
+    /// client.
     pub fn acquire(&mut self, steal: bool) -> Result<(), ClientError> {
         self.call(Op::Acquire { steal }).map(drop)
     }
@@ -41,52 +45,53 @@ impl Client {
         self.call(Op::Release).map(drop)
     }
 
-    /// Renders another scene, a map of the shape of a scene file.
+    /// Loads another scene and renders it. `scene` is a map with the structure of a scene file.
     pub fn load_scene(&mut self, scene: Value) -> Result<LoadSceneOk, ClientError> {
         self.call(Op::LoadScene { scene }).and_then(typed)
     }
 
-    /// Changes parameters of an effect, ramped.
+    /// Changes parameters of an effect. The torque changes gradually.
     pub fn set(&mut self, effect: &str, parameters: Map<String, Value>) -> Result<(), ClientError> {
         self.call(Op::Set { effect: effect.into(), parameters }).map(drop)
     }
 
-    /// Sends a torque that the client renders itself, without waiting.
+    /// Streams a torque that the client computes itself. Does not wait for an answer.
     pub fn torque(&mut self, command: TorqueCommand) -> Result<(), ClientError> {
         self.send(Op::Torque(command))
     }
 
-    /// Moves an effect's reference, without waiting.
+    /// Streams a new reference of an effect. Does not wait for an answer.
     pub fn reference(&mut self, command: ReferenceCommand) -> Result<(), ClientError> {
         self.send(Op::Reference(command))
     }
 
-    /// Tells the orientation seen from outside. Answers how far the server's own is off, rad.
+    /// Sends the sphere's orientation as measured from outside. Returns the angle between it and
+    /// the server's own orientation, rad.
     pub fn align(&mut self, align: Align) -> Result<f64, ClientError> {
         self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle }| angle)
     }
 
-    /// Begins to render. Answers the mode from the next tick on.
+    /// Begins to render the scene, with a soft start. Returns the mode from the next tick on.
     pub fn enable(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Enable)
     }
 
-    /// Stops rendering. Answers the mode from the next tick on.
+    /// Stops rendering, with a ramp. Returns the mode from the next tick on.
     pub fn disable(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Disable)
     }
 
-    /// Leaves a fault or an emergency stop. Answers the mode from the next tick on.
+    /// Leaves a fault or an emergency stop. Returns the mode from the next tick on.
     pub fn reset(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Reset)
     }
 
-    /// Stops at once. Answers the mode from the next tick on.
+    /// Stops at once, with zero torque. Returns the mode from the next tick on.
     pub fn estop(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Estop)
     }
 
-    /// Asks for a sign of life; `data` comes back as it is.
+    /// Checks that the server answers. The answer contains `data` unchanged.
     pub fn ping(&mut self, data: Value) -> Result<PingOk, ClientError> {
         self.call(Op::Ping { data }).and_then(typed)
     }

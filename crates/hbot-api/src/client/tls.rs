@@ -1,4 +1,4 @@
-//! Encryption: whom a client believes to be its server, and the handshake.
+//! Encryption: the TLS handshake, and which servers a client trusts.
 
 use super::{ClientError, is_timeout};
 use rustls::client::WebPkiServerVerifier;
@@ -15,26 +15,27 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// An encrypted connection.
+/// An encrypted connection to a server.
 pub(super) type TlsStream = StreamOwned<ClientConnection, TcpStream>;
 
-/// The first byte of what a server that encrypts says to a client that does not: an alert.
+/// First byte of the TLS alert that an encrypting server sends to a client that does not encrypt.
 pub(super) const ALERT: u8 = 0x15;
 
-/// Which servers are believed to be what they say (TLS 1.3).
+/// The certificates that a client trusts when it connects with TLS 1.3.
 ///
-/// The certificates of a file are trusted in either of two ways. The server's own certificate among them **pins** it: nothing else
-/// is asked of it, neither a name nor a date, which suits a rig whose certificate signs itself. Any other is an
-/// **authority**: the server must have a certificate from it, valid today and for the name or address that was connected to.
+/// A certificate is trusted in one of two ways. If it is the server's own certificate, it is
+/// **pinned**: neither its name nor its dates are checked. This suits a rig with a self-signed
+/// certificate. Any other certificate is an **authority**: it must have signed the server's
+/// certificate, which must be valid today and for the name or address of the connection.
 #[derive(Clone, Debug)]
 pub struct Trust(Arc<ClientConfig>);
 
 impl Trust {
-    /// Trusts the certificates of a PEM file.
+    /// Reads the trusted certificates from a PEM file.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Tls`] where the file cannot be read or has no certificate.
+    /// Fails with [`ClientError::Tls`] if the file cannot be read or contains no certificate.
     pub fn from_file(path: &Path) -> Result<Self, ClientError> {
         let wrong = |what: String| ClientError::Tls(format!("{}: {what}", path.display()));
         let text = std::fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
@@ -44,11 +45,12 @@ impl Trust {
         })
     }
 
-    /// Trusts the certificates of a PEM text.
+    /// Reads the trusted certificates from a PEM text.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Tls`] where it has none, or one that cannot be read.
+    /// Fails with [`ClientError::Tls`] if the text contains no certificate, or one that cannot be
+    /// read.
     pub fn from_pem(text: &[u8]) -> Result<Self, ClientError> {
         let wrong = |what: String| ClientError::Tls(what);
         let certificates = CertificateDer::pem_slice_iter(text)
@@ -79,7 +81,8 @@ impl Trust {
         Ok(Self(Arc::new(config)))
     }
 
-    /// Shakes hands on `stream` with the server at `host`, before `deadline`; `None` where it does not come to its end.
+    /// Performs the TLS handshake on `stream` with the server named `host`. Returns `None` if it is
+    /// not complete before `deadline`.
     pub(super) fn shake_hands(
         &self,
         host: &str,
@@ -109,7 +112,8 @@ impl Trust {
                 Err(error) => return Err(ClientError::from_io(error)),
             }
             if let Err(error) = connection.process_new_packets() {
-                // The server learns why; whether it does is of no interest to who leaves.
+                // Tells the server the reason. The connection has failed in any case, so errors
+                // here do not matter.
                 let _ = connection.write_tls(&mut stream);
                 return Err(refusal(error));
             }
@@ -117,7 +121,7 @@ impl Trust {
     }
 }
 
-/// Why there is no encrypted connection, in words that say what to do.
+/// Returns the error for a failed handshake, in words that say what to do.
 fn refusal(error: Error) -> ClientError {
     ClientError::Tls(match &error {
         Error::InvalidMessage(_) => "the server does not encrypt: leave out the certificate".to_owned(),
@@ -128,7 +132,8 @@ fn refusal(error: Error) -> ClientError {
     })
 }
 
-/// Why a certificate is not believed, and what mends it. Of the server's own, named in the file, nothing of this is asked.
+/// Describes why a certificate is not trusted, and what to do. A pinned certificate does not get
+/// here, because none of this is checked for it.
 fn mistrust(reason: &CertificateError) -> String {
     use CertificateError as Reason;
     match reason {
@@ -141,7 +146,8 @@ fn mistrust(reason: &CertificateError) -> String {
         | Reason::NotValidYetContext { .. } => format!(
             "{reason}; renew it, set this machine's clock, or name the server's own certificate, whose dates are not looked at"
         ),
-        // A certificate that signs itself comes as what nobody has named (`Other`), like all that authorities are asked for.
+        // A self-signed certificate is reported as `Other`, as are all other reasons an authority
+        // refuses one.
         other => {
             let reason = match other {
                 Reason::Other(other) => other.to_string(),
@@ -155,7 +161,7 @@ fn mistrust(reason: &CertificateError) -> String {
     }
 }
 
-/// Believes certificates that it knows, and those that authorities it knows have signed.
+/// Trusts pinned certificates, and certificates signed by a known authority.
 #[derive(Debug)]
 struct Verifier {
     pinned: Vec<CertificateDer<'static>>,

@@ -1,11 +1,11 @@
-//! Reading one field of a request after another, with errors that name it.
+//! Reads the fields of a request one by one. Errors name the field.
 
 use crate::untyped::Named;
 use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM, is_plain};
 use serde_json::Value;
 use std::fmt;
 
-/// The fields of a request that have not been read.
+/// The fields of a request that have not been read yet.
 pub(crate) struct Fields<'a>(pub(crate) Named<'a>);
 
 impl Fields<'_> {
@@ -13,13 +13,13 @@ impl Fields<'_> {
         self.0.iter().find(|(key, _)| key == name).map(|(_, value)| value)
     }
 
-    /// A field, even if it is null.
+    /// Removes a field and returns its value, even if it is null. `None` if it is absent.
     pub(crate) fn remove(&mut self, name: &str) -> Option<Value> {
         let at = self.0.iter().position(|(key, _)| key == name)?;
         Some(self.0.remove(at).1)
     }
 
-    /// A field that may be absent; null is the same.
+    /// Removes an optional field and returns its value. `None` if it is absent or null.
     pub(crate) fn take(&mut self, name: &str) -> Option<Value> {
         self.remove(name).filter(|value| !value.is_null())
     }
@@ -68,7 +68,7 @@ impl Fields<'_> {
         self.take(name).map(|value| array(name, &value, LEGAL_VECTOR, MAX_MAGNITUDE)).transpose()
     }
 
-    /// A quaternion, brought to unit norm.
+    /// Removes a required quaternion and returns it, scaled to unit norm.
     pub(crate) fn quaternion(&mut self, name: &str) -> Result<[f64; 4], ErrorBody> {
         let value = self.required(name, LEGAL_QUATERNION)?;
         let q: [f64; 4] = array(name, &value, LEGAL_QUATERNION, MAX_MAGNITUDE)?;
@@ -77,7 +77,8 @@ impl Fields<'_> {
         if norm < MIN_QUATERNION_NORM {
             return Err(bad(format!("field {name:?} has norm {norm}; legal: {LEGAL_QUATERNION}")));
         }
-        // One that is unit within rounding stays as it is to the bit, so reading what was written changes nothing.
+        // A quaternion with unit norm within rounding stays bit-identical, so that a message that
+        // is written and read again does not change.
         let is_unit = (norm2 - 1.0).abs() <= 8.0 * f64::EPSILON;
         Ok(if is_unit { q } else { q.map(|x| x / norm) })
     }
@@ -90,7 +91,8 @@ impl Fields<'_> {
         }
     }
 
-    /// Text of 1 to `most` bytes that shows as it is.
+    /// Removes a required text and returns it. Fails unless it has 1 to `most` bytes without
+    /// control or invisible characters.
     pub(crate) fn text(&mut self, name: &str, most: usize) -> Result<String, ErrorBody> {
         let legal = format_args!("text of 1 to {most} bytes without control or invisible characters");
         match self.required(name, legal)? {
@@ -138,7 +140,7 @@ fn array<const N: usize>(
     Ok(numbers)
 }
 
-/// A refusal that needs no more than a text.
+/// Returns the error [`ErrorCode::BadRequest`] with this message.
 pub(crate) fn bad(message: impl Into<String>) -> ErrorBody {
     ErrorBody::new(ErrorCode::BadRequest, message)
 }
@@ -147,7 +149,7 @@ pub(crate) fn illegal(name: impl fmt::Display, found: &Value, legal: impl fmt::D
     bad(format!("field \"{name}\" is {}; legal: {legal}", Shown(found)))
 }
 
-/// What is legal for a whole number.
+/// Describes the legal values of a whole number, from the first bound to the second.
 struct Integer(u64, u64);
 
 impl fmt::Display for Integer {
@@ -160,7 +162,7 @@ impl fmt::Display for Integer {
     }
 }
 
-/// What is legal for a number.
+/// Describes the legal values of a number, from the first bound to the second.
 struct Real(f64, f64);
 
 impl fmt::Display for Real {
@@ -174,7 +176,7 @@ impl fmt::Display for Real {
     }
 }
 
-/// A value as an error message shows it, never long.
+/// Displays a value in an error message, always short.
 pub(crate) struct Shown<'a>(pub(crate) &'a Value);
 
 impl fmt::Display for Shown<'_> {
@@ -190,7 +192,7 @@ impl fmt::Display for Shown<'_> {
     }
 }
 
-/// Text from a stranger as an error message shows it: quoted, escaped, never long.
+/// Displays text from a client in an error message: quoted, escaped and always short.
 pub(crate) struct Excerpt<'a>(pub(crate) &'a str);
 
 impl fmt::Debug for Excerpt<'_> {

@@ -1,4 +1,4 @@
-//! From an untyped value to a request.
+//! Converts an untyped value to a request.
 
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
@@ -9,33 +9,34 @@ use crate::{
 use serde_json::{Map, Value};
 use std::borrow::Cow;
 
-/// The longest effect's id and the longest token that are read, bytes.
+/// Largest length of an effect's id in a request, in bytes.
 const MAX_EFFECT_BYTES: usize = 128;
 const MAX_TOKEN_BYTES: usize = 1024;
 
 impl Request {
-    /// Reads a message without its newline or length.
+    /// Reads a request, without its newline or length.
     ///
     /// # Errors
     ///
-    /// A [`RequestRefusal`] where it is no legal request. It carries the id wherever that could be read, so the client learns
-    /// which of its requests is meant.
+    /// Fails with a [`RequestRefusal`] if the bytes are not a legal request. It contains the id if
+    /// that can be read, so that the client learns which request was refused.
     pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, RequestRefusal> {
         Self::read_within(encoding, bytes, MAX_DEPTH)
     }
 
-    /// Reads the first message of a connection, a line of JSON without its newline. A hello holds no list and no map, so a message
-    /// with one is refused where the first begins: a stranger costs little.
+    /// Reads the first message of a connection: a line of JSON without its newline. A hello
+    /// contains no list and no map, so reading stops at the first of either. This bounds the work
+    /// that an unknown client can cause.
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read).
+    /// Fails like [`read`](Self::read).
     pub fn read_first(line: &[u8]) -> Result<Self, RequestRefusal> {
         Self::read_within(Encoding::Json, line, 1)
     }
 
     fn read_within(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Self, RequestRefusal> {
-        // Before anything is parsed: a message that cannot be is obeyed as well.
+        // Checked before parsing, because an `estop` in a damaged message is obeyed too.
         if asks_estop(bytes) {
             return Ok(Self { id: id_of(encoding, bytes), op: Op::Estop });
         }
@@ -43,7 +44,7 @@ impl Request {
             let problem = problem.map(|problem| problem.to_string());
             return parse(few.op.map(Ok), Fields(few.others), problem);
         }
-        // What is wrong with it, if it does not merely have many fields.
+        // Reads the general form: the message has many fields, or something is wrong with it.
         let untyped = untyped::read(encoding, bytes, depth).map_err(|message| RequestRefusal {
             id: None,
             op: None,
@@ -53,20 +54,21 @@ impl Request {
         parse(op, fields, untyped.problem.map(|problem| problem.to_string()))
     }
 
-    /// Reads a value that has been decoded elsewhere. Decoders that take NaN for null, or the last of two equal keys,
-    /// hide those from it; [`read`](Self::read) does not.
+    /// Reads a request from a value that another decoder has made. Some decoders turn NaN into null
+    /// or keep only the last of two equal keys, and this function cannot notice it.
+    /// [`read`](Self::read) does.
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read).
+    /// Fails like [`read`](Self::read).
     pub fn from_value(value: Value) -> Result<Self, RequestRefusal> {
         let (op, fields) = split(value)?;
         parse(op, fields, None)
     }
 }
 
-/// The id of a message that is obeyed whatever it holds: `None` where it cannot be read, or where the message is so long that
-/// reading it would take others' time.
+/// Returns the id of an `estop` message. `None` if the id cannot be read, or if the message is so
+/// long that reading it would delay other clients.
 fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
     if bytes.len() > MAX_SHORT_REQUEST_BYTES {
         return None;
@@ -75,10 +77,10 @@ fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
     Fields(few.others).take("id").and_then(|id| Id::from_value(id).ok())
 }
 
-/// What a message has for `op`: a value where that is no text.
+/// The content of a message's field `op`: the text, or the value if it is not text.
 type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
 
-/// The op of a message, and its other fields.
+/// Separates the field `op` of a message from its other fields.
 fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), RequestRefusal> {
     let Value::Object(map) = value else {
         let error = bad(format!("the message is {}; legal: a map with \"op\"", Shown(&value)));
@@ -98,7 +100,7 @@ fn parse(
     problem: Option<String>,
 ) -> Result<Request, RequestRefusal> {
     let id = fields.take("id").map(Id::from_value).transpose();
-    // Written with escapes, so that it was not found in the bytes.
+    // An `estop` that is written with escapes is found only here, not in the bytes.
     if matches!(&found, Some(Ok(op)) if *op == OpName::Estop.as_str()) {
         return Ok(Request { id: id.unwrap_or_default(), op: Op::Estop });
     }
@@ -110,7 +112,7 @@ fn parse(
     }
 }
 
-/// Reads the op and its fields. `known` becomes its name as soon as that is seen to be one.
+/// Reads the op and its fields. Sets `known` to the op's name as soon as it is recognized.
 fn op(
     found: Found<'_>,
     fields: &mut Fields<'_>,
@@ -134,7 +136,7 @@ fn op(
     if let Some(problem) = problem {
         return Err(bad(problem));
     }
-    // A later version may have other fields, so it is named before they are.
+    // Checked before the fields, because another version can have other fields.
     if name == OpName::Hello {
         check_version(fields)?;
     }
@@ -230,7 +232,7 @@ impl Fields<'_> {
             token: match self.take("token") {
                 None => None,
                 Some(Value::String(token)) if token.len() <= MAX_TOKEN_BYTES => Some(token.into()),
-                // What was found is a secret, if a mistaken one.
+                // The message does not show the value, because it is a secret even if it is wrong.
                 Some(_) => {
                     return Err(bad("field \"token\" is not legal; legal: text of at most 1024 bytes"));
                 }

@@ -1,46 +1,51 @@
-//! The table of ops. Whatever treats ops differently (the parser, the server, the search for stops, the tests of `docs/api.md`) asks it.
+//! The table of ops: who can use each op, its fields and its cost. The parser, the server, the
+//! search for stops and the tests of `docs/api.md` use it.
 
 use crate::Stop;
 use crate::names::names;
 
-/// Who may ask an op.
+/// Which clients can use an op.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Who {
-    /// Every client, as the first message and then never again.
+    /// Every client, but only as its first message.
     First,
     /// Every client that has said hello.
     Any,
-    /// The client that holds the lease.
+    /// Only the client that holds the lease.
     Holder,
 }
 
 /// A field of an op.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Its name.
+    /// Name of the field.
     pub name: &'static str,
-    /// Whether it may be left out.
+    /// Whether the field can be left out.
     pub optional: bool,
 }
 
-/// What there is to know of an op.
+/// The properties of an op: one row of the table of ops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OpRow {
-    /// Who may ask it.
+    /// Which clients can use the op.
     pub who: Who,
-    /// Its fields, without `id` and `op`.
+    /// Fields of the op, except `id` and `op`.
     pub fields: &'static [Field],
-    /// Whether any other field is a parameter of the effect that it names.
+    /// Whether all other fields are parameters of the effect that the op names.
     pub parameters: bool,
-    /// Whether it belongs to a stream: sent again and again, and answered only if it has an id.
+    /// Whether the op belongs to a stream: it is sent repeatedly, and answered only if it has an
+    /// id.
     pub stream: bool,
-    /// What it counts as against the rate of requests, in ordinary requests.
+    /// Cost of the op against a client's rate limit, in units of an ordinary request.
     pub weight: u32,
-    /// Whether the holder of the lease may send up to [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) of it.
+    /// Whether such a request from the lease holder can have up to
+    /// [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) bytes.
     pub long: bool,
-    /// Which stop it is, if it is one: found in the bytes before they are split or parsed.
+    /// The stop that the op is, if any. Stops are found in the bytes before they are split or
+    /// parsed.
     pub stop: Option<Stop>,
-    /// Whether it may bring torque back. Such a request is refused if a stop of the same client has come after it.
+    /// Whether the op can bring torque back. Such a request is refused if a stop of the same client
+    /// arrived after it.
     pub rearms: bool,
 }
 
@@ -91,11 +96,11 @@ const fn may(name: &'static str) -> Field {
     Field { name, optional: true }
 }
 
-/// Defines the names of the ops and their rows in one list, so that a name without a row does not compile.
+/// Defines the names of the ops and their rows in one list. A name without a row does not compile.
 macro_rules! ops {
     ($($(#[$doc:meta])* $Variant:ident = $name:tt: $row:expr,)+) => {
         names! {
-            /// The name of an [`Op`](crate::Op).
+            /// The name of an [`Op`](crate::Op), as it is sent in the field `op`.
             pub enum OpName { $($(#[$doc])* $Variant = $name,)+ }
         }
 
@@ -104,50 +109,52 @@ macro_rules! ops {
 }
 
 ops! {
-    /// See [`Op::Hello`](crate::Op::Hello).
+    /// Name of [`Op::Hello`](crate::Op::Hello).
     Hello = "hello": OpRow::new(Who::First, &[must("version"), must("name"), may("token"), may("encoding")]),
-    /// See [`Op::Info`](crate::Op::Info).
+    /// Name of [`Op::Info`](crate::Op::Info).
     Info = "info": OpRow::new(Who::Any, &[]).weighing(500),
-    /// See [`Op::Subscribe`](crate::Op::Subscribe).
+    /// Name of [`Op::Subscribe`](crate::Op::Subscribe).
     Subscribe = "subscribe": OpRow::new(Who::Any, &[must("every")]),
-    /// See [`Op::Unsubscribe`](crate::Op::Unsubscribe).
+    /// Name of [`Op::Unsubscribe`](crate::Op::Unsubscribe).
     Unsubscribe = "unsubscribe": OpRow::new(Who::Any, &[]),
-    /// See [`Op::Stats`](crate::Op::Stats).
+    /// Name of [`Op::Stats`](crate::Op::Stats).
     Stats = "stats": OpRow::new(Who::Any, &[]).weighing(100),
-    /// See [`Op::Acquire`](crate::Op::Acquire). All clients are notified, which is its weight.
+    /// Name of [`Op::Acquire`](crate::Op::Acquire). Its cost is high because all clients are
+    /// notified.
     Acquire = "acquire": OpRow::new(Who::Any, &[may("steal")]).weighing(100),
-    /// See [`Op::Release`](crate::Op::Release). All clients are notified, which is its weight.
+    /// Name of [`Op::Release`](crate::Op::Release). Its cost is high because all clients are
+    /// notified.
     Release = "release": OpRow::new(Who::Any, &[]).weighing(100),
-    /// See [`Op::LoadScene`](crate::Op::LoadScene).
+    /// Name of [`Op::LoadScene`](crate::Op::LoadScene).
     LoadScene = "load_scene": OpRow::new(Who::Holder, &[must("scene")]).weighing(250).long(),
-    /// See [`Op::Set`](crate::Op::Set).
+    /// Name of [`Op::Set`](crate::Op::Set).
     Set = "set": OpRow::new(Who::Holder, &[must("effect")]).with_parameters().weighing(100).long(),
-    /// See [`Op::Torque`](crate::Op::Torque).
+    /// Name of [`Op::Torque`](crate::Op::Torque).
     Torque = "torque":
         OpRow::new(Who::Holder, &[must("torque"), must("valid_ms"), may("tick"), may("seq")]).stream(),
-    /// See [`Op::Reference`](crate::Op::Reference).
+    /// Name of [`Op::Reference`](crate::Op::Reference).
     Reference = "reference":
         OpRow::new(
             Who::Holder,
             &[must("effect"), must("q"), may("omega"), may("valid_ms"), may("tick"), may("seq")],
         )
         .stream(),
-    /// See [`Op::Align`](crate::Op::Align).
+    /// Name of [`Op::Align`](crate::Op::Align).
     Align = "align": OpRow::new(Who::Holder, &[must("q"), must("weight"), may("t")]).stream(),
-    /// See [`Op::Enable`](crate::Op::Enable).
+    /// Name of [`Op::Enable`](crate::Op::Enable).
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
-    /// See [`Op::Disable`](crate::Op::Disable).
+    /// Name of [`Op::Disable`](crate::Op::Disable).
     Disable = "disable": OpRow::new(Who::Any, &[]).stopping(Stop::Disable),
-    /// See [`Op::Reset`](crate::Op::Reset).
+    /// Name of [`Op::Reset`](crate::Op::Reset).
     Reset = "reset": OpRow::new(Who::Holder, &[]).rearming(),
-    /// See [`Op::Estop`](crate::Op::Estop).
+    /// Name of [`Op::Estop`](crate::Op::Estop).
     Estop = "estop": OpRow::new(Who::Any, &[]).stopping(Stop::Estop),
-    /// See [`Op::Ping`](crate::Op::Ping).
+    /// Name of [`Op::Ping`](crate::Op::Ping).
     Ping = "ping": OpRow::new(Who::Any, &[may("data")]),
 }
 
 impl OpName {
-    /// What there is to know of it.
+    /// Returns the properties of the op: its row in the table of ops.
     #[must_use]
     pub const fn row(self) -> &'static OpRow {
         &ROWS[self as usize]

@@ -1,4 +1,4 @@
-//! The client against a server of a few lines.
+//! Tests of the client against a small server in the test.
 
 use super::{encoded, samples};
 use crate::*;
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 const SOON: Duration = Duration::from_secs(5);
 
-/// One connection of a server that does as it is told.
+/// The server's side of one connection, controlled by the test.
 struct Peer {
     stream: TcpStream,
     splitter: Splitter,
@@ -35,7 +35,7 @@ impl Peer {
         self.stream.write_all(&encoded(self.splitter.encoding(), message)).unwrap();
     }
 
-    /// Answers a hello and changes over to the encoding that it asks for.
+    /// Answers a hello and changes to the encoding that it asks for.
     fn welcome(&mut self) -> Hello {
         let Some(Request { id, op: Op::Hello(hello) }) = self.request() else { panic!("hello comes first") };
         let body =
@@ -46,7 +46,7 @@ impl Peer {
     }
 }
 
-/// A server of one connection: its address, and what becomes of it.
+/// Starts a server for one connection. Returns its address and the handle of its thread.
 fn serve<T: Send + 'static>(serve: impl FnOnce(Peer) -> T + Send + 'static) -> (String, JoinHandle<T>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -61,7 +61,7 @@ fn options(encoding: Encoding, timeout: Duration) -> ConnectOptions {
     ConnectOptions { encoding, timeout, ..ConnectOptions::new("tester") }
 }
 
-/// An answer of the right shape for every op.
+/// Returns the body of a valid answer for every op.
 fn body(op: &Op) -> Value {
     match op {
         Op::Subscribe { every } => json!({"every": every}),
@@ -80,7 +80,7 @@ fn every_helper_asks_its_op_in_both_encodings() {
             let hello = peer.welcome();
             let mut seen = Vec::new();
             while let Some(request) = peer.request() {
-                // An event before each answer: the client keeps it.
+                // An event precedes each answer. The client keeps it.
                 peer.send(&Event::State(samples::state()));
                 if request.id.is_some() {
                     peer.send(&Response::ok(request.id, body(&request.op)));
@@ -214,7 +214,7 @@ fn nobody_there_says_how_to_start_a_server() {
 fn a_server_that_says_nothing_or_nonsense_is_told_apart() {
     let (address, server) = serve(|mut peer| {
         peer.request();
-        // Open until the client has given up.
+        // Keeps the connection open until the client has given up.
         peer.request()
     });
     let error =
@@ -224,7 +224,7 @@ fn a_server_that_says_nothing_or_nonsense_is_told_apart() {
 
     let (address, server) = serve(|mut peer| peer.stream.write_all(b"SSH-2.0-OpenSSH\r\n").unwrap());
     let error = Client::connect(&address, "tester").unwrap_err();
-    // The system may tell of the reset before what was sent.
+    // The operating system can report the reset before the data that was sent.
     assert!(matches!(error, ClientError::Protocol(_) | ClientError::Closed), "{error}");
     server.join().unwrap();
 

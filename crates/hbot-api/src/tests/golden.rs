@@ -1,4 +1,4 @@
-//! Every message against the bytes that an independent encoder made of it.
+//! Every message is encoded to the bytes that an independent encoder made of it.
 
 use super::{encoded, samples, unframed};
 use crate::*;
@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::str::FromStr;
 
-/// Lines of JSON and frames of MessagePack.
+/// Returns the lines of JSON and the frames of MessagePack in the golden file.
 fn golden() -> Vec<(String, Vec<u8>)> {
     let lines: Vec<&str> =
         include_str!("messages.golden").lines().filter(|line| !line.starts_with('#')).collect();

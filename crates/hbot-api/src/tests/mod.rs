@@ -1,4 +1,5 @@
-//! Tests of the whole crate: what is on the wire, what is refused, and a client against a server of a few lines.
+//! Tests of the whole crate: the bytes in messages, what is refused, and the client against a small
+//! server.
 
 mod client;
 mod docs;
@@ -13,7 +14,7 @@ mod text;
 
 use crate::{Encoding, Splitter};
 
-/// The one message in `bytes`, without its newline or length.
+/// Returns the only message in `bytes`, without its newline or length.
 fn unframed(encoding: Encoding, bytes: &[u8]) -> Vec<u8> {
     let mut splitter = Splitter::with_limit(encoding, crate::MAX_ANSWER_BYTES);
     splitter.push(bytes);

@@ -1,4 +1,4 @@
-//! What is refused, and in which words.
+//! Tests of what is refused, and of the error messages.
 
 use crate::{Encoding, ErrorCode, Id, Op, Request};
 use serde::Serialize;
@@ -10,7 +10,7 @@ fn refused(line: &str) -> String {
     refusal.error.message
 }
 
-/// What is wrong with the request of op and fields given.
+/// Returns the error message for a request with this op and these fields.
 fn wrong(op: &str, fields: &str) -> String {
     refused(&format!("{{\"op\":\"{op}\",{fields}}}"))
 }
@@ -146,7 +146,7 @@ fn quaternions_are_brought_to_unit_norm() {
     assert_eq!(align.q, [0.0, 0.6, 0.0, 0.8]);
 }
 
-/// A request as MessagePack allows it and JSON does not.
+/// A value that MessagePack can encode and JSON cannot, such as NaN.
 #[derive(Clone, Serialize)]
 #[serde(untagged)]
 enum Raw {
@@ -217,7 +217,7 @@ fn nan_and_infinity_are_refused_at_every_number() {
     assert_eq!(spoiled, 3 * 17);
 }
 
-/// Puts `bad` at the last number of a value; its path.
+/// Replaces the last number in a value by `bad`. Returns its path.
 fn spoil(value: &mut Raw, bad: f64) -> String {
     match value {
         Raw::List(items) => {
@@ -238,7 +238,7 @@ fn spoil(value: &mut Raw, bad: f64) -> String {
 #[test]
 fn what_json_has_not_is_refused_in_msgpack() {
     let refused = |bytes: &[u8]| Request::read(Encoding::Msgpack, bytes).unwrap_err().error.message;
-    // {"op": "ping", "data": ...}
+    // The request {"op": "ping", "data": ...}
     let ping = |data: &[u8]| [b"\x82\xa2op\xa4ping\xa4data", data].concat();
     assert!(Request::read(Encoding::Msgpack, &ping(b"\xc3")).is_ok());
     assert!(refused(&ping(b"\xc4\x01\x00")).contains("invalid type: byte array"), "binary");
@@ -268,7 +268,7 @@ fn depth_is_bounded_in_both_encodings() {
             let refusal = Request::read(encoding, &bytes).unwrap_err();
             assert!(refusal.error.message.contains("nested too deep"), "{encoding}: {refusal}");
         }
-        // What is legal to ask can be answered, though the answer is deeper.
+        // Every legal request can be answered, although the answer is nested more deeply.
         let Op::Ping { data } = request.op else { panic!("ping") };
         let answer = crate::Response::ok(None, crate::PingOk { data, tick: 0, t: 0.0 });
         let bytes = super::unframed(encoding, &super::encoded(encoding, &answer));

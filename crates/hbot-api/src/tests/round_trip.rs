@@ -1,4 +1,4 @@
-//! What is written is read again; what is read never breaks the reader.
+//! A message that is written is read again unchanged, and no bytes make the reader panic.
 
 use super::{encoded, samples, unframed};
 use crate::*;
@@ -84,7 +84,7 @@ fn op() -> impl Strategy<Value = Op> {
     ]
 }
 
-/// Reads bytes in every way that there is.
+/// Reads bytes with every reader of this crate.
 fn read_all(bytes: &[u8]) {
     for encoding in Encoding::ALL {
         let _ = Request::read(encoding, bytes);
@@ -149,7 +149,7 @@ proptest! {
         read_all(&bytes);
     }
 
-    /// Nearly legal messages get further into the reader than noise does.
+    /// Messages that are nearly legal get further into the reader than random bytes.
     #[test]
     fn damaged_messages_never_panic(
         which in any::<prop::sample::Index>(), at in any::<prop::sample::Index>(),

@@ -1,4 +1,4 @@
-//! One message of every op, answer and event, in the order of `messages.golden`.
+//! Samples: one message for every op, answer and event, in the order of `messages.golden`.
 
 use crate::*;
 use serde_json::{Value, json};
@@ -148,7 +148,7 @@ pub(super) fn events() -> Vec<ServerMessage> {
     .into()
 }
 
-/// An answer to `info` in which nothing is left out.
+/// Returns an answer to `info` with all fields present.
 pub(super) fn info() -> InfoOk {
     let kind = KindInfo { name: "spring".into(), description: "a spring".into(), schema: Value::Null };
     InfoOk {

@@ -1,4 +1,4 @@
-//! What a state costs: the server encodes one for each of its subscribers at every tick.
+//! Checks the cost of encoding a state. The server encodes one for each subscriber in every tick.
 
 use super::samples;
 use crate::{Encoding, Event};

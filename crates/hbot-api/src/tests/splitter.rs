@@ -1,9 +1,9 @@
-//! Messages out of bytes in any pieces.
+//! Tests of splitting bytes, in pieces of any size, into messages.
 
 use super::{encoded, samples, unframed};
 use crate::{Encoding, MAX_REQUEST_BYTES, SplitError, Splitter};
 
-/// All that comes out of `bytes` pushed in pieces that end at `cuts`.
+/// Returns all messages and errors from `bytes`, pushed in pieces that end at `cuts`.
 fn split(encoding: Encoding, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Vec<u8>, SplitError>> {
     let mut splitter = Splitter::new(encoding);
     let mut messages = Vec::new();

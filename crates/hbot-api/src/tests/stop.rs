@@ -1,9 +1,10 @@
-//! Stops in bytes, however they come and whatever stands around them.
+//! Tests of finding stops in bytes, in pieces of any size and inside other content.
 
 use crate::{Encoding, Id, Op, Request, Stop, StopFinder, asks_estop, may_be_long};
 use proptest::prelude::*;
 
-/// Every stop in `bytes` pushed in pieces that end at `cuts`, with where it ends.
+/// Returns every stop in `bytes` with the index of its end. The bytes are pushed in pieces that end
+/// at `cuts`.
 fn found(bytes: &[u8], cuts: &[usize]) -> Vec<(Stop, usize)> {
     let mut finder = StopFinder::default();
     let (mut all, mut from) = (Vec::new(), 0);
@@ -14,7 +15,7 @@ fn found(bytes: &[u8], cuts: &[usize]) -> Vec<(Stop, usize)> {
     all
 }
 
-/// Messages that ask for an emergency stop, each damaged or odd in its own way.
+/// Messages that ask for an emergency stop, each damaged or unusual in another way.
 const SHAPES: &[&[u8]] = &[
     br#"{"op":"estop"}"#,
     b"{\"op\"\t : \r\"estop\"}",
@@ -54,7 +55,7 @@ fn an_estop_in_any_shape_is_one() {
         let every_byte: Vec<usize> = (0..shape.len()).collect();
         assert_eq!(found(shape, &every_byte), whole, "{} byte by byte", shape.escape_ascii());
     }
-    // Found by parsing alone.
+    // Found only by parsing.
     let escaped = Request::read(Encoding::Json, br#"{"\u006fp":"\u0065stop","id":1.5}"#);
     assert_eq!(escaped, Ok(Request { id: None, op: Op::Estop }));
 }
@@ -91,7 +92,8 @@ fn other_messages_are_none() {
     }
     assert!(may_be_long(br#"{"op": "load_scene"}"#) && may_be_long(b"\x81\xa2op\xa3set"));
     assert!(!may_be_long(br#"{"op": "ping", "data": "set"}"#));
-    // Not before hello: the first message is read as any other, and refused by who reads it.
+    // Stops are not searched for before the hello. The first message is read like any other, and
+    // its receiver refuses it.
     assert!(matches!(Request::read_first(br#"{"op":"estop"}"#), Ok(Request { op: Op::Estop, .. })));
 }
 
@@ -105,7 +107,7 @@ proptest! {
         let mut ends = Vec::new();
         for (kind, filling) in parts {
             bytes.extend_from_slice(filling.as_bytes());
-            // So that no filling makes a stop with what stands beside it.
+            // The separator prevents that filling bytes and their neighbours form a stop.
             bytes.push(b'#');
             let (stop, text): (_, &[u8]) = match kind {
                 0 => (Stop::Estop, br#""op" :"estop""#),

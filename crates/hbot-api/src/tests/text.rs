@@ -1,4 +1,4 @@
-//! What may stand in a name.
+//! Tests of the characters that are allowed in a name.
 
 use crate::{Encoding, Plain, Request, is_plain};
 

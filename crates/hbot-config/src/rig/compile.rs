@@ -1,4 +1,5 @@
-//! From a rig file whose values are in range to a legal rig: what one value alone cannot tell.
+//! Makes a [`RigConfig`] of a rig file whose values are each in range. Checks what depends on more
+//! than one value.
 
 use std::collections::HashSet;
 use std::net::SocketAddr;
@@ -12,14 +13,15 @@ use super::settings::{self, Protocol};
 use super::{ApiConfig, LinkConfig, Port, RigConfig, TlsFiles};
 use crate::document::Report;
 
-/// Default watchdog times, ms: a serial line is quick, a pseudo-terminal on a busy machine may not be.
+/// Default watchdog time on a serial port, ms. The simulated rig has a longer one, because its
+/// pseudo-terminal can be slow on a busy machine.
 const WATCHDOG_MS: u16 = 20;
 const WATCHDOG_SIM_MS: u16 = 50;
 
-/// Shorter steering axes are taken for none at all.
+/// A steering axis whose components are all smaller than this has no usable direction.
 const LEAST_AXIS: f64 = 1.0e-9;
 
-/// Checks one wheel by itself.
+/// Checks what depends on the values of one wheel only, and adds mistakes to the report.
 pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Protocol, path: &str, report: &mut Report) {
     if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
         report.push(
@@ -43,7 +45,8 @@ pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Protocol, path: &str, r
                 }
             }
         }
-        // A torque that is not stated has no range.
+        // An absent `peak` counts as 0, which is legal for a joint without motor. For a joint with
+        // a motor it was reported above.
         let peak = joint.peak.unwrap_or(0.0);
         let stated =
             core::Joint { peak, continuous: joint.continuous.unwrap_or(peak), ..joint.encoder(protocol) };
@@ -95,7 +98,7 @@ fn check_id(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Repo
     }
 }
 
-/// The place in the file of a number that the core refuses.
+/// Returns the path in the rig file of a number that the core refuses.
 fn place(mistake: &core::RigError) -> String {
     let field = match mistake.field {
         "timing.period_ns" => "loop.rate_hz",
@@ -111,7 +114,8 @@ fn place(mistake: &core::RigError) -> String {
     }
 }
 
-/// Checks what wheels, loop, link and service must agree on, and compiles. `None` where the report says why.
+/// Checks what the tables of a rig file must agree on, and compiles the file. Returns `None` and
+/// adds mistakes to the report if it is not legal.
 pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let wheels = wheel_names(&file, report);
     let timing = core::Timing {
@@ -169,14 +173,14 @@ fn wheel_names(file: &RigFile, report: &mut Report) -> Vec<String> {
     names
 }
 
-/// The joints in their order, with their paths.
+/// Iterates over the joints in the order steer, drive of each wheel, with their paths in the file.
 fn each_joint(file: &RigFile) -> impl Iterator<Item = (String, &file::Joint)> {
     file.wheel.iter().enumerate().flat_map(|(i, wheel)| {
         [(format!("wheel[{i}].steer"), &wheel.steer), (format!("wheel[{i}].drive"), &wheel.drive)]
     })
 }
 
-/// For each joint the line that carries it, and its controller there.
+/// Returns for each joint the index of its line, and its position on that line.
 fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>, Vec<usize>) {
     let ports: Vec<usize> = each_joint(file).map(|(_, settings)| settings.port as usize).collect();
     let mut taken = HashSet::new();
@@ -204,7 +208,7 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
                 words(),
             );
         }
-        // The simulated rig has one line, whatever the real one has.
+        // The simulated rig always has one line.
         if let Port::Devices(devices) = port
             && line >= devices.len()
         {
@@ -302,7 +306,7 @@ fn device(file: &RigFile, report: &mut Report) -> Option<Device> {
         DeviceError::Inertia { wheel, .. } => format!("wheel[{wheel}]"),
         DeviceError::InteriorSingular { wheels: [_, later], .. } => format!("wheel[{later}].axis"),
     };
-    // An axis without direction has its own message already.
+    // A missing direction of an axis has already been reported.
     if !report.knows(&path) {
         report.push(&path, error.to_string(), None);
     }

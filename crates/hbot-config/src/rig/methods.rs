@@ -1,4 +1,4 @@
-//! The keys of a rig file that name methods: accuracy, joint rates, passivity.
+//! The keys of a rig file that choose numerical methods: accuracy, joint rates, passivity.
 
 use hbot_core::device::Device;
 use hbot_core::rig::{self as core, legal};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::Report;
 
-/// A preset of methods, or a table that names each.
+/// The key `accuracy`: the name of a preset, or a table with one key for each method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Accuracy {
@@ -15,27 +15,27 @@ pub(crate) enum Accuracy {
     Methods(MethodTable),
 }
 
-/// A preset of methods.
+/// A named preset of numerical methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Preset {
-    /// The least time a tick: odometry euler.
+    /// Least computing time per tick: odometry `euler`.
     Fast,
-    /// The default: odometry midpoint.
+    /// The default: odometry `midpoint`.
     Balanced,
-    /// The least error: odometry magnus4, path cubic.
+    /// Smallest error: odometry `magnus4`, path `cubic`.
     Exact,
 }
 
-/// The methods one by one; those of `balanced` where absent.
+/// One key for each method. An absent key has its value in the preset `balanced`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct MethodTable {
-    /// How orientation is integrated from one reading to the next.
+    /// How the orientation is integrated from one reading to the next.
     pub(crate) odometry: core::OdometryMethod,
-    /// What way the joints are taken to have gone between two readings.
+    /// Assumed path of the joint angles between two readings.
     pub(crate) path: core::PathFit,
-    /// How a torque on the sphere becomes joint torques.
+    /// How a torque on the sphere is turned into joint torques.
     pub(crate) allocation: core::AllocationMethod,
 }
 
@@ -47,7 +47,7 @@ impl Default for MethodTable {
 }
 
 impl Accuracy {
-    /// The name of the preset, `custom` for a table.
+    /// Returns the name of the preset, or `custom` for a table.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Preset(Preset::Fast) => "fast",
@@ -57,7 +57,8 @@ impl Accuracy {
         }
     }
 
-    /// The methods of the preset or table; rates and passivity are those of the default.
+    /// Returns the methods of the preset or table. The rate estimate and the passivity limit are
+    /// the defaults.
     pub(crate) fn methods(self) -> core::Methods {
         match self {
             Self::Preset(Preset::Fast) => core::Methods::FAST,
@@ -70,7 +71,8 @@ impl Accuracy {
     }
 }
 
-/// Where joint rates come from: a method, or a table that names it with its parameters.
+/// The key `rate_estimate`: a method for the joint rates, or a table with the method and its
+/// parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum RateEstimate {
@@ -78,48 +80,48 @@ pub(crate) enum RateEstimate {
     Table(RateTable),
 }
 
-/// Where joint rates come from.
+/// A method that determines the joint rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum RateMethod {
-    /// As the motor controllers report them.
+    /// The rates that the motor controllers report.
     Controller,
-    /// The difference of the last two readings.
+    /// The difference of the last two readings, over the time between them.
     Difference,
-    /// The same through a low pass of first order.
+    /// The difference of the last two readings, through a first-order low-pass filter.
     LowPass,
-    /// The longest chord through the last readings.
+    /// The slope of the longest chord that fits the last readings within a tolerance.
     AdaptiveWindow,
     /// A Kalman filter of angle, rate and acceleration.
     Kalman,
 }
 
-/// A method with its parameters.
+/// A method for the joint rates, with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RateTable {
-    /// Which one.
+    /// Name of the method.
     pub(crate) method: RateMethod,
-    /// Of `low_pass`: its corner; 30 where absent.
+    /// For `low_pass`: corner frequency. Default: 30.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::CUTOFF_HZ.least, max = legal::CUTOFF_HZ.most), extend("unit" = legal::CUTOFF_HZ.unit))]
     pub(crate) cutoff_hz: Option<f64>,
-    /// Of `adaptive_window`: how far a reading may be off the chord, counts; 1 where absent.
+    /// For `adaptive_window`: largest distance of a reading from the chord, in counts. Default: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::TOLERANCE_COUNTS.least as u32, max = legal::TOLERANCE_COUNTS.most as u32))]
     pub(crate) tolerance_counts: Option<u32>,
-    /// Of `adaptive_window`: how far back the chord may reach, ticks; 32 where absent.
+    /// For `adaptive_window`: longest time that the chord can span, in ticks. Default: 32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::LONGEST_TICKS.least as u32, max = legal::LONGEST_TICKS.most as u32))]
     pub(crate) longest_ticks: Option<u32>,
-    /// Of `kalman`: root mean square of a joint's acceleration; 100 where absent.
+    /// For `kalman`: expected root mean square of a joint's acceleration. Default: 100.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::ACCELERATION.least, max = legal::ACCELERATION.most), extend("unit" = legal::ACCELERATION.unit))]
     pub(crate) acceleration: Option<f64>,
 }
 
 impl RateEstimate {
-    /// Reports the parameters that the method does not have.
+    /// Adds a mistake to the report for each parameter that belongs to another method.
     pub(crate) fn check(&self, report: &mut Report) {
         let Self::Table(table) = self else { return };
         let given = [
@@ -144,7 +146,7 @@ impl RateEstimate {
         }
     }
 
-    /// The core's estimate, with defaults for what is absent.
+    /// Returns the core's rate estimate, with defaults for absent parameters.
     pub(crate) fn compile(self) -> core::RateEstimate {
         let table = match self {
             Self::Table(table) => table,
@@ -171,7 +173,7 @@ impl RateEstimate {
     }
 }
 
-/// Whether energy given out is held within what came in, or a table that says how.
+/// The key `passivity`: true or false, or a table with the parameters of the passivity controller.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Passivity {
@@ -179,19 +181,23 @@ pub(crate) enum Passivity {
     Table(PassivityTable),
 }
 
-/// How energy given out is held within what came in.
+/// Parameters of the passivity controller, which limits the energy delivered to the hand to the
+/// energy absorbed from it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct PassivityTable {
-    /// Energy that may be given out beyond what came in; 0.001 where absent.
+    /// Energy that can be delivered to the hand in excess of the energy absorbed from it. Default:
+    /// 0.001.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::ALLOWANCE.least, max = legal::ALLOWANCE.most), extend("unit" = legal::ALLOWANCE.unit))]
     pub(crate) allowance: Option<f64>,
-    /// The most that is remembered of energy that came in: no less than springs hold when they are wound; 0.5 where absent.
+    /// Largest amount of absorbed energy that is remembered. It must be at least the energy that
+    /// the scene's springs store when they are wound up. Default: 0.5.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::STORE.least, max = legal::STORE.most), extend("unit" = legal::STORE.unit))]
     pub(crate) store: Option<f64>,
-    /// The most damping that is added; a quarter of the sphere's inertia over the loop's period (1 ms at least) where absent.
+    /// Largest damping that is added. Default: a quarter of the sphere's inertia divided by the
+    /// loop's period (or by 1 ms if the period is shorter).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::DAMPING.most), extend("exclusiveMinimum" = legal::DAMPING.least, "unit" = legal::DAMPING.unit))]
     pub(crate) damping: Option<f64>,

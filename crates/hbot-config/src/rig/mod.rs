@@ -1,4 +1,4 @@
-//! The rig file: what the device is, how it is reached, and what it must not do.
+//! The rig file: it describes the machine, its connection and its limits.
 
 mod compile;
 mod file;
@@ -23,74 +23,81 @@ use crate::schema;
 use crate::text::read_text;
 use crate::validate::validate;
 
-/// The rig file that is built in.
+/// Text of the rig file that is compiled into the program.
 const PROTOTYPE: &str = include_str!("../../../../rigs/prototype.toml");
 
 static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<file::RigFile>);
 
-/// A legal rig: its geometry has been checked over all steering angles, every figure is in range.
+/// A legal rig file, ready for use. Every number is in range, and the geometry has been checked for
+/// all postures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigConfig {
-    /// What people call the rig.
+    /// Name of the rig, for people.
     pub name: String,
-    /// What the controller needs to know.
+    /// Everything that the control law needs to know about the rig.
     pub rig: Rig,
-    /// What people call the wheels, in their order.
+    /// Names of the wheels, for people, in the order of the file.
     pub wheels: Vec<String>,
-    /// For each joint (steer, drive of each wheel) the serial line that carries it.
+    /// For each joint (steer, drive of each wheel), the index of the line that it is on.
     pub ports: Vec<usize>,
-    /// For each joint its controller on that line: those of one line differ. With hbot's own protocol positions, a permutation of
-    /// 0..n of the joints there; with the others ids on the bus.
+    /// For each joint, its position on its line. The n joints of one line have the positions 0 to n
+    /// - 1, each once.
     pub controllers: Vec<usize>,
-    /// For each joint its angle where its encoder says zero, rad.
+    /// For each joint, its angle when its encoder reads zero, rad.
     pub zero_offsets: Vec<f64>,
-    /// Ticks a second, 50 to 20000.
+    /// Ticks per second, 50 to 20000.
     pub rate_hz: u32,
-    /// How long before a tick's deadline the loop wakes at most, ns; 0: it sleeps until the deadline.
+    /// Largest lead: how long before a tick's deadline the loop can wake, ns. If 0, the loop sleeps
+    /// until the deadline.
     pub early_ns: u64,
-    /// How long a processor may take to wake while the loop runs, us; `None` where that is left to the system.
+    /// Longest time that a processor can take to wake from sleep while the loop runs, us. `None` if
+    /// the operating system decides.
     pub wake_us: Option<u32>,
-    /// The processor that the loop's thread stays on; `None` where the system chooses.
+    /// Index of the processor to which the loop's thread is bound. `None` if the operating system
+    /// decides.
     pub cpu: Option<u32>,
-    /// The preset of methods: `fast`, `balanced`, `exact`, or `custom` where the file names each.
+    /// Name of the preset of numerical methods: `fast`, `balanced`, `exact`, or `custom` if the
+    /// file names each method.
     pub accuracy: &'static str,
-    /// The serial line.
+    /// The serial line to the motor controllers.
     pub link: LinkConfig,
-    /// The TCP service.
+    /// Settings of the TCP service.
     pub api: ApiConfig,
 }
 
-/// The serial line to the motor controllers.
+/// Settings of the serial line to the motor controllers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LinkConfig {
-    /// Where the controllers are.
+    /// Where the motor controllers are connected.
     pub port: Port,
-    /// What they speak.
+    /// Protocol that the motor controllers use.
     pub protocol: Protocol,
-    /// Bits a second on the line, of which a byte takes ten.
+    /// Bits per second on the line. One byte takes ten bits.
     pub baud: u32,
-    /// How long a controller holds a command that no other follows, ms; at least two loop periods.
+    /// Watchdog time, ms: how long a motor controller holds a command when no other follows. At
+    /// least two loop periods.
     pub watchdog_ms: u16,
-    /// Ticks without feedback until the fault link_lost.
+    /// Age of the newest reading, in ticks, above which the fault `link_lost` occurs.
     pub timeout_ticks: u32,
 }
 
 impl LinkConfig {
-    /// The share of the line, in one direction, that a frame of `frame_bytes` each tick takes; above 1 it does not fit.
+    /// Returns the load of the line in one direction if each tick sends a frame of `frame_bytes`
+    /// bytes, as a fraction of its capacity. Above 1, the frames do not fit.
     #[must_use]
     pub fn load(&self, frame_bytes: usize, rate_hz: u32) -> f64 {
-        /// Start bit, eight bits, stop bit.
+        /// One start bit, eight data bits, one stop bit.
         const BITS_A_BYTE: f64 = 10.0;
         frame_bytes as f64 * BITS_A_BYTE * f64::from(rate_hz) / f64::from(self.baud)
     }
 }
 
-/// Where the controllers are.
+/// Where the motor controllers are connected: the simulated rig, or serial devices.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Port {
     /// The simulated rig.
     Sim,
-    /// Serial devices, such as `/dev/ttyACM0`; at least one.
+    /// Paths of serial devices, such as `/dev/ttyACM0`. At least one.
     Devices(Vec<String>),
 }
 
@@ -109,76 +116,80 @@ impl fmt::Display for Port {
     }
 }
 
-/// The TCP service.
+/// Settings of the TCP service.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ApiConfig {
-    /// Where to listen.
+    /// Address and port on which the service listens.
     pub listen: SocketAddr,
-    /// The file that holds the token, where one is asked for.
+    /// File that contains the token that clients must present. `None` if no token is needed.
     pub token_file: Option<PathBuf>,
-    /// What the service shows of itself where it is encrypted; `None` for plain TCP.
+    /// Certificate and key for encryption. `None` for plain TCP.
     pub tls: Option<TlsFiles>,
-    /// What happens to the holder's commands when its connection ends without a release.
+    /// What happens to the lease holder's commands if its connection ends without a release.
     pub on_client_lost: OnClientLost,
 }
 
-/// The files of an encrypted service, in PEM.
+/// Paths of the certificate and key that encrypt the service. Both files are in PEM format.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// The server's certificate, then those between it and an authority.
+    /// The server's certificate, followed by any intermediate certificates.
     pub certificate: PathBuf,
-    /// Its private key.
+    /// The private key of the server's certificate.
     pub key: PathBuf,
 }
 
 impl ApiConfig {
-    /// Whether others than programs on this machine can reach the service, so that it needs a token.
+    /// Returns whether the service listens on an address that other machines can reach. Such a
+    /// service needs a token.
     #[must_use]
     pub fn needs_token(&self) -> bool {
         !self.listen.ip().is_loopback()
     }
 }
 
-/// A value that the command line puts in place of the file's.
+/// A value from the command line that replaces a value of the rig file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Override {
-    /// Which key, such as `loop.rate_hz`.
+    /// Path of the key that is replaced, such as `loop.rate_hz`.
     pub path: &'static str,
-    /// Its value, as the file would have it.
+    /// The new value, in the form that the file would use.
     pub value: Value,
-    /// What to name in messages, such as `--rate`.
+    /// Name of the option in messages, such as `--rate`.
     pub from: &'static str,
 }
 
 impl RigConfig {
-    /// The prototype of the paper, behind the simulated port; the same as `rigs/prototype.toml`.
+    /// Returns the rig of the paper's prototype on the simulated port, as in `rigs/prototype.toml`.
     #[must_use]
     pub fn prototype() -> Self {
         Self::from_toml(PROTOTYPE, "rigs/prototype.toml")
             .unwrap_or_else(|mistakes| panic!("the rig file that is built in is legal, by test:\n{mistakes}"))
     }
 
-    /// A rig from the text of its file; `file` is its name in messages.
+    /// Reads a rig from the text of a rig file. `file` is the name of the file in messages.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Fails if the text is not a legal rig file. The error lists every mistake.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
         Self::from_toml_with(text, file, &[])
     }
 
-    /// A rig from its file. Relative paths in `[api]` are taken from the folder of the rig file.
+    /// Reads a rig from a rig file. Relative paths in its table `[api]` are relative to the folder
+    /// of the rig file.
     ///
     /// # Errors
-    /// The file cannot be read, or everything that is wrong with it.
+    /// Fails if the file cannot be read or is not legal. The error then lists every mistake.
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
         Self::load(Some(path), &[])
     }
 
-    /// The rig of a file, or the prototype without one, with some values replaced. What depends on them (the default watchdog
-    /// of a port, say) follows.
+    /// Reads a rig from a rig file, or the built-in prototype if `path` is `None`, and replaces
+    /// some values. Defaults that depend on a replaced value follow it, such as the watchdog time
+    /// of a port.
     ///
     /// # Errors
-    /// As [`from_path`](Self::from_path); a replaced value that is not legal is reported under its option's name.
+    /// Fails like [`from_path`](Self::from_path). A replaced value that is not legal is reported
+    /// under the name of its option.
     pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Self, LoadError> {
         let Some(path) = path else {
             return Ok(Self::from_toml_with(PROTOTYPE, "rigs/prototype.toml", overrides)?);
@@ -198,10 +209,11 @@ impl RigConfig {
         Ok(config)
     }
 
-    /// A rig from the text of its file with some values replaced.
+    /// Reads a rig from the text of a rig file, and replaces some values. `file` is the name of the
+    /// file in messages.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Fails if the text or a replaced value is not legal. The error lists every mistake.
     pub fn from_toml_with(text: &str, file: &str, overrides: &[Override]) -> Result<Self, Diagnostics> {
         let mut document = Document::from_toml(text, file)?;
         for o in overrides {
@@ -228,7 +240,7 @@ impl RigConfig {
         report.finish(config)
     }
 
-    /// The JSON schema of rig files, for editors. Besides standard keywords: `unit`.
+    /// Returns the JSON schema of rig files, for editors. Besides standard keywords it uses `unit`.
     #[must_use]
     pub fn schema() -> Value {
         SCHEMA.clone()

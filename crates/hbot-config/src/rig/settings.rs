@@ -1,4 +1,4 @@
-//! The tables of a rig file that say how the device is run: loop, link, limits and service.
+//! The tables of a rig file that say how the machine is run: loop, link, limits and service.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::RangeInclusive;
@@ -11,32 +11,37 @@ use serde::{Deserialize, Serialize};
 
 use super::methods::{Accuracy, Passivity, Preset, RateEstimate, RateMethod};
 
-/// The `wake_us` that is no limit.
+/// The value of `wake_us` that means no limit.
 pub(crate) const ANY_WAKE_US: u32 = 1_000_000;
 
-/// The control loop.
+/// Settings of the control loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Loop {
-    /// Ticks a second.
+    /// Ticks per second.
     #[schemars(range(min = 50, max = 20_000), extend("unit" = "Hz"))]
     pub(crate) rate_hz: u32,
-    /// A preset of methods, or a table that names each.
+    /// Numerical methods: the name of a preset, or a table with one key for each method.
     pub(crate) accuracy: Accuracy,
-    /// Where joint rates come from: a method, or a table that names it with its parameters.
+    /// How joint rates are determined: the name of a method, or a table with the method and its
+    /// parameters.
     pub(crate) rate_estimate: RateEstimate,
-    /// Whether energy given out is held within what came in: true, false, or a table that says how.
+    /// Whether the energy delivered to the hand is limited to the energy absorbed from it: true,
+    /// false, or a table of parameters.
     pub(crate) passivity: Passivity,
-    /// How long before a tick's deadline the loop wakes at most, and at most a quarter of the period; it learns how early is enough on
-    /// this machine, rehearses the tick and waits out the rest awake, which keeps a processor busy for that long. 0: it sleeps
-    /// until the deadline.
+    /// Largest lead: how long before a tick's deadline the loop can wake. Never more than a quarter
+    /// of the period. The loop learns which lead this machine needs. It rehearses the tick and
+    /// stays awake until the deadline, which keeps a processor busy for that time. 0: the loop
+    /// sleeps until the deadline.
     #[schemars(range(max = 1000), extend("unit" = "us"))]
     pub(crate) early_us: u32,
-    /// How long a processor may take to wake from its sleep while the loop runs: the system keeps all of them out of deeper ones. 0: they
-    /// do not sleep at all, which takes power; from 20 on most still sleep lightly; 1000000: as the system likes.
+    /// Longest time that a processor can take to wake from sleep while the loop runs. The operating
+    /// system keeps all processors out of deeper sleep. 0: they do not sleep at all, which uses
+    /// power. 20 or more: most still sleep lightly. 1000000: no limit.
     #[schemars(range(max = ANY_WAKE_US), extend("unit" = "us"))]
     pub(crate) wake_us: u32,
-    /// The processor that the loop's thread stays on, from 0; best one that nothing else uses. Absent: the system chooses.
+    /// Index of the processor to which the loop's thread is bound, counted from 0. Choose one that
+    /// nothing else uses. Absent: the operating system decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(max = 1023))]
     pub(crate) cpu: Option<u32>,
@@ -56,24 +61,26 @@ impl Default for Loop {
     }
 }
 
-/// The serial line.
+/// Settings of the serial line to the motor controllers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Link {
-    /// `sim` for the simulated rig, the path of a serial device, or a list of such paths where controllers share the rig.
+    /// `sim` for the simulated rig, the path of a serial device, or a list of such paths if the
+    /// motor controllers are on several lines.
     #[schemars(extend("legal" = "`\"sim\"`, a path, or a list of 1 to 8 paths"))]
     pub(crate) port: Ports,
-    /// The protocol that the controllers speak.
+    /// The protocol that the motor controllers use.
     pub(crate) protocol: Protocol,
-    /// Line rate. A USB device of its own (CDC) does not heed it.
+    /// Bit rate of the line. It has no effect on a motor controller that is itself a USB device
+    /// (CDC).
     #[schemars(range(min = 9600, max = 20_000_000), extend("unit" = "baud"))]
     pub(crate) baud: u32,
-    /// How long a controller holds a command that no other follows, at least two loop periods; 20, and 50 where the port is
-    /// `sim`.
+    /// Watchdog time: how long a motor controller holds a command when no other follows. At least
+    /// two loop periods. Default: 20, or 50 if `port` is `sim`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,
-    /// Age of the newest reading, ticks, above which it is the fault link_lost.
+    /// Age of the newest reading, in ticks, above which the fault link_lost occurs.
     #[schemars(range(min = legal::TIMEOUT_TICKS.least as u32, max = legal::TIMEOUT_TICKS.most as u32))]
     pub(crate) timeout_ticks: u32,
 }
@@ -90,7 +97,7 @@ impl Default for Link {
     }
 }
 
-/// One serial port, or several.
+/// The key `port`: one serial port, or a list of them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Ports {
@@ -98,11 +105,11 @@ pub(crate) enum Ports {
     Several(#[schemars(length(min = 1, max = 8), inner(length(min = 1)))] Vec<String>),
 }
 
-/// What the controllers speak.
+/// A protocol that motor controllers can use on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
-    /// The frames of docs/link.md.
+    /// hbot's own serial protocol, described in docs/link.md.
     Hbot,
     /// moteus controllers, on an fdcanusb adapter or a UART.
     Moteus,
@@ -146,45 +153,49 @@ impl Protocol {
     }
 }
 
-/// What must not be exceeded.
+/// Limits on torque, speed, slip, energy and rates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Limits {
-    /// Largest torque on the sphere (its norm).
+    /// Largest torque on the sphere (the norm of the vector).
     #[schemars(range(max = legal::TORQUE.most), extend("exclusiveMinimum" = legal::TORQUE.least, "unit" = legal::TORQUE.unit))]
     pub(crate) torque: f64,
-    /// Largest change of that torque.
+    /// Largest rate of change of the torque on the sphere.
     #[schemars(range(max = legal::TORQUE_RATE.most), extend("exclusiveMinimum" = legal::TORQUE_RATE.least, "unit" = legal::TORQUE_RATE.unit))]
     pub(crate) torque_rate: f64,
-    /// Largest angular speed of the powered sphere; above it the fault overspeed.
+    /// Largest angular speed of the sphere while the motors are on. Above it, the fault overspeed
+    /// occurs.
     #[schemars(range(max = legal::SPEED.most), extend("exclusiveMinimum" = legal::SPEED.least, "unit" = legal::SPEED.unit))]
     pub(crate) speed: f64,
-    /// Largest slip of the powered sphere against its wheels; above it the fault slip.
+    /// Largest slip at a contact while the motors are on. Above it, the fault slip occurs.
     #[schemars(range(max = legal::SLIP.most), extend("exclusiveMinimum" = legal::SLIP.least, "unit" = legal::SLIP.unit))]
     pub(crate) slip: f64,
-    /// Thermal time of the motors: where the mean square of a joint's torque over it is above that of its `continuous` torque,
-    /// the fault thermal. Absent: heat is left to the controllers.
+    /// Thermal time constant of the motors. The fault thermal occurs if the mean square of a joint
+    /// torque over this time exceeds the square of its `continuous` torque. Absent: the motor
+    /// controllers protect the motors from heat.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::THERMAL_TIME.most), extend("exclusiveMinimum" = legal::THERMAL_TIME.least, "unit" = legal::THERMAL_TIME.unit))]
     pub(crate) thermal_time: Option<f64>,
-    /// How much energy may go into the hand; more is the fault overtorque. Absent: as much as torque and speed allow.
+    /// Limit on the energy that goes into the hand. Beyond it, the fault overtorque occurs. Absent:
+    /// only the limits on torque and speed apply.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Energy")]
     pub(crate) energy: Option<Energy>,
-    /// What the contacts hold. Absent where nobody knows: joint torques are then not limited by it.
+    /// Friction at the contacts, which limits the joint torques. Absent: unknown, and friction does
+    /// not limit the joint torques.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Traction")]
     pub(crate) traction: Option<Traction>,
-    /// How far a spring's reference may be from the orientation at enable.
+    /// Largest angle at enable between the sphere's orientation and a spring's reference.
     #[schemars(range(max = legal::ENABLE_MAX_ANGLE.most), extend("exclusiveMinimum" = legal::ENABLE_MAX_ANGLE.least, "unit" = legal::ENABLE_MAX_ANGLE.unit))]
     pub(crate) enable_max_angle: f64,
-    /// How fast an orientation seen from outside corrects the odometry.
+    /// Rate at which an orientation measured from outside corrects the odometry.
     #[schemars(range(max = legal::ALIGN_RATE.most), extend("exclusiveMinimum" = legal::ALIGN_RATE.least, "unit" = legal::ALIGN_RATE.unit))]
     pub(crate) align_rate: f64,
-    /// How fast a reference moves towards where it is sent.
+    /// Rate at which a reference moves to a new orientation that a client sends.
     #[schemars(range(max = legal::REFERENCE_RATE.most), extend("exclusiveMinimum" = legal::REFERENCE_RATE.least, "unit" = legal::REFERENCE_RATE.unit))]
     pub(crate) reference_rate: f64,
-    /// A stream message that names a tick older than this is refused.
+    /// Largest age of the tick that a stream message names, in ticks. Older messages are refused.
     #[schemars(range(min = legal::MAX_AGE_TICKS.least as u32, max = legal::MAX_AGE_TICKS.most as u32))]
     pub(crate) max_age_ticks: u32,
 }
@@ -218,45 +229,47 @@ impl Default for Limits {
     }
 }
 
-/// Energy given out to the hand, as the passivity observer sees it.
+/// Limit on the energy delivered to the hand, as measured by the passivity observer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Energy {
-    /// What may be given out beyond `power`, as in one push.
+    /// Energy that can be delivered in excess of `power`, for example in one push.
     #[schemars(range(max = legal::BURST.most), extend("exclusiveMinimum" = legal::BURST.least, "unit" = legal::BURST.unit))]
     pub(crate) burst: f64,
-    /// What may be given out for ever.
+    /// Power that can be delivered without time limit.
     #[schemars(range(max = legal::POWER.most), extend("exclusiveMinimum" = legal::POWER.least, "unit" = legal::POWER.unit))]
     pub(crate) power: f64,
 }
 
-/// What the contacts hold: mu N.
+/// The largest friction force of a contact: mu N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Traction {
-    /// Friction coefficient mu.
+    /// Friction coefficient mu of the contacts.
     #[schemars(range(max = legal::FRICTION.most), extend("exclusiveMinimum" = legal::FRICTION.least))]
     pub(crate) mu: f64,
-    /// Normal force N of each wheel.
+    /// Normal force N of each wheel on the sphere.
     #[schemars(range(max = legal::NORMAL_FORCE.most), extend("exclusiveMinimum" = legal::NORMAL_FORCE.least, "unit" = legal::NORMAL_FORCE.unit))]
     pub(crate) normal_force: f64,
 }
 
-/// The TCP service.
+/// Settings of the TCP service.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Api {
-    /// Where to listen. Any address but loopback needs a token.
+    /// Address and port on which the service listens. Any address except loopback needs a token.
     pub(crate) listen: String,
-    /// A file that holds the token that clients must show; relative to the rig file. Absent: no token.
+    /// File that contains the token that clients must present. Its path is relative to the rig
+    /// file. Absent: no token is needed.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "String", length(min = 1))]
     pub(crate) token_file: Option<PathBuf>,
-    /// Encrypts the service; nothing else is then spoken on its port. Absent: plain TCP.
+    /// Files for encryption. If present, the service accepts only encrypted connections. Absent:
+    /// plain TCP.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Tls")]
     pub(crate) tls: Option<Tls>,
-    /// What happens to the holder's commands when its connection ends without a release.
+    /// What happens to the lease holder's commands if its connection ends without a release.
     pub(crate) on_client_lost: OnClientLost,
 }
 
@@ -271,17 +284,18 @@ impl Default for Api {
     }
 }
 
-/// What the service shows of itself where it is encrypted (TLS 1.3).
+/// Certificate and key that encrypt the service (TLS 1.3).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Tls {
-    /// The server's certificate and those between it and an authority, if there are any (PEM); relative to the rig file.
+    /// File with the server's certificate, followed by any intermediate certificates (PEM). Its
+    /// path is relative to the rig file.
     #[schemars(with = "String", length(min = 1))]
     pub(crate) certificate: PathBuf,
-    /// The private key of that certificate (PEM); relative to the rig file.
+    /// File with the private key of that certificate (PEM). Its path is relative to the rig file.
     #[schemars(with = "String", length(min = 1))]
     pub(crate) key: PathBuf,
 }
 
-/// HBOT on a phone's keys.
+/// Default TCP port: the digits of HBOT on a phone's keypad.
 const DEFAULT_PORT: u16 = 4268;

@@ -1,4 +1,4 @@
-//! Recorded paths that a scene file names: read and put into the scene in its stead.
+//! Reads the recorded paths that a scene file names, and puts their points into the scene.
 
 use std::path::Path;
 
@@ -8,8 +8,8 @@ use super::kinds::MAX_POINTS;
 use crate::document::{Document, join};
 use crate::text::read_text;
 
-/// Puts the points of every `file` of a track in its place, as `points`. Files are relative to `folder`. What cannot be read is
-/// entered in the report.
+/// Replaces the key `file` of every track by its points, as the key `points`. File names are
+/// relative to `folder`. A file that cannot be read is reported as a mistake.
 pub(super) fn read_points(document: &mut Document, folder: &Path) {
     let Document { tree, report } = document;
     let effects = tree["effect"].as_array_mut().into_iter().flatten().enumerate();
@@ -34,7 +34,8 @@ pub(super) fn read_points(document: &mut Document, folder: &Path) {
     }
 }
 
-/// The rows of a CSV file.
+/// Reads the rows of a CSV file with the columns t, w, x, y, z. Fails with a message if the file
+/// cannot be read, or has other columns, too many rows, or numbers that are not finite.
 fn points(path: &Path) -> Result<Value, String> {
     let text = read_text(path).map_err(|error| error.to_string())?;
     let mut reader =

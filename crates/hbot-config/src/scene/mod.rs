@@ -1,4 +1,5 @@
-//! The scene file: what the sphere shall feel like, and what the simulated rig shows of a real one.
+//! The scene file: it describes what the sphere feels like, and which imperfections of a real rig
+//! the simulated rig shows.
 
 mod files;
 mod kinds;
@@ -26,10 +27,10 @@ use crate::document::{Document, Report, join};
 use crate::text::read_text;
 use crate::validate::validate;
 
-/// The scene that is built in.
+/// Text of the default scene, which is compiled into the program.
 const DEFAULT: &str = include_str!("../../../../scenes/spring.toml");
 
-/// A legal scene. Made from text or JSON; every figure in it is in range.
+/// A legal scene file, read from TOML or JSON. Every number in it is in range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneFile {
     name: String,
@@ -37,61 +38,61 @@ pub struct SceneFile {
     simulate: Option<Simulate>,
 }
 
-/// One effect of a scene.
+/// One effect of a scene file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneEffect {
     id: String,
     kind_name: &'static str,
     common: Common,
-    /// The kind's own, defaults written out.
+    /// The parameters of the effect's kind, including those that have their default.
     parameters: Map<String, Value>,
     kind: Kind,
-    /// What it finds in the scene's table.
+    /// The numbers that the effect puts into the scene's table of figures.
     figures: Vec<f64>,
 }
 
-/// What there is to choose from: a kind of effect, or a phenomenon of the simulated rig.
+/// Describes one kind of effect, or one phenomenon of the simulated rig, that a scene can name.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Listed {
-    /// What files call it.
+    /// Name of the kind or phenomenon in files.
     pub name: &'static str,
-    /// What it is, a sentence or two.
+    /// What the kind or phenomenon does, in one or two sentences.
     pub description: String,
-    /// JSON schema of its parameters, with `description`, `default`, range and `unit` of each; for a kind, of what `set`
-    /// takes.
+    /// JSON schema of the parameters, with `description`, `default`, range and `unit` of each. For
+    /// a kind, it covers what the op `set` accepts.
     pub schema: Value,
 }
 
-/// All kinds of effects.
+/// Returns all kinds of effects that a scene can name.
 #[must_use]
 pub fn kinds() -> Vec<Listed> {
     KINDS.iter().map(|kind| Listed::new(kind.name, &kind.schema)).collect()
 }
 
-/// All phenomena that `[simulate]` can name.
+/// Returns all phenomena that the table `[simulate]` of a scene can name.
 #[must_use]
 pub fn phenomena() -> Vec<Listed> {
-    /// Their names live as long as the schema that they are keys of.
+    /// A static copy of the schema's properties, so that their names are `&'static str`.
     static NAMES: LazyLock<Map<String, Value>> =
         LazyLock::new(|| crate::schema::properties(&simulate::SCHEMA));
     NAMES.iter().map(|(name, schema)| Listed::new(name, schema)).collect()
 }
 
-/// One parameter of what is listed, in words.
+/// Describes one parameter of a kind or phenomenon in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parameter {
-    /// What files call it.
+    /// Name of the parameter in files.
     pub name: String,
-    /// What it does.
+    /// What the parameter does.
     pub description: String,
-    /// What is legal, with the unit.
+    /// The legal values, with the unit.
     pub legal: String,
-    /// Its default, as JSON.
+    /// The default value, as JSON.
     pub default: String,
 }
 
 impl Listed {
-    /// The parameters in words, in the order of the schema.
+    /// Returns a description of each parameter, in the order of the schema.
     #[must_use]
     pub fn parameters(&self) -> Vec<Parameter> {
         let properties = crate::schema::properties(&self.schema);
@@ -110,14 +111,14 @@ impl Listed {
     }
 }
 
-/// The top of a scene file; effects are held against the schema of their kind one by one.
+/// The top level of a scene file. Each effect is later checked against the schema of its kind.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Top {
-    /// What people call the scene.
+    /// Name of the scene, for people.
     #[schemars(length(min = 1, max = 100))]
     name: String,
-    /// The effects, in the order of their sum.
+    /// The effects. Their torques are added in this order.
     #[schemars(length(max = MAX_EFFECTS))]
     effect: Vec<Map<String, Value>>,
     /// Phenomena of the simulated rig. Absent: the simulated rig stays as it is.
@@ -135,33 +136,35 @@ impl Default for Top {
 static TOP_SCHEMA: LazyLock<Value> = LazyLock::new(crate::schema::of::<Top>);
 
 impl SceneFile {
-    /// The default scene: a spring. The same as `scenes/spring.toml`.
+    /// Returns the default scene: a spring, as in `scenes/spring.toml`.
     #[must_use]
     pub fn default_scene() -> Self {
         Self::from_toml(DEFAULT, "scenes/spring.toml")
             .unwrap_or_else(|mistakes| panic!("the scene that is built in is legal, by test:\n{mistakes}"))
     }
 
-    /// A scene from the text of its file; `file` is its name in messages.
+    /// Reads a scene from the text of a scene file. `file` is the name of the file in messages.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Fails if the text is not a legal scene. The error lists every mistake.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
         Self::from_document(Document::from_toml(text, file)?)
     }
 
-    /// A scene from a JSON value of the same shape, as in `load_scene`.
+    /// Reads a scene from a JSON value with the structure of a scene file, as in the op
+    /// `load_scene`.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Fails if the value is not a legal scene. The error lists every mistake.
     pub fn from_json(scene: Value) -> Result<Self, Diagnostics> {
         Self::from_document(Document::from_json(scene))
     }
 
-    /// A scene from its file.
+    /// Reads a scene from a scene file, including the recorded paths that it names.
     ///
     /// # Errors
-    /// The file cannot be read, or everything that is wrong with it.
+    /// Fails if the file cannot be read or is not a legal scene. The error then lists every
+    /// mistake.
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
         let text = read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
         let mut document = Document::from_toml(&text, &path.display().to_string())?;
@@ -172,7 +175,8 @@ impl SceneFile {
     fn from_document(Document { tree, mut report }: Document) -> Result<Self, Diagnostics> {
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
-        // Those beyond are one mistake already, and none of theirs matters.
+        // A list that is too long has already been reported. Mistakes in the surplus effects do not
+        // matter.
         for (i, value) in tree["effect"].as_array().into_iter().flatten().take(MAX_EFFECTS).enumerate() {
             let path = format!("effect[{i}]");
             let Some(effect) = SceneEffect::parse(value, &path, &mut report) else { continue };
@@ -183,7 +187,7 @@ impl SceneFile {
             effects.push(effect);
         }
         check_figures(&effects, "effect", &mut report);
-        // It is shown in other people's terminals.
+        // Other users see the name in their terminals, so it must not contain control characters.
         if tree["name"].as_str().is_some_and(|name| !name.chars().all(is_visible)) {
             report.push("name", "it has control or invisible characters", "text of one line".to_owned());
         }
@@ -191,7 +195,8 @@ impl SceneFile {
         report.finish(top.map(|top| Self { name: top.name, effects, simulate: top.simulate }))
     }
 
-    /// The scene as JSON, with every default written out; [`from_json`](Self::from_json) makes the same scene of it.
+    /// Returns the scene as JSON, with all defaults written out. [`from_json`](Self::from_json)
+    /// reads the equal scene from it.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let mut scene = json!({
@@ -204,34 +209,38 @@ impl SceneFile {
         scene
     }
 
-    /// What people call the scene.
+    /// Returns the name of the scene.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The effects, in the order of their sum; at most [`MAX_EFFECTS`].
+    /// Returns the effects, at most [`MAX_EFFECTS`]. Their torques are added in this order.
     #[must_use]
     pub fn effects(&self) -> &[SceneEffect] {
         &self.effects
     }
 
-    /// The phenomena of the simulated rig; `None` where the scene leaves them as they are.
+    /// Returns the phenomena of the simulated rig. `None` if the scene leaves the simulated rig as
+    /// it is.
     #[must_use]
     pub fn simulate(&self) -> Option<&Simulate> {
         self.simulate.as_ref()
     }
 }
 
-/// Whether a character shows as what it is, as the standard library's `{:?}` decides: none that controls a terminal, ends a line,
-/// turns the direction of text or is invisible.
+/// Returns whether a character is displayed as itself, as the standard library's `{:?}` decides.
+/// False for characters that control a terminal, end a line, change the direction of text or are
+/// invisible.
 fn is_visible(c: char) -> bool {
-    // Behind a letter, so that a mark which combines with one is not taken for one that stands alone.
+    // `escape_debug` escapes a combining mark only at the start of a string, so a letter precedes
+    // `c`.
     matches!(c, '"' | '\'' | '\\' | '\u{a0}' | '\u{3000}')
         || ['a', c].iter().collect::<String>().escape_debug().nth(1) == Some(c)
 }
 
-/// Holds the figures of all effects against the room that the core has for them.
+/// Reports a mistake at `path` if the effects have more than [`MAX_FIGURES`] figures (numbers for
+/// positions, orientations and points) together.
 fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
     let figures: usize = effects.iter().map(|effect| effect.figures.len()).sum();
     if figures > MAX_FIGURES {
@@ -241,43 +250,44 @@ fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
 }
 
 impl SceneEffect {
-    /// What `set` and `reference` call it; unique in its scene.
+    /// Returns the id that the ops `set` and `reference` use for the effect. It is unique in its
+    /// scene.
     #[must_use]
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// What files call its kind.
+    /// Returns the name of the effect's kind in files, such as `spring`.
     #[must_use]
     pub fn kind_name(&self) -> &'static str {
         self.kind_name
     }
 
-    /// What the core runs.
+    /// Returns the effect's kind with its parameters, as the core computes it.
     #[must_use]
     pub fn kind(&self) -> &Kind {
         &self.kind
     }
 
-    /// Factor on its torque, 0 to 10.
+    /// Returns the factor on the effect's torque, 0 to 10.
     #[must_use]
     pub fn gain(&self) -> f64 {
         self.common.gain
     }
 
-    /// How long it takes to fade in, s.
+    /// Returns how long the effect takes to fade in, s.
     #[must_use]
     pub fn fade_s(&self) -> f64 {
         self.common.fade_s
     }
 
-    /// How long it takes to fade out once another scene is loaded, s.
+    /// Returns how long the effect takes to fade out after another scene is loaded, s.
     #[must_use]
     pub fn fade_out_s(&self) -> f64 {
         self.common.fade_out_s
     }
 
-    /// The effect as JSON, with every default written out.
+    /// Returns the effect as JSON, with all defaults written out.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let mut effect = json!({"id": self.id, "kind": self.kind_name});
@@ -287,7 +297,7 @@ impl SceneEffect {
         effect
     }
 
-    /// What `set` can change: all but id and kind.
+    /// Returns everything that the op `set` can change: all keys except `id` and `kind`.
     fn settable(&self) -> Map<String, Value> {
         let mut all = Map::new();
         all.insert("gain".to_owned(), self.common.gain.into());
@@ -297,7 +307,8 @@ impl SceneEffect {
         all
     }
 
-    /// The effect that stands at `path`; `None` where the report says why there is none.
+    /// Reads the effect at `path`. Returns `None` and adds mistakes to the report if it is not
+    /// legal.
     fn parse(value: &Value, path: &str, report: &mut Report) -> Option<Self> {
         let table = value.as_object()?;
         let entry = table.get("kind").and_then(Value::as_str).and_then(KindEntry::named);
@@ -317,7 +328,8 @@ impl SceneEffect {
         Self::compile(id, entry?, value, path, report)
     }
 
-    /// An effect of values that the schema allows.
+    /// Makes an effect of values that its schema allows. Returns `None` and adds mistakes to the
+    /// report if they are not legal together.
     fn compile(
         id: &str,
         entry: &'static KindEntry,

@@ -1,4 +1,5 @@
-//! The scene that runs, as the outside of the loop knows it: what `set` changes, and where each effect's memory stands.
+//! The running scene as seen from outside the control loop: its parameters, which `set` changes,
+//! and the memory slot of each effect.
 
 use hbot_core::effects::{Effect, Span};
 use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_FIGURES};
@@ -9,19 +10,20 @@ use crate::diagnostic::Diagnostics;
 use crate::document::Report;
 use crate::validate::validate;
 
-/// The scene that runs. Every change makes a new [`CompiledScene`] for the loop to take over.
+/// The running scene. Every change returns a new [`CompiledScene`], which the caller passes to the
+/// control loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunningScene {
     file: SceneFile,
-    /// One an effect.
+    /// The memory of each effect, in the order of the effects.
     memories: Vec<Memory>,
-    /// Effects of the scene before that fade out.
+    /// Effects of the previous scene that are fading out.
     leaving: Vec<(SceneEffect, Memory)>,
     revision: u64,
     last_epoch: u32,
 }
 
-/// Which memory in the controller belongs to an effect.
+/// Identifies the memory in the core's `Controller` that belongs to an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Memory {
     slot: u8,
@@ -29,29 +31,30 @@ struct Memory {
     reference_revision: u32,
 }
 
-/// Where an effect's memory stands in the controller.
+/// Identifies the memory of an effect in the core's `Controller`, which keeps one in each slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EffectPlace {
-    /// Its slot, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
+    /// Slot of the memory, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
     pub slot: u8,
-    /// Which effect it is in the life of the server; never 0.
+    /// Number of the effect, counted since the server started; never 0. It distinguishes effects
+    /// that use the same slot one after the other.
     pub epoch: u32,
-    /// Whether it has a reference that can be moved.
+    /// Whether the effect has a reference that can be moved.
     pub has_reference: bool,
 }
 
-/// Why parameters of an effect were not set. Nothing has changed then.
+/// The error returned when the parameters of an effect cannot be set. The scene is then unchanged.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SetError {
     /// No effect of the scene has this id.
     #[error("no effect has the id {id:?}; legal: {}", if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
     UnknownEffect {
-        /// What was asked for.
+        /// The id that was asked for.
         id: String,
-        /// The ids of the scene.
+        /// The ids of the scene's effects.
         legal: Vec<String>,
     },
-    /// Parameters that are not legal; paths are relative to the effect.
+    /// The parameters are not legal. Paths in the diagnostics are relative to the effect.
     #[error(transparent)]
     Invalid(#[from] Diagnostics),
 }
@@ -63,15 +66,16 @@ impl Default for RunningScene {
 }
 
 impl RunningScene {
-    /// No scene yet; [`CompiledScene::empty`] is what the loop runs.
+    /// Creates an empty scene, at revision 0. It corresponds to [`CompiledScene::empty`], with
+    /// which the loop starts.
     #[must_use]
     pub fn new() -> Self {
         let file = SceneFile { name: "empty".to_owned(), effects: Vec::new(), simulate: None };
         Self { file, memories: Vec::new(), leaving: Vec::new(), revision: 0, last_epoch: 0 }
     }
 
-    /// Takes `file` in place of the scene that runs, with fresh memories throughout. Effects of the old one that have a time
-    /// to fade out take it, as far as there is room for them.
+    /// Replaces the running scene by `file`. Every effect gets a new memory. Effects of the old
+    /// scene with a fade-out time fade out, as far as slots and figures are free.
     pub fn load(&mut self, file: SceneFile) -> CompiledScene {
         let old = std::mem::take(&mut self.file.effects).into_iter().zip(std::mem::take(&mut self.memories));
         let mut figures: usize = file.effects.iter().map(|effect| effect.figures.len()).sum();
@@ -98,11 +102,13 @@ impl RunningScene {
         self.compile()
     }
 
-    /// Sets the named parameters of an effect; the others, and its memory, stay. A `reference` or `anchor` becomes the new
-    /// goal of the memory's reference, even where it equals the scene's (a client may have moved it since).
+    /// Sets the named parameters of an effect. Its other parameters and its memory stay. Setting
+    /// `reference` or `anchor` moves the effect's reference there, even if the value equals the
+    /// scene's, because a client can have moved the reference since.
     ///
     /// # Errors
-    /// No such effect, or everything that is wrong with the parameters; nothing changes then.
+    /// Fails if no effect has this id, or if parameters are not legal; the error then lists every
+    /// mistake. The scene stays unchanged.
     pub fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<CompiledScene, SetError> {
         let Some(index) = self.index_of(effect) else {
             let legal = self.file.effects.iter().map(|e| e.id.clone()).collect();
@@ -123,7 +129,7 @@ impl RunningScene {
         Ok(self.compile())
     }
 
-    /// Where the memory of an effect stands; `None` where no effect has this id.
+    /// Returns the place of an effect's memory. `None` if no effect has this id.
     #[must_use]
     pub fn slot_of(&self, effect: &str) -> Option<EffectPlace> {
         let index = self.index_of(effect)?;
@@ -132,20 +138,20 @@ impl RunningScene {
         Some(EffectPlace { slot, epoch, has_reference })
     }
 
-    /// The id of the effect whose memory stands in a slot.
+    /// Returns the id of the effect whose memory is in this slot. `None` if there is none.
     #[must_use]
     pub fn id_at(&self, slot: u8) -> Option<&str> {
         let index = self.memories.iter().position(|memory| memory.slot == slot)?;
         Some(&self.file.effects[index].id)
     }
 
-    /// The scene as it is now, with what was set.
+    /// Returns the scene file as it is now, including all changes by [`set`](Self::set).
     #[must_use]
     pub fn file(&self) -> &SceneFile {
         &self.file
     }
 
-    /// The revision of the last compiled scene; 0 before the first.
+    /// Returns the revision of the last compiled scene. 0 before the first.
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
@@ -163,7 +169,8 @@ impl RunningScene {
         let mut figures = Vec::new();
         let mut effects = Vec::new();
         for (effect, memory, leaving) in staying.chain(leaving) {
-            // What leaves gives way to what `set` makes of the rest.
+            // The effects of the running scene take precedence over those that fade out: `set` can
+            // need their room.
             if leaving && figures.len() + effect.figures.len() > MAX_FIGURES {
                 continue;
             }
@@ -185,13 +192,14 @@ impl RunningScene {
     }
 }
 
-/// The number after `n`; never 0, which stands for none.
+/// Returns the number after `n`, wrapping around. Skips 0, which means none.
 fn next(n: u32) -> u32 {
     n.wrapping_add(1).max(1)
 }
 
 impl SceneEffect {
-    /// This effect with some parameters changed.
+    /// Returns a copy of this effect with some parameters changed. Fails if they are not legal; the
+    /// error lists every mistake.
     fn with(&self, parameters: &Map<String, Value>) -> Result<Self, Diagnostics> {
         let mut report = Report::default();
         let mut all = self.settable();

@@ -1,5 +1,6 @@
-//! The reference and the files agree: every key has its row in docs/files.md, or docs/effects.md for kinds of effects, made from
-//! the schema that the checks use.
+//! The reference pages agree with the checks: every key has its row in docs/files.md, or in
+//! docs/effects.md for kinds of effects. The rows are generated from the schema that the checks
+//! use.
 
 use std::fmt::Write;
 
@@ -12,7 +13,8 @@ use crate::folder;
 const FILES: &str = "docs/files.md";
 const EFFECTS: &str = "docs/effects.md";
 
-/// What stands between the marks `<!-- NAME -->` and `<!-- end -->`, for each name.
+/// Returns for each NAME the text that must be between the marks `<!-- NAME -->` and `<!-- end -->`
+/// of a page.
 fn tables(page: &str) -> Vec<(String, String)> {
     let described =
         |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
@@ -42,7 +44,7 @@ fn tables(page: &str) -> Vec<(String, String)> {
     all
 }
 
-/// A table of the properties of a schema.
+/// Writes a schema's properties as a Markdown table.
 fn rows(schema: &Value) -> String {
     let mut table = "| key | meaning | unit | range | default |\n|---|---|---|---|---|\n".to_owned();
     let required = schema["required"].as_array().cloned().unwrap_or_default();
@@ -61,7 +63,7 @@ fn rows(schema: &Value) -> String {
     table
 }
 
-/// A number as a person writes it, anything else as JSON.
+/// Writes a number as a person would, and anything else as JSON.
 fn whole(value: &Value) -> String {
     match value {
         Value::Array(a) => format!("[{}]", a.iter().map(whole).collect::<Vec<_>>().join(", ")),
@@ -69,7 +71,7 @@ fn whole(value: &Value) -> String {
     }
 }
 
-/// What a property may be.
+/// Describes the legal values of a property.
 fn range(property: &Value) -> String {
     let bound = |key: &str| property.get(key).filter(|v| v.is_number()).map(angle);
     if let Some(words) = property["legal"].as_str() {
@@ -128,7 +130,8 @@ fn angle(bound: &Value) -> String {
     }
 }
 
-/// With HBOT_BLESS set the tables are written; without, they must be there already.
+/// Writes the tables into the pages if HBOT_BLESS is set. Otherwise checks that they are there
+/// already.
 #[test]
 fn every_key_stands_in_the_reference_as_the_checks_have_it() {
     for page in [FILES, EFFECTS] {
@@ -151,7 +154,7 @@ fn every_key_stands_in_the_reference_as_the_checks_have_it() {
     }
 }
 
-/// The examples in the reference are legal.
+/// The TOML examples in the reference pages are legal.
 #[test]
 fn examples_load() {
     let text = [FILES, EFFECTS].map(|page| std::fs::read_to_string(folder(page)).unwrap()).concat();

@@ -1,4 +1,4 @@
-//! Nothing that a file or a client says makes the reader panic.
+//! No content of a file or of a client's message makes the reader panic.
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use proptest::prelude::*;
@@ -51,7 +51,7 @@ fn any_json() -> impl Strategy<Value = Value> {
     })
 }
 
-/// A legal file with a stretch of it replaced.
+/// Generates damaged files: a legal text with one piece of it replaced.
 fn damaged(text: &'static str) -> impl Strategy<Value = String> {
     let chars: Vec<char> = text.chars().collect();
     let piece = prop_oneof!["\\PC{0,12}", "[-0-9.einfa\\[\\]{}=,\"' \n]{0,12}"];

@@ -1,11 +1,11 @@
-//! What single kinds of effects check beyond their ranges, recorded files, and fading out.
+//! Checks of single kinds of effects beyond ranges, recorded paths, and fading out.
 
 use hbot_config::{RunningScene, SceneFile};
 use hbot_core::effects::{Kind, MAX_OWN};
 use hbot_core::scene::{MAX_EFFECTS, MAX_FIGURES};
 use serde_json::{Map, Value, json};
 
-/// What is said of an effect of a kind with one more line, its fourth.
+/// Returns the error message for an effect of `kind` whose fourth line is `line`.
 fn said(kind: &str, line: &str) -> String {
     let text = format!("[[effect]]\nid = 'e'\nkind = '{kind}'\n{line}");
     SceneFile::from_toml(&text, "x.toml").expect_err(&text).to_string()
@@ -217,10 +217,10 @@ fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
     assert_eq!(second.figures(second.effects()[2].figures), first.figures(first.effects()[1].figures));
     assert_eq!(running.slot_of("a").unwrap().slot, 2);
     assert!(running.slot_of("b").is_none() && running.id_at(0).is_none());
-    // It stays while parameters are set, and is gone with the scene after the next.
+    // An effect that fades out stays while parameters are set, and is gone after the next `load`.
     assert_eq!(running.set("a", &map(json!({"gain": 2}))).unwrap().effects().len(), 3);
     assert_eq!(running.load(scene(&["a"], 0.0)).effects().len(), 1);
-    // Where the next scene is full there is no room to leave in.
+    // If the next scene uses all slots, no effect can fade out.
     running.load(scene(&["a", "b"], 2.0));
     let ids: Vec<String> = (0..MAX_EFFECTS).map(|i| format!("e{i}")).collect();
     let ids: Vec<&str> = ids.iter().map(String::as_str).collect();

@@ -1,4 +1,5 @@
-//! What the outside sees of rig and scene files: what loads, and what is said of what does not.
+//! Tests of the public interface for rig and scene files: what loads, and the messages for what
+//! does not.
 
 mod docs;
 mod garbage;
@@ -10,12 +11,12 @@ mod scene;
 
 use std::path::PathBuf;
 
-/// A folder at the top of the workspace.
+/// Returns the path of a file or folder at the top of the workspace.
 fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
 }
 
-/// All TOML files of a folder at the top of the workspace, at least one.
+/// Returns the paths of all TOML files in a folder at the top of the workspace, at least one.
 fn toml_files(name: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder(name)).unwrap();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();

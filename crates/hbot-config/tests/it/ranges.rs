@@ -1,10 +1,10 @@
-//! Every number of both files, pushed out of its range on each side.
+//! Every number of rig and scene files is refused outside its range, on each side.
 
 use hbot_config::scene::{kinds, phenomena};
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::Value;
 
-/// Values outside the range of a number's schema, as TOML writes them.
+/// Returns values outside the range of a number's schema, as TOML writes them.
 fn outside(schema: &Value) -> Vec<String> {
     let bound = |key: &str| schema[key].as_f64();
     let step = if schema["type"] == "integer" { 1.0 } else { 1.0e-9 };
@@ -20,7 +20,7 @@ fn outside(schema: &Value) -> Vec<String> {
     real.chain(["nan", "inf", "-inf", "1e300", "-1e300"].map(String::from)).collect()
 }
 
-/// Every number in a schema with its path; of arrays the first wheel and element.
+/// Collects every number in a schema with its path. For arrays it takes only the first element.
 fn numbers(schema: &Value, path: &str, found: &mut Vec<(String, Value)>) {
     match schema["type"].as_str() {
         Some("number" | "integer") if schema["enum"].is_null() => {
@@ -41,7 +41,7 @@ fn numbers(schema: &Value, path: &str, found: &mut Vec<(String, Value)>) {
     }
 }
 
-/// `file` with `value`, as TOML writes it, at `path`.
+/// Returns the text of `file` with `value`, in TOML syntax, at `path`.
 fn with(mut file: toml::Value, path: &str, value: &str) -> String {
     const MARK: &str = "here";
     let mut place = &mut file;
@@ -49,7 +49,7 @@ fn with(mut file: toml::Value, path: &str, value: &str) -> String {
         place = match key.strip_suffix(']') {
             Some(index) => {
                 if !place.is_array() {
-                    // A number that may be a matrix too.
+                    // The key accepts a number or a matrix. Here it becomes a matrix.
                     *place = toml::Value::from(vec![
                         vec![1.0, 0.0, 0.0],
                         vec![0.0, 1.0, 0.0],
@@ -65,7 +65,7 @@ fn with(mut file: toml::Value, path: &str, value: &str) -> String {
     toml::to_string(&file).unwrap().replace(&format!("{MARK:?}"), value)
 }
 
-/// Holds every number outside its range against a reader of texts, which must tell of it in one line.
+/// Checks that every value outside its range is refused with a message of one line.
 fn all_are_refused(
     numbers: &[(String, Value)],
     file: &toml::Value,
@@ -94,7 +94,7 @@ fn of_the_rig_file() {
     numbers(&RigConfig::schema(), "", &mut all);
     assert_eq!(all.len(), 49, "{all:?}");
     let mut file = toml::Value::Table(include_str!("../../../../rigs/prototype.toml").parse().unwrap());
-    // What may be a table is one.
+    // Keys that accept a table have one here, so that its numbers are tested.
     file["loop"]["rate_estimate"] = toml::Value::Table("method = 'kalman'".parse().unwrap());
     file["loop"].as_table_mut().unwrap().insert("passivity".to_owned(), toml::Table::new().into());
     let energy = "burst = 0.5\npower = 1".parse::<toml::Table>().unwrap();
@@ -104,7 +104,7 @@ fn of_the_rig_file() {
     });
 }
 
-/// A table of the defaults of a schema.
+/// Returns a TOML table with the default of each property of a schema.
 fn defaults(schema: &Value) -> toml::Table {
     let properties = schema["properties"].as_object().unwrap();
     properties.iter().map(|(name, p)| (name.clone(), toml::Value::try_from(&p["default"]).unwrap())).collect()
@@ -121,7 +121,7 @@ fn of_scenes() {
         for (name, parameter) in kind.schema["properties"].as_object().unwrap() {
             let mut value = toml::Value::try_from(&parameter["default"]).unwrap();
             if let Some(list) = value.as_array_mut().filter(|list| list.is_empty()) {
-                // A list that is empty by default gets an element to be put out of range.
+                // A list that is empty by default gets an element, whose range can then be tested.
                 list.push(match parameter["items"]["minItems"].as_u64() {
                     Some(numbers) => toml::Value::from(vec![0.0; numbers as usize]),
                     None => 0.0.into(),

@@ -1,4 +1,4 @@
-//! Rig files: what the prototype says, defaults, and one case for each kind of mistake.
+//! Tests of rig files: the prototype's values, defaults, and one case for each kind of mistake.
 
 use hbot_config::rig::{Port, Protocol};
 use hbot_config::{LoadError, Override, RigConfig};
@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::{folder, toml_files};
 
-/// The least that a rig file can say.
+/// The shortest legal rig file.
 const LEAST: &str = r#"
 sphere = { radius = 0.1, mass = 0.5 }
 [[wheel]]
@@ -27,7 +27,8 @@ steer = { counts_per_turn = 4096, peak = 1, continuous = 0.1 }
 drive = { counts_per_turn = 4096, motor = false }
 "#;
 
-/// What is said of the least rig file with one piece of its text replaced (the first of its kind).
+/// Returns the error message for the shortest rig file after the first `from` in it is replaced by
+/// `to`.
 fn said(from: &str, to: &str) -> String {
     assert!(LEAST.contains(from), "{from}");
     said_of(&LEAST.replacen(from, to, 1))
@@ -58,7 +59,7 @@ fn the_prototype_is_built_in_and_is_the_paper_s() {
         assert_eq!((spec.cone, spec.toe, spec.radius), (0.1745, 0.0, 0.0155));
         assert_eq!((spec.steer_inertia, spec.drive_inertia, spec.axial_inertia), (2.7e-5, 3.5e-6, 0.0));
         let axis = hbot_core::Vec3::new(side, 0.0, -1.0) * std::f64::consts::FRAC_1_SQRT_2;
-        // Two roundings of a unit vector.
+        // The tolerance is the rounding of a unit vector, twice.
         assert!((spec.axis - axis).length() < 4.0 * f64::EPSILON);
     }
     for (i, joint) in config.rig.joints[..device.joints()].iter().enumerate() {
@@ -122,7 +123,7 @@ fn every_choice_of_methods_is_understood() {
     }
 }
 
-/// The rig of a file whose `[loop]` says this.
+/// Returns the rig of a file whose table `[loop]` contains `said`.
 fn with_loop(said: &str) -> RigConfig {
     RigConfig::from_toml(&format!("{LEAST}\n[loop]\n{said}"), "x.toml").unwrap_or_else(|e| panic!("{e}"))
 }
@@ -142,7 +143,7 @@ fn paths_and_allocations_are_understood() {
     }
 }
 
-/// The names that the server and the studies say are those that a rig file takes.
+/// The server and the studies name methods as rig files do.
 #[test]
 fn methods_are_named_as_in_rig_files() {
     for (odometry, path) in OdometryMethod::ALL.into_iter().zip(PathFit::ALL) {
@@ -190,7 +191,7 @@ fn passivity_is_off_on_or_a_table() {
         limit("{ allowance = 0, store = 0.1, damping = 0.3 }"),
         Some(PassivityLimit { allowance: 0.0, store: 0.1, damping: 0.3 })
     );
-    // 2/3 m R² over four periods.
+    // 2/3 m R², over four loop periods.
     let slow = with_loop("rate_hz = 250\npassivity = true").rig;
     let want = slow.device.sphere_inertia() / 4.0 / 4e-3;
     assert!((slow.methods.passivity.unwrap().damping - want).abs() < 1e-12);
@@ -363,9 +364,9 @@ fn a_rig_may_have_several_ports() {
     let second = second.replace("{ counts", "{ port = 1, counts");
     let config = RigConfig::from_toml(&format!("{first}[[wheel]]{second}{ports}"), "x.toml").unwrap();
     assert_eq!(config.link.port.to_string(), "/dev/ttyACM0, /dev/ttyACM1");
-    // Places are counted on each line by itself.
+    // Positions are counted separately on each line.
     assert_eq!((config.ports, config.controllers), (vec![0, 0, 1, 1], vec![0, 1, 0, 1]));
-    // On the simulated rig the same file works: it has one line for all.
+    // The same file works on the simulated rig, which has one line for all joints.
     let simulated = RigConfig::from_toml(&format!("{first}[[wheel]]{second}"), "x.toml").unwrap();
     assert_eq!(simulated.link.port, Port::Sim);
     assert_eq!(
@@ -420,7 +421,7 @@ fn mistakes_are_told_all_at_once() {
         lines.lines().next(),
         Some("x.toml:2:33: sphere.mass: -1 is out of range; legal: 0.001 to 1000 kg")
     );
-    // One wheel's disagreement is told beside the other's type error.
+    // A mistake in one wheel is reported together with a type error in the other.
     let text = LEAST.replacen("continuous = 0.1", "continuous = 2", 1).replace("motor = false", "motor = 0");
     assert_eq!(
         said_of(&text),
@@ -438,7 +439,7 @@ fn the_command_line_overrides_and_is_named_in_messages() {
     assert_eq!(load("loop.accuracy", json!("exact"), "--accuracy").unwrap().accuracy, "exact");
     let error = load("loop.rate_hz", json!(7), "--rate").unwrap_err();
     assert_eq!(error.to_string(), "--rate: loop.rate_hz: 7 is out of range; legal: 50 to 20000 Hz");
-    // A table that the file does not have is made.
+    // An override creates a table that the file does not have.
     let over = [Override { path: "api.listen", value: json!("[::]:1"), from: "--listen" }];
     assert!(RigConfig::from_toml_with(LEAST, "x.toml", &over).unwrap().api.needs_token());
 }
@@ -465,7 +466,7 @@ fn an_encrypted_service_names_both_its_files() {
     assert_eq!((tls.certificate, tls.key), (folder.path().join("a.pem"), "/k/b.pem".into()));
     assert_eq!(RigConfig::prototype().api.tls, None);
     let lines = LEAST.lines().count();
-    // What the column points at, and what is said of it.
+    // The text that the column points at, and the message.
     for (table, at, what) in [
         ("{ certificate = 'a.pem' }", "{", "api.tls.key: missing; legal: a string"),
         ("{ certificate = 'a.pem', key = 1 }", "1", "api.tls.key: found 1; legal: a string"),
@@ -492,18 +493,19 @@ fn the_loop_may_have_a_processor_of_its_own() {
 #[test]
 fn the_share_of_a_line_that_frames_take() {
     let link = RigConfig::prototype().link;
-    // 60 bytes of 10 bits, 1000 times a second, on 3 Mbaud.
+    // 60 bytes of 10 bits, 1000 times per second, at 3 Mbaud.
     assert_eq!(link.load(60, 1000), 0.2);
 }
 
-/// A program without files and one with them mean the same by what nobody states.
+/// An absent key of a rig file has the default of the core, so that programs with and without files
+/// behave alike.
 #[test]
 fn what_a_file_does_not_state_is_the_default_of_the_core() {
     let rig = RigConfig::from_toml(LEAST, "x.toml").unwrap().rig;
     let joint = hbot_core::rig::Joint { continuous: 0.1, ..hbot_core::rig::Joint::new(4096, 1.0) };
     let mut parts = hbot_core::RigParts::new(rig.device);
     parts.joints[..3].fill(joint);
-    // The last one of the least file has no motor.
+    // The last joint of the shortest file has no motor.
     parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
     assert_eq!(*rig, parts);
 }

@@ -1,4 +1,4 @@
-//! The running scene: memories, revisions, and what `set` does and refuses.
+//! Tests of the running scene: memories, revisions, and what `set` does and refuses.
 
 use hbot_config::scene::SetError;
 use hbot_config::{RunningScene, SceneFile};
@@ -51,7 +51,7 @@ fn set_changes_what_it_names_and_keeps_the_memory() {
     let json = running.file().effects()[0].to_json();
     assert_eq!((&json["stiffness"], &json["damping"]), (&json!(3.0), &json!(0.5)));
     assert_eq!(after.effects()[1], before.effects()[1]);
-    // What runs is what the file says.
+    // The running scene's file, written as JSON and read again, is unchanged.
     assert_eq!(SceneFile::from_json(running.file().to_json()).unwrap(), *running.file());
 }
 

@@ -1,4 +1,4 @@
-//! Scene files: what loads, and one case for each kind of mistake.
+//! Tests of scene files: what loads, and one case for each kind of mistake.
 
 use hbot_config::SceneFile;
 use hbot_config::scene::{Hand, kinds, phenomena};
@@ -16,7 +16,7 @@ fn said(text: &str) -> String {
     SceneFile::from_toml(text, "x.toml").expect_err(text).to_string()
 }
 
-/// What is said of a spring with one more line, its fourth.
+/// Returns the error message for a spring whose fourth line is `line`.
 fn said_of_spring(line: &str) -> String {
     said(&format!("[[effect]]\nid = 's'\nkind = 'spring'\n{line}"))
 }
@@ -71,7 +71,7 @@ fn parameters_reach_the_core() {
     assert_eq!(*spring.kind(), Kind::Spring(legal));
 }
 
-/// All of them, as a message lists them.
+/// The names of all kinds of effects, as a message lists them.
 const KINDS: &str = "\"constant\", \"spring\", \"damper\", \"inertia\", \"friction\", \"detents\", \"snaps\", \
     \"end_stop\", \"guide\", \"texture\", \"vibration\", \"pendulum\", \"magnet\", \"pulse\", \"track\"";
 
@@ -234,7 +234,8 @@ fn what_is_listed_as_default_is_what_absence_means() {
 
 #[test]
 fn a_list_of_nothing_but_mistakes_is_told_to_its_hundredth_and_looked_at_no_further() {
-    // As many as a message of 64 KiB holds, in the encoding that makes them shortest. Without a bound this takes minutes.
+    // As many effects as a message of 64 KiB can hold in its shortest encoding. Without the limit
+    // on mistakes this takes minutes.
     for effect in [json!({}), json!(0), json!({"kind": "sprng"})] {
         let mistakes = SceneFile::from_json(json!({"effect": vec![effect; 60_000]})).unwrap_err();
         assert!(mistakes.len() <= 101, "{}", mistakes.len());

@@ -1,30 +1,35 @@
-//! The joint torques of least cost by the dual problem.
+//! Finds the joint torques of least cost by solving the dual problem.
 //!
-//! Where the target is within reach, the torques are x_k = clip(give_k b_k.y) for some y of three numbers: the
-//! minimiser of the convex, piecewise quadratic D(y) = sum psi_k(b_k.y) - target.y with psi_k' = clip. Newton's
-//! step is exact on each piece, and the line search is exact too, so the method ends after a few steps. On the
-//! border of the reach y is not unique (it may go to infinity along the facet's normal), but x is.
+//! If the target is reachable, the torques are x_k = clip(give_k b_k.y) for some vector y of three
+//! numbers. This y minimises the convex, piecewise quadratic function D(y) = sum psi_k(b_k.y) -
+//! target.y, in which the derivative of psi_k(z) is clip(give_k z). A Newton step is exact on each
+//! piece and the line search is exact too, so the method ends after a few steps. On the border of
+//! the reachable set y is not unique and can go to infinity along the facet's normal, but x is
+//! unique.
 
 use super::problem::Problem;
 use crate::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
-/// Random problems take 2 to 9, degenerate ones up to 20. Where that is not enough, the best so far gets its last steps.
+/// Largest number of Newton steps. Random problems take 2 to 9, degenerate ones up to 20. If this
+/// is not enough, the final corrections start from the best solution so far.
 const MAX_STEPS: usize = 32;
 
-/// What may be left over at the end, beside the terms that it is the difference of: half the digits. Only rows that are
-/// parallel but for a few digits use that up, where the border of the reach itself is known no better.
+/// Largest residual of an accepted solution, relative to the sizes of its terms: half of the
+/// digits. Only problems with nearly parallel rows come close to it. For them rounding also limits
+/// how accurately the border of the reachable set is known.
 const FORGIVEN: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// The y of the torques of least cost for `direction`, were there no limits.
+/// Returns the dual variable y of the least-cost torques that make `direction`, without limits.
 pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
     let mut moment = Sym3::ZERO;
     for k in 0..problem.n {
         moment.add(problem.rows[k], problem.give[k]);
     }
     let mut y = solve(&moment, direction);
-    // Costs that differ by many orders make the moment ill-conditioned, whatever the rows.
+    // Refinement: costs that differ by many orders of magnitude make the moment ill-conditioned,
+    // whatever the rows.
     for _ in 0..3 {
         let mut left = direction;
         for k in 0..problem.n {
@@ -35,7 +40,8 @@ pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
     y
 }
 
-/// The torques of `size` times y, if none is over its limit and they do make `size` times `direction`.
+/// Returns the joint torques that belong to the dual variable `size` times `y`. Returns `None` if
+/// one of them exceeds its limit, or if they do not make `size` times `direction`.
 pub(super) fn unsaturated(
     problem: &Problem,
     y: Vec3,
@@ -55,7 +61,8 @@ pub(super) fn unsaturated(
     (made && x.iter().all(|x| fabs(*x) <= 1.0)).then_some(x)
 }
 
-/// The torques of least cost within the limits that make `target`, starting at `y`; `None` where they do not.
+/// Returns the least-cost joint torques within the limits that make `target`, or `None` if they
+/// miss it. The search starts at `y`.
 pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[Real; MAX_JOINTS]> {
     let mut best = [0.0; MAX_JOINTS];
     let (mut least, mut stalls) = (Real::INFINITY, 0);
@@ -67,7 +74,7 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
         let (left, step, sizes) = newton(problem, target, &x);
         let size = sizes.max_element();
         let error = left.abs().max_element();
-        // Far out y has few digits left, and no step makes the error less.
+        // Far from the origin y has few accurate digits, and steps stop reducing the error.
         stalls = if error < 0.5 * least { 0 } else { stalls + 1 };
         if error < least {
             (best, least) = (x, error);
@@ -78,7 +85,8 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
         let noise = problem.rounding * size * step.abs().element_sum();
         y += step * line_search(problem, y, step, -left.dot(step), noise);
     }
-    // The torques of the joints between their limits have more digits than y: they themselves take the last steps.
+    // The torques of the joints between their limits have more accurate digits than y. So the last
+    // steps correct these torques directly.
     for _ in 0..4 {
         let (left, step, sizes) = newton(problem, target, &best);
         least = left.abs().max_element() / sizes.max_element();
@@ -94,9 +102,12 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
     (least <= FORGIVEN).then_some(best)
 }
 
-/// Makes `target` of joint torques that make it but for a part of their terms, to rounding in each coordinate: one may be that of an
-/// axis a thousand times as strong as another's, and there a little of it is much. What the joints between their limits change is the
-/// least possible, whatever it costs.
+/// Corrects the joint torques `x` so that they make `target` to within rounding in each coordinate.
+///
+/// `x` must already make `target` except for a small error. Each coordinate is treated separately
+/// because one axis can be a thousand times as strong as another, and an error that is small for
+/// the one is large for the other. The joints between their limits change as little as possible.
+/// Their costs are ignored.
 pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]) {
     let equal = Problem { give: [1.0; MAX_JOINTS], ..*problem };
     let mut next = *x;
@@ -118,7 +129,9 @@ pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]
     }
 }
 
-/// What the torques x leave of the target, Newton's step of y for it, and the sizes of the terms of the difference.
+/// Returns three vectors: the residual of `target` that the joint torques `x` leave, the Newton
+/// step of y for this residual, and the sum of the sizes of the residual's terms in each
+/// coordinate.
 fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec3, Vec3) {
     let mut left = target;
     let mut size = target.abs();
@@ -134,20 +147,27 @@ fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec
     (left, solve(&moment, left), size)
 }
 
-/// Newton's step. Directions that no joint between its limits reaches get a long one, which the line search cuts to
-/// what is right; coordinates that are not in use, none.
+/// Returns the Newton step for the residual `left`.
+///
+/// In a direction that no joint between its limits reaches, the step is long, and the line search
+/// then shortens it. In a coordinate that is not in use, the step is zero.
 fn solve(moment: &Sym3, left: Vec3) -> Vec3 {
     let trace = moment.trace();
     moment.solve(left, if trace > 0.0 { 8.0 * Real::EPSILON * trace } else { 1.0 })
 }
 
-/// Where along `step` the dual function is least: its slope is piecewise linear, so walk from corner to corner until
-/// it crosses zero, or is within `noise` of it. `slope` is that at the start, negative.
+/// Returns the multiple of `step` at which the dual function is least.
 ///
-/// On the border of the reach the slope only comes to zero, and rounding must not send y to infinity: so the walk ends
-/// within `noise`, and a row that is at right angles to the step but for rounding does not move.
+/// The slope of the dual function along `step` is piecewise linear. The search walks from corner to
+/// corner until the slope crosses zero or comes within `noise` of it. `slope` is the slope at the
+/// start and is negative.
+///
+/// On the border of the reachable set the slope only approaches zero, and rounding must not send y
+/// to infinity. Therefore the walk ends within `noise`, and a row that is at right angles to the
+/// step except for rounding is treated as constant.
 fn line_search(problem: &Problem, y: Vec3, step: Vec3, mut slope: Real, noise: Real) -> Real {
-    // Between `from` and `to` joint k is between its limits and bends the slope by `bend`.
+    // For a position between `from` and `to`, joint k is between its limits and adds `bend` to the
+    // curvature.
     let mut from = [Real::INFINITY; MAX_JOINTS];
     let mut to = [Real::INFINITY; MAX_JOINTS];
     let mut bend = [0.0; MAX_JOINTS];
@@ -176,7 +196,8 @@ fn line_search(problem: &Problem, y: Vec3, step: Vec3, mut slope: Real, noise: R
         }
         let root = if curvature > 0.0 { alpha - slope / curvature } else { Real::INFINITY };
         if root <= corner {
-            // With no corner left the slope stays as it is: only rounding can want to go on.
+            // If no corner is left, the slope is constant, and only rounding could ask for a longer
+            // step.
             return if root.is_finite() { root } else { alpha };
         }
         slope += curvature * (corner - alpha);

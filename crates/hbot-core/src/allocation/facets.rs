@@ -1,27 +1,29 @@
-//! The facets of what limited joints can make.
+//! The facets of the set of torques that joints with limits can make.
 //!
-//! The torques within reach, sums of x_k b_k with |x_k| <= 1, form a zonotope: a centrally symmetric polytope. The
-//! planes that bound it are spanned by two rows each (n = b_i x b_j), because on a facet every row that is not parallel
-//! to it must be at its limit; and the farthest that it extends along n is the sum of |b_k.n|. A torque s v is inside
-//! if and only if s |v.n| is at most that for all of these n.
+//! The reachable torques, sums of x_k b_k with |x_k| <= 1, form a zonotope: a centrally symmetric
+//! polytope. Each plane that bounds it is spanned by two rows and has the normal n = b_i x b_j. The
+//! reason is that on a facet every row that is not parallel to the facet is at its limit. The
+//! zonotope extends along n by the sum of |b_k.n|. A torque s v is inside if and only if s |v.n| is
+//! at most this sum for all of these normals.
 
 use super::problem::Problem;
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
 
-/// The facet where a ray from the origin leaves the zonotope.
+/// The facet at which a ray from the origin leaves the zonotope of reachable torques.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facet {
-    /// How often the direction fits: the ray leaves at `reach` times it. Infinite for a zero direction.
+    /// The multiple of the ray's direction at which the ray leaves the zonotope. Infinite for a
+    /// zero direction.
     pub(super) reach: Real,
     normal: Vec3,
     span: [usize; 2],
 }
 
-/// The facet where the ray along `direction` leaves the zonotope.
+/// Returns the facet at which the ray along `direction` leaves the zonotope of reachable torques.
 ///
-/// Any normal gives a bound that holds; the facets' give the least. So nearly parallel rows, whose cross product is
-/// half rounding, cannot make the answer too small.
+/// The bound by any normal is valid, and those of the facets are the smallest. So nearly parallel
+/// rows, whose cross product is half rounding, cannot make the answer too small.
 pub(super) fn nearest(problem: &Problem, direction: Vec3) -> Facet {
     let mut best = Facet { reach: Real::INFINITY, normal: Vec3::ZERO, span: [0, 0] };
     let rows = &problem.rows[..problem.n];
@@ -54,8 +56,11 @@ pub(super) fn nearest(problem: &Problem, direction: Vec3) -> Facet {
     best
 }
 
-/// The only joint torques that make `target`, a point of a facet spanned by two rows alone; `None` where more rows lie
-/// in the facet (or the rank is below 3), so that there is a choice, or where rounding left no answer.
+/// Returns the joint torques that make `target`, a point on `facet`, as parts of their peaks. On a
+/// facet that is spanned by exactly two rows they are unique.
+///
+/// Returns `None` if more than two rows lie in the facet or the rank is below 3, because the
+/// torques are then not unique. Also returns `None` if rounding left no valid answer.
 pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option<[Real; MAX_JOINTS]> {
     let [i, j] = facet.span;
     if i == j {
@@ -63,7 +68,8 @@ pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option
     }
     let n = if facet.normal.dot(target) < 0.0 { -facet.normal } else { facet.normal };
     let (bi, bj) = (problem.rows[i], problem.rows[j]);
-    // The normal is known to rounding of |b_i| |b_j|; a row no farther off the facet may lie in it.
+    // The normal is known only to the rounding of |b_i| |b_j|. A row this close to the facet could
+    // lie in it.
     let doubt = problem.rounding * problem.rounding * bi.length_squared() * bj.length_squared();
     let mut x = [0.0; MAX_JOINTS];
     let mut rest = target;
@@ -79,11 +85,12 @@ pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option
         x[k] = if height > 0.0 { 1.0 } else { -1.0 };
         rest -= b * x[k];
     }
-    // Cramer's rule with n = b_i x b_j, as it was before its sign was chosen.
+    // Cramer's rule with n = b_i x b_j, before its sign was changed.
     let square = facet.normal.length_squared();
     x[i] = rest.cross(bj).dot(facet.normal) / square;
     x[j] = bi.cross(rest).dot(facet.normal) / square;
-    // Outside by more than the rounding of a well-spanned facet: leave it to the general way.
+    // The solution exceeds a limit by more than the rounding of a well-spanned facet. The general
+    // method has to solve it.
     let limit = 1.0 + 1024.0 * Real::EPSILON;
     (fabs(x[i]) <= limit && fabs(x[j]) <= limit).then_some(x)
 }

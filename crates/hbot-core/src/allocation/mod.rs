@@ -1,17 +1,22 @@
-//! Joint torques for a torque on the sphere (physics notes, section 7).
+//! Allocates joint torques: finds the joint torques that make a given torque on the sphere (physics
+//! notes, section 7).
 //!
-//! Given the torque T wanted, find the largest s in \[0, 1\] for which some joint torques tau within their limits have
-//! Gᵀ tau = s T, and of those the ones of least cost 1/2 sum w_j tau_j². Both are unique; the direction of T is kept.
+//! Let T be the torque wanted on the sphere. The allocation finds the largest s in \[0, 1\] for
+//! which joint torques tau within their limits satisfy Gᵀ tau = s T. Of all such torques it takes
+//! those of least cost 1/2 sum w_j tau_j². Both s and tau are unique. The direction of T is kept;
+//! only its size is reduced.
 //!
-//! From the quickest way to the slowest:
+//! The methods, from the fastest to the slowest:
 //!
-//! 1. the torques of least cost, limits aside: if none is over its limit, that is all ([`allocate`] itself);
-//! 2. two wheels: closed forms (`pair`);
-//! 3. more wheels: s by the facets of the polytope of torques within reach (`facets`), then tau by that facet, or by a
-//!    dual problem of three variables (`dual`);
-//! 4. driven rows close to losing rank: the same in their principal axes (`reach`), for what is kept of T there (`weak`).
+//! 1. The torques of least cost without limits. If none exceeds its limit, they are the result.
+//!    [`allocate`] does this itself.
+//! 2. For two wheels, closed forms (`pair`).
+//! 3. For more wheels, s comes from the facets of the polytope of reachable torques (`facets`).
+//!    Then tau comes from the facet, or from a dual problem in three variables (`dual`).
+//! 4. If the driven rows of G are close to losing rank, the problem is solved in their principal
+//!    axes (`reach`), for the part of T that can be kept (`weak`).
 //!
-//! Contact forces and the limit of traction come after (`traction`).
+//! Contact forces and the traction limit are computed afterwards (`traction`).
 
 mod dual;
 mod facets;
@@ -32,40 +37,52 @@ use crate::rig::Rig;
 use reach::Reach;
 use weak::Share;
 
-/// A singular value of the peak-scaled driven rows (rows t_j g_j) beside what it is held against, from which on its direction is
-/// there as any other (see [`allocate`]).
+/// Relative strength from which a direction of torque counts as fully available.
 ///
-/// The prototype with all four motors never comes below 0.119. At 0.01 a torque in the weak direction has 1 % of the
-/// size that one in the strong direction has: keeping T's direction would let its other parts go limp as well.
+/// The strength of a direction is a singular value of the peak-scaled driven rows: the rows g_j of
+/// G that have a motor, times the joints' largest torques t_j. It is taken relative to a level that
+/// [`allocate`] defines.
+///
+/// The prototype with all four motors never falls below 0.119. At 0.01, the joints make in the weak
+/// direction only 1 % of the torque that they make in the strong direction. To keep the direction
+/// of the wanted torque there would make its other components almost vanish too.
 pub const WHOLE: Real = 0.01;
 
-/// The same ratio up to which a direction counts as lost: the part of T along it is left out. In between a part of that part is
-/// asked for, so that nothing jumps as the ratio moves through.
+/// Relative strength up to which a direction of torque counts as lost, on the same scale as
+/// [`WHOLE`].
+///
+/// The component of the wanted torque along a lost direction is left out. Between `LOST` and
+/// [`WHOLE`] a fraction of the component is made, so that the torque does not jump when the
+/// strength changes.
 pub const LOST: Real = 0.002;
 
-/// What each joint can give, and what its torque costs. Joints in the order steer, drive per wheel.
+/// The largest torque and the cost of each joint, in the order steer, drive per wheel.
 ///
-/// A joint gives nothing (a dead motor, no motor) where its peak is 0; likewise where its peak or weight is not
-/// positive and finite.
+/// A joint is not driven (it has a dead motor, or none) if its peak is 0. It also counts as not
+/// driven if its peak or its weight is negative, zero, infinite or NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLimits {
-    /// Largest torque t_j, N m.
+    /// Largest torque t_j of each joint, N m.
     pub peak: [Real; MAX_JOINTS],
-    /// Weight w_j in the cost 1/2 sum w_j tau_j², 1/m² for the default of [`ContactArms::weights`]. Only ratios matter.
+    /// Weight w_j of each joint in the cost 1/2 sum w_j tau_j² of the joint torques tau_j. Only
+    /// ratios of weights matter. The default weights of [`ContactArms::weights`] are in 1/m².
     pub weight: [Real; MAX_JOINTS],
 }
 
 impl JointLimits {
-    /// No joint gives anything; each weighs 1.
+    /// Limits with which no joint is driven. Every weight is 1.
     pub const NONE: Self = Self { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
 
-    /// The joints of `rig`: its peaks, and the weights with which the least-cost torques least load the contacts.
+    /// Returns the limits of the joints of `rig`: its peak torques, and the default weights, with
+    /// which the least-cost torques load the contacts least.
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
         Self::of_device(&rig.device, |joint| rig.joints[joint].peak)
     }
 
-    /// The joints of `device` with these peaks (N m, one a joint), weighed as [`of`](Self::of) does.
+    /// Returns the limits of the joints of `device`, with the default weights.
+    ///
+    /// `peak` maps the index of a joint to its largest torque, N m.
     #[must_use]
     pub fn of_device(device: &Device, peak: impl Fn(usize) -> Real) -> Self {
         let mut limits = Self::NONE;
@@ -85,55 +102,74 @@ impl JointLimits {
     }
 }
 
-/// Joint torques, and what they make of the torque wanted.
+/// The joint torques found for a wanted torque T on the sphere, and how much of T they make.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allocation {
     /// Joint torques tau, N m, in the order steer, drive per wheel; 0 beyond the device's joints.
     pub torque: [Real; MAX_JOINTS],
-    /// The s in Gᵀ tau = s T, 0 to 1: what saturation left of the torque wanted. Where `deficient`, T is what was kept of it, T*.
+    /// Fraction s of the wanted torque T that the joint torques make, 0 to 1: Gᵀ tau = s T. It is
+    /// below 1 if joints saturate. If `deficient` is true, T stands for the part of the wanted
+    /// torque that was kept.
     pub scale: Real,
-    /// T had a part that the driven joints cannot make, here or in any size, and that was left out, whole or a part of it.
+    /// True if a component of the wanted torque was left out, in full or in part, because the
+    /// driven joints cannot make torque in that direction at this posture.
     pub deficient: bool,
 }
 
 impl Allocation {
-    /// No torque at all.
+    /// A result with zero torque at every joint.
     const fn nothing(scale: Real, deficient: bool) -> Self {
         Self { torque: [0.0; MAX_JOINTS], scale, deficient }
     }
 }
 
-/// The joint torques for the torque `wanted` on the sphere, N m in N, given the rows of G (steer, drive per wheel; at
-/// most [`MAX_JOINTS`], further ones are left out).
+/// Returns the joint torques that make the torque `wanted` on the sphere (N m, frame N), as far as
+/// the limits allow.
 ///
-/// Never more than a joint's peak, never NaN. T = 0 gives no torque and scale 1; a T that is not finite, or one
-/// without any motor to make it, no torque and scale 0.
+/// If joints saturate, the torque is reduced in size and its direction is kept. Of all solutions,
+/// the result is the one of least cost. `rows` are the rows of G, in the order steer, drive per
+/// wheel. Rows beyond [`MAX_JOINTS`] are ignored.
 ///
-/// # Where the driven joints lose a direction
+/// No torque exceeds its joint's peak, and none is NaN. A zero `wanted` gives zero torque and a
+/// scale of 1. If `wanted` is not finite, or no joint is driven, the result is zero torque and a
+/// scale of 0.
 ///
-/// Let sigma_i and u_i be the singular values (largest first) and principal axes of the peak-scaled driven rows: the joints make sigma_i
-/// along u_i, and at most the root of their number times that. A direction is lost where wheels undo each other, so that little is left
-/// of what they give. So it is not sigma_1 alone that sigma_i is held against, but
+/// # When the driven joints lose a direction
+///
+/// At some postures the driven joints can make almost no torque in one direction. The component of
+/// the wanted torque T in that direction is then reduced or left out, because to keep the direction
+/// of T would make all of its components small. [`Allocation::deficient`] is then true.
+///
+/// In detail, let sigma_i be the singular values of the peak-scaled driven rows, largest first, and
+/// u_i their principal axes. Along u_i the joints can make a torque of at least sigma_i, and of at
+/// most sigma_i times the square root of the number of joints. A direction is lost if the wheels
+/// cancel each other there, so that little is left of what each can make alone. Therefore sigma_i
+/// is compared with a level that depends on the strength of single wheels:
 ///
 /// ```text
-/// level = min(sigma_1, 5 sigma_w),    sigma_w = the most that one wheel with both motors gives in both directions of its contact
+/// level = min(sigma_1, 5 sigma_w)
 /// ```
 ///
-/// which is a constant of the design. A wheel with a cone of 1e-3 has a thousand times its drive's torque at its steering; that direction is
-/// strong, and the others are none the weaker for it. A direction that rounding spoils counts as lost whatever a wheel gives.
+/// For each wheel with two motors, take the smaller singular value of its two peak-scaled rows.
+/// sigma_w is the largest of these values. It is a constant of the design. It matters for a wheel
+/// with a very small cone angle: at 1e-3 rad its steer joint is about a thousand times as strong as
+/// its drive joint. The steer direction is then strong, but the others are no weaker than before. A
+/// direction that is dominated by rounding counts as lost in any case.
 ///
-/// With a smooth step b_i of sigma_i / level, 0 at [`LOST`] and 1 at [`WHOLE`], and T_i the part of T along u_i, the answer is
+/// Let b_i be a smooth step of sigma_i / level, from 0 at [`LOST`] to 1 at [`WHOLE`]. Let T_i be
+/// the component of T along u_i, and tau(P) the exact solution for a torque P. The result is
 ///
 /// ```text
 /// b_3 tau(T)  +  (b_2 - b_3) tau(T_1 u_1 + T_2 u_2)  +  (1 - b_2) tau(T_1 u_1)
 /// ```
 ///
-/// with tau the exact answer. From [`WHOLE`] up it is that for T; `scale` is the mean of the three. As T makes no less than nothing along
-/// any of its parts, what is made never works against T. In tau of a part of T the axes beyond are held at zero, or left to chance where that is
-/// so little (below 1 % of what is made) that holding them would only cost the joints their strength.
+/// If all ratios are at least [`WHOLE`], this is tau(T). `scale` is the mean of the three scales
+/// with the same factors. No term works against T, so the sum never does. The solution for a part
+/// of T holds the torque along the remaining axes at zero. An axis is left uncontrolled if its
+/// torque would be below 1 % of the torque made: to hold it would only use up joint torque.
 ///
-/// A share depends on an axis by its singular value alone, and nothing jumps: not with the posture, not with T, not where
-/// two singular values pass each other.
+/// The result is continuous: it does not jump when the posture or T changes, nor when two singular
+/// values become equal.
 #[must_use]
 pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
     if let Ok(four) = <&[Vec3; 4]>::try_from(rows) {
@@ -143,10 +179,12 @@ pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation
     }
 }
 
-/// The torque of least cost scaled as a whole until no joint is over its limit: the quick substitute for [`allocate`].
+/// Returns the least-cost joint torques, scaled down together until no joint exceeds its limit. A
+/// faster substitute for [`allocate`].
 ///
-/// The same wherever no joint saturates; where one does, the direction of T is kept too, but `scale` may be
-/// smaller than what the joints together could make. Rows that lose rank are treated as [`allocate`] does.
+/// If no joint saturates, the result equals that of [`allocate`]. If one does, the direction of T
+/// is still kept, but `scale` can be smaller than the best possible. Rows that are close to losing
+/// rank are passed to [`allocate`].
 #[must_use]
 pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
     let rows = &rows[..rows.len().min(MAX_JOINTS)];
@@ -163,7 +201,8 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
             let reached = Real::min(size, 1.0 / largest);
             let mut torque = [0.0; MAX_JOINTS];
             for k in 0..rows.len() {
-                // Not above the limit by rounding either. A joint that gives nothing has 0 here, whatever its peak.
+                // Clamped, because rounding could exceed the limit. A joint that is not driven has
+                // 0 here, whatever its peak.
                 let tau = least.tau[k] * reached;
                 torque[k] =
                     if tau == 0.0 { 0.0 } else { Real::max(-limits.peak[k], Real::min(limits.peak[k], tau)) };
@@ -174,13 +213,16 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
     allocate(rows, limits, wanted)
 }
 
-/// The largest torque along the unit vector `direction` (in N) that the joints can make with none across, N m.
+/// Returns the largest torque, N m, that the joints can make along the unit vector `direction`
+/// (frame N) without any torque across it. Returns 0 if the driven rows cannot make torque along
+/// `direction`.
 ///
-/// s = min over pairs i < j of sum_k t_k |g_k.n| / |direction.n| with n = g_i x g_j: the facets of the zonotope of
-/// torques within the limits. 0 where the driven rows do not reach `direction` at all.
+/// The value is the minimum over pairs i < j of sum_k t_k |g_k.n| / |direction.n| with n = g_i x
+/// g_j. g_k are the rows of G and t_k the largest joint torques. Each pair of rows spans a facet of
+/// the zonotope of reachable torques.
 #[must_use]
 pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real {
-    // Below this ratio a singular value is rounding.
+    // A singular value below this fraction of the largest is rounding.
     const ROUNDING: Real = if Real::EPSILON < 1.0e-10 { 1.0e-7 } else { 1.0e-5 };
     let size = direction.abs().max_element();
     let Some(reach) = Reach::of(&rows[..rows.len().min(MAX_JOINTS)], limits) else { return 0.0 };
@@ -196,17 +238,17 @@ pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real 
     reach.capability(rank, unit) / size
 }
 
-/// The torques of least cost for a direction, limits aside.
+/// The joint torques of least cost that make a given direction of torque, without limits.
 struct LeastCost {
     tau: [Real; MAX_JOINTS],
-    /// The driven rows are far from losing rank, and `tau` is not harmed by rounding.
+    /// True if the driven rows are far from losing rank and `tau` is accurate despite rounding.
     sound: bool,
 }
 
 impl LeastCost {
     #[inline(always)]
     fn of(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
-        // Ratio of det to spread below which rounding spoils all.
+        // Below this ratio of determinant to spread, rounding dominates the solution.
         const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-6 } else { 1.0e-4 };
         let mut give = [0.0; MAX_JOINTS];
         let (mut moment, mut peaks) = (Sym3::ZERO, Sym3::ZERO);
@@ -223,10 +265,11 @@ impl LeastCost {
         let mut tau = [0.0; MAX_JOINTS];
         let y = inverse.solve(u);
         for (k, g) in rows.iter().enumerate() {
-            // The row of a joint that gives nothing may be anything.
+            // The row of a joint that is not driven can hold anything, even NaN.
             tau[k] = if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
         }
-        // One step of refinement: the adjugate alone loses the square of the rows' condition.
+        // One step of iterative refinement. The adjugate alone loses accuracy with the square of
+        // the rows' condition number.
         let mut left = u;
         for (k, g) in rows.iter().enumerate() {
             left -= if give[k] > 0.0 { *g * tau[k] } else { Vec3::ZERO };
@@ -239,14 +282,15 @@ impl LeastCost {
     }
 }
 
-/// [`allocate`], compiled once for four rows and once for any number.
+/// Implements [`allocate`]. It is inlined twice: for exactly four rows, and for any number.
 #[inline(always)]
 fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, wanted: Vec3) -> Allocation {
     let rows = rows.as_ref();
     if !wanted.is_finite() {
         return Allocation::nothing(0.0, false);
     }
-    // A direction of size about 1: nothing below over- or underflows however large or small T is.
+    // Scaled to a size of about 1, so that no step below overflows or underflows, however large or
+    // small T is.
     let size = wanted.abs().max_element();
     if size == 0.0 {
         return Allocation::nothing(1.0, false);
@@ -260,7 +304,7 @@ fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, want
     let mut within = true;
     for k in 0..rows.len() {
         torque[k] = least.tau[k] * size;
-        // A joint that gives nothing has no torque here, whatever its peak says.
+        // A joint that is not driven has zero torque here, whatever its peak.
         within &= fabs(torque[k]) <= limits.peak[k] || torque[k] == 0.0;
     }
     if within {
@@ -278,7 +322,7 @@ fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, want
     Allocation { torque, scale: if reached < size { reached / size } else { 1.0 }, deficient: false }
 }
 
-/// Any number of rows of any rank.
+/// Allocates for any number of rows of any rank. The wanted torque is `size` times `u`.
 #[inline(never)]
 fn allocate_any(rows: &[Vec3], limits: &JointLimits, u: Vec3, size: Real) -> Allocation {
     let Some(reach) = Reach::of(rows, limits) else {

@@ -1,38 +1,44 @@
-//! The joint torques that come nearest to a torque which motors and contacts cannot hold.
+//! Finds the joint torques that come nearest to a torque on the sphere that the motors and contacts
+//! cannot make in full.
 
 use super::{ContactArms, JointLimits, traction};
 use crate::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
-/// Rounds of the search. A direction that is weak by a hundred needs about ten.
+/// Largest number of rounds of the search. A direction that is weak by a factor of 100 needs about
+/// ten.
 const ROUNDS: u32 = 32;
 
-/// The damping of a common step relative to the strength of the joints that take it: half the digits.
-/// A direction weaker than the root of it is not asked for.
+/// Damping of the common step of all joints, relative to the strength of the joints that take part:
+/// half of the digits. A direction weaker than its square root is ignored.
 const DAMPING: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// A contact's whole grip, with the rounding of a torque that was scaled down to it.
+/// The largest load of a contact that counts as held, as a part of its grip. It allows for the
+/// rounding of a torque that was scaled down to the grip.
 const FULL: Real = 1.0 + 8.0 * Real::EPSILON;
 
-/// What the joint torques have to keep within.
+/// The limits that the joint torques must keep, and the rows of G that turn joint torques into a
+/// torque on the sphere.
 pub(crate) struct Bounds<'a> {
-    /// Rows of G, sphere axes to joints.
+    /// Rows of G, one per joint, in the order steer, drive per wheel. G maps the sphere's angular
+    /// velocity to joint rates.
     pub(crate) rows: &'a [Vec3],
     pub(crate) limits: &'a JointLimits,
-    /// One a wheel.
+    /// Lever arms of the contacts, one per wheel.
     pub(crate) arms: &'a [ContactArms],
-    /// The tangential force that each contact holds, N; `None` where it is not limited.
+    /// Largest tangential force of each contact, N. `None` if it is not limited.
     pub(crate) grip: Option<Real>,
 }
 
-/// The joint torques within `bounds` whose torque on the sphere is nearest to `torque` (N m), from
-/// those of `start`, which are within them (N m, steer, drive per wheel).
+/// Returns the joint torques (N m; steer, drive per wheel) within `bounds` whose torque on the
+/// sphere is nearest to `torque` (N m).
 ///
-/// Each round moves one joint after the other to where it alone brings the torque nearest, and then
-/// all joints that are between their limits together, by the least change that would make the rest.
-/// The first finds which joints stay at their limits; the second is quick where rows are nearly
-/// parallel. No step leads away.
+/// The search begins at `start`, which must be within the bounds. Each round has two steps. First
+/// each joint in turn moves to the value that alone brings the torque nearest. Then all joints
+/// between their limits move together, by the least change that would make the rest. The first step
+/// finds the joints that stay at their limits. The second makes the search fast if rows are nearly
+/// parallel. No step increases the distance.
 pub(crate) fn nearest(bounds: &Bounds<'_>, start: [Real; MAX_JOINTS], torque: Vec3) -> [Real; MAX_JOINTS] {
     let mut joints = start;
     let mut left = torque;
@@ -76,8 +82,8 @@ fn together(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec
     if moment.trace() == 0.0 {
         return;
     }
-    // What the joints between their limits cannot turn at all is damped, or its rounding would be all
-    // of the answer.
+    // Damped, because in a direction that the joints between their limits cannot turn at all,
+    // rounding would dominate the answer.
     let damping = DAMPING * moment.trace();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         moment.add(axis, damping);
@@ -106,7 +112,8 @@ fn together(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec
 }
 
 impl Bounds<'_> {
-    /// Whether contact `wheel` holds the joint torques of its wheel, steer and drive, N m.
+    /// Returns true if the contact of wheel `wheel` holds the torques of its two joints (steer,
+    /// drive, N m).
     fn hold(&self, wheel: usize, pair: &[Real; 2]) -> bool {
         self.grip.is_none_or(|grip| traction(&self.arms[wheel..=wheel], pair, grip) <= FULL)
     }
@@ -134,8 +141,9 @@ mod tests {
         crate::real::sqrt(left.length_squared())
     }
 
-    /// A dead motor, and a direction that is weak by thirty-six. 0.164902 N m is the optimum by an
-    /// independent solver of bounded least squares (SciPy's `lsq_linear`, method `bvls`).
+    /// One dead motor, and a direction that is weak by a factor of 36. The optimum 0.164902 N m
+    /// comes from an independent solver of bounded least squares (SciPy's `lsq_linear`, method
+    /// `bvls`).
     #[test]
     fn three_joints_come_as_near_as_they_can() {
         let rows = [
@@ -149,8 +157,8 @@ mod tests {
         assert!(fabs(off - 0.164902) < 2e-5, "{off}");
     }
 
-    /// Both drives at their limits, and steering rows that are nearly opposite. The optimum
-    /// is that of the same solver.
+    /// Both drive joints are at their limits, and the steer rows are nearly opposite. The optimum
+    /// 0.191214 N m comes from SciPy's `lsq_linear`, method `bvls`.
     #[test]
     fn joints_that_pull_nearly_against_each_other_come_as_near_as_they_can() {
         let rows = [

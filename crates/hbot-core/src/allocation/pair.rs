@@ -1,22 +1,25 @@
-//! Two wheels, at least one joint at its limit: four rows, so the null space of Gᵀ is one line and everything has a
-//! closed form.
+//! The solution for two wheels with at least one joint at its limit. G has four rows, so the null
+//! space of Gᵀ is one line and every step has a closed form.
 
 use crate::real::{Real, Vec3, fabs};
 
-/// Part of its limit that rounding may have added to a torque of least cost.
+/// Largest amount by which rounding can raise a torque of least cost, as a part of the joint's
+/// limit.
 const DOUBT: Real = if Real::EPSILON < 1.0e-10 { 2.0e-10 } else { 1.0e-5 };
 
-/// Beside the joint that alpha moves most, one that it moves no more than this (the root of rounding) hardly moves.
+/// Smallest slope of a joint torque over the free parameter alpha, relative to the steepest joint,
+/// with which the joint counts as depending on alpha. It is the square root of rounding.
 const HARDLY: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// The largest size up to `size` with which the four joints can make torque along `u`, and the joint torques of least
-/// cost that make it.
+/// Returns the joint torques of least cost for the largest reachable torque along `u`, and the size
+/// of that torque. The size is at most `size`.
 ///
-/// `least` holds the joint torques of least cost for `u` itself (limits aside), `peak` the limits (0 for a joint that
-/// gives nothing). The rows must span space.
+/// `least` holds the joint torques of least cost for `u` itself, without limits. `peak` holds the
+/// limits, 0 for a joint that is not driven. The rows must span all three dimensions.
 ///
-/// With z the null vector of Gᵀ (z_k is, but for its sign, the determinant of the three other rows), every solution is
-/// `size` least + alpha z, and alpha = 0 is cheapest: so alpha is 0 taken into the interval that the limits leave.
+/// Let z be the null vector of Gᵀ. Apart from its sign, z_k is the determinant of the three other
+/// rows. Every solution is `size` least + alpha z, and alpha = 0 is the cheapest. So alpha is the
+/// value nearest to 0 in the interval that the limits allow.
 pub(super) fn saturated(
     rows: &[Vec3; 4],
     peak: &[Real; 4],
@@ -28,7 +31,8 @@ pub(super) fn saturated(
     let (n12, n13, n23) = (g1.cross(g2), g1.cross(g3), g2.cross(g3));
     let z = [g1.dot(n23), -g0.dot(n23), g0.dot(n13), -g0.dot(n12)];
 
-    // Of the facet spanned by rows i and j, the rows k and l reach |g_k.n| = |z_l| and |g_l.n| = |z_k| along its normal.
+    // For the facet that rows i and j span, the two other rows k and l extend along its normal n by
+    // |g_k.n| = |z_l| and |g_l.n| = |z_k|.
     let mut reached = size;
     let mut facet = |n: Vec3, k: usize, l: usize| {
         let height = peak[k] * fabs(z[l]) + peak[l] * fabs(z[k]);
@@ -53,8 +57,8 @@ pub(super) fn saturated(
             continue;
         }
         let slope = fabs(z[k]);
-        // Three rows in one plane: alpha does not move the fourth joint but for rounding, and must not be pushed far away
-        // because that joint is over its limit by rounding.
+        // If three rows lie in one plane, alpha moves the fourth joint only by rounding. Alpha must
+        // not become huge because this joint exceeds its limit by rounding.
         let limit = if slope < HARDLY * steepest { peak[k] * (1.0 + DOUBT) } else { peak[k] };
         let (a, b) = ((-limit - particular[k]) / z[k], (limit - particular[k]) / z[k]);
         let (a, b) = if a < b { (a, b) } else { (b, a) };
@@ -65,8 +69,8 @@ pub(super) fn saturated(
             (high, high_slope) = (b, slope);
         }
     }
-    // On the border of what can be made the interval is one point; where rounding turned it inside out, the point
-    // between that violates both limits equally little.
+    // On the border of the reachable set the interval is one point. If rounding made it empty, the
+    // point in between violates both limits equally little.
     let alpha = if low <= high {
         Real::min(Real::max(0.0, low), high)
     } else {

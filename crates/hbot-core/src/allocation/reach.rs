@@ -1,5 +1,5 @@
-//! What the driven joints can make at all: their rows in coordinates in which every limit is 1 and every direction
-//! that they reach is as easy as another.
+//! The torques that the driven joints can make: their rows in coordinates in which every limit is 1
+//! and every direction that they reach is equally strong.
 
 use super::facets::{self, Facet};
 use super::problem::Problem;
@@ -8,33 +8,39 @@ use crate::device::MAX_JOINTS;
 use crate::linear::{Sym3, principal};
 use crate::real::{Real, Vec3, fabs, sqrt};
 
-/// Times what a wheel gives in both directions of its contact: a direction of that strength is as strong as motors are meant to be.
-/// The strongest direction of the prototype gives six to eight times it, so there both measures are about the same.
+/// Factor on the strength of the strongest single wheel. A direction of torque with this strength
+/// counts as fully strong. The strength of a wheel is the torque that it can make in every
+/// direction of its contact. For the prototype the strongest direction of all joints together has 6
+/// to 8 times this strength, so the factor changes little there.
 const WHEELS: Real = 5.0;
 
-/// Level, beside the largest singular value, at which a direction is lost before rounding of the rows, some units of that
-/// value, is more than some parts in a hundred of its own.
+/// Smallest permitted level, relative to the largest singular value. The rows have a rounding error
+/// of a few units in the last place of that value. With this level, a direction counts as lost
+/// before the rounding error exceeds a few percent of the direction's own strength.
 const NOISE: Real = 64.0 * Real::EPSILON / LOST;
 
-/// Least over largest singular value below which the moment of the rows knows the axes too badly.
+/// Ratio of the least to the largest singular value below which the moment of the rows is too
+/// inaccurate to give the principal axes.
 const WEAK: Real = 0.1;
 
-/// The driven rows, scaled and turned into their principal axes.
+/// The driven rows of G, scaled by their peaks and turned into their principal axes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach {
     problem: Problem,
     joint: [usize; MAX_JOINTS],
     axes: [Vec3; 3],
-    /// Singular values of the peak-scaled rows over `unit`, largest first.
+    /// Singular values of the peak-scaled rows, divided by `unit`, largest first.
     sigma: [Real; 3],
-    /// What a direction's singular value is held against, over `unit`.
+    /// Level with which a singular value is compared to decide whether its direction is lost,
+    /// divided by `unit`.
     level: Real,
-    /// The largest peak times row, N m: the unit of torque inside.
+    /// The largest product of a peak and its row, N m. It is the internal unit of torque.
     unit: Real,
 }
 
 impl Reach {
-    /// The driven rows of `rows`; `None` where no joint gives anything.
+    /// Builds the scaled allocation problem from the driven rows among `rows`. Returns `None` if no
+    /// joint is driven.
     pub(super) fn of(rows: &[Vec3], limits: &JointLimits) -> Option<Self> {
         let mut joint = [0; MAX_JOINTS];
         let mut n = 0;
@@ -61,13 +67,15 @@ impl Reach {
             scaled[i] = rows[k] * limits.peak[k] / unit;
             moment.add(scaled[i], 1.0);
             let t = limits.peak[k] / peak;
-            // Costs further apart than rounding squared are as good as that far apart.
+            // Costs that differ by more than rounding squared are treated as if they differed by
+            // that much.
             cost[i] = Real::max(limits.weight[k] / weight * t * t, Real::EPSILON * Real::EPSILON);
             cheapest = cheapest.min(cost[i]);
         }
         let (values, mut axes) = moment.eigen();
         let mut sigma = values.map(|x| sqrt(x.max(0.0)));
-        // The moment knows a singular value to the root of rounding, the rows themselves to rounding.
+        // The moment gives a singular value only to the square root of rounding. The rows
+        // themselves give it to rounding.
         if !(sigma[2] > WEAK * sigma[0]) {
             (sigma, axes) = principal(&scaled[..n], axes);
         }
@@ -92,46 +100,53 @@ impl Reach {
         Some(reach)
     }
 
-    /// Singular values of the peak-scaled rows over `unit`, largest first.
+    /// Returns the singular values of the peak-scaled rows, divided by the internal unit of torque,
+    /// largest first.
     pub(super) fn sigma(&self) -> [Real; 3] {
         self.sigma
     }
 
-    /// What a direction's singular value is held against.
+    /// Returns the level with which a direction's singular value is compared, divided by the
+    /// internal unit of torque.
     pub(super) fn level(&self) -> Real {
         self.level
     }
 
-    /// How much longer, at most, torques of least cost are than the shortest that make the same, as parts of their peaks.
+    /// Returns the largest possible ratio of the length of least-cost joint torques to that of the
+    /// shortest ones that make the same torque. Lengths are measured in parts of the peaks.
     ///
-    /// Up to the limits their cost is not above that of the shortest, so the root of the ratio of two costs; beyond them no x is longer than
-    /// the root of their number.
+    /// Within the limits, the least-cost torques cost no more than the shortest ones. So the ratio
+    /// is at most the square root of the ratio of the largest to the least cost factor. At the
+    /// limits, no vector of torques is longer than the square root of the number of joints.
     pub(super) fn spread(&self) -> Real {
         let least =
             self.problem.give[..self.problem.n].iter().fold(1.0, |least: Real, give| least.min(*give));
         sqrt(Real::max(1.0 / least, self.problem.n as Real))
     }
 
-    /// The part of a torque along each principal axis, in its unit.
+    /// Returns the component of a torque along each principal axis, in the unit of the torque.
     pub(super) fn parts(&self, torque: Vec3) -> [Real; 3] {
         self.axes.map(|axis| axis.dot(torque))
     }
 
-    /// The least-cost joint torques for the largest torque up to `size` times that of these `parts`, made in the first `rank` principal
-    /// axes alone; each as a part of its peak, in the order of the driven joints, and what part of `size` was reached.
+    /// Returns the least-cost joint torques for the largest reachable torque up to `size` times
+    /// `parts`, and the fraction of `size` that was reached.
+    ///
+    /// `parts` are components along the principal axes. Only the first `rank` axes are controlled.
+    /// Each joint torque is a part of its peak, in the order of the driven joints.
     pub(super) fn solve(&self, rank: usize, parts: [Real; 3], size: Real) -> ([Real; MAX_JOINTS], Real) {
         let (problem, direction) = self.within(rank, parts);
         let (mut x, scale) = self.search(&problem, direction, size);
-        // Rows and costs that are not far apart leave nothing to do.
+        // If rows and costs are of similar size, the solution is accurate already.
         if self.sigma[rank - 1] < WEAK * self.sigma[0] || self.spread() * WEAK > 1.0 {
             dual::polish(&problem, direction * Real::min(scale * (size / self.unit), Real::MAX), &mut x);
         }
         (x, scale)
     }
 
-    /// [`Self::solve`], to what the search leaves.
+    /// Solves the problem of [`Self::solve`], without the final correction of rounding errors.
     fn search(&self, problem: &Problem, direction: Vec3, size: Real) -> ([Real; MAX_JOINTS], Real) {
-        // Finite, so that zero times it is zero.
+        // Limited to a finite value, so that its product with zero is zero.
         let wanted = Real::min(size / self.unit, Real::MAX);
         let y = dual::unlimited(problem, direction);
         if let Some(x) = dual::unsaturated(problem, y, direction, wanted) {
@@ -148,8 +163,9 @@ impl Reach {
         if let Some(x) = dual::clipped(problem, direction * reached, y * reached) {
             return (x, scale);
         }
-        // Costs or rows apart by almost all digits. As the sum of b bᵀ is the unit matrix, b.v makes v to rounding, at equal
-        // costs: not the cheapest and perhaps not the largest, but right in direction.
+        // The costs or rows differ by almost all digits. As the sum of b bᵀ is the unit matrix, the
+        // torques b.v make v to within rounding, at equal costs. They are not the cheapest and
+        // possibly not the largest, but their direction is right.
         let mut x = problem.rows.map(|b| b.dot(direction));
         let largest = x.iter().fold(0.0, |most: Real, x| most.max(fabs(*x)));
         let reached = Real::min(wanted, 1.0 / largest);
@@ -157,7 +173,8 @@ impl Reach {
         (x, reached * self.unit / size)
     }
 
-    /// Whether the torque that x makes is off that of these `parts` by more than counts beside rounding.
+    /// Returns true if the torque that the joint torques `x` make differs from that of these
+    /// `parts` by more than rounding.
     pub(super) fn strays(&self, x: &[Real; MAX_JOINTS], parts: [Real; 3]) -> bool {
         let mut left = parts.map(|part| part / self.unit);
         let mut terms = 0.0;
@@ -171,14 +188,15 @@ impl Reach {
         left.iter().any(|left| fabs(*left) > 1024.0 * Real::EPSILON * terms)
     }
 
-    /// The largest torque along `u` in the first `rank` principal axes.
+    /// Returns the largest torque along `u`, N m, in the first `rank` principal axes.
     pub(super) fn capability(&self, rank: usize, u: Vec3) -> Real {
         let (problem, direction) = self.within(rank, self.parts(u));
         let Facet { reach, .. } = facets::nearest(&problem, direction);
         reach * self.unit
     }
 
-    /// Joint torques, N m, of parts of the peaks.
+    /// Converts joint torques from parts of their peaks to N m, in the order steer, drive per
+    /// wheel.
     pub(super) fn scatter(&self, x: &[Real; MAX_JOINTS], limits: &JointLimits) -> [Real; MAX_JOINTS] {
         let mut tau = [0.0; MAX_JOINTS];
         for (i, &k) in self.joint[..self.problem.n].iter().enumerate() {
@@ -192,7 +210,7 @@ impl Reach {
             |v: Vec3| Vec3::new(v.x, if rank > 1 { v.y } else { 0.0 }, if rank > 2 { v.z } else { 0.0 });
         let mut problem = self.problem;
         problem.rank = rank;
-        // The weakest axis in use is stretched most.
+        // The weakest axis in use is stretched most, and its rounding with it.
         problem.rounding =
             16.0 * Real::EPSILON * Real::min(self.sigma[0] / self.sigma[rank - 1], 20.0 / WEAK);
         problem.rows = problem.rows.map(keep);
@@ -205,7 +223,9 @@ impl Reach {
     }
 }
 
-/// The most that a wheel with both motors gives in each of the two directions of its contact; infinite where there is none.
+/// Returns the strength of the strongest wheel with two motors, or infinity if there is none. The
+/// strength of a wheel is the smaller singular value of its two peak-scaled rows: it makes at least
+/// this torque in both directions of its contact.
 fn weaker(scaled: &[Vec3], joint: &[usize]) -> Real {
     let mut most: Real = 0.0;
     for i in 1..scaled.len() {

@@ -1,4 +1,5 @@
-//! Slow references in 64 bits: for few joints, every set of joints at their limits; for any number, an interior-point method.
+//! Slow reference solutions in 64 bits. For few joints, every set of joints at their limits is
+//! tried. For any number of joints, an interior-point method is used.
 
 extern crate std;
 
@@ -6,7 +7,7 @@ use std::vec::Vec;
 
 use glam::{DMat3, DVec3};
 
-/// Rows, peaks and weights, all driven.
+/// Rows, peaks and weights of joints that are all driven.
 pub(super) struct Reference {
     pub(super) rows: Vec<DVec3>,
     pub(super) peak: Vec<f64>,
@@ -14,8 +15,11 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// The largest s in [0, 1]. A vertex of the linear program has all joints but two at their limits, so three
-    /// equations give those two and s.
+    /// Returns the largest s in \[0, 1\] for which joint torques within the limits make s times
+    /// `wanted`.
+    ///
+    /// At a vertex of the linear program all joints except two are at their limits. Three equations
+    /// then give these two torques and s.
     pub(super) fn scale(&self, wanted: DVec3) -> f64 {
         let n = self.rows.len();
         let mut best: f64 = 0.0;
@@ -42,8 +46,11 @@ impl Reference {
         best.min(1.0)
     }
 
-    /// The least cost of joint torques within the limits that make `torque`, or infinity. Every joint is free, at its
-    /// upper or at its lower limit; for the free ones three equations give the multipliers.
+    /// Returns the least cost of joint torques within the limits that make `torque`, or infinity if
+    /// none do.
+    ///
+    /// Every joint is free, at its upper limit or at its lower limit, and every combination is
+    /// tried. For the free joints three equations give the multipliers.
     pub(super) fn cost(&self, torque: DVec3) -> f64 {
         let n = self.rows.len();
         let mut best = f64::INFINITY;
@@ -76,12 +83,15 @@ impl Reference {
         best
     }
 
-    /// The least cost of joint torques that make `torque`, which must be inside of what they can make: by Newton steps on the cost with a
-    /// logarithmic barrier at each limit, the weight of which goes to zero (Boyd and Vandenberghe 2004, 11.3 and 10.3).
+    /// Returns the least cost of joint torques that make `torque`, which must be strictly inside
+    /// the reachable set.
+    ///
+    /// The method takes Newton steps on the cost with a logarithmic barrier at each limit. The
+    /// weight of the barrier goes to zero (Boyd and Vandenberghe 2004, 11.3 and 10.3).
     pub(super) fn cost_by_barrier(&self, torque: DVec3) -> f64 {
         let n = self.rows.len();
         let mut x = std::vec![0.0_f64; n];
-        // So that costs are about 1, whatever their unit.
+        // Scales the costs to about 1, whatever their unit.
         let dearest = (0..n).map(|k| self.weight[k] * self.peak[k] * self.peak[k]).fold(0.0, f64::max);
         let mut barrier = 1.0;
         while barrier > 1e-14 {

@@ -10,11 +10,11 @@ use super::reference::Reference;
 use super::*;
 use crate::singularity::singular_values;
 
-/// What rounding leaves of a direction or of a scale for rows that are not close to losing rank: some condition numbers,
-/// squared in the moment.
+/// Tolerance of a direction or a scale, for rows that are not close to losing rank. It stands for
+/// rounding times a few condition numbers, which the moment squares.
 const ROUNDING: Real = if Real::EPSILON < 1.0e-10 { 1.0e-10 } else { 2.0e-3 };
 
-/// Every run tries the same problems.
+/// A fixed seed, so that every run tries the same problems.
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig {
         cases,
@@ -31,7 +31,7 @@ fn limits(peak: &[Real], weight: &[Real]) -> JointLimits {
     limits
 }
 
-/// In 64 bits, whatever the width.
+/// Converts a real to 64 bits, for both widths of `Real`.
 fn wide<T: Into<f64>>(x: T) -> f64 {
     x.into()
 }
@@ -40,14 +40,14 @@ fn made(rows: &[Vec3], allocation: &Allocation) -> Vec3 {
     rows.iter().zip(allocation.torque).map(|(g, tau)| *g * tau).sum()
 }
 
-/// The ratio of the least to the largest singular value of the peak-scaled rows.
+/// Returns the ratio of the least to the largest singular value of the peak-scaled rows.
 fn margin(rows: &[Vec3], limits: &JointLimits) -> Real {
     let scaled: Vec<Vec3> = rows.iter().zip(limits.peak).map(|(g, t)| *g * t).collect();
     let [most, _, least] = singular_values(&scaled);
     least / most
 }
 
-/// One wheel's rows or so: three reals each of row, and a peak and a weight.
+/// Generates random joints: three reals for each row, a peak and a weight.
 fn joints(
     count: impl Into<proptest::collection::SizeRange>,
 ) -> impl Strategy<Value = (Vec<Vec3>, JointLimits)> {
@@ -61,7 +61,8 @@ fn joints(
     })
 }
 
-/// Rows along the edges and diagonals of a cube, all alike: facets of many rows, edges, vertices, ties.
+/// Generates rows along the edges and diagonals of a cube, with equal limits and costs. They give
+/// facets of many rows, edges, vertices and ties.
 fn lattice() -> impl Strategy<Value = (Vec<Vec3>, JointLimits, Vec3)> {
     let row = prop_oneof![
         Just(Vec3::X),
@@ -90,8 +91,9 @@ fn check_limits(rows: &[Vec3], limits: &JointLimits, allocation: &Allocation) ->
     Ok(())
 }
 
-/// The conditions of optimality: some y with w tau = g.y where a joint is between its limits, and beyond it in the
-/// direction of the limit where it is at one. Checked where the joints between their limits determine y.
+/// Checks the conditions of optimality: there is a y with w tau = g.y for each joint between its
+/// limits. For a joint at a limit, g.y is at least as large in the direction of that limit. Only
+/// checked if the joints between their limits determine y.
 fn check_optimal(rows: &[Vec3], limits: &JointLimits, found: &Allocation) -> Result<(), TestCaseError> {
     let free = |k: usize| fabs(found.torque[k]) < limits.peak[k] * (1.0 - ROUNDING);
     let between: Vec<usize> = (0..rows.len()).filter(|k| free(*k)).collect();
@@ -145,7 +147,7 @@ proptest! {
         prop_assert!((made(&rows, &found) - wanted * found.scale).length() <= ROUNDING * wanted.length());
         let scale = reference.scale(wide3(&wanted));
         prop_assert!((wide(found.scale) - scale).abs() <= wide(ROUNDING) * scale, "{found:?} {scale}");
-        // On the border the torques are the only ones that make s T; inside there is a choice.
+        // On the border the torques that make s T are unique. Inside there is a choice.
         if found.scale == 1.0 && scale == 1.0 {
             let cost: f64 = (0..n).map(|k| 0.5 * reference.weight[k] * wide(found.torque[k]).powi(2)).sum();
             let least = reference.cost(wide3(&wanted));
@@ -175,7 +177,8 @@ proptest! {
 
     #[test]
     fn parallel_rows_add_up((pairs, limits) in joints(4), wanted in [-2.0..2.0 as Real, -2.0..2.0, -2.0..2.0]) {
-        // Two lines of two joints each: the reach is a parallelogram, and T is projected on its plane.
+        // Two directions with two joints each: the reachable set is a parallelogram, and T is
+        // projected on its plane.
         let (g, h) = (pairs[0], pairs[1]);
         let rows = [g, g, h, h * -0.5];
         let normal = g.cross(h);
@@ -203,7 +206,7 @@ proptest! {
         check_limits(&rows, &limits, &found)?;
         let torque = made(&rows, &found);
         if found.deficient {
-            // What is made never works against what was wanted.
+            // The torque made never works against the wanted one.
             prop_assert!(torque.dot(wanted) >= -ROUNDING);
         } else {
             prop_assert!((torque - wanted * found.scale).length() <= ROUNDING, "{found:?}");
@@ -234,7 +237,7 @@ fn nothing_is_wanted_or_can_be_made() {
 fn tiny_and_huge_torques_keep_their_direction() {
     let four = limits(&[0.9, 0.2, 0.5, 0.3], &[1.0, 2.0, 3.0, 4.0]);
     let direction = Vec3::new(1.0, -0.7, 0.2);
-    // Still with all their digits.
+    // Small enough to underflow in products, but still with all digits.
     let (tiny, huge) = (Real::MIN_POSITIVE * 1.0e8, Real::MAX * 0.1);
     let rows = CUBE.map(|g| g * 30.0);
     let small = allocate(&rows, &four, direction * tiny);
@@ -253,7 +256,7 @@ fn impossible_limits_count_as_none() {
         four.peak[3] = bad;
         let found = allocate(&CUBE, &four, Vec3::new(0.5, 0.5, 3.0));
         assert_eq!((found.torque[3], found.torque[2]), (0.0, 1.0));
-        // At right angles to the only motor left, and beyond all bounds.
+        // At right angles to the only motor left, and far larger than any limit.
         let one = limits(&[1.0e-30, 0.0, 0.0, bad], &[1.0; 4]);
         assert_eq!(allocate(&CUBE, &one, Vec3::Y * Real::MAX).torque, [0.0; MAX_JOINTS]);
         let mut four = limits(&[1.0; 4], &[1.0; 4]);
@@ -281,20 +284,20 @@ fn a_row_that_is_not_finite_counts_as_none() {
 #[test]
 fn dead_motors_leave_a_plane_and_then_a_line() {
     let wanted = Vec3::new(0.3, 0.2, 0.1);
-    // One of four: the others do its share, whichever way is taken.
+    // One of four motors is dead: the others make its share, with either method.
     for allocate in [allocate, allocate_clipped] {
         let three = allocate(&CUBE, &limits(&[1.0, 1.0, 1.0, 0.0], &[1.0; 4]), wanted);
         assert!(three.scale == 1.0 && (made(&CUBE, &three) - wanted).length() < ROUNDING, "{three:?}");
     }
-    // Two: the part of T along the third axis is lost, the others are made as they are.
+    // Two are dead: the component of T along the third axis is lost, the others are made unchanged.
     let plane = allocate(&CUBE, &limits(&[1.0, 1.0, 0.0, 0.0], &[1.0; 4]), wanted);
     assert!(plane.deficient && plane.scale == 1.0);
     assert!((made(&CUBE, &plane) - Vec3::new(0.3, 0.2, 0.0)).length() < ROUNDING);
-    // In the plane nothing is lost, and saturation keeps direction.
+    // In the plane nothing is lost, and saturation keeps the direction.
     let flat = allocate(&CUBE, &limits(&[1.0, 1.0, 0.0, 0.0], &[1.0; 4]), Vec3::new(3.0, 4.0, 0.0));
     assert!(!flat.deficient && fabs(flat.scale - 0.25) < ROUNDING);
     assert!((made(&CUBE, &flat) - Vec3::new(0.75, 1.0, 0.0)).length() < ROUNDING);
-    // Three: a line, along a row whose moment is singular only but for rounding.
+    // Three are dead: only a line is left. The moment of this row is singular only up to rounding.
     let oblique = [Vec3::new(-0.807_138_47, 0.342_084_94, 0.012_554_68), Vec3::X, Vec3::Y, Vec3::Z];
     let found = allocate(&oblique, &limits(&[0.68, 0.0, 0.0, 0.0], &[3.1; 4]), Vec3::new(-0.26, 0.82, -1.22));
     assert!(found.deficient && found.scale > 0.5 && found.torque[0] > 0.5);
@@ -307,7 +310,8 @@ fn dead_motors_leave_a_plane_and_then_a_line() {
 
 #[test]
 fn nothing_jumps_where_a_direction_is_lost() {
-    // Three driven rows fold into a plane and out of it on the other side, the two strong ones saturated half the way.
+    // Three driven rows fold into a plane and out of it on the other side. The second torque is
+    // larger than the three joints can make.
     let three = limits(&[1.0, 0.8, 0.7, 0.0], &[1.0, 2.0, 1.5, 1.0]);
     for wanted in [Vec3::new(0.4, -0.3, 0.02), Vec3::new(1.9, 0.7, 0.3)] {
         let steps = 20_000;
@@ -319,14 +323,15 @@ fn nothing_jumps_where_a_direction_is_lost() {
                 [Vec3::new(1.0, 0.1, 0.0), Vec3::new(-0.2, 1.0, 0.0), Vec3::new(0.6, 0.7, lift), Vec3::X];
             let found = allocate(&rows, &three, wanted);
             if let Some(last) = last {
-                // 4e-6 of lift a step; a jump would be of the size of a peak. The blend is 0.008 wide, with a slope of 1.5.
+                // The lift changes by 4e-6 a step. A jump would have the size of a peak. The blend
+                // is 0.008 wide, with a slope of 1.5.
                 for k in 0..3 {
                     assert!(fabs(found.torque[k] - last.torque[k]) < 0.01, "{lift}: {last:?} to {found:?}");
                 }
                 assert!(fabs(found.scale - last.scale) < 0.01);
             }
             (fewest, most) = (fewest.min(found.scale), most.max(found.scale));
-            // At the very edge of the blend what is lost is less than rounding.
+            // At the very edge of the blend the part that is lost is below rounding.
             let margin = margin(&rows[..3], &three);
             assert!(found.deficient || margin > 0.8 * WHOLE, "{lift}");
             assert!(!found.deficient || margin < WHOLE * (1.0 + ROUNDING), "{lift}");
@@ -338,11 +343,11 @@ fn nothing_jumps_where_a_direction_is_lost() {
 
 #[test]
 fn unlimited_torques_are_the_least_squares_ones() {
-    // Gᵀ tau = T with tau = G (GᵀG)⁻¹ T for equal weights: two equal rows share equally.
+    // For equal weights, Gᵀ tau = T is solved by tau = G (GᵀG)⁻¹ T: two equal rows share equally.
     let rows = [Vec3::X, Vec3::X, Vec3::Y, Vec3::Z];
     let found = allocate(&rows, &limits(&[1.0; 4], &[2.0; 4]), Vec3::new(0.5, 0.25, -0.125));
     assert_eq!(found.torque[..4], [0.25, 0.25, 0.25, -0.125]);
-    // Where one of the two is at its limit, the other gives the rest.
+    // If one of the two is at its limit, the other gives the rest.
     let found = allocate(&rows, &limits(&[0.125, 1.0, 1.0, 1.0], &[2.0; 4]), Vec3::new(0.5, 0.25, -0.125));
     assert_eq!(found.torque[..4], [0.125, 0.375, 0.25, -0.125]);
     assert_eq!(found.scale, 1.0);

@@ -1,22 +1,27 @@
-//! Contact forces of joint torques, and the traction limit (physics notes, sections 2 and 7).
+//! The contact forces that joint torques cause, and the traction limit (physics notes, sections 2
+//! and 7).
 
 use super::Allocation;
 use crate::device::{MAX_WHEELS, Wheel};
 use crate::real::{Real, sqrt};
 
-/// The lever arms of one wheel's contact, m: the entries of H = [[steer, 0], [-cross, roll]], constants of the design.
+/// The lever arms of one wheel's contact, m: the entries of H = \[\[steer, 0\], \[-cross, roll\]\].
+/// They are constants of the design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactArms {
-    /// R l.c2 = R sin a cos b: how fast steering slides the contact along the axle, m.
+    /// Lever arm of the steer joint along the axle, R l.c2 = R sin a cos b, m: speed of the contact
+    /// along the axle per unit of the steer rate.
     pub steer: Real,
-    /// R l.c1 = R sin a sin b: how fast steering slides it against the rolling direction, m; 0 without a toe angle.
+    /// Lever arm of the steer joint across the axle, R l.c1 = R sin a sin b, m: speed of the
+    /// contact against the rolling direction per unit of the steer rate. 0 without a toe angle.
     pub cross: Real,
-    /// r, the wheel's radius, m.
+    /// Lever arm of the drive joint, the wheel radius r, m: speed of the contact along the rolling
+    /// direction per unit of the drive rate.
     pub roll: Real,
 }
 
 impl ContactArms {
-    /// The arms of `wheel` on a sphere of radius `sphere_radius`, m.
+    /// Returns the lever arms of `wheel` on a sphere of radius `sphere_radius`, m.
     #[must_use]
     pub fn of(wheel: &Wheel, sphere_radius: Real) -> Self {
         Self {
@@ -26,18 +31,21 @@ impl ContactArms {
         }
     }
 
-    /// The default weights of the wheel's joints, steer then drive, 1/m²: w_th = 1/(R sin a cos b)², w_ph = 1/r².
+    /// Returns the default cost weights of the wheel's joints, steer then drive, 1/m²: w_th = 1/(R
+    /// sin a cos b)² and w_ph = 1/r².
     ///
-    /// With them (and no toe angle) the sum of w tau² is that of the squared contact forces, so the least-cost torques
-    /// are those that least load the contacts.
+    /// With these weights and no toe angle, the sum of w tau² equals the sum of the squared contact
+    /// forces. The least-cost torques then load the contacts least.
     #[must_use]
     pub fn weights(&self) -> [Real; 2] {
         [1.0 / (self.steer * self.steer), 1.0 / (self.roll * self.roll)]
     }
 
-    /// The force at the contact, N, along c1 and c2, of the joint torques (steer, drive), N m: f = H⁻ᵀ tau.
+    /// Returns the force at the contact, N, along c1 and c2, caused by the joint torques of the
+    /// wheel (N m): f = H⁻ᵀ tau.
     ///
-    /// For a turning sphere tau is what is left after the joints' inertia, tau - J_q dzd/dt.
+    /// For a moving sphere, pass the torques that remain after the joints' inertia, tau - J_q
+    /// dzd/dt.
     #[inline]
     #[must_use]
     pub fn force(&self, steer_torque: Real, drive_torque: Real) -> [Real; 2] {
@@ -46,10 +54,11 @@ impl ContactArms {
     }
 }
 
-/// The largest |f_i| / `grip` over the wheels, where f_i are the contact forces of `tau` (steer, drive per wheel, N m)
-/// and `grip` is mu N, what a contact holds, in N. Above 1 a wheel would slip.
+/// Returns the load |f_i| / `grip` of the most loaded contact. Above 1 a wheel would slip.
 ///
-/// Infinite where `grip` is not positive and there is any force; 0 where there is none.
+/// f_i are the contact forces of the joint torques `tau` (N m; steer, drive per wheel). `grip` is
+/// the force mu N that a contact holds, N. Returns 0 if there is no force, and infinity if there is
+/// a force but `grip` is not positive.
 #[must_use]
 pub fn traction(arms: &[ContactArms], tau: &[Real], grip: Real) -> Real {
     let mut square: Real = 0.0;
@@ -65,8 +74,10 @@ pub fn traction(arms: &[ContactArms], tau: &[Real], grip: Real) -> Real {
 }
 
 impl Allocation {
-    /// Scales the torques down, all alike, so that no contact carries more than `grip` = mu N, N; returns the load
-    /// |f| / (mu N) of the most loaded contact before that. Direction is kept: only the size gives way.
+    /// Scales all torques down by one factor so that no contact carries more than `grip` = mu N
+    /// (N). Returns the load |f| / (mu N) of the most loaded contact before the scaling.
+    ///
+    /// The direction of the torque on the sphere is kept; only its size is reduced.
     pub fn limit_traction(&mut self, arms: &[ContactArms], grip: Real) -> Real {
         let load = traction(arms, &self.torque, grip);
         if load > 1.0 {
@@ -96,7 +107,7 @@ mod tests {
 
     #[test]
     fn forces_do_the_work_of_the_torques() {
-        // f.s = tau.zd for any rates, with s = H zd.
+        // f.s = tau.zd for any joint rates zd, with the slip velocity s = H zd.
         let ([f1, f2], [a, b]) = (TOED.force(0.3, -0.1), [1.7, -4.0]);
         let work = f1 * (TOED.steer * a) + f2 * (-TOED.cross * a + TOED.roll * b);
         assert!(fabs(work - (0.3 * a - 0.1 * b)) < 16.0 * Real::EPSILON);
@@ -110,7 +121,7 @@ mod tests {
         assert!(load > 1.0);
         assert!(fabs(loaded.scale * load - 0.8) < 4.0 * Real::EPSILON);
         assert!(fabs(loaded.torque[2] * load + 0.4) < 4.0 * Real::EPSILON);
-        // Rounding of one square root and one quotient.
+        // The rounding of one square root and one quotient.
         assert!(fabs(traction(&arms, &loaded.torque, 8.0) - 1.0) < 4.0 * Real::EPSILON);
     }
 

@@ -1,29 +1,37 @@
-//! How a torque is made of directions in which the driven joints are weak (see [`super::allocate`]).
+//! Allocates torque if the driven joints are weak in some directions (see [`super::allocate`]).
 //!
-//! The answer is a mixture: of the exact answer for T, of that for the part of T in the first two principal axes, and of that for the
-//! part in the first. The last two need nothing along the axes beyond, and hold it at zero; where these make next to nothing
-//! they are given up, as holding them costs the joints' strength: what comes there is left to chance.
+//! The result is a weighted mean of three exact solutions: for T, for the part of T in the first
+//! two principal axes, and for the part in the first axis. The last two ask for no torque along the
+//! remaining axes and hold it at zero. An axis along which the joints can make almost nothing is
+//! not held, because to hold it uses up joint torque. The small torque along it is then
+//! uncontrolled.
 //!
-//! With P the part of T wanted, z_i = P_i / sigma_i what it asks of the axes, and K the most that torques of least cost are longer
-//! than the shortest ones (`Reach::spread`): joint torques that make s P have, as parts of their peaks, a length of at most s K |z|, so
-//! along an axis that is given up they make at most sigma_i s K |z|. Beside s |P|² / |T|, what P makes along T, that is
+//! Let P be the part of T that is wanted, and z_i = P_i / sigma_i its components relative to the
+//! strengths of the axes. Let K be the largest ratio of the length of the least-cost torques to
+//! that of the shortest torques that make the same (`Reach::spread`). Measured as parts of their
+//! peaks, joint torques that make s P have a length of at most s K |z|. Along an axis that is not
+//! held they make at most sigma_i s K |z|. Relative to s |P|² / |T|, which is what P makes along T,
+//! this is
 //!
 //! ```text
 //! stray_i = sigma_i K |z| |T| / |P|²
 //! ```
 //!
-//! and an axis is given up only where that is small. With stray_i <= e what is made is off s P by at most sqrt 2 e |P|, since |P| <= |T|,
-//! and it makes at least (1 - sqrt 2 e) s |P|² along T: it never works against T.
+//! An axis is left uncontrolled only if its stray torque is small. For stray_i <= e, the torque
+//! made differs from s P by at most sqrt 2 e |P|, since |P| <= |T|. Along T it makes at least (1 -
+//! sqrt 2 e) s |P|², so it never works against T.
 
 use super::reach::Reach;
 use super::{LOST, WHOLE};
 use crate::real::{Real, fabs, sqrt};
 
-/// How much may stray: an axis is given up for good below the first figure, and not at all above the second. The share of an answer
-/// that gives it up, times what strays in it, is at most 0.6 %.
+/// Limits of the stray torque of an axis that is not held. Below the first value the axis is not
+/// held at all; above the second it is held fully. The weight of the solution without the axis,
+/// times the stray torque in that solution, is at most 0.6 %.
 const STRAYS: [Real; 2] = [0.002, 0.02];
 
-/// A part of the answer: the torque in the first `kept` axes, with the first `held` under control.
+/// One term of the weighted mean: a solution for the torque in the first `kept` principal axes,
+/// with the torque in the first `held` axes under control. `part` is its weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Share {
     pub(super) kept: usize,
@@ -31,10 +39,11 @@ pub(super) struct Share {
     pub(super) part: Real,
 }
 
-/// The shares of the answer for a torque of these `parts`, 1 in sum, that of the whole torque first.
+/// Returns the terms of the weighted mean for a torque with these `parts` along the principal axes.
+/// The weights add up to 1. The first term is the one for the whole torque.
 ///
-/// Shares that tell two axes apart are nothing where their singular values are equal: which two axes span their plane is then
-/// arbitrary, and nothing may depend on it.
+/// A term that distinguishes two axes has weight zero if their singular values are equal. The
+/// choice of two axes in their plane is then arbitrary, and the result must not depend on it.
 pub(super) fn shares(reach: &Reach, parts: [Real; 3]) -> [Share; 6] {
     let [_, second, third] = reach.sigma().map(|sigma| smooth_step(sigma / reach.level(), [LOST, WHOLE]));
     let [line, plane, whole] = [1.0 - second, second - third, third];
@@ -51,7 +60,8 @@ pub(super) fn shares(reach: &Reach, parts: [Real; 3]) -> [Share; 6] {
     .map(|(kept, held, part)| Share { kept, held, part })
 }
 
-/// What may come along `axis` if nothing holds it, beside what the first `kept` of these `parts` make along the torque.
+/// Returns the largest torque along `axis` if nothing holds it, relative to what the first `kept`
+/// of these `parts` make along the wanted torque.
 fn stray(reach: &Reach, parts: [Real; 3], kept: usize, axis: usize) -> Real {
     let sigma = reach.sigma();
     let (mut whole, mut wanted, mut effort): (Real, Real, Real) = (0.0, 0.0, 0.0);
@@ -65,7 +75,7 @@ fn stray(reach: &Reach, parts: [Real; 3], kept: usize, axis: usize) -> Real {
     if wanted > 0.0 { sigma[axis] * reach.spread() * sqrt(effort * whole) / wanted } else { 0.0 }
 }
 
-/// Whether shares leave something of a torque of these `parts` out that counts beside rounding.
+/// Returns true if these terms leave out more than rounding of a torque with these `parts`.
 pub(super) fn loses(shares: &[Share; 6], parts: [Real; 3]) -> bool {
     let mut lost = 0.0;
     for share in shares {
@@ -76,7 +86,7 @@ pub(super) fn loses(shares: &[Share; 6], parts: [Real; 3]) -> bool {
     lost > 1024.0 * Real::EPSILON * (fabs(parts[0]) + fabs(parts[1]) + fabs(parts[2]))
 }
 
-/// 0 up to the first of two figures, 1 from the second on.
+/// Returns 0 for `x` up to `from` and 1 from `to` on, with a smooth cubic in between.
 fn smooth_step(x: Real, [from, to]: [Real; 2]) -> Real {
     let x = Real::max(0.0, Real::min(1.0, (x - from) / (to - from)));
     x * x * (3.0 - 2.0 * x)

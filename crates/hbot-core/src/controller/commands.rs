@@ -1,4 +1,4 @@
-//! What live commands do.
+//! Executes live commands.
 
 use super::Controller;
 use crate::inputs::{Command, OnClientLost, Stamp};
@@ -9,7 +9,7 @@ use crate::rotation;
 use crate::scene::CompiledScene;
 
 impl Controller {
-    /// Executes `command`, or returns why it was refused; then nothing has changed.
+    /// Executes `command`, or returns the reason for a refusal. A refused command changes nothing.
     pub(super) fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
         match *command {
             Command::Enable => self.enable(scene),
@@ -51,7 +51,7 @@ impl Controller {
                 match policy {
                     OnClientLost::Ramp => self.stream.end(tick),
                     OnClientLost::Keep => {}
-                    // The event is taken with the next tick's conditions, like every other.
+                    // The event becomes a fault condition in the next tick, like all others.
                     OnClientLost::Fault => {
                         self.stream.end(tick);
                         self.client_lost = true;
@@ -72,7 +72,7 @@ impl Controller {
                 return Reply::Refused(Refusal::TooFar { slot, angle });
             }
             self.renderer.enable(scene, q);
-            // Where it is still ramping down from before, what was felt goes over into what comes.
+            // If the torque is still ramping down after a disable, it blends into the new one.
             self.anchored = true;
             if let Some(guard) = &mut self.guard {
                 guard.restart();
@@ -82,8 +82,9 @@ impl Controller {
         Reply::Done
     }
 
-    /// Takes a stream message, unless the sample that it was computed from is too old or of the
-    /// future: a message that names a future tick would count as fresh until that tick.
+    /// Takes a stream message by calling `take`, unless the state that it was computed from is too
+    /// old or in the future. A message that names a future tick would count as fresh until that
+    /// tick.
     fn take_stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
         if let Some(ticks) = stamp.tick.and_then(|seen| seen.checked_sub(tick)).filter(|ahead| *ahead > 0) {
             return Reply::Refused(Refusal::Ahead { ticks });
@@ -115,6 +116,7 @@ impl Controller {
 }
 
 fn is_unit(q: Quat) -> bool {
-    // What a careful client sends; the core does not guess at what a careless one meant.
+    // A client that normalises its quaternions passes this check. The core does not guess the
+    // meaning of others.
     fabs(q.length_squared() - 1.0) < 1.0e-3
 }

@@ -7,39 +7,39 @@ use crate::joints::Joints;
 use crate::mode::{Cause, Mode};
 use crate::real::Real;
 
-/// A tick later than this is a fault, ns.
+/// Lateness of a tick above which it is a fault, ns.
 pub const LATE_FAULT_NS: u64 = 20_000_000;
-/// This many skipped ticks in a row are a fault.
+/// Number of consecutively skipped ticks at which a fault occurs.
 pub const SKIPPED_FAULT: u64 = 10;
-/// Damaged frames that a link may owe before it is a fault; one is forgiven every
-/// [`CORRUPT_FORGIVEN_TICKS`] ticks, so that 1 % of noise rides through and 50 % does not.
+/// Number of damaged frames at which the link counts as corrupt. One is forgiven every
+/// [`CORRUPT_FORGIVEN_TICKS`] ticks, so that 1 % of noise is tolerated and 50 % is not.
 pub const CORRUPT_FAULT: Real = 10.0;
-/// See [`CORRUPT_FAULT`].
+/// Number of ticks after which one damaged frame is forgiven. See [`CORRUPT_FAULT`].
 pub const CORRUPT_FORGIVEN_TICKS: Real = 20.0;
-/// Missing readings that a link may owe before it is a fault, in multiples of `timeout_ticks`; each
-/// reading forgives [`MISSED_FORGIVEN`] ticks without one. So a link may lose four readings of five
-/// for ever, and 19 of 20 for a short time only.
+/// Number of missing readings above which the link counts as lost, in multiples of `timeout_ticks`.
+/// Each reading that arrives makes up for [`MISSED_FORGIVEN`] missing ones. So a link can lose four
+/// readings of five for any time, but 19 of 20 only for a short time.
 pub const MISSED_FAULT: u64 = 5;
-/// See [`MISSED_FAULT`].
+/// Number of missing readings for which one reading that arrives makes up. See [`MISSED_FAULT`].
 pub const MISSED_FORGIVEN: u64 = 4;
-/// The longest time for which motors may be on though they were switched off, or off though they were
-/// switched on, s: a power stage takes some milliseconds to wake.
+/// Longest time, s, for which motors may be on although they were switched off, or off although
+/// they were switched on. A power stage takes some milliseconds to switch.
 pub const DISOBEDIENCE_S: Real = 0.02;
 
-/// How much of the link's readings is missing.
+/// Counts the missing readings of a link.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Silence {
     /// Ticks since the last reading.
     ticks: u64,
-    /// Ticks without a reading that were not forgiven.
+    /// Ticks without a reading that are not forgiven yet.
     owed: u64,
 }
 
 impl Silence {
-    /// Counts `elapsed` ticks, at the end of which there was a reading (`news`) or not.
+    /// Counts `elapsed` ticks. `news` is true if a reading came at their end.
     #[inline]
     pub(super) fn advance(&mut self, elapsed: u64, news: bool, timeout_ticks: u32) {
-        // Ticks that were skipped asked for no reading.
+        // Skipped ticks asked for no reading, so only one is missing.
         let missed = u64::from(!news && elapsed > 0);
         self.ticks = if news { 0 } else { self.ticks.saturating_add(elapsed) };
         let forgiven = if news { MISSED_FORGIVEN } else { 0 };
@@ -48,7 +48,7 @@ impl Silence {
             .min(2 * MISSED_FAULT * u64::from(timeout_ticks));
     }
 
-    /// Whether that is a lost link.
+    /// Returns true if so many readings are missing that the link counts as lost.
     #[inline]
     fn too_long(&self, timeout_ticks: u32) -> bool {
         self.ticks > u64::from(timeout_ticks) || self.owed > MISSED_FAULT * u64::from(timeout_ticks)
@@ -56,8 +56,8 @@ impl Silence {
 }
 
 impl Controller {
-    /// Counts what becomes a fault by its number over the last `elapsed` ticks: damaged frames, and ticks in which
-    /// motors were on or off against the command.
+    /// Counts events that become a fault by their number: damaged frames, and ticks in which motors
+    /// were on or off against the command. `elapsed` is the number of ticks since the last one.
     #[inline]
     pub(super) fn count_complaints(&mut self, inputs: &Inputs, elapsed: u64) {
         self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
@@ -72,8 +72,8 @@ impl Controller {
         }
     }
 
-    /// The fault condition of this tick, the gravest first. `feedback`: whether there was news, or what
-    /// is wrong with it.
+    /// Returns the most serious fault condition of this tick, if any. `feedback` is true if there
+    /// was a new reading, or the cause of a fault if the reading is invalid.
     #[inline]
     pub(super) fn fault_condition(
         &self,
@@ -113,8 +113,8 @@ impl Controller {
         self.motion_fault(powered)
     }
 
-    /// What the rates or the counts say of the motion. Without power only if it is the fault to be
-    /// reset: a person may spin a dead sphere.
+    /// Returns the fault that the rates or the counts show. With motors off, only a fault that is
+    /// to be reset counts, because a person may spin the sphere by hand.
     #[inline]
     fn motion_fault(&self, powered: bool) -> Option<Cause> {
         let judged = |cause| powered || self.machine.cause == Some(cause);
@@ -132,28 +132,29 @@ impl Controller {
         by_counts.filter(|cause| judged(*cause))
     }
 
-    /// Whether readings are missing for too long, or the newest one answers too old a command.
+    /// Returns true if readings are missing for too long, or if the newest reading answers too old
+    /// a command.
     ///
-    /// The newest reading that there can be answers the last command that was sent, `elapsed` ticks
-    /// ago. What counts is how many ticks of commands lie between, and one for the line if the
-    /// reading has arrived in this very tick: it is then `timeout_ticks` old at most.
+    /// The newest possible reading answers the last command, which was sent `elapsed` ticks ago.
+    /// The age is the number of ticks from the answered command to that one. One tick is added for
+    /// the line if the reading has arrived in this tick, so that it is at most `timeout_ticks` old.
     #[inline]
     fn link_is_lost(&self, tick: u64, elapsed: u64, news: bool) -> bool {
         let timeout_ticks = self.rig.timing.timeout_ticks;
         let sent = tick.wrapping_sub(elapsed) as u32;
         let behind = self.joints.answered().map_or(0, |answered| sent.wrapping_sub(answered) as i32);
-        // No tick is far enough ahead to wrap, and one of the past is behind nothing.
+        // No tick is so far ahead that the difference wraps. A negative difference counts as zero.
         let behind = i64::from(behind.max(0)) + i64::from(news);
         behind > i64::from(timeout_ticks) || self.silence.too_long(timeout_ticks)
     }
 
-    /// Whether motors have been on or off against the command for too long.
+    /// Returns true if motors have been on or off against the command for too long.
     #[inline]
     fn disobeyed(&self) -> bool {
         self.disobeyed_ticks > 0 && self.disobeyed_ticks as Real * self.rig.timing.period_s() > DISOBEDIENCE_S
     }
 
-    /// Ends homing, and with it the mode `unreferenced`, if all steering zeros are known.
+    /// Ends homing, and with it the mode `unreferenced`, if all steer zeros are known.
     #[inline]
     pub(super) fn home(&mut self, feedback: Option<&JointFeedback>) {
         if self.homed || self.machine.mode != Mode::Unreferenced {

@@ -1,8 +1,9 @@
-//! One tick: from feedback to joint torques.
+//! The control law: one tick leads from a reading to joint torques.
 //!
 //! ```text
-//! feedback -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands -> Renderer (the scene)
-//!          -> blend, stream, gain, passivity, limits -> allocation -> Outputs
+//! reading -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands
+//!         -> Renderer (the scene) -> stream, gain, blend, passivity, limits
+//!         -> allocation -> Outputs
 //! ```
 
 mod commands;
@@ -35,9 +36,9 @@ pub use self::faults::{
 };
 use self::torque::{Made, Wanted};
 
-/// The control law of one rig: a pure function of its state and inputs.
+/// The control law of one rig. Each tick is a pure function of its state and its inputs.
 ///
-/// It has no clock and does no input or output. Same inputs, same bits, on any machine.
+/// It has no clock and does no input or output. The same inputs give the same bits on any machine.
 #[derive(Debug, Clone)]
 pub struct Controller {
     rig: Rig,
@@ -48,39 +49,41 @@ pub struct Controller {
     machine: Machine,
     renderer: Renderer,
     blend: Blend,
-    /// What the effects were rendered at in the last tick.
+    /// Motion at which the effects were rendered in the last tick.
     last_motion: Motion,
     stream: Stream,
     observer: Observer,
-    /// Energy given out in bursts, where the rig limits it.
+    /// Energy given out in bursts, if the rig limits it.
     burst: Option<Burst>,
     guard: Option<Guard>,
     heat: Option<Heat>,
-    /// What the motors made in the last tick; the next torque may differ by the slew limit.
+    /// Torque that the motors made in the last tick. The next torque may differ from it by the slew
+    /// limit.
     made: Made,
-    /// The limited sum of scene and stream in the last tick, N m, and that tick's stream.
+    /// Limited sum of scene and stream in the last tick, N m, and the stream of that tick.
     last_asked: Vec3,
     last_stream: Stream,
-    /// The size of the torque when a soft start began under power, N m, and how long ago that was, s.
+    /// Size of the torque when a soft start began with motors on, N m, and the time since then, s.
     carried: Real,
     carried_s: Real,
     last_tick: Option<u64>,
     silence: Silence,
     corrupt: Real,
-    /// Ticks for which motors have been on or off against the command.
+    /// Number of ticks for which motors have been on or off against the command.
     disobeyed_ticks: u64,
-    /// Homing is done: the steering zeros are known, so the angles are those of the wheels.
+    /// True after homing: the steer zeros are known, so the angles are those of the wheels.
     homed: bool,
-    /// A controller has rebooted since the start: zeros that were assumed can't be assumed again.
+    /// True if a motor controller has rebooted since the start. Assumed zeros are then no longer
+    /// valid.
     rebooted: bool,
     client_lost: bool,
-    /// References have just been anchored anew.
+    /// True if references have just been anchored anew.
     anchored: bool,
     client: Option<(Stamp, u64)>,
 }
 
 impl Controller {
-    /// A controller for `rig`, not homed, at the identity.
+    /// Creates the control law for `rig`. The rig is not homed and the orientation is the identity.
     #[must_use]
     pub fn new(rig: Rig) -> Self {
         let first = ContactArms::of(&rig.device.wheels()[0], rig.device.sphere_radius());
@@ -120,15 +123,16 @@ impl Controller {
         }
     }
 
-    /// The rig that it controls.
+    /// Returns the rig that is controlled.
     #[must_use]
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// One tick.
+    /// Runs one tick: takes the inputs, obeys the commands, renders `scene` and returns the torques
+    /// and the state.
     pub fn tick(&mut self, scene: &CompiledScene, inputs: &Inputs) -> Outputs {
-        // A tick that is not after the last one takes no time.
+        // A tick with a number not after the last one takes no time.
         let elapsed = self.last_tick.map_or(1, |last| inputs.tick.saturating_sub(last));
         self.last_tick = Some(inputs.tick);
         let dt = elapsed.min(SKIPPED_FAULT) as Real * self.rig.timing.period_s();
@@ -146,7 +150,7 @@ impl Controller {
         self.count_complaints(inputs, elapsed);
         let present = self.fault_condition(inputs, elapsed, measured);
         match present {
-            // It is an event: once it has become a fault it is over.
+            // The loss of the client is an event: it ends when it has become a fault.
             Some(Cause::ClientLost) => self.client_lost = false,
             None if measured == Ok(true) => self.home(inputs.feedback.as_ref()),
             _ => {}
@@ -157,7 +161,7 @@ impl Controller {
         for (reply, command) in replies.iter_mut().zip(inputs.commands.iter()) {
             *reply = Some(self.obey(scene, inputs.tick, command));
         }
-        // A stop has the last word in its tick, whatever came after it.
+        // A stop overrides all other commands of its tick, also later ones.
         if inputs.commands.iter().any(|command| matches!(command, Command::Estop)) {
             self.machine.estop();
         }
@@ -169,7 +173,8 @@ impl Controller {
         Outputs { drive: self.drive(), replies, state }
     }
 
-    /// Takes the feedback, if there is news: whether there was, or what is wrong with it.
+    /// Takes the reading, if it is new. Returns true if it was taken, or the cause of a fault if it
+    /// is invalid.
     #[inline]
     fn measure(&mut self, inputs: &Inputs, elapsed: u64) -> Result<bool, Cause> {
         if inputs.rebooted {
@@ -197,8 +202,8 @@ impl Controller {
         Ok(true)
     }
 
-    /// Holds what motors and contacts make of the torque `wanted` from this tick on. A number that is not finite ends in a
-    /// fault and zero torque.
+    /// Sets the torques from this tick on: what motors and contacts can make of the torque
+    /// `wanted`. A number that is not finite leads to a fault and zero torque.
     #[inline]
     fn hold(&mut self, tick: u64, wanted: &Wanted) {
         let made = if wanted.torque == Vec3::ZERO {
@@ -220,7 +225,7 @@ impl Controller {
         }
     }
 
-    /// The torques held, in the sense of each joint's controller.
+    /// Returns the command to the motors, in the direction of each joint's motor controller.
     #[inline]
     fn drive(&self) -> Drive {
         let mut drive = Drive { enable: self.powered(), torque: [0.0; MAX_JOINTS] };
@@ -230,7 +235,7 @@ impl Controller {
         drive
     }
 
-    /// The state that the tick publishes. `fresh`: it took new feedback.
+    /// Returns the state that the tick publishes. `fresh` is true if the tick took a new reading.
     #[inline]
     fn state(&self, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
         let made = &self.made;
@@ -268,7 +273,7 @@ mod tests {
 
     use super::*;
 
-    /// The docs of the crate name the sizes. They are those of this machine's word.
+    /// The docs of the crate list the sizes for a 64-bit machine.
     #[test]
     #[cfg(target_pointer_width = "64")]
     fn a_controller_takes_as_much_memory_as_the_docs_say() {

@@ -1,5 +1,5 @@
-//! From the scene to joint torques: the torque wanted, limited first and ramped then, and what the
-//! motors and contacts make of it without exceeding the slew limit.
+//! Computes joint torques from the scene. The torque wanted is first limited and then ramped. The
+//! motors and contacts make as much of it as they can, within the slew limit.
 
 use super::Controller;
 use crate::allocation::{self, Allocation, Bounds};
@@ -12,34 +12,35 @@ use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
 use crate::shaping::{BLEND_S, Blend, limited, slewed};
 
-/// The step in torque above which a change of a scene whose effects are out of reach of `enable`
-/// begins the soft start again, as a share of the rig's largest torque. Smaller ones blend, so that
-/// a slider moves the stiffness of a spring that the hand holds far from its reference.
+/// Step in torque, as a fraction of the rig's largest torque, above which a change of scene
+/// restarts the soft start, if an effect rests out of reach of `enable`. A smaller step blends, so
+/// that a slider can change the stiffness of a spring that the hand holds far from its reference.
 const SOFT_STEP: Real = 0.1;
 
-/// The torque wanted on the sphere.
+/// The torque wanted on the sphere, and how far limits have changed it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
-    /// In N, N m: limited, ramped and within the slew limit of the last tick's.
+    /// Torque in frame N, N m. It is limited, ramped and within the slew limit of the last tick's
+    /// torque.
     pub(super) torque: Vec3,
-    /// The share of what scene and stream ask for that the limit of torque left, 0 to 1.
+    /// Fraction of the torque of scene and stream that the torque limit left, 0 to 1.
     pub(super) share: Real,
-    /// The largest change of torque since the last tick, N m.
+    /// Largest permitted change of torque since the last tick, N m.
     pub(super) reach: Real,
 }
 
 /// The torque that motors and contacts make.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Made {
-    /// On the sphere in N, N m.
+    /// Torque on the sphere in frame N, N m.
     pub(super) torque: Vec3,
-    /// At the joints, N m.
+    /// Joint torques, N m.
     pub(super) joints: [Real; MAX_JOINTS],
-    /// What all limits left of the torque wanted, 0 to 1.
+    /// Fraction of the wanted torque that all limits left, 0 to 1.
     pub(super) scale: Real,
-    /// The motors cannot make a part of it in any size.
+    /// True if the motors cannot make a part of the torque, however small.
     pub(super) deficient: bool,
-    /// The load of the most loaded contact as a share of its grip, 0 to 1.
+    /// Load of the most loaded contact as a fraction of its grip, 0 to 1.
     pub(super) traction: Real,
 }
 
@@ -53,15 +54,18 @@ impl Made {
 }
 
 impl Controller {
-    /// Whether motors push: enabled, or on the way to zero after a disable.
+    /// Returns true if the motors make torque: the rig is enabled, or the torque is falling to zero
+    /// after a disable.
     #[inline]
     pub(super) fn powered(&self) -> bool {
         self.machine.powered() || self.made.torque != Vec3::ZERO
     }
 
-    /// Renders the scene and moves stream, blend and passivity controller on by `dt` seconds. Returns the torque wanted on
-    /// the sphere: the scene and the stream, limited, then ramped by soft start, disable and blend, then within the slew limit
-    /// of the last tick's torque.
+    /// Renders the scene and advances the stream, the blend and the passivity controller by `dt`
+    /// seconds. Returns the torque wanted on the sphere.
+    ///
+    /// The torque of scene and stream is limited. It is then ramped by soft start, disable and
+    /// blend. At last it is brought within the slew limit of the last tick's torque.
     #[inline]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
@@ -78,7 +82,7 @@ impl Controller {
             if let Some(guard) = &mut self.guard {
                 guard.rest();
             }
-            // A disable ends within the slew limit; a fault or a stop ends at once.
+            // A disable ends within the slew limit. A fault or a stop ends at once.
             let idle = self.machine.mode == Mode::Idle;
             let torque = if idle { slewed(self.made.torque, Vec3::ZERO, reach) } else { Vec3::ZERO };
             return Wanted { torque, share: 1.0, reach };
@@ -99,8 +103,8 @@ impl Controller {
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
         let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
-        // The bound rises and falls with the soft start and the disable ramp. What was felt before a
-        // soft start that began under power goes within the time of a blend.
+        // The bound follows the soft start and the disable ramp. If a soft start began with motors
+        // on, the torque before it fades out within the time of a blend.
         let bound = if gain == 1.0 {
             limits.torque
         } else {
@@ -110,15 +114,17 @@ impl Controller {
         };
         let mut wanted = limited(asked * gain + offset, bound);
         if self.guard.is_some() {
-            // Limited before: a torque that is not sent gives out nothing.
+            // Limited before the damping, because a torque that is not sent gives out no energy.
             wanted = limited(self.damp(tick, wanted), bound);
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }
 
-    /// Whether the change of scene that gives the torque `before` (N m) at the motion of the last tick
-    /// is one that `enable` would refuse: an effect is further than `enable_max_angle` from where it
-    /// rests, and has just been placed there, or the torque steps.
+    /// Returns true if the new scene starts so far from rest that `enable` would refuse it. Then an
+    /// effect rests further than `enable_max_angle` from the present orientation, and either its
+    /// reference has just been placed or the torque makes a large step.
+    ///
+    /// `before` is the torque of the new scene at the motion of the last tick, N m.
     #[inline(never)]
     fn comes_from_afar(&self, scene: &CompiledScene, motion: Motion, before: Vec3) -> bool {
         let limits = &self.rig.limits;
@@ -130,8 +136,8 @@ impl Controller {
         self.renderer.is_far(scene, motion.q, limits.enable_max_angle, steps)
     }
 
-    /// Adds to the torque `wanted` the damping of the passivity controller, which it sets anew. Apart, so that it costs
-    /// nothing if the rig has none.
+    /// Returns the torque `wanted` with the damping of the passivity controller, which is computed
+    /// anew. A separate function, so that it costs nothing if the rig has no passivity controller.
     #[inline(never)]
     fn damp(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
@@ -140,11 +146,12 @@ impl Controller {
         guard.damp(&self.observer, now, wanted, self.joints.omega)
     }
 
-    /// The joint torques that make `wanted` within the limits of motors and contacts.
+    /// Returns the joint torques that make `wanted` within the limits of motors and contacts, and
+    /// within the slew limit.
     #[inline]
     pub(super) fn feasible(&self, wanted: &Wanted) -> Made {
         let made = self.allocated(wanted);
-        // Room for the rounding of an allocation at the slew limit.
+        // Allows for the rounding of an allocation at the slew limit.
         let reach = wanted.reach + 64.0 * Real::EPSILON * self.rig.limits.torque;
         if (made.torque - self.made.torque).length_squared() > reach * reach {
             return self.eased(made, wanted);
@@ -161,7 +168,8 @@ impl Controller {
             AllocationMethod::Clipped => allocation::allocate_clipped(rows, &self.limits, wanted.torque),
         };
         let traction = self.rig.limits.traction.map_or(0.0, |grip| {
-            // What is sent loads no contact beyond its grip.
+            // The sent torques load no contact beyond its grip, whatever load the allocation had
+            // before.
             allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force).min(1.0)
         });
         let Allocation { torque: joints, scale, deficient } = allocation;
@@ -169,20 +177,24 @@ impl Controller {
         Made { torque, joints, scale: scale * wanted.share, deficient, traction }
     }
 
-    /// What the limits of motors or contacts make of a torque may be further from the last tick's than
-    /// the slew limit allows, although the torque wanted was not. Then the joint torques go only a part
-    /// of the way to `next`, from those that make the last tick's torque at the posture of now.
+    /// Moves the joint torques only a part of the way to `next`, so that the torque on the sphere
+    /// stays within the slew limit.
     ///
-    /// Both ends are within the limits of the motors and, as contact forces are linear in the joint
-    /// torques by constant arms, of the contacts. Both limits are convex, so every point between is
-    /// within them too.
+    /// This is needed because the limits of motors or contacts can change the torque by more than
+    /// the slew limit, even if the wanted torque does not. The way starts at joint torques that
+    /// make the last tick's torque at the present posture.
+    ///
+    /// Both ends are within the limits of the motors. They are also within those of the contacts,
+    /// as contact forces are linear in the joint torques with constant arms. Both limits are
+    /// convex, so every point in between is within them too.
     #[inline(never)]
     fn eased(&self, next: Made, wanted: &Wanted) -> Made {
         let n = self.rig.device.joints();
         let posture = &self.joints.posture;
         let last = self.made.torque;
-        // The wheels have steered since: the last joint torques make another torque, and perhaps the
-        // limits leave less of the last one. The nearer of the two is the one to start from.
+        // The wheels have steered since the last tick, so the last joint torques now make another
+        // torque. The limits may also leave less of the last torque. The nearer of the two is the
+        // start.
         let again = self.allocated(&Wanted { torque: last, ..*wanted });
         let held = posture.torque_on_sphere(&self.made.joints[..n]);
         let (mut start, mut from) =
@@ -210,8 +222,8 @@ impl Controller {
     }
 }
 
-/// The largest t from 0 to 1 with |`from` + t `way`| at most `reach`; where there is none, the t that
-/// brings it nearest.
+/// Returns the largest t from 0 to 1 for which |`from` + t `way`| is at most `reach`. If there is
+/// none, returns the t that brings it nearest.
 fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
     let (a, b) = (way.length_squared(), from.dot(way));
     if !(a > 0.0) {

@@ -1,23 +1,24 @@
-//! A torque that does not change. Not a gradient: it gives |T| times the angle turned along it.
+//! A constant torque. It is not the gradient of an energy: for a turn in its direction it gives out
+//! its size times the angle turned.
 
 use super::{Law, Now};
 use crate::real::Vec3;
 
-/// Which axes a vector is given in.
+/// The frame in which a vector is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frame {
-    /// The frame N.
+    /// The inertial frame N.
     World,
-    /// The sphere's own axes, turning with it.
+    /// The sphere's own axes, which turn with it.
     Sphere,
 }
 
-/// A torque that does not change.
+/// An effect that makes a constant torque, in frame N or in the sphere's axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constant {
-    /// N m.
+    /// Torque on the sphere, N m.
     pub torque: Vec3,
-    /// Its axes.
+    /// Frame in which the torque is given.
     pub frame: Frame,
 }
 

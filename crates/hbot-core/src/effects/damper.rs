@@ -1,11 +1,11 @@
-//! Resistance against turning: T = -D w, which only takes energy out.
+//! Viscous resistance against turning: T = -D w, which only absorbs energy.
 
 use super::target::beyond;
 use super::{Law, Now};
 use crate::impedance;
 use crate::real::{Mat3, Real, Vec3};
 
-/// Viscous resistance against the sphere's rate.
+/// An effect that resists turning, with a torque proportional to the sphere's rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Damper {
     damping: Mat3,
@@ -13,13 +13,15 @@ pub struct Damper {
 }
 
 impl Damper {
-    /// A damper of `damping` (N m s/rad), symmetric positive semidefinite in N. `None` where it is not.
+    /// Creates a damper with `damping` (N m s/rad), a matrix in frame N. Returns `None` if it is
+    /// not symmetric and positive semidefinite.
     #[must_use]
     pub fn new(damping: Mat3) -> Option<Self> {
         impedance::is_impedance(&damping).then_some(Self { damping, deadband: 0.0 })
     }
 
-    /// The same, without torque below the rate `deadband` (rad/s, at least 0), and counting from there.
+    /// Returns the damper with a dead band: no torque at rates below `deadband` (rad/s, at least
+    /// 0). Above it, only the part of the rate beyond the dead band is damped.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }
@@ -33,7 +35,7 @@ impl Law for Damper {
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let omega = now.motion.omega;
         if self.deadband > 0.0 {
-            // w.D w' >= 0 for w' along w: it still only takes.
+            // w.D w' >= 0 for w' along w, so it still only absorbs energy.
             return -(self.damping * beyond(omega, self.deadband));
         }
         -(self.damping * omega)

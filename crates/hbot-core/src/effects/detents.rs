@@ -1,9 +1,11 @@
 //! Notches of a dial.
 //!
-//! Over the dial's angle psi (physics notes, section 6), d from the nearest notch and w its half width, V = (A w/pi) (1 -
-//! cos(pi d/w)) within w and level beyond: the torque -A sin(pi d/w) is 0 at the notch and at its rim and A, the strength, half way.
-//! Where notches are nearer than 2 w they meet half way. Beyond the outermost of given positions the ground is level, or,
-//! with closed ends, a wall rises: V = 1/2 K d². The energy is continuous and has a continuous slope everywhere.
+//! Let psi be the dial's angle (physics notes, section 6), d its distance from the nearest notch, w
+//! the half width of a notch and A its strength. The energy is V = (A w/pi) (1 - cos(pi d/w)) for
+//! |d| < w and constant beyond. The torque -A sin(pi d/w) is 0 at the notch and at its rim, and A
+//! half way. Notches nearer to each other than 2 w meet half way. Beyond the outermost of given
+//! positions the energy is constant. With closed ends there is a wall instead: V = 1/2 K d². The
+//! energy is continuous and has a continuous slope everywhere.
 
 use super::geometry::{Dial, Turns};
 use super::target::Target;
@@ -11,27 +13,29 @@ use super::{Anchor, Law, Now};
 use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
 use crate::rotation::shortest;
 
-/// Notches about an axis.
+/// An effect that gives a dial about an axis notches into which it snaps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detents {
-    /// What the angle is measured from.
+    /// Orientation from which the angle is measured.
     pub target: Target,
-    /// The dial's axis in the target's frame, unit.
+    /// Axis of the dial in the target's frame, a unit vector.
     pub axis: Vec3,
-    /// The largest torque of a notch, N m.
+    /// Largest torque of a notch, N m.
     pub strength: Real,
     /// Half width of a notch, rad, > 0.
     pub width: Real,
-    /// Notches evenly around a turn, the first at 0. 0: they are at the effect's figures, rad, ascending, over many turns.
+    /// Number of notches evenly around a turn, the first at 0. If 0, the notches are at the
+    /// effect's figures: angles in rad, ascending, over many turns.
     pub count: u16,
-    /// Stiffness of the walls beyond the outermost of given positions, N m/rad; 0 leaves the ends open.
+    /// Stiffness of the walls beyond the outermost of given positions, N m/rad. 0 leaves the ends
+    /// open.
     pub end_stiffness: Real,
     /// Damping of the dial, N m s/rad.
     pub damping: Real,
 }
 
 impl Detents {
-    /// Energy (J) and slope (N m) at the angle `psi`.
+    /// Returns the energy (J) and slope (N m) at the angle `psi`.
     #[inline]
     fn profile(&self, psi: Real, figures: &[Real]) -> (Real, Real) {
         if self.count > 0 {
@@ -51,7 +55,8 @@ impl Detents {
         }
     }
 
-    /// At `d` from a notch that has `room` until its neighbour's half.
+    /// Returns the energy (J) and slope (N m) at the distance `d` from a notch. `room` is half of
+    /// the distance to its neighbour, rad.
     #[inline]
     fn notch(&self, d: Real, room: Real) -> (Real, Real) {
         let width = self.width.min(room);
@@ -63,7 +68,7 @@ impl Detents {
         (scale * (1.0 - cosine), self.strength * sine)
     }
 
-    /// At `d` outwards of an outermost notch.
+    /// Returns the energy (J) and slope (N m) at the angle `d` (rad) beyond an outermost notch.
     #[inline]
     fn beyond(&self, d: Real) -> (Real, Real) {
         if self.end_stiffness > 0.0 {

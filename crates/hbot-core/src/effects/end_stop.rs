@@ -1,9 +1,11 @@
-//! Walls about a cone of directions and a range of twist, that only push.
+//! Walls around a cone of directions and a range of twist. They only push, never pull.
 //!
-//! With p the depth in a wall (of the swing beyond the cone, or of the twist beyond its range): T = -(K p + D r(p) max(0, dp/dt)) grad p
-//! for p > 0. It is damped on the way in alone, so it never pulls, and r rises from 0 to 1 over the first 10 mrad, so that
-//! nothing jumps at the edge (the thought of Hunt and Crossley, 1975). The cone's wall fades towards the opposite direction and the
-//! twist's with its dial; both by their energy, so without damping they are exact gradients.
+//! Let p > 0 be the depth in a wall, beyond the cone or beyond the range of twist. The torque is T
+//! = -(K p + D r(p) max(0, dp/dt)) grad p. It is damped only on the way in, so it never pulls. The
+//! factor r rises from 0 to 1 over the first 10 mrad, so that nothing jumps at the edge (after Hunt
+//! and Crossley, 1975). The wall of the cone fades towards the opposite direction, and the wall of
+//! the twist fades with its dial. Both fade by their energy, so without damping they are exact
+//! gradients.
 
 use super::geometry::{Dial, SWING_FADE, Swing, Turns};
 use super::target::Target;
@@ -11,19 +13,21 @@ use super::{Anchor, Law, Now};
 use crate::real::{PI, Quat, Real, Vec3};
 use crate::rotation::shortest;
 
-/// Depth at which a wall's damping is full, rad.
+/// Depth in a wall at which the wall's damping reaches its full value, rad.
 const SOFT: Real = 0.01;
 
-/// Walls about a cone of directions and a range of twist.
+/// An effect that keeps an axis of the sphere within a cone, and its twist within a range, by
+/// walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EndStop {
-    /// What both are measured from.
+    /// Orientation from which cone and twist are measured.
     pub target: Target,
-    /// The axis, fixed in the sphere, that has to stay in the cone about its place in the target's frame; twist is about it. Unit.
+    /// Unit axis, fixed in the sphere, that has to stay in the cone around its place in the
+    /// target's frame. The twist is about this axis.
     pub axis: Vec3,
-    /// Half angle of the cone, rad, at most 2.7; `None` for none.
+    /// Half angle of the cone, rad, at most 2.7; `None` for no cone.
     pub cone: Option<Real>,
-    /// Range of the twist over many turns, rad; `None` for none.
+    /// Range of the twist over many turns, rad; `None` for no limit of twist.
     pub twist: Option<[Real; 2]>,
     /// Stiffness of the walls, N m/rad.
     pub stiffness: Real,
@@ -32,7 +36,8 @@ pub struct EndStop {
 }
 
 impl EndStop {
-    /// Slope of the cone's energy at a swing that is `depth` (> 0) beyond it.
+    /// Returns the slope of the cone's energy, N m, at a swing that is `depth` (> 0) beyond the
+    /// cone.
     fn cone_slope(&self, swing: &Swing, depth: Real) -> Real {
         self.stiffness * depth * swing.fade()
     }
@@ -46,13 +51,14 @@ impl EndStop {
         if left >= SWING_FADE {
             return 0.5 * self.stiffness * depth * depth;
         }
-        // The integral of K p (pi - angle)/fade from where the fade begins.
+        // The integral of K p (pi - angle)/fade from the start of the fade.
         let part = |y: Real| y * y * (0.5 * room - y * (1.0 / 3.0));
         let before = room - SWING_FADE;
         self.stiffness * (0.5 * before * before + (part(SWING_FADE) - part(left)) * (1.0 / SWING_FADE))
     }
 
-    /// Depth in the twist's wall with its sign: positive beyond the upper end, negative beyond the lower.
+    /// Returns the signed depth in the wall of the twist, rad: positive beyond the upper end,
+    /// negative beyond the lower.
     fn twist_depth(psi: Real, [low, high]: [Real; 2]) -> Real {
         (psi - high).max(0.0) + (psi - low).min(0.0)
     }

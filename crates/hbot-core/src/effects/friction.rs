@@ -1,27 +1,29 @@
-//! Dry friction that truly sticks: a bristle anchored on SO(3) that slides along when its torque exceeds the limit
-//! (V. Hayward and B. Armstrong, A new computational model of friction applied to haptic rendering, 2000).
+//! Dry friction that truly sticks: a bristle anchored on SO(3) that slides along if its torque
+//! exceeds the limit (V. Hayward and B. Armstrong, A new computational model of friction applied to
+//! haptic rendering, 2000).
 //!
-//! z = log(q q_b⁻¹), the turn from the anchor q_b, T = -k z. Where |k z| > torque the anchor follows along the geodesic until it
-//! is not. Below the limit the anchor does not move at all, so no load below it makes the sphere drift. The bristle
-//! stores 1/2 k |z|² and gives back no more; sliding takes energy out.
+//! z = log(q q_b⁻¹) is the turn from the anchor q_b, and T = -k z. If |k z| exceeds the limit, the
+//! anchor follows along the geodesic until it does not. Below the limit the anchor does not move at
+//! all, so a smaller load never makes the sphere drift. The bristle stores 1/2 k |z|² and never
+//! returns more. Sliding absorbs energy.
 
 use super::{Law, Now};
 use crate::real::{Quat, Real, Vec3, sqrt};
 use crate::rotation;
 
-/// Coulomb friction with true sticking, and a viscous part.
+/// An effect of dry (Coulomb) friction that truly sticks, with a viscous part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
-    /// The torque at which it slides, N m.
+    /// Torque at which the sphere begins to slide, N m.
     pub torque: Real,
     /// Stiffness of the bristle, N m/rad.
     pub stiffness: Real,
-    /// Damping, sticking and sliding alike, N m s/rad.
+    /// Damping while sticking and while sliding, N m s/rad.
     pub damping: Real,
 }
 
 impl Law for Friction {
-    /// The anchor, once there is one.
+    /// The anchor, after the first tick.
     type Memory = Option<Quat>;
 
     #[inline]

@@ -1,13 +1,14 @@
-//! Holds some directions of turning and leaves others free.
+//! A guide holds some directions of turning and leaves others free.
 //!
-//! Smooth everywhere, by the quaternion law for a stiffness that acts in some directions alone. With x = (eta, e), a the axis and
-//! d = R(x) a where the sphere's axis stands:
+//! It is smooth everywhere, because it follows the quaternion law with a stiffness that acts in
+//! some directions only. With x = (eta, e) and the unit axis a:
 //!
-//! - free about the axis: V = 2 K |e - (e.a) a|² = K (1 - cos swing), T = -2 Eᵀ K (I - a aᵀ) e;
-//! - free but for the twist: V = 2 K (e.a)², T = -2 Eᵀ K a aᵀ e;
-//! - free in the plane with the normal a, of which the sphere's axis u stays: V = 1/2 K s², s = d.a with d = R(x) u, T = -K s (d x a).
+//! - Free about the axis: V = 2 K |e - (e.a) a|² = K (1 - cos swing), T = -2 Eᵀ K (I - a aᵀ) e.
+//! - Free except for the twist: V = 2 K (e.a)², T = -2 Eᵀ K a aᵀ e.
+//! - Free in the plane with the normal a, in which the sphere's axis u stays: V = 1/2 K s², s = d.a
+//!   with d = R(x) u, T = -K s (d x a).
 //!
-//! A dead band shortens what is squared, so each stays a gradient.
+//! A dead band shortens the quantity that is squared, so each law remains a gradient.
 
 use super::target::{Target, beyond, beyond_gradient};
 use super::{Anchor, Law, Now};
@@ -15,36 +16,37 @@ use crate::impedance::quaternion_pull;
 use crate::real::{Quat, Real, Vec3, asin, fabs, sincos};
 use crate::rotation::vector_part;
 
-/// What a guide leaves free.
+/// The directions of turning that a guide leaves free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Freedom {
-    /// Turning about the axis, as a hinge.
+    /// Turning about the axis is free, as on a hinge.
     Axis,
-    /// Everything but turning about the axis.
+    /// All turning is free except about the axis.
     Swing,
-    /// Everything that keeps this axis of the sphere (unit) in the plane whose normal the guide's axis is.
+    /// All turning is free that keeps this unit axis of the sphere in a plane. The guide's axis is
+    /// the normal of the plane.
     Plane(Vec3),
 }
 
-/// Holds some directions of turning and leaves others free.
+/// An effect that holds some directions of turning and leaves others free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guide {
-    /// What it is measured from.
+    /// Orientation from which turning is measured.
     pub target: Target,
-    /// The axis in the target's frame, unit.
+    /// Axis in the target's frame, a unit vector.
     pub axis: Vec3,
-    /// What is free.
+    /// The directions that are free.
     pub free: Freedom,
-    /// Stiffness of what is held, N m/rad.
+    /// Stiffness in the held directions, N m/rad.
     pub stiffness: Real,
-    /// Damping of what is held, N m s/rad.
+    /// Damping in the held directions, N m s/rad.
     pub damping: Real,
-    /// Play, rad: no spring torque within it.
+    /// Dead band, rad: within it there is no spring torque.
     pub deadband: Real,
 }
 
 impl Guide {
-    /// The part of a vector that is held.
+    /// Returns the part of a vector in the held directions.
     #[inline]
     fn held(&self, v: Vec3) -> Vec3 {
         let along = self.axis * self.axis.dot(v);
@@ -54,7 +56,8 @@ impl Guide {
         }
     }
 
-    /// The rise of the axis `u` out of the plane beyond the dead band, its sine, and its gradient.
+    /// Returns the sine of the angle by which the axis `u` is out of the plane, less the dead band,
+    /// and its gradient.
     #[inline]
     fn rise(&self, x: Quat, u: Vec3) -> (Real, Vec3) {
         let d = x * u;
@@ -64,7 +67,7 @@ impl Guide {
         (s, d.cross(self.axis))
     }
 
-    /// The dead band as a length of e.
+    /// Returns the dead band as a length of e.
     fn dead_sine(&self) -> Real {
         sincos(0.5 * self.deadband).0
     }
@@ -117,7 +120,7 @@ impl Law for Guide {
         let x = desired.conjugate() * q;
         Some(match self.free {
             Freedom::Plane(u) => fabs(asin((x * u).dot(self.axis).clamp(-1.0, 1.0))),
-            // The turn about the held directions that has this much of e.
+            // The angle of the turn about the held directions that has this part of e.
             _ => 2.0 * asin(self.held(vector_part(x)).length().min(1.0)),
         })
     }

@@ -1,29 +1,37 @@
 //! A virtual mass: T = -M_v dw/dt, smoothed.
 //!
-//! The acceleration comes from differences of the rate, a tick and more late, and through a first-order low-pass of time
-//! constant `smoothing`: T = -M_v (dw/dt)/(1 + s smoothing). Without delay this is passive (its impedance M_v s/(1 + s smoothing) has a
-//! positive real part), a mass below 1/smoothing and a damper of M_v/smoothing above. With delay it is stable only up to
-//! a mass: with a = h/(smoothing + h) the filter's step and mu = M_v over the sphere's own inertia, one tick of delay is stable for
-//! mu < 2/a - 1 and two for mu < 1/a. All virtual masses of a scene together are held below half of the latter: see
-//! [`mass_scale`].
+//! The acceleration comes from differences of the rate, so it is at least one tick late. It passes
+//! through a first-order low-pass with the time constant `smoothing`: T = -M_v (dw/dt)/(1 + s
+//! smoothing). Without delay this is passive, because its impedance M_v s/(1 + s smoothing) has a
+//! positive real part. Below the frequency 1/smoothing it is a mass, above it a damper of
+//! M_v/smoothing.
+//!
+//! With delay it is stable only up to a certain mass. Let h be the period, a = h/(smoothing + h)
+//! the filter's step, and mu the ratio of M_v to the sphere's own inertia. With one tick of delay
+//! it is stable for mu < 2/a - 1, with two ticks for mu < 1/a. All virtual masses of a scene
+//! together are kept below half of the second limit, see [`mass_scale`].
 
 use super::{Law, Now};
 use crate::real::{Mat3, Real, Vec3, fabs};
 
-/// Resistance against being sped up or slowed down.
+/// An effect that makes the sphere feel heavier: a virtual mass that resists acceleration and
+/// deceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia {
-    /// Virtual mass, symmetric positive semidefinite in N, kg m².
+    /// Virtual mass in frame N, kg m², symmetric and positive semidefinite.
     pub mass: Mat3,
-    /// Time constant of the acceleration's low-pass, s.
+    /// Time constant of the acceleration's low-pass filter, s.
     pub smoothing: Real,
 }
 
-/// The part of the two-tick stability limit that is rendered.
+/// Fraction of the stability limit for two ticks of delay up to which virtual masses are rendered.
 const PART: Real = 0.5;
 
-/// What is rendered of the virtual masses `masses` (gain included; each with its smoothing), 0 to 1: all of them, where
-/// sum of a M_v <= 1/2 of the sphere's own `inertia` (kg m²), a = h/(smoothing + h), h = `period`; else their due part.
+/// Returns the factor, 0 to 1, by which all virtual masses `masses` are scaled to stay stable. Each
+/// item is a mass (kg m², with its gain) and the time constant of its smoothing (s).
+///
+/// With h = `period` and a = h/(smoothing + h), the factor is 1 if the sum of a M_v is at most half
+/// of the sphere's own `inertia` (kg m²). Otherwise it scales the sum down to this limit.
 #[must_use]
 pub(crate) fn mass_scale(masses: impl Iterator<Item = (Real, Real)>, inertia: Real, period: Real) -> Real {
     let load: Real = masses.map(|(mass, smoothing)| mass * period / (smoothing + period)).sum();
@@ -48,7 +56,8 @@ impl Law for Inertia {
     fn mass(&self) -> Option<(Real, Real)> {
         let row = |x: Real, y: Real, z: Real| fabs(x) + fabs(y) + fabs(z);
         let m = &self.mass;
-        // The largest row sum bounds the largest eigenvalue, and is it for a diagonal matrix.
+        // The largest row sum is an upper bound of the largest eigenvalue. For a diagonal matrix
+        // both are equal.
         let largest = row(m.x_axis.x, m.y_axis.x, m.z_axis.x)
             .max(row(m.x_axis.y, m.y_axis.y, m.z_axis.y))
             .max(row(m.x_axis.z, m.y_axis.z, m.z_axis.z));

@@ -1,26 +1,27 @@
-//! Attraction near an orientation, nothing far from it.
+//! Attraction near an orientation, and almost no torque far from it.
 //!
-//! V = -A w exp(1/2 - s²/(2 w²)) over the chord s = 2 sin(angle/2) = 2 |e|: the torque is largest, A but for cos(angle/2), at s = w.
-//! T = -(2 A/w) exp(1/2 - s²/(2 w²)) eta e. Smooth everywhere.
+//! V = -A w exp(1/2 - s²/(2 w²)) with the chord s = 2 sin(angle/2) = 2 |e|. The torque T = -(2 A/w)
+//! exp(1/2 - s²/(2 w²)) eta e is smooth everywhere. Apart from the factor eta = cos(angle/2), it is
+//! largest at s = w, where it is A.
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, Vec3, exp};
 use crate::rotation::vector_part;
 
-/// Attraction near an orientation.
+/// An effect that attracts the sphere when it is near an orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Magnet {
-    /// Where it pulls to.
+    /// Orientation that attracts the sphere.
     pub target: Target,
-    /// The largest torque, N m.
+    /// Largest torque A, N m.
     pub strength: Real,
-    /// Where it is largest, rad, > 0.
+    /// Distance w from the target at which the torque is largest, rad, > 0.
     pub width: Real,
 }
 
 impl Magnet {
-    /// exp(1/2 - s²/(2 w²)) with |e|² = s²/4.
+    /// Returns exp(1/2 - s²/(2 w²)) with |e|² = s²/4.
     #[inline]
     fn nearness(&self, e: Vec3) -> Real {
         exp(0.5 - 2.0 * e.length_squared() / (self.width * self.width))

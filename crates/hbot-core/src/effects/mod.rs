@@ -1,10 +1,12 @@
-//! The effects that scenes are made of: one file a kind, and one list at the end of this one.
+//! The effects that scenes are made of: one file per kind, and the list of kinds at the end of this
+//! file.
 //!
-//! An effect is a small immutable description; what it remembers from tick to tick stands in its slot of the renderer.
-//! Adding a kind means a file here, with what it is, its `Law` and its memory, and a line in the list. Equations and
-//! sources are in docs/effects.md.
+//! An effect is a small immutable description. Its memory from tick to tick is in its slot of the
+//! renderer. To add a kind, add a file here with its type, its `Law` and its memory, and a line in
+//! the list. Equations and sources are in docs/effects.md.
 //!
-//! New kinds are plain structs: hbot-config fills them after checking every range, and the core takes them as they are.
+//! Kinds are plain structs. hbot-config checks every range before it fills them, and the core takes
+//! the values as they are.
 
 mod constant;
 mod damper;
@@ -49,31 +51,35 @@ pub(crate) use target::Reference;
 
 use crate::real::{Quat, Real, Vec3};
 
-/// What a kind of effect does.
+/// The law of a kind of effect: how it computes torque and energy from the motion of the sphere.
 pub(crate) trait Law {
-    /// What it remembers from tick to tick; fresh at load and at enable.
+    /// Data of the law that are kept from tick to tick. They start fresh at load and at enable.
     type Memory: Copy + Default + PartialEq + core::fmt::Debug;
 
-    /// Moves `memory` on by one tick. Returns the torque on the sphere in N, N m, before gain and fading.
+    /// Advances `memory` by one tick. Returns the torque on the sphere in frame N, N m, before gain
+    /// and fading.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
 
-    /// The energy stored, J, for kinds whose torque (but for their damping) is the gradient of one.
+    /// Returns the stored energy, J, for kinds whose torque, apart from damping, is the gradient of
+    /// an energy.
     fn energy(&self, _now: &mut Now<'_>, _memory: &Self::Memory) -> Option<Real> {
         None
     }
 
-    /// The reference and its anchor, for kinds that have one.
+    /// Returns the reference and its anchor, for kinds that have one.
     fn reference(&self) -> Option<(Quat, Anchor)> {
         None
     }
 
-    /// How far, rad, the orientation `q` is from where the effect would be at rest with its reference at `desired`, for kinds whose
-    /// torque grows with that: what a rig's `enable_max_angle` limits.
+    /// Returns the distance in rad from the orientation `q` to where the effect would rest with its
+    /// reference at `desired`. Only for kinds whose torque grows with this distance. The rig's
+    /// `enable_max_angle` limits it.
     fn excess(&self, _desired: Quat, _q: Quat, _figures: &[Real]) -> Option<Real> {
         None
     }
 
-    /// For a virtual mass: its largest eigenvalue or a bound of it, kg m², and the time constant of its smoothing, s.
+    /// Returns, for a virtual mass, its largest eigenvalue or an upper bound of it, kg m², and the
+    /// time constant of its smoothing, s.
     fn mass(&self) -> Option<(Real, Real)> {
         None
     }
@@ -82,29 +88,32 @@ pub(crate) trait Law {
 /// One effect of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effect {
-    /// Where its memory stands in the controller, below [`MAX_EFFECTS`](crate::scene::MAX_EFFECTS).
+    /// Index of the effect's memory in the controller, below
+    /// [`MAX_EFFECTS`](crate::scene::MAX_EFFECTS).
     pub slot: u8,
-    /// Which effect it is in the life of the server: a new number makes a fresh memory, the same one keeps it, as when a
-    /// parameter of a running effect is set.
+    /// Number that identifies the effect during the life of the server. A new number makes a fresh
+    /// memory. The old number keeps the memory, for example when a parameter of a running effect is
+    /// set.
     pub epoch: u32,
-    /// A change of this number (epoch kept) makes `reference` of the kind the new goal of a kept memory.
+    /// Revision of the reference. If it changes and `epoch` does not, the kind's `reference`
+    /// becomes the new goal, and the memory is kept.
     pub reference_revision: u32,
-    /// Factor on its torque.
+    /// Factor on the effect's torque.
     pub gain: Real,
-    /// How long it takes to fade in, s.
+    /// Duration of the fade-in, s.
     pub fade_s: Real,
-    /// How long it takes to fade out once it is leaving, s.
+    /// Duration of the fade-out after the effect has left the scene, s.
     pub fade_out_s: Real,
-    /// No longer part of the scene: it fades out, and is then silent.
+    /// True if the effect is no longer part of the scene: it fades out and is then silent.
     pub leaving: bool,
-    /// Its part of the scene's table of figures.
+    /// The effect's part of the scene's table of figures.
     pub figures: Span,
-    /// What it is.
+    /// The kind of the effect with its parameters.
     pub kind: Kind,
 }
 
 impl Effect {
-    /// An effect that acts at once and fully, and needs no figures.
+    /// Creates an effect that acts fully at once and needs no figures.
     #[must_use]
     pub fn new(slot: u8, epoch: u32, kind: Kind) -> Self {
         Self {
@@ -124,26 +133,26 @@ impl Effect {
 /// A part of a scene's table of figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
-    /// Its first figure.
+    /// Index of the first figure.
     pub start: u16,
-    /// How many.
+    /// Number of figures.
     pub len: u16,
 }
 
 impl Span {
-    /// No figures.
+    /// A span without figures.
     pub const EMPTY: Self = Self { start: 0, len: 0 };
 }
 
-/// What an effect remembers from tick to tick.
+/// The memory of an effect from tick to tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EffectState {
-    /// The effect whose memory this is; 0 for none.
+    /// Epoch of the effect that this memory belongs to; 0 for none.
     pub(crate) epoch: u32,
     pub(crate) reference_revision: u32,
-    /// Time since it began to fade in, s; stops at its fade time.
+    /// Time since the fade-in began, s. It stops at the fade time.
     pub(crate) age_s: Real,
-    /// Time since it began to leave, s.
+    /// Time since the fade-out began, s.
     pub(crate) leaving_s: Real,
     pub(crate) reference: Reference,
     pub(crate) memory: Memory,
@@ -161,19 +170,19 @@ impl EffectState {
     };
 }
 
-/// Makes the list of kinds, and hands each its own memory.
+/// Builds the list of kinds and passes each kind its own memory.
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
-        /// The list of kinds.
+        /// The kinds of effects, each with its parameters.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub enum Kind {
             $($(#[$doc])* $name($name)),*
         }
 
-        /// The kinds' own memories.
+        /// The memories of the kinds.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub(crate) enum Memory {
-            /// Fresh.
+            /// Fresh: nothing is remembered yet.
             None,
             $($name(<$name as Law>::Memory)),*
         }
@@ -203,7 +212,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// The reference and its anchor, for kinds that have one.
+            /// Returns the reference and its anchor, for kinds that have one.
             #[inline]
             #[must_use]
             pub fn reference(&self) -> Option<(Quat, Anchor)> {
@@ -228,33 +237,33 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// A torque that does not change.
+    /// A torque that is constant.
     Constant,
     /// A spring with a damper towards a reference orientation.
     Spring,
-    /// Resistance against turning.
+    /// Resistance against turning, proportional to the rate.
     Damper,
-    /// Resistance against being sped up or slowed down.
+    /// A virtual mass, which resists acceleration.
     Inertia,
     /// Dry friction that truly sticks.
     Friction,
-    /// Notches of a dial.
+    /// Notches of a dial about an axis.
     Detents,
-    /// Orientations that it snaps into.
+    /// A set of orientations into which the sphere snaps.
     Snaps,
-    /// Walls about a cone of directions and a range of twist.
+    /// Walls that limit the directions of an axis to a cone and the twist to a range.
     EndStop,
-    /// Holds some directions of turning and leaves others free.
+    /// A guide that holds some directions of turning and leaves others free.
     Guide,
-    /// Bumps on the sphere's surface.
+    /// Bumps on the sphere's surface, felt when it turns.
     Texture,
-    /// Shaking.
+    /// A vibration about an axis.
     Vibration,
-    /// A mass off the centre, under gravity.
+    /// An off-centre mass under gravity.
     Pendulum,
-    /// Attraction near an orientation.
+    /// Attraction near an orientation, and almost no torque far from it.
     Magnet,
-    /// Clicks.
+    /// Clicks: short pulses of torque.
     Pulse,
     /// A spring to a reference that moves by itself.
     Track,
@@ -264,14 +273,15 @@ kinds! {
 mod tests {
     use super::*;
 
-    /// The largest kind is a spring with its two matrices: what is bigger belongs in the scene's table of figures.
+    /// The largest kind is a spring with its two matrices. Larger data belong in the scene's table
+    /// of figures.
     #[test]
     fn no_kind_blows_up_all_others() {
         assert!(size_of::<Kind>() <= size_of::<Spring>() + size_of::<Real>(), "{}", size_of::<Kind>());
         assert!(size_of::<Memory>() <= 16 * size_of::<Real>(), "{}", size_of::<Memory>());
     }
 
-    /// In either width every kind is finite.
+    /// Checks in either width of reals that every kind gives finite torques and energies.
     #[test]
     fn every_kind_works_in_this_width() {
         let target = Target::N;

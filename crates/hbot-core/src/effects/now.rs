@@ -1,5 +1,5 @@
-//! The moment that an effect is rendered at, with what effects share of it: each quantity is computed at most once a
-//! tick, and only where an effect asks for it.
+//! The input of an effect in one tick. Effects share derived quantities: each is computed at most
+//! once per tick, and only if an effect asks for it.
 
 use super::geometry::Dial;
 use super::target::Reference;
@@ -7,19 +7,19 @@ use crate::real::{Quat, Real, Vec3};
 use crate::rotation::{angle_over_sine, shortest, vector_part};
 use crate::scene::MAX_EFFECTS;
 
-/// What an effect may know of the moment.
+/// The motion of the sphere at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// Orientation of the sphere.
     pub q: Quat,
-    /// Angular velocity in N, rad/s.
+    /// Angular velocity in frame N, rad/s.
     pub omega: Vec3,
 }
 
-/// The moment, as one effect sees it.
+/// The input of one effect in one tick.
 pub(crate) struct Now<'a> {
     pub(crate) motion: &'a Motion,
-    /// Time since the last tick, s; 0 where a torque is only looked at.
+    /// Time since the last tick, s. It is 0 if a torque is only evaluated and nothing advances.
     pub(crate) dt: Real,
     /// The effect's reference.
     pub(crate) reference: &'a Reference,
@@ -29,14 +29,15 @@ pub(crate) struct Now<'a> {
 }
 
 impl Now<'_> {
-    /// x = q_d⁻¹ q with eta >= 0: the orientation in the reference's frame.
+    /// Returns x = q_d⁻¹ q with eta >= 0: the orientation in the reference's frame.
     #[inline]
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
         self.shared.relatives.get(desired, || shortest(desired.conjugate() * q))
     }
 
-    /// t / sin(t/2) and the rotation vector p of [`relative`](Self::relative), t = |p|.
+    /// Returns t / sin(t/2) and the rotation vector p of [`relative`](Self::relative), with t =
+    /// |p|.
     #[inline]
     pub(crate) fn log(&mut self) -> (Real, Vec3) {
         let x = self.relative();
@@ -46,20 +47,22 @@ impl Now<'_> {
         })
     }
 
-    /// The dial about the unit vector `axis` in the reference's frame.
+    /// Returns the dial about the unit vector `axis` in the reference's frame.
     #[inline]
     pub(crate) fn dial(&mut self, axis: Vec3) -> Dial {
         let x = self.relative();
         self.shared.dials.get((self.reference.q, axis), || Dial::new(x, axis))
     }
 
-    /// The rate relative to the reference's, in the reference's frame, rad/s.
+    /// Returns the sphere's rate relative to that of the reference, in the reference's frame,
+    /// rad/s.
     #[inline]
     pub(crate) fn rate(&self) -> Vec3 {
         self.reference.q.conjugate() * (self.motion.omega - self.reference.omega)
     }
 
-    /// The raw angular acceleration since the last tick, rad/s² in N; 0 in the first tick that asks.
+    /// Returns the unfiltered angular acceleration since the last tick, rad/s², in frame N. It is 0
+    /// in the first tick that asks for it.
     #[inline]
     pub(crate) fn acceleration(&mut self) -> Vec3 {
         let (omega, dt) = (self.motion.omega, self.dt);
@@ -69,23 +72,24 @@ impl Now<'_> {
         })
     }
 
-    /// A torque from the reference's frame in N.
+    /// Converts a torque from the reference's frame to frame N.
     #[inline]
     pub(crate) fn in_n(&self, torque: Vec3) -> Vec3 {
         self.reference.q * torque
     }
 }
 
-/// What the effects of a tick share.
+/// The quantities that the effects of a tick share.
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
     relatives: Memo<Quat, Quat, MAX_EFFECTS>,
     logs: Memo<Quat, (Real, Vec3), MAX_EFFECTS>,
     dials: Memo<(Quat, Vec3), Dial, MAX_EFFECTS>,
     accelerations: Memo<(), Vec3, 1>,
-    /// The rate of the last tick, where an effect of it asked for the acceleration.
+    /// The rate of the last tick, if an effect asked for the acceleration in it.
     last_omega: Option<Vec3>,
-    /// What is rendered of all virtual masses, 0 to 1 (see [`Inertia`](super::Inertia)).
+    /// Factor on all virtual masses, 0 to 1, that keeps them stable (see
+    /// [`Inertia`](super::Inertia)).
     pub(crate) mass_scale: Real,
 }
 
@@ -99,12 +103,13 @@ impl Shared {
         mass_scale: 1.0,
     };
 
-    /// A copy for a look at another moment, from which nothing comes back.
+    /// Returns a copy for an evaluation at another moment. The results of that evaluation are not
+    /// kept.
     pub(crate) fn copy_between_moments(&self) -> Self {
         Self { last_omega: self.last_omega, mass_scale: self.mass_scale, ..Self::EMPTY }
     }
 
-    /// Forgets what belongs to one moment.
+    /// Clears the quantities of the last moment. Called before the effects of a tick are rendered.
     #[inline]
     pub(crate) fn begin(&mut self) {
         self.relatives.len = 0;
@@ -113,7 +118,8 @@ impl Shared {
         self.accelerations.len = 0;
     }
 
-    /// Keeps the rate for the next moment, where somebody will ask for it. `dt`: as of the moment that ends.
+    /// Keeps the rate for the next moment, if an effect asked for the acceleration in this one.
+    /// `dt` is the time step of the moment that ends, s.
     #[inline]
     pub(crate) fn end(&mut self, motion: &Motion, dt: Real) {
         if self.accelerations.len == 0 {
@@ -123,13 +129,13 @@ impl Shared {
         }
     }
 
-    /// Forgets the last moment too.
+    /// Clears the rate of the last moment.
     pub(crate) fn restart(&mut self) {
         self.last_omega = None;
     }
 }
 
-/// What has been computed already, by what it was computed from.
+/// A small table of values that were already computed, with the inputs that they belong to.
 #[derive(Debug, Clone)]
 struct Memo<K, V, const N: usize> {
     len: usize,
@@ -148,7 +154,8 @@ impl<K: Copy + PartialEq, V: Copy, const N: usize> Memo<K, V, N> {
             return self.values[i];
         }
         let value = make();
-        // As many places as effects: one that asks for more than one of a sort computes it again.
+        // The table has as many places as there are effects. An effect that needs more than one
+        // place computes its value again.
         if self.len < N {
             self.keys[self.len] = key;
             self.values[self.len] = value;
@@ -174,7 +181,7 @@ mod tests {
             assert_eq!(value, 10 * key);
         }
         assert_eq!(made, 3);
-        // Past its places it still answers.
+        // A full table still answers.
         assert_eq!(memo.get(9, || 90), 90);
     }
 }

@@ -1,14 +1,14 @@
-//! A mass off the centre, under gravity: T = R c x m g, V = -m g . R c.
+//! An off-centre mass under gravity: T = R c x m g, V = -m g . R c.
 
 use super::{Law, Now};
 use crate::real::{Real, Vec3};
 
-/// A mass off the centre, under gravity.
+/// An effect that makes the sphere feel like one with an off-centre mass under gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pendulum {
-    /// Where the mass is, fixed in the sphere, m.
+    /// Position of the mass, fixed in the sphere, m.
     pub centre: Vec3,
-    /// Its weight, in N, newton.
+    /// Weight of the mass as a force in frame N, newton.
     pub weight: Vec3,
 }
 

@@ -1,41 +1,45 @@
-//! Clicks: a short push and its opposite about an axis, A sin(2 pi t/T) over one period, whose impulse is zero.
+//! Clicks: a short push and its opposite about an axis. The torque is A sin(2 pi t/T) over one
+//! period, so its total impulse is zero.
 //!
-//! A click comes whenever `fire` changes (by `set`; at load where it is not 0), every `period`, and whenever the dial about
-//! the axis passes from one of `count` notches to the next, then along the motion. It gives energy: at most A times the path turned meanwhile.
+//! A click starts when `fire` changes (also at load if it is not 0) and every `period`. It also
+//! starts when the dial about the axis passes from one of `count` notches to the next, and then in
+//! the direction of the motion. It gives out energy: at most A times the angle turned during the
+//! click.
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, TURN, Vec3, round, sincos};
 
-/// Clicks.
+/// An effect that makes clicks: short pulses of torque about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pulse {
-    /// What the axis is given in and the dial measured from.
+    /// Orientation in which the axis is given and from which the dial is measured.
     pub target: Target,
-    /// In the target's frame, unit.
+    /// Axis in the target's frame, a unit vector.
     pub axis: Vec3,
-    /// A, N m.
+    /// Largest torque A, N m.
     pub strength: Real,
-    /// T, s, > 0.
+    /// Duration T of a click, s, > 0.
     pub duration: Real,
-    /// A click each time that this changes; at load where it is not 0.
+    /// A click starts each time this number changes, and at load if it is not 0.
     pub fire: u32,
-    /// A click at every period, s; 0 for none.
+    /// Time between periodic clicks, s; 0 for none.
     pub period: Real,
-    /// Notches around a turn, as [`Detents`](super::Detents) has them: a click where the nearest changes. 0 for none.
+    /// Number of notches around a turn, as for [`Detents`](super::Detents). A click starts if the
+    /// nearest notch changes. 0 for none.
     pub count: u16,
 }
 
-/// Where a pulse stands.
+/// The state of a pulse effect.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Clicks {
-    /// The last `fire` seen.
+    /// Last value of `fire`.
     fired: u32,
-    /// Since the click began, s, while it lasts.
+    /// Time since the click began, s; `None` if there is no click.
     age: Option<Real>,
-    /// Its sense.
+    /// True if the click goes against the axis.
     backwards: bool,
-    /// Since the last periodic click, s.
+    /// Time since the last periodic click, s.
     waited: Real,
     /// The nearest notch.
     notch: Option<i32>,
@@ -48,10 +52,11 @@ impl Clicks {
 }
 
 impl Pulse {
-    /// Remembers the nearest notch. Returns whether the dial has passed on to another one: `Some(true)` downwards, `Some(false)` upwards.
+    /// Remembers the nearest notch. If it has changed, returns `Some(true)` for a dial that turned
+    /// downwards and `Some(false)` for one that turned upwards.
     fn take_notch(&self, now: &mut Now<'_>, state: &mut Clicks) -> Option<bool> {
         let dial = now.dial(self.axis);
-        // Where the dial fades, so do its notches.
+        // If the dial fades, it has no notches.
         if dial.fade().0 < 1.0 {
             state.notch = None;
             return None;

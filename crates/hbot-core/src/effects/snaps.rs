@@ -1,58 +1,65 @@
-//! Orientations that the sphere snaps into: those of a rotation group, or up to 16 of one's own.
+//! Orientations into which the sphere snaps: those of a rotation group, or up to 16 given ones.
 //!
-//! With c_i = x . g_i (quaternions as vectors of four) and U_i = 1 - c_i² = sin²(angle to g_i / 2), the smooth minimum
-//! U = min over weights w >= 0 of sum 1 of (sum w_i U_i + (r/2) sum w_i²) - r/2 is continuous with its gradient sum w_i grad U_i. Only
-//! wells within r of the nearest have weight. V = A w (sqrt(1 + 4 U/w²) - 1): a spring of A/w at a well, A at most.
+//! Let c_i = x . g_i, with quaternions as vectors of four. U_i = 1 - c_i² = sin²(angle to g_i / 2)
+//! is the distance from well i. The smooth minimum U = min over weights w >= 0 with sum 1 of (sum
+//! w_i U_i + (r/2) sum w_i²) - r/2 is continuous, and so is its gradient sum w_i grad U_i. Only
+//! wells within r of the nearest have weight. The energy is V = A w (sqrt(1 + 4 U/w²) - 1) with the
+//! width w: a spring of A/w at a well, with a torque of at most A.
 //!
-//! Where one well alone has weight, the way down V is the straight turn to it; where two have, their bisector is a mirror of
-//! V and no way down crosses it. So a sphere without inertia settles in the nearest well, save from a rim of order r around the lines
-//! where a third well is as near.
+//! If only one well has weight, the steepest way down is the straight turn to it. If two have
+//! weight, V is symmetric about the plane half way between them, and no way down crosses this
+//! plane. So a sphere without inertia settles in the nearest well. The exception is a rim of order
+//! r around the lines at which a third well is equally near.
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, Vec3, fabs, sqrt};
 use crate::rotation::vector_part;
 
-/// The most orientations of one's own.
+/// Largest number of given orientations.
 pub const MAX_OWN: usize = 16;
-/// Of the groups and of one's own the most.
+/// Largest number of orientations in any set.
 const MAX_WELLS: usize = 60;
-/// The most wells that can be as near as the nearest: of the groups six, at a corner of the tetrahedron's cells; of one's own all.
+/// Largest number of wells that can be as near as the nearest. For the groups it is six, at a
+/// corner of the tetrahedron's cells. For given orientations it can be all.
 const MAX_NEAR: usize = MAX_OWN;
 
-/// Which orientations.
+/// The set of orientations into which the sphere snaps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SnapSet {
-    /// The 12 turns of a tetrahedron on itself, with half turns about the axes.
+    /// The 12 rotations of a tetrahedron onto itself, with half turns about the axes.
     Tetrahedron,
-    /// The 24 turns of a cube on itself, with quarter turns about the axes.
+    /// The 24 rotations of a cube onto itself, with quarter turns about the axes.
     Cube,
-    /// The 60 turns of an icosahedron on itself, with half turns about the axes.
+    /// The 60 rotations of an icosahedron onto itself, with half turns about the axes.
     Icosahedron,
-    /// The effect's figures, each [w, x, y, z], unit; 1 to [`MAX_OWN`].
+    /// The effect's figures, each a unit quaternion `[w, x, y, z]`; 1 to [`MAX_OWN`] of them.
     Own,
 }
 
-/// Orientations that the sphere snaps into.
+/// An effect that makes the sphere snap into the nearest of a set of orientations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snaps {
-    /// What they are measured from.
+    /// Orientation from which the orientations of the set are measured.
     pub target: Target,
-    /// Which they are.
+    /// The set of orientations, called wells.
     pub set: SnapSet,
-    /// A, N m.
+    /// Largest torque A, N m.
     pub strength: Real,
-    /// w, rad, > 0.
+    /// Width w of a well, rad, > 0.
     pub width: Real,
-    /// r: how wide ridges are rounded, by [`Snaps::rounding`].
+    /// Rounding r of the ridges between wells, dimensionless. [`Snaps::rounding`] computes it.
     pub rounding: Real,
     /// Damping, N m s/rad.
     pub damping: Real,
 }
 
 impl Snaps {
-    /// A rounding for these orientations: a twentieth of U between the nearest two, so that no well feels it, and 2 degrees on the
-    /// ridges of the cube's. `figures` of one's own.
+    /// Returns a suitable rounding of the ridges between the wells of `set`. `figures` are the
+    /// given orientations of [`SnapSet::Own`].
+    ///
+    /// It is a twentieth of the distance U between the nearest two wells, so that no well is
+    /// affected. For the cube it is 2 degrees on the ridges.
     #[must_use]
     pub fn rounding(set: SnapSet, figures: &[Real]) -> Real {
         let wells = Wells::new(set, figures);
@@ -66,7 +73,7 @@ impl Snaps {
         0.05 * nearest
     }
 
-    /// U and its gradient at `x`.
+    /// Returns the smooth distance U from the wells at `x`, and its gradient.
     #[inline]
     fn ground(&self, x: Quat, figures: &[Real]) -> (Real, Vec3) {
         let wells = Wells::new(self.set, figures);
@@ -78,7 +85,7 @@ impl Snaps {
             most = most.max(fabs(c[i]));
         }
         let floor = 1.0 - most * most;
-        // Those within the rounding, ascending.
+        // The wells within the rounding, ascending by distance.
         let mut near: [(Real, usize); MAX_NEAR] = [(0.0, 0); MAX_NEAR];
         let mut count = 0;
         for i in 0..wells.all.len() {
@@ -93,7 +100,7 @@ impl Snaps {
                 count += 1;
             }
         }
-        // The level that weights (level - U_i)/r above 0 sum to 1 at.
+        // The level at which the positive weights (level - U_i)/r add up to 1.
         let (mut sum, mut level, mut used) = (0.0, 0.0, 0);
         for (k, (u, _)) in near[..count].iter().enumerate() {
             let next = (self.rounding + sum + u) / (k + 1) as Real;
@@ -114,7 +121,7 @@ impl Snaps {
     }
 }
 
-/// The wells of a set, one of each pair of quaternions that are the same rotation.
+/// The wells of a set, with one of each pair of quaternions that are the same rotation.
 struct Wells<'a> {
     all: &'a [[Real; 4]],
 }
@@ -142,7 +149,7 @@ const S: Real = core::f64::consts::FRAC_1_SQRT_2;
 #[cfg(feature = "f32")]
 const S: Real = core::f32::consts::FRAC_1_SQRT_2;
 
-/// The cube's turns; the first half are the tetrahedron's.
+/// The rotations of the cube. The first half are those of the tetrahedron.
 const CUBE: [[Real; 4]; 24] = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
@@ -172,7 +179,8 @@ const CUBE: [[Real; 4]; 24] = [
 
 static CUBE_TURNS: [[Real; 4]; 24] = CUBE;
 
-/// The icosahedron's turns: the tetrahedron's, and the even permutations of (phi, +-1, +-1/phi, 0)/2 with phi the golden ratio.
+/// The rotations of the icosahedron: those of the tetrahedron, and the even permutations of (phi,
+/// +-1, +-1/phi, 0)/2 with phi the golden ratio.
 static ICOSAHEDRON: [[Real; 4]; 60] = icosahedron();
 
 const fn icosahedron() -> [[Real; 4]; 60] {
@@ -240,7 +248,8 @@ impl Law for Snaps {
 mod tests {
     use super::*;
 
-    /// Any two turns of a group, one after the other, are a turn of it; and no two are the same.
+    /// Checks that the product of any two rotations of a group is in the group, and that no two are
+    /// equal.
     #[test]
     fn the_tables_are_groups() {
         for (set, order, nearest) in [
@@ -259,7 +268,7 @@ mod tests {
                     assert_eq!(same, 1, "{set:?}: {product}");
                 }
             }
-            // sin² of 60, 45 and 36 degrees: half the angle between the nearest two.
+            // sin² of 60, 45 and 36 degrees: half of the angle between the nearest two wells.
             assert!(fabs(Snaps::rounding(set, &[]) - 0.05 * nearest) < 1.0e-6);
         }
     }

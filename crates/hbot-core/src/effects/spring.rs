@@ -1,4 +1,4 @@
-//! A spring towards a reference orientation, with a damper on the rate relative to it.
+//! A spring towards a reference orientation, with a damper on the rate relative to the reference.
 
 use super::target::{beyond, beyond_gradient};
 use super::{Anchor, Law, Now};
@@ -6,12 +6,13 @@ use crate::impedance::{self, damper, geodesic_pull, quaternion_pull};
 use crate::real::{Mat3, Quat, Real, Vec3, sincos};
 use crate::rotation::{angle_between, vector_part};
 
-/// Which law a spring follows (physics notes, section 6).
+/// The law of a spring (physics notes, section 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpringLaw {
-    /// Linear in the angle up to a half turn.
+    /// The torque is linear in the angle up to a half turn.
     Geodesic,
-    /// The paper's: proportional to the sine of the angle for an isotropic stiffness.
+    /// The law of the paper. For an isotropic stiffness the torque is proportional to the sine of
+    /// the angle.
     Quaternion,
 }
 
@@ -23,26 +24,29 @@ pub enum SpringLaw {
 /// use hbot_core::rig::RigParts;
 /// use hbot_core::{CompiledScene, Device, Mat3, Quat, Rig, Vec3, WheelSpec, rotation};
 ///
-/// // 1 N m/rad about n1 and 3 N m/rad about n3, a little damping; to the identity.
+/// // 1 N m/rad about n1 and n2, 3 N m/rad about n3, and a little damping. The reference is the
+/// // identity.
 /// let stiffness = Mat3::from_diagonal(Vec3::new(1.0, 1.0, 3.0));
 /// let damping = Mat3::from_diagonal(Vec3::splat(0.01));
-/// let spring = Spring::new(SpringLaw::Geodesic, stiffness, damping, Quat::IDENTITY, Anchor::Absolute);
-/// let scene = CompiledScene::new(1, &[Effect::new(0, 1, Kind::Spring(spring.ok_or("not legal")?))])?;
+/// let (law, anchor) = (SpringLaw::Geodesic, Anchor::Absolute);
+/// let spring = Spring::new(law, stiffness, damping, Quat::IDENTITY, anchor);
+/// let spring = Kind::Spring(spring.ok_or("not valid")?);
+/// let scene = CompiledScene::new(1, &[Effect::new(0, 1, spring)])?;
 ///
 /// let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), ..WheelSpec::default() };
 /// let device = Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)])?;
 /// let mut renderer = Renderer::new(&Rig::new(RigParts::new(device))?);
 ///
-/// // 0.2 rad about n3, at rest: it pulls back by 0.6 N m, and holds 0.06 J.
+/// // At rest, 0.2 rad about n3: the spring pulls back with 0.6 N m and stores 0.06 J.
 /// let q = rotation::exp(Vec3::new(0.0, 0.0, 0.2));
 /// renderer.adopt(&scene, q);
 /// let torque = renderer.render(&scene, &Motion { q, omega: Vec3::ZERO }, 1, 1e-3, 1e-3);
 /// assert!((torque - Vec3::new(0.0, 0.0, -0.6)).length() < 1e-12);
 /// assert!((renderer.energy(&scene, q).ok_or("a spring has an energy")? - 0.06).abs() < 1e-12);
 ///
-/// // A negative stiffness is none.
+/// // A negative stiffness is refused.
 /// let soft = Mat3::from_diagonal(Vec3::splat(-1.0));
-/// assert!(Spring::new(SpringLaw::Geodesic, soft, Mat3::ZERO, Quat::IDENTITY, Anchor::Absolute).is_none());
+/// assert!(Spring::new(law, soft, damping, Quat::IDENTITY, anchor).is_none());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,8 +60,11 @@ pub struct Spring {
 }
 
 impl Spring {
-    /// A spring of `stiffness` (N m/rad) and `damping` (N m s/rad; zero costs nothing), both symmetric positive
-    /// semidefinite in desired-frame axes, towards the unit quaternion `reference`. `None` where one of them is not legal.
+    /// Creates a spring with `stiffness` (N m/rad) and `damping` (N m s/rad) towards the unit
+    /// quaternion `reference`. A damping of zero costs no time.
+    ///
+    /// Returns `None` if `reference` is not of unit length, or if `stiffness` or `damping` is not
+    /// symmetric and positive semidefinite. Both matrices are in the axes of the desired frame.
     #[must_use]
     pub fn new(
         law: SpringLaw,
@@ -73,20 +80,23 @@ impl Spring {
         legal.then_some(Self { law, stiffness, damping, reference, anchor, deadband: 0.0 })
     }
 
-    /// The same, slack within `deadband` of the reference (rad, 0 to below pi); the angle counts from there. Its energy is
-    /// that of the shortened rotation vector, so it is a gradient still.
+    /// Returns the spring with a dead band: no spring torque within `deadband` of the reference
+    /// (rad, from 0 to below pi). The angle counts from there. The energy is that of the shortened
+    /// rotation vector, so the torque is still a gradient.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }
     }
 
-    /// The vector part's dead length for the quaternion law: that of a turn by the dead band.
+    /// Returns the dead band of the quaternion law as a length of the vector part: that of a turn
+    /// by the dead band.
     fn dead_sine(&self) -> Real {
         sincos(0.5 * self.deadband).0
     }
 }
 
-/// The last rotation vector, which decides the side of a half turn.
+/// The rotation vector of the last tick. At exactly a half turn it decides between the two possible
+/// directions.
 type Branch = Vec3;
 
 impl Law for Spring {

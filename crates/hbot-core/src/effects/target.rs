@@ -1,17 +1,18 @@
-//! References: the orientation that an effect is measured from, fixed or moving.
+//! References: the orientations from which effects are measured, fixed or moving.
 
 use crate::real::{Quat, Real, Vec3};
 
-/// What a reference is measured from.
+/// The orientation to which a reference is relative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// The frame N.
+    /// The reference is an absolute orientation in frame N.
     Absolute,
-    /// The orientation at enable, or at load where the rig is active already: the reference turns from there.
+    /// The reference is a turn from the orientation at enable, or from that at load if the rig is
+    /// already active.
     Here,
 }
 
-/// The orientation that an effect is measured from, as the scene states it.
+/// The orientation from which an effect is measured, as the scene gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     reference: Quat,
@@ -19,16 +20,17 @@ pub struct Target {
 }
 
 impl Target {
-    /// The frame N itself.
+    /// The target at frame N itself.
     pub const N: Self = Self { reference: Quat::IDENTITY, anchor: Anchor::Absolute };
 
-    /// A target at the unit quaternion `reference`. `None` where it is not unit.
+    /// Creates a target at the unit quaternion `reference`. Returns `None` if it is not of unit
+    /// length.
     #[must_use]
     pub fn new(reference: Quat, anchor: Anchor) -> Option<Self> {
         ((reference.length_squared() - 1.0).abs() < 1.0e-6).then_some(Self { reference, anchor })
     }
 
-    /// The reference and its anchor.
+    /// Returns the reference and its anchor.
     #[inline]
     #[must_use]
     pub fn reference(&self) -> (Quat, Anchor) {
@@ -36,16 +38,16 @@ impl Target {
     }
 }
 
-/// A reference that moves: where it is, where it goes, and the rate it is said to have.
+/// A moving reference: its orientation, its goal and its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reference {
-    /// Where it is now.
+    /// Present orientation.
     pub(crate) q: Quat,
-    /// Where it goes, at most at the rig's `reference_rate`.
+    /// Orientation that it approaches, at most at the rig's `reference_rate`.
     pub(crate) goal: Quat,
-    /// Its rate in N for the damper, rad/s; 0 once expired.
+    /// Rate in frame N that the damper uses, rad/s; 0 after it has expired.
     pub(crate) omega: Vec3,
-    /// First tick at which `omega` no longer holds.
+    /// First tick at which `omega` is no longer valid.
     pub(crate) omega_until: u64,
 }
 
@@ -54,14 +56,14 @@ impl Reference {
         Self { q: Quat::IDENTITY, goal: Quat::IDENTITY, omega: Vec3::ZERO, omega_until: 0 };
 }
 
-/// `v` shortened by `deadband`, to nothing where it is not longer: what is left beyond a dead zone.
+/// Returns `v` with its length reduced by `deadband`, or zero if it is shorter than `deadband`.
 #[inline]
 pub(crate) fn beyond(v: Vec3, deadband: Real) -> Vec3 {
     let length = crate::real::sqrt(v.length_squared());
     if length > deadband { v * (1.0 - deadband / length) } else { Vec3::ZERO }
 }
 
-/// The derivative of [`beyond`] at `v`, transposed (it is symmetric), times `f`.
+/// Returns the transposed derivative of [`beyond`] at `v`, times `f`. The derivative is symmetric.
 #[inline]
 pub(crate) fn beyond_gradient(v: Vec3, deadband: Real, f: Vec3) -> Vec3 {
     let length = crate::real::sqrt(v.length_squared());

@@ -1,19 +1,21 @@
-//! Bumps on the sphere's surface, felt as it turns past a point that stands still.
+//! Bumps on the sphere's surface, felt as it turns past a fixed point.
 //!
-//! s = Rᵀ n is the point of the sphere that is under the unit vector n of N. V = (A/k) sum of cos(k s_i) over the sphere's three axes:
-//! smooth everywhere, k waves a radian. T = A R (f x s), f_i = sin(k s_i): an exact gradient. Turning about n is not felt.
+//! s = Rᵀ n is the point of the sphere under the unit vector n of frame N. The energy is V = (A/k)
+//! sum of cos(k s_i) over the sphere's three axes. k is the wave number, in rad of the wave per rad
+//! of turn. The energy is smooth everywhere. The torque T = A R (f x s) with f_i = sin(k s_i) is an
+//! exact gradient. A turn about n is not felt.
 
 use super::{Law, Now};
 use crate::real::{Real, Vec3, cos, sincos};
 
-/// Bumps on the sphere's surface.
+/// An effect that makes bumps on the sphere's surface felt when the sphere turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Texture {
-    /// Where it is felt, a direction in N, unit.
+    /// Direction at which the bumps are felt, a unit vector in frame N.
     pub at: Vec3,
-    /// k, rad of a wave for one rad of turn, > 0.
+    /// Wave number k, rad of the wave per rad of turn, > 0.
     pub wave_number: Real,
-    /// A, N m.
+    /// Amplitude A of the torque, N m.
     pub depth: Real,
 }
 

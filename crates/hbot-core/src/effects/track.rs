@@ -1,68 +1,77 @@
-//! A spring to a reference that moves by itself: swings of a sine or a chirp, way-points, a recorded path.
+//! A spring to a reference that moves by itself: in swings of a sine or a chirp, through
+//! way-points, or along a recorded path.
 //!
-//! q_d = turn(t) q_r, with q_r the effect's reference and the turn in N; T = -K log(q q_d⁻¹) - D (w - w_d), with w_d the turn's own rate.
-//! Between way-points the angle goes as 10 u³ - 15 u⁴ + 6 u⁵ (minimum jerk: Flash and Hogan 1985) and rests at each; between
-//! the points of a record at a constant rate. It gives energy: what moving the reference puts into the spring.
+//! ```text
+//! q_d = turn(t) q_r
+//! T = -K log(q q_d⁻¹) - D (w - w_d)
+//! ```
+//!
+//! q_r is the effect's reference, the turn is in frame N, and w_d is the rate of the turn. Between
+//! way-points the angle follows 10 u³ - 15 u⁴ + 6 u⁵ (minimum jerk: Flash and Hogan 1985) and rests
+//! at each point. Between the points of a record the rate is constant. The effect gives out energy:
+//! the work that moves the reference against the spring.
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, TURN, Vec3, floor, sincos};
 use crate::rotation::{self, from_parts, vector_part};
 
-/// How a track's reference moves.
+/// The motion of a track's reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Path {
-    /// Amplitude times a sine about an axis, its frequency going from one to the other in a time.
+    /// A swing about an axis: a sine whose frequency goes linearly from one value to another.
     Swing {
-        /// In N, unit.
+        /// Axis in frame N, a unit vector.
         axis: Vec3,
-        /// rad.
+        /// Amplitude, rad.
         amplitude: Real,
         /// Frequency at the start, Hz.
         from: Real,
         /// Frequency at the end, Hz.
         to: Real,
-        /// How long the sweep takes, s; 0 stays at `from`.
+        /// Duration of the sweep from `from` to `to`, s. If 0, the frequency stays at `from`.
         sweep: Real,
-        /// Whether the sweep goes back and forth for ever; else it stays at `to`.
+        /// True if the sweep goes back and forth forever. Otherwise the frequency stays at `to`.
         repeat: bool,
     },
-    /// From point to point of the effect's figures, each [t, w, x, y, z]: time in s, ascending, and a unit quaternion.
+    /// A path through the points of the effect's figures. Each point is `[t, w, x, y, z]`: a time
+    /// in s, ascending, and a unit quaternion.
     Points {
-        /// Smoothly, with a rest at each; else at constant rates.
+        /// True for smooth motion with a rest at each point; false for constant rates.
         rest: bool,
-        /// Whether it starts over at the last point.
+        /// True if the path starts over after the last point.
         repeat: bool,
     },
 }
 
-/// A spring to a reference that moves by itself.
+/// An effect that pulls the sphere, like a spring, to a reference that moves by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Track {
-    /// What the path starts from.
+    /// Orientation from which the path starts.
     pub target: Target,
-    /// How it goes on.
+    /// Motion of the reference.
     pub path: Path,
-    /// N m/rad.
+    /// Stiffness, N m/rad.
     pub stiffness: Real,
-    /// N m s/rad.
+    /// Damping, N m s/rad.
     pub damping: Real,
-    /// No spring torque within this angle of the reference, rad.
+    /// Dead band, rad: no spring torque within this angle of the reference.
     pub deadband: Real,
 }
 
-/// Where a track stands.
+/// The state of a track effect.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Place {
-    /// Since the start, or since the path began again, s.
+    /// Time since the start, or since the path started over, s.
     time: Real,
-    /// Of the sine, 0 to 1.
+    /// Phase of the sine, 0 to 1.
     phase: Real,
-    /// The last rotation vector, which decides the side of a half turn.
+    /// The rotation vector of the last tick. At exactly a half turn it decides between the two
+    /// possible directions.
     branch: Vec3,
 }
 
-/// Figures of one point.
+/// Number of figures of one point.
 const POINT: usize = 5;
 
 fn orientation(point: &[Real]) -> Quat {
@@ -70,7 +79,7 @@ fn orientation(point: &[Real]) -> Quat {
 }
 
 impl Path {
-    /// The turn at a place, and its rate, both in N.
+    /// Returns the turn at a place of the path, and its rate (rad/s), both in frame N.
     #[inline]
     fn at(&self, place: &Place, figures: &[Real]) -> (Quat, Vec3) {
         match *self {
@@ -83,11 +92,11 @@ impl Path {
         }
     }
 
-    /// Frequency of a swing at a time, Hz.
+    /// Returns the frequency of a swing at `time` seconds, Hz.
     fn frequency(&self, time: Real) -> Real {
         match *self {
             Self::Swing { from, to, sweep, .. } if sweep > 0.0 => {
-                // A sweep that repeats comes back as it went.
+                // A sweep that repeats comes back in the same way.
                 let part = time / sweep;
                 from + (to - from) * (if part > 1.0 { 2.0 - part } else { part }).max(0.0)
             }
@@ -121,11 +130,11 @@ impl Path {
     }
 }
 
-/// The turn and its rate at a time on the way along points.
+/// Returns the turn and its rate (rad/s) at `time` on the path through the points.
 fn along(figures: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
     let count = figures.len() / POINT;
     let point = |i: usize| &figures[i * POINT..(i + 1) * POINT];
-    // The first point that is still to come.
+    // Finds the first point after `time`.
     let (mut low, mut high) = (0, count);
     while low < high {
         let middle = (low + high) / 2;

@@ -1,21 +1,22 @@
-//! Shaking about an axis: a wave under an envelope. It gives energy: at most its amplitude times the path turned.
+//! Vibration about an axis: a wave with an envelope. It gives out energy: at most its amplitude
+//! times the angle turned.
 
 use super::{Law, Now};
 use crate::real::{Real, TURN, Vec3, floor, sincos};
 
-/// The shape of a wave. Each begins with a period's first half, which pushes along the axis.
+/// The shape of a wave. Each begins with the half period that pushes along the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wave {
     /// A sine.
     Sine,
-    /// 1, then -1.
+    /// A square wave: 1, then -1.
     Square,
-    /// From 0 up to 1, then from -1 up to 0.
+    /// A saw-tooth: from 0 up to 1, then from -1 up to 0.
     Saw,
 }
 
 impl Wave {
-    /// The wave at the phase 0 to 1.
+    /// Returns the value of the wave, -1 to 1, at `phase`, 0 to 1.
     #[inline]
     fn at(self, phase: Real) -> Real {
         match self {
@@ -38,38 +39,38 @@ impl Wave {
     }
 }
 
-/// Shaking about an axis.
+/// An effect that shakes the sphere about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vibration {
-    /// In N, unit.
+    /// Axis of the vibration in frame N, a unit vector.
     pub axis: Vec3,
-    /// N m.
+    /// Amplitude of the torque, N m.
     pub amplitude: Real,
-    /// Hz.
+    /// Frequency of the wave, Hz.
     pub frequency: Real,
-    /// Its shape.
+    /// Shape of the wave.
     pub wave: Wave,
-    /// How long it takes to rise, s.
+    /// Duration of the envelope's rise, s.
     pub attack: Real,
-    /// When it begins to die away after its start, s; 0 for never.
+    /// Time from the start to the beginning of the envelope's fall, s; 0 for no fall.
     pub hold: Real,
-    /// How long it takes to die away, s.
+    /// Duration of the envelope's fall, s.
     pub release: Real,
-    /// When it starts again after its start, s; 0 for never.
+    /// Time from one start of the envelope to the next, s; 0 for no repetition.
     pub repeat: Real,
 }
 
-/// Where a vibration stands.
+/// The state of a vibration effect.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Phase {
-    /// Of the wave, 0 to 1.
+    /// Phase of the wave, 0 to 1.
     phase: Real,
-    /// Since its start, s; no longer than the envelope.
+    /// Time since the start, s, at most the length of the envelope.
     age: Real,
 }
 
 impl Vibration {
-    /// The envelope at an age, 0 to 1.
+    /// Returns the envelope at `age` seconds, 0 to 1.
     #[inline]
     fn envelope(&self, age: Real) -> Real {
         let rise = if age < self.attack { age / self.attack } else { 1.0 };
@@ -83,7 +84,7 @@ impl Vibration {
     fn advance(&self, state: &mut Phase, dt: Real) {
         state.phase += self.frequency * dt;
         state.phase -= floor(state.phase);
-        // Past the last change of the envelope there is nothing to count.
+        // After its last change, the envelope needs no more time.
         let last =
             self.attack.max(self.repeat).max(if self.hold > 0.0 { self.hold + self.release } else { 0.0 });
         state.age = (state.age + dt).min(last);

@@ -1,34 +1,38 @@
-//! A Kalman filter of angle, rate and acceleration of each joint (physics notes, section 9).
+//! A Kalman filter of the angle, rate and acceleration of each joint (physics notes, section 9).
 //!
-//! The jerk is taken for white noise and the rounding to counts for a measurement noise of 1/12 counts². Gains vary with
-//! time, so uneven steps and the start need no cases of their own. About 50 multiplications and one division a joint.
+//! The model treats the jerk as white noise, and the rounding to counts as a measurement noise of
+//! 1/12 counts². The gains vary with time, so uneven steps and the start are no special cases. A
+//! step costs about 50 multiplications and one division per joint.
 //!
-//! Units are counts and ticks, which keeps all numbers near 1. The angle is kept relative to the last count: it stays small
-//! however far the joint goes.
+//! Units are counts and ticks, which keeps all numbers near 1. The angle is kept relative to the
+//! last count, so it stays small however far the joint turns.
 
 use crate::device::MAX_JOINTS;
 use crate::real::Real;
 
-/// How long a joint's acceleration lasts, s. Singer's model of a manoeuvre (1970) has an acceleration of a given size with
-/// this correlation time; over times much shorter it is a walk driven by white jerk of the intensity 2 a² / time. A hand
-/// changes its mind in about as long.
+/// Correlation time of a joint's acceleration, s. In Singer's model of a manoeuvre (1970) an
+/// acceleration of the size a lasts for about this time. Over much shorter times it is a random
+/// walk, driven by white jerk of the intensity 2 a² / time. A hand changes its motion in about this
+/// time.
 const MANOEUVRE_S: Real = 0.1;
 
 /// Variance of the rounding to a count, counts².
 const ROUNDING: Real = 1.0 / 12.0;
 
-/// After more ticks without a reading the filter starts anew from the difference over the gap.
+/// Largest number of ticks in one filter step. After a longer gap the filter restarts with the
+/// difference over the gap.
 const LONGEST_STEP: u32 = 8;
 
-/// The readings' variance is at least this part of the prior acceleration's (counts, ticks): with counts so fine the
-/// rounding is of no importance, but P would lose its digits.
+/// Least variance of a reading, as a fraction of the prior variance of the acceleration (in counts
+/// and ticks). With counts so fine, rounding does not matter, but the covariance would lose its
+/// accurate digits.
 const LEAST_NOISE: Real = if Real::EPSILON < 1.0e-10 { 1.0e-9 } else { 1.0e-3 };
 
-/// The filters of all joints.
+/// The Kalman filters of all joints.
 #[derive(Debug, Clone)]
 pub(crate) struct Kalman {
     joints: [Filter; MAX_JOINTS],
-    /// The next reading is the second: rates come from a difference.
+    /// True if the next reading is the second one. The rates then come from a difference.
     fresh: bool,
 }
 
@@ -36,18 +40,18 @@ pub(crate) struct Kalman {
 struct Filter {
     /// Intensity of the jerk, counts²/tick⁵.
     jerk: Real,
-    /// Variance of the acceleration where nothing is known of it, counts²/tick⁴.
+    /// Variance of the acceleration before anything is known of it, counts²/tick⁴.
     prior: Real,
     /// Variance of a reading, counts².
     noise: Real,
-    /// Angle less the last reading (counts), rate, acceleration.
+    /// Angle minus the last reading, counts; rate, counts/tick; acceleration, counts/tick².
     offset: Real,
     rate: Real,
     acceleration: Real,
     p: Covariance,
 }
 
-/// Of angle x, rate v and acceleration a.
+/// Covariance of the angle x, the rate v and the acceleration a.
 #[derive(Debug, Clone, Copy)]
 struct Covariance {
     xx: Real,
@@ -59,7 +63,8 @@ struct Covariance {
 }
 
 impl Kalman {
-    /// Filters for joints of so many radians a count, whose accelerations are of the size `acceleration`, rad/s².
+    /// Creates filters for joints with `per_count` radians per count. `acceleration` is the typical
+    /// size of their accelerations, rad/s², and `period` the loop's period, s.
     pub(super) fn new(acceleration: Real, per_count: &[Real; MAX_JOINTS], period: Real) -> Self {
         Self { joints: per_count.map(|unit| Filter::new(acceleration, unit, period)), fresh: true }
     }
@@ -68,7 +73,7 @@ impl Kalman {
         self.fresh = true;
     }
 
-    /// Takes the next reading, so many counts on after so many ticks.
+    /// Takes the next reading: the change in counts of each joint over `ticks`.
     #[inline]
     pub(super) fn push(&mut self, counts: &[i32], ticks: u32) {
         let anew = core::mem::replace(&mut self.fresh, false) || ticks > LONGEST_STEP;
@@ -81,7 +86,7 @@ impl Kalman {
         }
     }
 
-    /// The rate at the last reading, counts a tick.
+    /// Returns the rate at the last reading, counts per tick.
     #[inline]
     pub(super) fn slope(&self, joint: usize) -> Real {
         self.joints[joint].rate
@@ -103,7 +108,8 @@ impl Filter {
         }
     }
 
-    /// From two readings: the mean rate between them, which an unknown acceleration makes late by half the time.
+    /// Starts from two readings. The rate is the mean rate between them, which an unknown
+    /// acceleration delays by half of the time.
     fn begin(&mut self, counts: Real, n: Real) {
         (self.offset, self.rate, self.acceleration) = (0.0, counts / n, 0.0);
         self.p = Covariance {
@@ -121,7 +127,7 @@ impl Filter {
         let p = self.predicted(n);
         let offset = self.offset + n * (self.rate + 0.5 * n * self.acceleration);
         let rate = self.rate + n * self.acceleration;
-        // What the reading says beyond the prediction, and how far to believe it.
+        // The difference between reading and prediction, and its weight.
         let surprise = counts - offset;
         let weight = 1.0 / (p.xx + self.noise);
         let [gv, ga] = [p.xv * weight, p.xa * weight];
@@ -129,7 +135,7 @@ impl Filter {
         self.offset = -left * surprise;
         self.rate = rate + gv * surprise;
         self.acceleration += ga * surprise;
-        // (1 - gain) as noise over the sum: no digit is lost where the gain is near 1.
+        // (1 - gain) is computed as noise over the sum, so no digit is lost if the gain is near 1.
         self.p = Covariance {
             xx: p.xx * left,
             xv: p.xv * left,
@@ -140,7 +146,7 @@ impl Filter {
         };
     }
 
-    /// F P Fᵀ + Q over `n` ticks, with Q of white jerk.
+    /// Returns F P Fᵀ + Q over `n` ticks, with the Q of white jerk.
     #[inline]
     fn predicted(&self, n: Real) -> Covariance {
         let (p, q) = (&self.p, self.jerk);
@@ -167,13 +173,13 @@ mod tests {
     use super::*;
     use std::vec::Vec;
 
-    /// Uniform in 0..1.
+    /// Returns a random number, uniform in 0..1.
     fn uniform(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*seed >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// A joint of one count a radian and tick: what it really does where its jerk is white.
+    /// A simulated joint with white jerk, of one count per radian and tick.
     struct Joint {
         seed: u64,
         state: [f64; 3],
@@ -182,12 +188,12 @@ mod tests {
 
     impl Joint {
         fn go(&mut self, ticks: u32) {
-            // Jerk that holds for a 32nd of a tick is white enough: its second moments are right, those of the angle within
-            // a thousandth.
+            // A jerk that is constant for a 32nd of a tick is white enough: its second moments are
+            // right, those of the angle within a thousandth.
             const PARTS: u32 = 32;
             let h = 1.0 / f64::from(PARTS);
             for _ in 0..ticks * PARTS {
-                // Twelve uniforms less six have the variance 1.
+                // The sum of twelve uniform numbers, minus six, has the variance 1.
                 let normal = (0..12).map(|_| uniform(&mut self.seed)).sum::<f64>() - 6.0;
                 let [x, v, a] = self.state;
                 let next = a + normal * libm::sqrt(self.jerk * h);
@@ -197,8 +203,8 @@ mod tests {
         }
     }
 
-    /// The errors of rate and acceleration are as large as the filter says that they are, over even and uneven steps: the model,
-    /// its discretisation and the gains fit each other.
+    /// Checks that the errors of rate and acceleration have the variance that the filter expects,
+    /// over even and uneven steps. So the model, its discretisation and the gains agree.
     #[test]
     fn errors_have_the_variance_that_the_filter_expects() {
         for uneven in [false, true] {
@@ -223,7 +229,8 @@ mod tests {
             }
             for errors in [rates, accelerations] {
                 let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-                // 6000 squares that are correlated over a few readings: their mean is good to some 4 %, three times that allowed.
+                // 6000 squares that are correlated over a few readings: their mean is accurate to
+                // about 4 %. Three times this is allowed.
                 assert!((mean - 1.0).abs() < 0.12, "uneven {uneven}: {mean} times the variance expected");
             }
         }
@@ -237,7 +244,7 @@ mod tests {
         for _ in 0..2000 {
             kalman.push(&[0], 1);
         }
-        // The slowest of its poles lies at some 1/10 a tick.
+        // The slowest pole of the filter is at about 1/10 per tick.
         assert!(kalman.slope(0).abs() < 1e-6, "{}", kalman.slope(0));
         kalman.push(&[500], LONGEST_STEP + 1);
         assert_eq!(kalman.slope(0), 500.0 / (LONGEST_STEP + 1) as Real, "over a gap, the difference");
@@ -246,7 +253,7 @@ mod tests {
     #[test]
     fn a_steady_acceleration_is_followed_without_lag() {
         let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);
-        // 0.5 counts/tick²: readings are whole numbers at even ticks, so nothing is rounded.
+        // 0.5 counts/tick²: at even ticks the readings are whole numbers, so nothing is rounded.
         let place = |k: i32| k * k;
         for k in 1..400 {
             kalman.push(&[place(k) - place(k - 1)], 2);
@@ -268,7 +275,8 @@ mod tests {
                     kalman.push(&[counts], ticks);
                     let Filter { p, noise, rate, .. } = &kalman.joints[0];
                     assert!(p.xx > 0.0 && p.xx <= *noise && p.vv > 0.0 && p.aa > 0.0, "{p:?}");
-                    // Jumps of 1000 counts up and down are twice extrapolated; a filter that ran away would not stop here.
+                    // Jumps of 1000 counts up and down are extrapolated by a factor of two. A
+                    // filter that diverges would exceed this bound.
                     assert!(rate.abs() < 1e5, "{rate}");
                 }
             }

@@ -1,7 +1,9 @@
-//! Joint rates from counts: what the rig file names as `rate_estimate` (physics notes, section 9).
+//! Estimates joint rates from counts. The rig file selects the method with `rate_estimate` (physics
+//! notes, section 9).
 //!
-//! All work on integer counts and on the ticks between the readings that feedback answers, so missed readings make a step
-//! longer and no estimate wrong. Memory and time are bounded whatever comes in.
+//! All methods use integer counts and the number of ticks between the commands that the readings
+//! answer. So a missed reading makes a step longer, and no estimate becomes wrong. Memory and time
+//! are bounded for any input.
 
 mod kalman;
 mod window;
@@ -13,26 +15,26 @@ use crate::rig::{RateEstimate, Rig};
 use kalman::Kalman;
 use window::Window;
 
-/// What the joints did between two readings.
+/// The motion of the joints between two readings.
 #[derive(Clone, Copy)]
 pub(crate) struct Moved<'a> {
-    /// The turn of each joint, rad.
+    /// Change of each joint, rad.
     pub(crate) delta: &'a [Real; MAX_JOINTS],
-    /// The same in counts, in the controllers' sense.
+    /// Change of each joint in counts, in the direction of the motor controllers.
     pub(crate) counts: &'a [i32; MAX_JOINTS],
-    /// Ticks between the two; at least 1.
+    /// Number of ticks between the two readings, at least 1.
     pub(crate) ticks: u32,
 }
 
-/// One estimator for all joints, with its memory.
+/// The rate estimator of all joints, with its memory.
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to put the larger ones on")]
 pub(crate) enum Rates {
-    /// Needs none: the controllers say.
+    /// The rates that the motor controllers report, without an estimate.
     Reported,
     Difference,
     LowPass {
-        /// Corner, rad/s.
+        /// Corner frequency, rad/s.
         corner: Real,
         rate: [Real; MAX_JOINTS],
     },
@@ -58,7 +60,7 @@ impl Rates {
         }
     }
 
-    /// Forgets what was read: the next reading is the second one.
+    /// Forgets all readings. The next reading counts as the second one.
     pub(crate) fn restart(&mut self) {
         match self {
             Self::Reported | Self::Difference => {}
@@ -68,7 +70,8 @@ impl Rates {
         }
     }
 
-    /// Puts the estimates for the newest reading, rad/s, in place of the rates that the controllers report.
+    /// Replaces the rates that the motor controllers report by the estimates at the newest reading,
+    /// rad/s.
     #[inline]
     pub(crate) fn advance(
         &mut self,
@@ -88,7 +91,7 @@ impl Rates {
                 }
             }
             Self::LowPass { corner, rate } => {
-                // The filter's exact answer to a rate held over the step, however long that was.
+                // The exact response of the filter to a constant rate over a step of any length.
                 let part = 1.0 - exp(-*corner * time);
                 for i in 0..n {
                     rate[i] += part * (moved.delta[i] / time - rate[i]);
@@ -111,7 +114,7 @@ impl Rates {
     }
 }
 
-/// A real in 64 bits. One width of the two makes the conversion a no-op.
+/// Converts a real to 64 bits. In one of the two widths this does nothing.
 #[cfg(test)]
 #[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
 fn wide(x: Real) -> f64 {

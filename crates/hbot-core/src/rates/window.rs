@@ -1,9 +1,11 @@
-//! The adaptive window of Janabi-Sharifi, Hayward and Chen (2000), end-fit: per joint, the longest chord back from the last
-//! reading that passes within a tolerance of every reading between.
+//! The adaptive window of Janabi-Sharifi, Hayward and Chen (2000), in its end-fit form. The rate of
+//! each joint is the slope of the longest chord back from the last reading that passes within a
+//! tolerance of every reading in between.
 //!
-//! All in integers: the same answer in any width. A chord passes a reading where its slope lies between two bounds, so one
-//! walk back through the readings, narrowing the bounds, finds the longest: at most [`LONGEST_WINDOW`] steps of a few
-//! multiplications a joint, and none beyond the reading that no longer chord can pass.
+//! All steps use integers, so the result is the same in any width of reals. A chord passes a
+//! reading if its slope is between two bounds. So one walk back through the readings, which narrows
+//! the bounds, finds the longest chord. It takes at most [`LONGEST_WINDOW`] steps of a few
+//! multiplications per joint, and stops when no longer chord can pass.
 
 use crate::device::MAX_JOINTS;
 use crate::real::Real;
@@ -14,13 +16,13 @@ const DEPTH: usize = LONGEST_WINDOW as usize;
 /// The last steps of all joints.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    /// Counts.
+    /// Largest distance of a reading from the chord, counts.
     tolerance: i64,
-    /// Ticks.
+    /// Longest duration of a chord, ticks.
     longest: i64,
-    /// Counts turned between one reading and the next, a ring for each joint.
+    /// Counts between consecutive readings, a ring buffer for each joint.
     counts: [[i32; DEPTH]; MAX_JOINTS],
-    /// Ticks between them.
+    /// Ticks between consecutive readings.
     ticks: [u32; DEPTH],
     newest: usize,
     known: usize,
@@ -52,14 +54,16 @@ impl Window {
         self.known = (self.known + 1).min(DEPTH);
     }
 
-    /// The slope of the longest chord, counts a tick. The last step alone is always one, however long it was.
+    /// Returns the slope of the longest chord, counts per tick. The last step alone always counts
+    /// as a chord, however long it took.
     #[inline]
     pub(super) fn slope(&self, joint: usize) -> Real {
-        // The chord back to the reading at hand, and the longest one that passes: counts over ticks. What is multiplied is less
-        // than 2^38 counts by at most the longest chord's ticks, so nothing overflows.
+        // The chord back to the present reading, and the longest one that passes: counts over
+        // ticks. Products are less than 2^38 counts times the ticks of the longest chord, so
+        // nothing overflows.
         let (mut counts, mut ticks) = (0_i64, 0_i64);
         let mut longest = (0, 1);
-        // Between these slopes, as fractions, a chord passes all readings so far.
+        // A chord passes all readings so far if its slope is between these two fractions.
         let (mut least, mut most) = ((0_i64, 1_i64), (0_i64, 1_i64));
         let ring = &self.counts[joint];
         for k in 0..self.known {
@@ -72,13 +76,14 @@ impl Window {
             if ticks > self.longest {
                 break;
             }
-            // How far the chord is above the lower bound and below the upper one, times both times.
+            // The distances of the chord from the lower and from the upper bound, times both
+            // durations.
             let above = counts * least.1 - least.0 * ticks;
             let below = most.0 * ticks - counts * most.1;
             if above >= 0 && below >= 0 {
                 longest = (counts, ticks);
             }
-            // A tolerance to either side of this reading, where that is narrower.
+            // The tolerance on either side of this reading, if it narrows the bounds.
             let narrower = (above > self.tolerance * least.1, below > self.tolerance * most.1);
             if k == 0 || narrower.0 {
                 least = (counts - self.tolerance, ticks);
@@ -101,7 +106,8 @@ mod tests {
     use super::super::wide;
     use super::*;
 
-    /// The definition, word for word: the longest n whose chord is within the tolerance of each reading between.
+    /// Computes the definition directly: the longest n whose chord is within the tolerance of each
+    /// reading in between.
     fn by_definition(readings: &[(i64, i64)], tolerance: i64, longest: i64) -> (i64, i64) {
         let last = *readings.last().unwrap();
         let mut best = None;
@@ -134,7 +140,7 @@ mod tests {
                     speed += random(5) as i64 - 2;
                 }
                 let ticks = if random(15) == 0 { 1 + random(4) as u32 } else { 1 };
-                // Two thirds of a count a tick and unit of speed, floored.
+                // The speed is in units of two thirds of a count per tick. Counts are rounded down.
                 let before = place.div_euclid(3);
                 place += 2 * speed * i64::from(ticks);
                 let mut counts = [0; MAX_JOINTS];
@@ -150,14 +156,14 @@ mod tests {
 
     #[test]
     fn a_steady_motion_fills_the_window_whatever_its_rate() {
-        // Floors of a steady motion: no chord is off by a count.
+        // A steady motion with counts rounded down: no chord is off by a count.
         for speed in [0.0, 0.013, 0.4, 0.99, 3.7, -0.31, -22.2_f64] {
             let mut window = Window::new(1, 40);
             for k in 1..100 {
                 let step = libm::floor(speed * f64::from(k)) - libm::floor(speed * f64::from(k - 1));
                 window.push(&[step as i32; MAX_JOINTS], 1);
             }
-            // The chord over 40 ticks, whose ends are off by less than a count together.
+            // The chord over 40 ticks. The errors of its two ends together are less than a count.
             assert!((wide(window.slope(0)) - speed).abs() < 1.0 / 40.0 + 1e-6, "{speed}");
         }
     }

@@ -1,79 +1,82 @@
 //! The ranges of all numbers of a rig.
 //!
-//! They are wide: they keep out what no rig can be and what arithmetic cannot bear, not what is unwise. Rig files have these
-//! ranges too, and a narrower one for the period.
+//! They are wide. They exclude values that no rig can have or that arithmetic cannot handle, but
+//! not unwise values. Rig files have the same ranges, except for a narrower one for the period.
 
 use core::fmt;
 
 use crate::real::{PI, Real};
 
-/// Encoder counts a turn of the encoder.
+/// Range of the encoder resolution, in counts per turn of the encoder.
 pub const COUNTS_PER_TURN: Range = Range::from(4.0, 1_073_741_824.0, "");
-/// Turns of the encoder for one turn of the joint.
+/// Range of the gear: turns of the encoder for one turn of the joint.
 pub const GEAR: Range = Range::from(0.001, 10_000.0, "");
-/// Counts of one turn of a joint: fewer tell no angle, more do not fit the 32-bit counter that controllers report.
+/// Range of the counts per turn of a joint. Fewer do not give an angle; more do not fit the 32-bit
+/// counter that motor controllers report.
 pub const COUNTS: Range = Range::from(4.0, 2_147_483_648.0, "counts");
-/// The largest torque at a joint; 0 where it has no motor. The continuous torque of a motor is above 0 and at most this.
+/// Range of the largest torque at a joint, N m; 0 if the joint has no motor. The continuous torque
+/// of a motor must be above 0 and at most this torque.
 pub const PEAK: Range = Range::from(0.0, 1000.0, "N m");
 
-/// Largest torque on the sphere.
+/// Range of the largest torque on the sphere, N m.
 pub const TORQUE: Range = Range::above(0.0, 1000.0, "N m");
-/// Largest change of that torque.
+/// Range of the largest change of the torque on the sphere, N m/s.
 pub const TORQUE_RATE: Range = Range::above(0.0, 1_000_000.0, "N m/s");
-/// Largest angular speed.
+/// Range of the largest angular speed of the sphere, rad/s.
 pub const SPEED: Range = Range::above(0.0, 1000.0, "rad/s");
-/// Largest slip.
+/// Range of the largest slip of a wheel, m/s.
 pub const SLIP: Range = Range::above(0.0, 100.0, "m/s");
-/// Thermal time of the motors.
+/// Range of the thermal time of the motors, s.
 pub const THERMAL_TIME: Range = Range::above(0.0, 100_000.0, "s");
-/// Energy of a burst.
+/// Range of the energy of a burst, J.
 pub const BURST: Range = Range::above(0.0, 1000.0, "J");
-/// Power that may be given out for ever.
+/// Range of the power that may be given out forever, W.
 pub const POWER: Range = Range::above(0.0, 1000.0, "W");
-/// Friction coefficient of a contact.
+/// Range of the friction coefficient of a contact.
 pub const FRICTION: Range = Range::above(0.0, 10.0, "");
-/// Normal force of a contact.
+/// Range of the normal force of a contact, N.
 pub const NORMAL_FORCE: Range = Range::above(0.0, 10_000.0, "N");
-/// How far a reference may be at enable; no two orientations are further apart than pi.
+/// Range of the largest permitted angle between a reference and the orientation at enable, rad. No
+/// two orientations are further apart than pi.
 pub const ENABLE_MAX_ANGLE: Range = Range::above(0.0, PI, "rad");
-/// How fast an outside orientation corrects the odometry.
+/// Range of the rate at which an outside measurement corrects the orientation, rad/s.
 pub const ALIGN_RATE: Range = Range::above(0.0, 100.0, "rad/s");
-/// How fast a reference moves.
+/// Range of the largest rate at which a reference moves, rad/s.
 pub const REFERENCE_RATE: Range = Range::above(0.0, 1000.0, "rad/s");
-/// Age of stream messages.
+/// Range of the largest age of stream messages, ticks.
 pub const MAX_AGE_TICKS: Range = Range::from(1.0, 1_000_000.0, "");
 
-/// Time between ticks.
+/// Range of the time between ticks, ns.
 pub const PERIOD_NS: Range = Range::from(1000.0, 1_000_000_000.0, "ns");
-/// Age of the newest reading.
+/// Range of the largest age of the newest reading, ticks.
 pub const TIMEOUT_TICKS: Range = Range::from(1.0, 1000.0, "");
 
-/// Corner of the low pass for rates.
+/// Range of the cut-off frequency of the low-pass filter for rates, Hz.
 pub const CUTOFF_HZ: Range = Range::from(0.1, 10_000.0, "Hz");
-/// How far a reading may be off the chord of the adaptive window.
+/// Range of the tolerance of the adaptive window: the distance of a reading from the chord, counts.
 pub const TOLERANCE_COUNTS: Range = Range::from(1.0, 1000.0, "");
-/// How far back that window reaches.
+/// Range of the longest duration of the adaptive window, ticks.
 pub const LONGEST_TICKS: Range = Range::from(2.0, super::LONGEST_WINDOW as Real, "");
-/// Acceleration that the Kalman filter expects.
+/// Range of the acceleration that the Kalman filter expects, rad/s².
 pub const ACCELERATION: Range = Range::from(0.1, 100_000.0, "rad/s²");
 
-/// Energy that the passivity controller lets out beyond what came in.
+/// Range of the energy that the passivity controller lets out beyond what came in, J.
 pub const ALLOWANCE: Range = Range::from(0.0, 1000.0, "J");
-/// Energy that it remembers.
+/// Range of the energy that the passivity controller remembers, J.
 pub const STORE: Range = Range::from(0.0, 1000.0, "J");
-/// Damping that it adds at most.
+/// Range of the largest damping that the passivity controller adds, N m s/rad.
 pub const DAMPING: Range = Range::above(0.0, 100.0, "N m s/rad");
 
 /// The range of a number, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Its lower bound.
+    /// Lower bound. It is within the range unless `above_least` is true.
     pub least: Real,
-    /// The largest number in it.
+    /// Largest value within the range.
     pub most: Real,
-    /// Whether `least` itself is outside.
+    /// True if `least` itself is not within the range.
     pub above_least: bool,
-    /// The unit, as people write it; empty for a pure number or a count of ticks.
+    /// The unit as text; empty for a pure number or a count of ticks.
     pub unit: &'static str,
 }
 
@@ -86,7 +89,7 @@ impl Range {
         Self { least, most, above_least: true, unit }
     }
 
-    /// Whether `value` is in it. NaN is in no range.
+    /// Returns true if `value` is within the range. NaN never is.
     #[must_use]
     pub fn contains(&self, value: Real) -> bool {
         value <= self.most && if self.above_least { value > self.least } else { value >= self.least }
@@ -109,17 +112,19 @@ impl fmt::Display for Range {
     }
 }
 
-/// A number that no legal rig has.
+/// A number of a rig that is out of its range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigError {
-    /// The joint that it belongs to, if any, counted from 0 in the order steer, drive of each wheel.
+    /// Index of the joint that the number belongs to, if any. Joints count from 0 in the order
+    /// steer, drive of each wheel.
     pub joint: Option<usize>,
-    /// The field of [`RigParts`](super::RigParts), such as `limits.torque`, or of that joint, such as `gear`. `counts` are those
-    /// of one turn of the joint, `counts_per_turn` times `gear`.
+    /// Name of the field of [`RigParts`](super::RigParts), such as `limits.torque`, or of the
+    /// joint, such as `gear`. `counts` means those of one turn of the joint: `counts_per_turn`
+    /// times `gear`.
     pub field: &'static str,
-    /// What it is.
+    /// The value of the number.
     pub value: Real,
-    /// What it may be.
+    /// The range that the number must be in.
     pub range: Range,
 }
 

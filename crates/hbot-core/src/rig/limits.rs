@@ -1,40 +1,45 @@
-//! What a controller must not exceed.
+//! The limits that a controller must not exceed.
 
 use super::legal::{self, RigError};
 use crate::real::Real;
 
-/// What must not be exceeded. All positive, within the ranges of [`legal`].
+/// The limits that a controller must not exceed. All are positive and within the ranges of
+/// [`legal`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Largest torque on the sphere, N m (its norm).
+    /// Largest torque on the sphere (its norm), N m.
     pub torque: Real,
-    /// Largest change of that torque, N m/s.
+    /// Largest change of the torque on the sphere, N m/s.
     pub torque_rate: Real,
-    /// Largest angular speed of the powered sphere, rad/s; above it: fault overspeed.
+    /// Largest angular speed of the sphere with motors on, rad/s. Above it the fault `overspeed`
+    /// occurs.
     pub speed: Real,
-    /// Largest slip of the powered sphere, m/s; above it: fault slip.
+    /// Largest slip of a wheel with motors on, m/s. Above it the fault `slip` occurs.
     pub slip: Real,
-    /// How much energy may go into the hand, and how fast; more is the fault overtorque. `None`: as much as torque and speed
-    /// allow.
+    /// Limit of the energy given to the hand. Above it the fault `overtorque` occurs. `None`: only
+    /// the limits of torque and speed apply.
     pub energy: Option<EnergyLimit>,
-    /// The thermal time of the motors, s: a joint whose mean square of torque over it is above that of its continuous torque is
-    /// the fault thermal. `None`: heat is left to the controllers.
+    /// Thermal time of the motors, s. If the mean square of a joint's torque over this time exceeds
+    /// that of its continuous torque, the fault `thermal` occurs. `None`: only the motor
+    /// controllers watch the heat.
     pub thermal_time: Option<Real>,
-    /// What the contacts hold; `None` where nobody knows.
+    /// Friction limit of the contacts; `None` if it is not known.
     pub traction: Option<Traction>,
-    /// How far a spring's reference may be from the orientation at enable, rad.
+    /// Largest permitted angle between an effect's reference and the orientation at enable, rad.
     pub enable_max_angle: Real,
-    /// How fast an outside orientation corrects the odometry, rad/s.
+    /// Rate at which an outside measurement corrects the orientation, rad/s.
     pub align_rate: Real,
-    /// How fast a reference moves, rad/s.
+    /// Largest rate at which a reference moves, rad/s.
     pub reference_rate: Real,
-    /// Stream messages that name a tick older than this are refused.
+    /// Largest age of a stream message, ticks. A message that names an older state is refused.
     pub max_age_ticks: u32,
 }
 
 impl Default for Limits {
-    /// 0.9 N m with a slope of 200 N m/s; 30 rad/s; 50 mm/s of slip; enabling within 0.5 rad of the reference, which moves by 2
-    /// rad/s; corrections by 0.2 rad/s; messages of 100 ticks. Energy, heat and traction are not limited.
+    /// Returns the default limits: torque 0.9 N m with a change of 200 N m/s, speed 30 rad/s, slip
+    /// 50 mm/s, enable within 0.5 rad of the reference. References move at 2 rad/s, and the
+    /// orientation is corrected at 0.2 rad/s. Stream messages may be 100 ticks old. Energy, heat
+    /// and traction are not limited.
     fn default() -> Self {
         Self {
             torque: 0.9,
@@ -53,7 +58,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The widest limits of a legal rig: for tests and measurements in which nothing may interfere, not for a hand.
+    /// The widest limits that a valid rig can have. They are for tests and measurements without
+    /// interference, not for a hand.
     pub const WIDEST: Self = Self {
         torque: legal::TORQUE.most,
         torque_rate: legal::TORQUE_RATE.most,
@@ -94,21 +100,21 @@ impl Limits {
     }
 }
 
-/// A bound on the energy given out to the hand, as the passivity observer sees it: what is given out faster than `power` must
-/// not add up to more than `burst`. Both positive.
+/// A limit on the energy given to the hand, as the passivity observer measures it. The energy given
+/// out faster than `power` must not add up to more than `burst`. Both are positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyLimit {
-    /// Energy above what `power` allows, J.
+    /// Energy beyond what `power` allows, J.
     pub burst: Real,
-    /// What may be given out for ever, W.
+    /// Power that may be given out forever, W.
     pub power: Real,
 }
 
-/// The contact's friction limit, mu N.
+/// The friction limit mu N of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Traction {
-    /// Friction coefficient.
+    /// Friction coefficient mu.
     pub mu: Real,
-    /// Normal force of each wheel, N.
+    /// Normal force N of each wheel, N.
     pub normal_force: Real,
 }

@@ -1,28 +1,29 @@
-//! Which methods a controller uses where accuracy can be traded for time.
+//! The methods that a controller uses where accuracy can be traded for time.
 
 use super::legal::{self, RigError};
 use crate::device::Device;
 use crate::real::Real;
 
-/// The stages that can trade accuracy for time.
+/// The choice of a method for each stage that can trade accuracy for time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Methods {
-    /// How orientation is integrated from one reading to the next.
+    /// Method that integrates the orientation from one reading to the next.
     pub odometry: OdometryMethod,
-    /// What way the joints are taken to have gone between two readings.
+    /// Curve that is assumed for the joints between two readings.
     pub path: PathFit,
-    /// How a torque on the sphere becomes joint torques.
+    /// Method that converts a torque on the sphere to joint torques.
     pub allocation: AllocationMethod,
-    /// Where joint rates come from.
+    /// Source of the joint rates.
     pub rate: RateEstimate,
-    /// Whether energy given out is held within what came in; `None`: it is only observed.
+    /// Limit for the passivity controller, which keeps the energy given out within what came in.
+    /// `None`: the energy is only observed.
     pub passivity: Option<PassivityLimit>,
 }
 
 impl Methods {
-    /// The least time a tick.
+    /// The methods with the shortest time per tick.
     pub const FAST: Self = Self { odometry: OdometryMethod::Euler, ..Self::BALANCED };
-    /// The default.
+    /// The default methods.
     pub const BALANCED: Self = Self {
         odometry: OdometryMethod::Midpoint,
         path: PathFit::Straight,
@@ -30,13 +31,13 @@ impl Methods {
         rate: RateEstimate::Controller,
         passivity: None,
     };
-    /// The least error.
+    /// The methods with the smallest error.
     pub const EXACT: Self =
         Self { odometry: OdometryMethod::Magnus4, path: PathFit::Cubic, ..Self::BALANCED };
 }
 
 impl Default for Methods {
-    /// [`BALANCED`](Self::BALANCED).
+    /// Returns [`BALANCED`](Self::BALANCED).
     fn default() -> Self {
         Self::BALANCED
     }
@@ -68,24 +69,24 @@ impl Methods {
     }
 }
 
-/// How orientation is integrated over one step of the joints (physics notes, section 4).
+/// A method that integrates the orientation over one step of the joints (physics notes, section 4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum OdometryMethod {
-    /// Contact frames at the step's start: order 1.
+    /// Contact frames at the start of the step: order 1.
     Euler,
-    /// Contact frames at the mid steering angles: order 2.
+    /// Contact frames at the steer angles in mid-step: order 2.
     Midpoint,
     /// Two Gauss points and their commutator: order 4.
     Magnus4,
 }
 
 impl OdometryMethod {
-    /// Every method, by rising order.
+    /// All methods, by rising order.
     pub const ALL: [Self; 3] = [Self::Euler, Self::Midpoint, Self::Magnus4];
 
-    /// Its name in rig files.
+    /// Returns the method's name in rig files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -96,27 +97,28 @@ impl OdometryMethod {
     }
 }
 
-/// The way of the joints between two readings: a polynomial in time through the last ones (physics notes, section 4).
+/// The curve that is assumed for the joints between two readings: a polynomial in time through the
+/// last readings (physics notes, section 4).
 ///
-/// It is evaluated over the last interval, which lies inside the readings that it goes through: nothing is
-/// extrapolated, and nothing comes a tick late.
+/// It is evaluated over the last interval, which is between readings that it passes through. So
+/// nothing is extrapolated, and nothing is a tick late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum PathFit {
-    /// Through the last two readings.
+    /// A straight line through the last two readings.
     Straight,
-    /// Through the last three.
+    /// A quadratic through the last three readings.
     Quadratic,
-    /// Through the last four.
+    /// A cubic through the last four readings.
     Cubic,
 }
 
 impl PathFit {
-    /// Every fit, by rising order.
+    /// All fits, by rising order.
     pub const ALL: [Self; 3] = [Self::Straight, Self::Quadratic, Self::Cubic];
 
-    /// Its name in rig files.
+    /// Returns the fit's name in rig files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -127,68 +129,72 @@ impl PathFit {
     }
 }
 
-/// How a torque on the sphere becomes joint torques (physics notes, section 7).
+/// A method that converts a torque on the sphere to joint torques (physics notes, section 7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum AllocationMethod {
-    /// As much of the torque as the joints can make together.
+    /// Makes as much of the torque as the joints can make together.
     Exact,
-    /// The joint torques of least cost, scaled as a whole where one is over its limit: perhaps less torque, never another
-    /// direction.
+    /// Takes the joint torques of least cost and scales all of them down if one exceeds its limit.
+    /// It can give less torque, but never another direction.
     Clipped,
 }
 
-/// Where joint rates come from.
+/// The source of the joint rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RateEstimate {
-    /// As the motor controllers report them.
+    /// The rates that the motor controllers report.
     Controller,
-    /// The difference of the last two readings over the time between them.
+    /// The difference of the last two readings, divided by the time between them.
     Difference,
-    /// That difference through a low pass of first order.
+    /// The difference of the last two readings after a first-order low-pass filter.
     LowPass {
-        /// Where it has fallen to 1/sqrt 2, Hz.
+        /// Cut-off frequency, at which the gain is 1/sqrt 2, Hz.
         cutoff_hz: Real,
     },
-    /// Per joint, the longest chord back from the last reading that passes within a tolerance of every reading between
-    /// (Janabi-Sharifi et al. 2000).
+    /// For each joint, the longest chord back from the last reading that passes within a tolerance
+    /// of every reading in between (Janabi-Sharifi et al. 2000).
     AdaptiveWindow {
-        /// How far a reading may be off the chord, counts. 1 lets every steady motion pass: flooring moves each of the
-        /// three readings concerned by less than a count in one direction.
+        /// Largest distance of a reading from the chord, counts. With 1, every steady motion
+        /// passes: rounding down moves each of the three readings by less than a count, in the same
+        /// direction.
         tolerance_counts: u32,
-        /// How far back the chord may reach, ticks; at most [`LONGEST_WINDOW`].
+        /// Longest duration of the chord, ticks; at most [`LONGEST_WINDOW`].
         longest_ticks: u32,
     },
-    /// A Kalman filter of angle, rate and acceleration with the counts' rounding as the noise of its readings (physics
-    /// notes, section 9).
+    /// A Kalman filter of angle, rate and acceleration. The rounding of the counts is the noise of
+    /// its readings (physics notes, section 9).
     Kalman {
         /// Root mean square of a joint's acceleration, rad/s².
         acceleration: Real,
     },
 }
 
-/// The furthest that the adaptive window reaches back, ticks.
+/// Longest possible duration of the adaptive window, ticks.
 pub const LONGEST_WINDOW: u32 = 64;
 
-/// What the passivity controller keeps to (physics notes, section 9).
+/// The limit that the passivity controller keeps (physics notes, section 9).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassivityLimit {
     /// Energy that may be given out beyond what came in, J.
     pub allowance: Real,
-    /// The most that is remembered of energy that came in, J: what springs hold when they are wound, or they could not give it
-    /// back. What was taken in beyond it was dissipated and does not count.
+    /// Largest amount of absorbed energy that is remembered, J. It must cover the energy that
+    /// springs store when they are wound, or they could not return it. Energy absorbed beyond this
+    /// was dissipated and does not count.
     pub store: Real,
-    /// The most damping that is added, N m s/rad.
+    /// Largest damping that is added, N m s/rad.
     pub damping: Real,
 }
 
 impl PassivityLimit {
-    /// What suits `device` in a loop of `period_s` seconds.
+    /// Returns suitable values for `device` in a loop of `period_s` seconds.
     ///
-    /// 1 mJ may be given out; half a joule is remembered (0.9 N m at 1 N m/rad hold 0.4 J). The damping is I_s / (4 h), with which
-    /// the sphere's rate, read a tick late, goes to zero the quickest way without turning back (w' = w - 1/4 w_before has a double
-    /// root); h is taken as 1 ms where the loop is quicker, or the noise of rates would be heard.
+    /// 1 mJ may be given out and 0.5 J is remembered (a spring of 1 N m/rad with a torque of 0.9 N
+    /// m stores 0.4 J). The damping is I_s / (4 h), with the sphere's inertia I_s and the period h.
+    /// With it the sphere's rate, which is read a tick late, goes to zero as fast as possible
+    /// without reversing (w' = w - 1/4 w_before has a double root). For loops faster than 1 kHz, h
+    /// is taken as 1 ms, because the noise of the rates would become audible.
     #[must_use]
     pub fn of(device: &Device, period_s: Real) -> Self {
         let damping = 0.25 * device.sphere_inertia() / period_s.max(1.0e-3);

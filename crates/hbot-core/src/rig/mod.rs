@@ -1,16 +1,24 @@
-//! What the controller knows of the rig besides its geometry: joints, limits, timing, methods.
+//! The properties of the rig that the control law needs: geometry, joints, limits, timing and
+//! methods.
 //!
-//! Parse, don't validate: a [`Rig`] that exists has every number within its range. Its parts are public and plain; state
-//! them as [`RigParts`], which has defaults for all but the device:
+//! A [`Rig`] can only be made by [`Rig::new`], which checks that every number is within its range.
+//! Its parts are public and plain. They are given as [`RigParts`], which has defaults for
+//! everything except the device:
 //!
 //! ```
 //! use hbot_core::rig::{Joint, RigParts, Zero};
 //! use hbot_core::{Device, Rig, Vec3, WheelSpec};
 //!
-//! let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), cone: 0.1745, radius: 0.0155, ..WheelSpec::default() };
+//! let wheel = |side| WheelSpec {
+//!     axis: Vec3::new(side, 0.0, -1.0),
+//!     cone: 0.1745,
+//!     radius: 0.0155,
+//!     ..WheelSpec::default()
+//! };
 //! let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)])?;
 //!
-//! // Encoders of 16384 counts a turn; motors of 0.93 N m that steer, and of 0.14 N m behind a gear that drive.
+//! // Encoders of 16384 counts per turn. Motors of 0.93 N m steer; motors of 0.14 N m, after a
+//! // gear of 17, drive.
 //! let steer = Joint { zero: Zero::Index, ..Joint::new(16384, 0.93) };
 //! let drive = Joint { gear: 17.0, ..Joint::new(16384, 0.14) };
 //! let rig = Rig::new(RigParts::new(device).with_joints(steer, drive))?;
@@ -38,15 +46,16 @@ use core::ops::Deref;
 use crate::device::{Device, MAX_JOINTS};
 use crate::real::{Real, TURN};
 
-/// A legal rig: everything that one controller needs to know of it. Reads as its [`RigParts`].
+/// A checked rig: everything that a controller needs to know of it. It dereferences to its
+/// [`RigParts`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rig(RigParts);
 
 impl Rig {
-    /// A rig of these parts, if every number is within its range (those of [`legal`]).
+    /// Creates a rig of these parts, if every number is within its range (see [`legal`]).
     ///
     /// # Errors
-    /// The first number that is out of its range, in the order of [`RigParts::mistakes`].
+    /// Returns the first number that is out of its range, in the order of [`RigParts::mistakes`].
     pub fn new(parts: RigParts) -> Result<Self, RigError> {
         match parts.mistakes().next() {
             Some(error) => Err(error),
@@ -54,10 +63,10 @@ impl Rig {
         }
     }
 
-    /// This rig as `alter` changes it.
+    /// Returns a copy of this rig, changed by `alter`.
     ///
     /// # Errors
-    /// As [`new`](Self::new); this rig stays as it is.
+    /// Fails in the same way as [`new`](Self::new). This rig does not change.
     pub fn with(&self, alter: impl FnOnce(&mut RigParts)) -> Result<Self, RigError> {
         let mut parts = self.0;
         alter(&mut parts);
@@ -74,23 +83,25 @@ impl Deref for Rig {
     }
 }
 
-/// What a [`Rig`] is made of, legal or not.
+/// The parts of a [`Rig`], which are not checked yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigParts {
     /// Geometry and masses.
     pub device: Device,
-    /// One a joint, in the order steer, drive of each wheel; entries past [`Device::joints`] are unused.
+    /// The joints, in the order steer, drive of each wheel. Entries beyond [`Device::joints`] are
+    /// unused.
     pub joints: [Joint; MAX_JOINTS],
-    /// What must not be exceeded.
+    /// Limits that the rig must not exceed.
     pub limits: Limits,
-    /// Loop period and time-outs.
+    /// Loop period and time-out.
     pub timing: Timing,
-    /// Which methods trade accuracy for time.
+    /// Methods that trade accuracy for time.
     pub methods: Methods,
 }
 
 impl RigParts {
-    /// `device` with defaults for all else. Its joints have no motors until they are stated.
+    /// Returns the parts of a rig with `device` and with defaults for everything else. Its joints
+    /// have no motors until they are set.
     #[must_use]
     pub fn new(device: Device) -> Self {
         Self {
@@ -102,14 +113,15 @@ impl RigParts {
         }
     }
 
-    /// The same with these two joints at every wheel.
+    /// Returns these parts with the joints `steer` and `drive` at every wheel.
     #[must_use]
     pub fn with_joints(mut self, steer: Joint, drive: Joint) -> Self {
         self.joints = core::array::from_fn(|joint| if joint % 2 == 0 { steer } else { drive });
         self
     }
 
-    /// Every number that is out of its range: those of the joints first, then limits, timing and methods.
+    /// Returns every number that is out of its range: first those of the joints, then limits,
+    /// timing and methods.
     pub fn mistakes(&self) -> impl Iterator<Item = RigError> + '_ {
         let joints = self.joints[..self.device.joints()].iter().enumerate().flat_map(|(i, joint)| {
             joint.mistakes().map(move |mistake| RigError { joint: Some(i), ..mistake })
@@ -124,36 +136,41 @@ impl RigParts {
 /// One joint: its encoder and its motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Encoder counts a turn of the encoder (lines times 4), before the gear.
+    /// Encoder counts per turn of the encoder (lines times 4), before the gear.
     pub counts_per_turn: u32,
     /// Turns of the encoder for one turn of the joint.
     pub gear: Real,
-    /// Whether the controller counts (and pushes) against the joint's positive sense.
+    /// True if the motor controller counts, and makes torque, against the joint's positive
+    /// direction.
     pub reversed: bool,
-    /// How the zero of a steering angle becomes known. Unused for drive joints, whose zero means nothing.
+    /// The way in which the zero of a steer joint becomes known. Unused for drive joints, which
+    /// need no zero.
     pub zero: Zero,
-    /// The largest torque at the joint, N m; 0 where it has no motor.
+    /// Largest torque at the joint, N m; 0 if the joint has no motor.
     pub peak: Real,
-    /// The torque that the motor holds for ever, N m, at most `peak`. Without meaning where it has no motor.
+    /// Torque that the motor can hold forever, N m, at most `peak`. It has no meaning if the joint
+    /// has no motor.
     pub continuous: Real,
 }
 
 impl Default for Joint {
-    /// An encoder of 4096 lines (16384 counts a turn) without a gear, whose zero a calibration finds; no motor.
+    /// Returns an encoder of 4096 lines (16384 counts per turn) without a gear and without a motor.
+    /// A calibration finds the zero.
     fn default() -> Self {
         Self::new(16384, 0.0)
     }
 }
 
 impl Joint {
-    /// An encoder of `counts_per_turn` and a motor of the torque `peak` (N m), which it also holds for ever, without a gear; a
-    /// calibration finds the zero.
+    /// Creates a joint without a gear, with an encoder of `counts_per_turn` and a motor of the
+    /// torque `peak` (N m), which it can also hold forever. A calibration finds the zero.
     #[must_use]
     pub const fn new(counts_per_turn: u32, peak: Real) -> Self {
         Self { counts_per_turn, gear: 1.0, reversed: false, zero: Zero::Calibrate, peak, continuous: peak }
     }
 
-    /// Every number that is out of its range. The errors name no joint; those of [`RigParts::mistakes`] do.
+    /// Returns every number that is out of its range. The errors do not name the joint; those of
+    /// [`RigParts::mistakes`] do.
     pub fn mistakes(&self) -> impl Iterator<Item = RigError> + use<> {
         let continuous = Range::above(0.0, self.peak, legal::PEAK.unit);
         [
@@ -167,13 +184,15 @@ impl Joint {
         .flatten()
     }
 
-    /// Encoder counts in one turn of the joint: those of a turn of the encoder times the gear.
+    /// Returns the encoder counts per turn of the joint: those per turn of the encoder times the
+    /// gear.
     #[must_use]
     pub fn counts(&self) -> f64 {
         f64::from(self.counts_per_turn) * real_to_f64(self.gear)
     }
 
-    /// The joint's turn for one count, rad; negative where the controller counts against the joint.
+    /// Returns the joint's angle for one count, rad. Negative if the motor controller counts
+    /// against the joint.
     #[must_use]
     pub fn radians_per_count(&self) -> Real {
         let turn = TURN / self.counts() as Real;
@@ -181,47 +200,49 @@ impl Joint {
     }
 }
 
-// One width of the two makes the conversion a no-op.
+// In one of the two widths of reals the conversion does nothing.
 #[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
 fn real_to_f64(x: Real) -> f64 {
     f64::from(x)
 }
 
-/// How the zero of a steering angle becomes known.
+/// The way in which the zero of a steer joint becomes known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum Zero {
-    /// The wheel stands at zero when the controller powers up; taken at the first reading, and not again after a reboot.
+    /// The wheel is at zero when the motor controller powers up. Taken from the first reading, and
+    /// not again after a reboot.
     Assume,
     /// The encoder is absolute over a turn: its count is the angle.
     Absolute,
-    /// Known once the controller has seen the encoder's index.
+    /// The zero is known when the motor controller has seen the encoder's index mark.
     Index,
-    /// Known once a calibration has been taken.
+    /// The zero is known after a calibration.
     Calibrate,
 }
 
-/// Loop period and time-outs.
+/// Loop period and time-out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
     /// Nominal time between ticks, ns.
     pub period_ns: u64,
-    /// Age of the newest reading, ticks, above which it is the fault link_lost: a longer silence, or
-    /// answers to older commands. At most 1000, as the passivity observer remembers the torques of 1024 ticks.
+    /// Age of the newest reading, ticks, above which the fault `link_lost` occurs. The reading gets
+    /// old if no reading comes, or if readings answer old commands. At most 1000, because the
+    /// passivity observer remembers the torques of 1024 ticks.
     pub timeout_ticks: u32,
 }
 
 impl Default for Timing {
-    /// 1 kHz; a reading may be 20 ticks old.
+    /// Returns a period of 1 ms (1 kHz) and a time-out of 20 ticks.
     fn default() -> Self {
         Self { period_ns: 1_000_000, timeout_ticks: 20 }
     }
 }
 
 impl Timing {
-    /// The shortest time, ms, for which a controller may hold a command that no other follows: a command must still hold
-    /// when the next one is a whole period late.
+    /// Returns the shortest permitted watchdog time of a motor controller, ms. A command must still
+    /// be held when the next one is a whole period late.
     #[must_use]
     pub const fn least_watchdog_ms(&self) -> u64 {
         (2 * self.period_ns).div_ceil(1_000_000)
@@ -234,7 +255,7 @@ impl Timing {
         ]
     }
 
-    /// The period in seconds.
+    /// Returns the period in seconds.
     #[inline]
     #[must_use]
     pub fn period_s(&self) -> Real {

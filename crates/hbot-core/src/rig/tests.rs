@@ -11,14 +11,14 @@ fn parts() -> RigParts {
 #[test]
 fn a_count_turns_the_joint_by_a_share_of_the_gear_in_its_own_sense() {
     let mut joint = Joint { gear: 4.0, ..Joint::new(1000, 1.0) };
-    // 4000 counts are a turn.
+    // 4000 counts are one turn.
     assert_eq!(joint.counts(), 4000.0);
     assert!((joint.radians_per_count() - 1.570_796_3e-3).abs() < 1.0e-9);
     joint.reversed = true;
     assert!((joint.radians_per_count() + 1.570_796_3e-3).abs() < 1.0e-9);
 }
 
-/// A real number of the parts: its field in an error, its range, and how it is set.
+/// A real number of the parts: its field name in an error, its range, and a function that sets it.
 type Number = (&'static str, Range, fn(&mut RigParts, Real));
 
 const NUMBERS: [Number; 21] = [
@@ -53,7 +53,7 @@ const NUMBERS: [Number; 21] = [
     ("methods.passivity.allowance", legal::ALLOWANCE, |rig, x| passive(rig).allowance = x),
     ("methods.passivity.store", legal::STORE, |rig, x| passive(rig).store = x),
     ("methods.passivity.damping", legal::DAMPING, |rig, x| passive(rig).damping = x),
-    // A bound of the continuous torque is the joint's own peak.
+    // The upper bound of the continuous torque is the joint's own peak.
     ("continuous", Range::above(0.0, 0.2, "N m"), |rig, x| rig.joints[3].continuous = x),
     ("limits.torque", legal::TORQUE, |rig, x| rig.limits = Limits { torque: x, ..Limits::WIDEST }),
 ];
@@ -105,7 +105,7 @@ fn each_count_is_refused_outside_its_range_and_taken_at_its_bounds() {
             set(&mut rig, value);
             Rig::new(rig).err().map(|error| error.field)
         };
-        // Of the largest counts f32 knows every 128th alone.
+        // Among the largest counts, f32 can represent only every 128th.
         for value in [least - 1, most + most / 100 + 1] {
             assert_eq!(with(value), Some(field), "{value}");
         }
@@ -132,7 +132,7 @@ fn counts_of_a_turn_fit_the_counter_of_a_controller_whatever_makes_them() {
 #[test]
 fn what_a_rig_does_not_have_is_not_looked_at() {
     let mut rig = parts();
-    // The device has four joints, and the third of them no motor.
+    // The device has four joints, and the third has no motor.
     (rig.joints[4].gear, rig.joints[4].peak) = (Real::NAN, -1.0);
     (rig.joints[2].peak, rig.joints[2].continuous) = (0.0, -1.0);
     assert!(Rig::new(rig).is_ok());

@@ -1,29 +1,31 @@
-//! Stiffness and damping from what is seen: torque against deflection, as in the paper's figure 8.
+//! Fits stiffness and damping to samples of torque and deflection, as in the paper's figure 8.
 
 use glam::{DMat3, DQuat, DVec3};
 
 use super::Sample;
 
-/// Fewer samples say nothing.
+/// Smallest number of samples for a fit.
 const LEAST_SAMPLES: usize = 20;
-/// A deflection that spreads less says nothing, rad (its standard deviation).
+/// Smallest standard deviation of the deflection for a fit, rad.
 const LEAST_SPREAD: f64 = 2e-3;
 
-/// What one axis does: torque = offset - stiffness deflection - damping rate.
+/// The fitted behaviour of one axis: torque = offset - stiffness deflection - damping rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fit {
-    /// N m/rad
+    /// Stiffness, N m/rad.
     pub(crate) stiffness: f64,
-    /// N m s/rad
+    /// Damping, N m s/rad.
     pub(crate) damping: f64,
-    /// N m
+    /// Torque at zero deflection and rate, N m.
     pub(crate) offset: f64,
-    /// Of the deflection, rad.
+    /// Smallest and largest deflection of the samples, rad.
     pub(crate) range: [f64; 2],
 }
 
-/// Least squares about each axis of the zero that was `chosen`, or of each sample's own; `None` where the samples do not say. Samples that a limit has cut, and those of
-/// a rig that is not active, are left out.
+/// Fits each axis by least squares. Deflections are measured from the orientation `chosen`, or if
+/// it is `None`, from the zero of each sample. Returns `None` for an axis with too few samples or
+/// too little deflection. Ignores samples whose torque was limited, and samples of a rig that is
+/// not active.
 pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<DQuat>) -> [Option<Fit>; 3] {
     let mut axes = [Axis::default(); 3];
     for sample in samples.filter(|sample| sample.active && sample.scale > 0.999) {
@@ -38,7 +40,8 @@ pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<
     axes.map(|axis| axis.solve())
 }
 
-/// Sums of the normal equations in (deflection, rate, 1).
+/// Sums for the least-squares fit of one axis: its normal equations, with coefficients for
+/// deflection, rate and 1.
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,
@@ -69,7 +72,8 @@ impl Axis {
         }
         let matrix = DMat3::from_cols_array_2d(&self.matrix) * (1.0 / n);
         let right = DVec3::from(self.right) / n;
-        // Where the rate says nothing of its own (a sphere that creeps), only the deflection is asked.
+        // If the rate hardly varies (a sphere that creeps) or depends on the deflection, fit the
+        // stiffness alone.
         let rate_variance = self.matrix[1][1] / n - (self.matrix[1][2] / n).powi(2);
         let solution = if rate_variance > 1e-6 && matrix.determinant() > 1e-9 * variance * rate_variance {
             matrix.inverse() * right
@@ -108,7 +112,8 @@ mod tests {
         let samples: Vec<_> = (0..1000).map(|k| moving(k, zero, DVec3::new(4.0, 2.0, 1.0), 0.05)).collect();
         let [a, b, c] = fit(samples.iter(), Some(zero));
         let (a, b) = (a.expect("moved"), b.expect("moved"));
-        // A line through points on a line: rounding alone, magnified by the condition of the sums.
+        // The points lie on a line, so the only error is rounding, magnified by the condition
+        // number of the sums.
         assert!((a.stiffness - 4.0).abs() < 1e-9 && (a.damping - 0.05).abs() < 1e-9, "{a:?}");
         assert!((b.stiffness - 2.0).abs() < 1e-9 && b.offset.abs() < 1e-9, "{b:?}");
         assert_eq!(c, None, "an axis that did not move says nothing");

@@ -1,13 +1,14 @@
-//! How often ticks were how late, in steps of a quarter decade.
+//! A histogram of the lateness of ticks, with four bins per decade.
 
 /// Upper edge of the first bin, us.
 const FIRST_US: f64 = 0.1;
-/// Bins a decade.
+/// Number of bins per decade.
 const PER_DECADE: f64 = 4.0;
-/// Up to a second.
+/// Number of bins. Their upper edges reach one second.
 pub(crate) const BINS: usize = 29;
 
-/// Counts by lateness; the first bin has all below 0.1 us, the last all above its edge.
+/// Counts of samples by lateness. The first bin holds everything below 0.1 us, and the last one
+/// everything above its lower edge.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Histogram {
     counts: [u64; BINS],
@@ -17,12 +18,12 @@ pub(crate) struct Histogram {
 impl Histogram {
     pub(crate) fn add(&mut self, lateness_us: f64) {
         let bin = ((lateness_us / FIRST_US).log10() * PER_DECADE).floor() + 1.0;
-        // A tick before its deadline has lateness zero, whose logarithm is beyond all bins.
+        // For zero lateness the logarithm is minus infinity, which goes into the first bin.
         self.counts[(bin.max(0.0) as usize).min(BINS - 1)] += 1;
         self.total += 1;
     }
 
-    /// The count of each bin.
+    /// Returns the count of each bin.
     pub(crate) const fn counts(&self) -> &[u64; BINS] {
         &self.counts
     }
@@ -31,7 +32,7 @@ impl Histogram {
         self.total
     }
 
-    /// Upper edge of a bin, us.
+    /// Returns the upper edge of a bin, us.
     pub(crate) fn edge(bin: usize) -> f64 {
         FIRST_US * 10_f64.powf(bin as f64 / PER_DECADE)
     }

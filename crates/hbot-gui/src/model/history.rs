@@ -1,16 +1,17 @@
-//! The last seconds, in bounded memory whatever the rate.
+//! The samples of the last seconds, in bounded memory at any rate.
 
 use std::collections::VecDeque;
 
 use super::Sample;
 
-/// The most samples kept: 30 s at 1 kHz, 4 MB.
+/// Largest number of samples kept: 30 s at 1 kHz, 4 MB.
 const MAX_SAMPLES: usize = 32_768;
 
-/// How far back plots can look, s of the loop's time.
+/// Longest time that plots can show, s of the loop's time.
 pub(crate) const SPAN_S: f64 = 30.0;
 
-/// Samples in the order of time. Where they come faster than memory holds them for [`SPAN_S`], some are passed over.
+/// Samples in order of time. If they arrive faster than the memory allows for [`SPAN_S`], some are
+/// skipped.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct History {
     samples: VecDeque<Sample>,
@@ -20,7 +21,8 @@ impl History {
     pub(crate) fn push(&mut self, sample: Sample) {
         if let Some(last) = self.samples.back() {
             if sample.tick <= last.tick {
-                // Another server, or the same one started again: another clock.
+                // A tick number that does not increase means another server or a restart, with
+                // another clock.
                 self.samples.clear();
             } else if sample.t - last.t < SPAN_S / MAX_SAMPLES as f64 {
                 return;
@@ -35,7 +37,7 @@ impl History {
         }
     }
 
-    /// The samples of the last `seconds`, oldest first.
+    /// Returns the samples of the last `seconds`, oldest first.
     pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &Sample> + Clone {
         let from = self.newest().map_or(0.0, |newest| newest.t - seconds);
         let start = self.samples.partition_point(|sample| sample.t < from);
@@ -56,8 +58,8 @@ impl History {
     }
 }
 
-/// Points of a curve for a plot of `columns` columns: of each column the lowest and the highest, in their order, so that no
-/// spike is lost.
+/// Reduces a curve to the points that a plot of `columns` columns needs: the lowest and the highest
+/// point of each column, in order of time. No spike is lost.
 pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
     let count = samples.len();
     let width = count.div_ceil(columns.max(1));
@@ -107,7 +109,7 @@ mod tests {
             assert!(history.len() <= MAX_SAMPLES);
             let oldest = history.last(f64::INFINITY).next().expect("samples").t;
             let span = history.newest().expect("samples").t - oldest;
-            // To a sample, and where samples are passed over to one in 32,768.
+            // The tolerance is one sample, or one of 32,768 samples if samples are skipped.
             assert!((span - SPAN_S).abs() < 0.02, "{span} s at {rate_hz} Hz");
         }
     }

@@ -1,31 +1,33 @@
-//! What has happened, for people: the newest for a moment over the window, the last hundred in a list.
+//! Messages for the user. The newest ones appear over the window for a moment, and a list keeps the
+//! last hundred.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Messages kept.
+/// Number of messages kept.
 const MAX_MESSAGES: usize = 100;
 
-/// Whether a message is good news.
+/// Whether a message is good news or bad news.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Weight {
     Good,
     Bad,
 }
 
-/// One of them.
+/// One message.
 #[derive(Clone, Debug)]
 pub(crate) struct Message {
     pub(crate) weight: Weight,
     pub(crate) text: String,
     pub(crate) at: Instant,
-    /// It stands elsewhere in the window as well, and needs no place over it.
+    /// Whether the window shows this message elsewhere too, so that it does not appear over the
+    /// window.
     pub(crate) told: bool,
-    /// Times that it came without another between.
+    /// Number of times that this message came in succession.
     pub(crate) times: u32,
 }
 
-/// The last hundred.
+/// The last hundred messages.
 #[derive(Debug, Default)]
 pub(crate) struct Messages {
     list: VecDeque<Message>,
@@ -36,7 +38,8 @@ impl Messages {
         self.keep(weight, text, false);
     }
 
-    /// Into the list alone: the window tells it elsewhere.
+    /// Adds a message that the window also shows elsewhere. It goes only into the list and does not
+    /// appear over the window.
     pub(crate) fn add_told(&mut self, weight: Weight, text: String) {
         self.keep(weight, text, true);
     }
@@ -55,12 +58,13 @@ impl Messages {
         self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
-    /// All, newest first.
+    /// Returns all messages, newest first.
     pub(crate) fn newest_first(&self) -> impl ExactSizeIterator<Item = &Message> {
         self.list.iter().rev()
     }
 
-    /// Those that have not been read yet by anybody who reads fast, newest first. Bad news stay longer.
+    /// Returns the messages to show over the window, newest first. Good news stay for 3 s and bad
+    /// news for 8 s.
     pub(crate) fn fresh(&self) -> impl Iterator<Item = &Message> {
         self.newest_first().take_while(|message| message.at.elapsed() < Duration::from_secs(8)).filter(
             |message| match message.weight {

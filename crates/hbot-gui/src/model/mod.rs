@@ -1,4 +1,5 @@
-//! What the panel knows. The views show it and nothing else; only [`Model::take`] changes it.
+//! Everything that the panel knows. The views only read it. [`Model::take`] changes it with what
+//! arrives from the server, and [`Model::asked`] with what the user asks.
 
 mod fit;
 mod histogram;
@@ -21,24 +22,25 @@ pub(crate) use scene::{Effect, Scene};
 
 use crate::net::{Delivery, Intent, Lease, News};
 
-/// A connected server that says nothing for this long is told as silent.
+/// Time without a state after which a connected server is reported as silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
-/// The connection.
+/// The state of the connection to the server.
 #[derive(Clone, Debug)]
 pub(crate) enum Link {
     Connecting,
-    /// None; why, and when another attempt is made.
+    /// There is no connection.
     Offline {
         why: String,
-        /// Nobody listens at the address.
+        /// The address refuses connections, so no server is running there.
         absent: bool,
         again: Instant,
     },
     Online(HelloOk),
 }
 
-/// Everything.
+/// Everything that the panel knows about the server and the rig: the connection, the state,
+/// histories, statistics, the scene and messages.
 #[derive(Debug)]
 pub(crate) struct Model {
     pub(crate) server: String,
@@ -46,19 +48,19 @@ pub(crate) struct Model {
     pub(crate) lease: Lease,
     /// The newest state.
     pub(crate) state: Option<StateEvent>,
-    /// When it came.
+    /// Time at which the newest state arrived.
     heard: Option<Instant>,
     pub(crate) history: History,
     pub(crate) lateness: Histogram,
     pub(crate) info: InfoOk,
     pub(crate) stats: Option<StatsOk>,
     pub(crate) scene: Scene,
-    /// What the server said of the fault or stop that lasts.
+    /// The server's message about the present fault or stop.
     pub(crate) fault: Option<FaultEvent>,
     pub(crate) messages: Messages,
-    /// Samples lost on the way here, since the connection was made.
+    /// Number of samples lost on the way to the panel since the connection was made.
     pub(crate) dropped: u64,
-    /// States a second that are asked for.
+    /// Number of states per second that the panel requests.
     pub(crate) samples_per_s: u32,
 }
 
@@ -86,13 +88,15 @@ impl Model {
         matches!(self.link, Link::Online(_))
     }
 
-    /// How long the server has said nothing, where that is too long.
+    /// Returns the time since the last state if the server is connected and has been silent for too
+    /// long.
     pub(crate) fn silent_for(&self) -> Option<Duration> {
         let silent = self.heard?.elapsed();
         (self.is_online() && silent > SILENT_AFTER).then_some(silent)
     }
 
-    /// Whether a command could be obeyed: nobody else has the lease.
+    /// Returns whether the server could accept a command of the panel: the panel is connected, and
+    /// no other client holds the lease.
     pub(crate) const fn may_command(&self) -> bool {
         self.is_online() && !matches!(self.lease, Lease::Other(_))
     }
@@ -101,9 +105,9 @@ impl Model {
         self.state.as_ref().map(|state| state.mode)
     }
 
-    /// Takes in what has come.
+    /// Applies everything that has arrived from the server.
     pub(crate) fn take(&mut self, delivery: &mut Delivery) {
-        // News first: what they say of the connection holds for the samples after it.
+        // News come first, because news about the connection apply to the samples after them.
         for news in delivery.news.drain(..) {
             self.news(news);
         }
@@ -121,7 +125,7 @@ impl Model {
         }
     }
 
-    /// Something has been asked of the server.
+    /// Records that something has been requested from the server.
     pub(crate) fn asked(&mut self, intent: &Intent) {
         match intent {
             Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),
@@ -141,7 +145,7 @@ impl Model {
             News::Connected(hello) => {
                 self.messages.add(Weight::Good, format!("connected to {}, {}", hello.server, hello.rig));
                 self.link = Link::Online(hello);
-                // Another server may have another clock, and what the old one said is over.
+                // The new server can have another clock. Discard what the old one reported.
                 self.history.clear();
                 self.lateness = Histogram::default();
                 self.state = None;
@@ -169,7 +173,7 @@ impl Model {
                 let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |fault| fault.to_string());
                 let weight = if stopped { Weight::Bad } else { Weight::Good };
-                // Below the mode, for as long as it lasts.
+                // The window shows this message below the mode while the fault lasts.
                 self.messages.add_told(weight, format!("{name}: {}", fault.message));
                 self.fault = stopped.then_some(fault);
             }

@@ -1,31 +1,31 @@
-//! What is kept of a state.
+//! The part of a state that the panel keeps.
 
 use glam::{DQuat, DVec3};
 use hbot_api::StateEvent;
 
-/// A state without its joints: what histories and plots are made of.
+/// A state without its joints, for histories and plots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample {
     pub(crate) tick: u64,
-    /// Loop's time, s.
+    /// Time of the loop, s.
     pub(crate) t: f64,
-    /// Sphere axes into N.
+    /// Orientation: turns the sphere's axes into frame N.
     pub(crate) q: DQuat,
-    /// Where the scene is to bring the sphere.
+    /// Desired orientation of the sphere, if the scene has one.
     pub(crate) reference: Option<DQuat>,
-    /// In N, rad/s.
+    /// Angular velocity of the sphere in frame N, rad/s.
     pub(crate) omega: DVec3,
-    /// On the sphere in N, N m.
+    /// Torque on the sphere in frame N, N m.
     pub(crate) torque: DVec3,
-    /// Share of the torque wanted that the limits left.
+    /// Fraction of the desired torque that remained after the limits, 0 to 1.
     pub(crate) scale: f64,
-    /// Largest slip, m/s.
+    /// Largest slip of all wheels, m/s.
     pub(crate) slip: f64,
-    /// Given out to the hand, J.
+    /// Energy delivered to the hand, J.
     pub(crate) energy: f64,
-    /// From deadline to start of the tick, us.
+    /// Time from the deadline to the start of the tick, us.
     pub(crate) lateness_us: f64,
-    /// The scene is rendered with full torque.
+    /// Whether the scene is rendered with full torque (mode `active`).
     pub(crate) active: bool,
 }
 
@@ -46,21 +46,24 @@ impl Sample {
         }
     }
 
-    /// Where deflections are measured from: what was `chosen`, else where the scene is to bring the sphere, else N's axes.
+    /// Returns the orientation from which deflections are measured: `chosen`, or else the scene's
+    /// reference, or else the axes of frame N.
     pub(crate) fn zero(&self, chosen: Option<DQuat>) -> DQuat {
         chosen.or(self.reference).unwrap_or(DQuat::IDENTITY)
     }
 
-    /// The least rotation from `zero` to the orientation, as a vector in the axes of `zero`, rad.
+    /// Returns the smallest rotation from `zero` to the orientation, as a rotation vector in the
+    /// axes of `zero`, rad.
     pub(crate) fn deflection(&self, zero: DQuat) -> DVec3 {
         let x = zero.conjugate() * self.q;
-        // q and -q are one orientation; the half with w >= 0 turns by at most half a turn.
+        // q and -q are the same orientation. The one with w >= 0 is a rotation of at most half a
+        // turn.
         let x = if x.w < 0.0 { -x } else { x };
         x.to_scaled_axis()
     }
 }
 
-/// From `[w, x, y, z]`.
+/// Converts from `[w, x, y, z]`.
 pub(crate) fn quaternion([w, x, y, z]: [f64; 4]) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
 }
@@ -75,7 +78,7 @@ mod tests {
         let turned = zero * DQuat::from_rotation_x(0.3);
         for q in [turned, -turned] {
             let sample = Sample { q, ..Sample::of(&StateEvent::default()) };
-            // Rounding of a handful of products of numbers below 1.
+            // The tolerance is the rounding of a few products of numbers below 1.
             assert!((sample.deflection(zero) - DVec3::new(0.3, 0.0, 0.0)).length() < 1e-15);
         }
     }

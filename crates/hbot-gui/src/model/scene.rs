@@ -1,11 +1,11 @@
-//! The scene that runs, with what has been asked of it and not been answered yet.
+//! The running scene, and the changes to it that the server has not answered yet.
 
 use std::collections::BTreeMap;
 
 use hbot_api::{EffectCost, InfoOk};
 use serde_json::{Map, Value};
 
-/// A parameter: the effect's id and its name.
+/// A parameter: the effect's id and the parameter's name.
 type Place = (String, String);
 
 /// The scene as the panel shows it.
@@ -13,27 +13,29 @@ type Place = (String, String);
 pub(crate) struct Scene {
     name: String,
     effects: Vec<Effect>,
-    /// Phenomena of the simulated rig, where the scene names some.
+    /// Phenomena of the simulated rig, if the scene names any.
     simulate: Option<Value>,
-    /// The whole of it as the server told it; null where it is known to have changed since.
+    /// The whole scene in the server's last report. Null if the scene is known to have changed
+    /// since.
     told: Value,
-    /// Values on their way to the server; they are shown until it has answered.
+    /// Values that have been sent to the server. They are shown until the server has answered.
     pending: BTreeMap<Place, Value>,
-    /// What the effects of the scene loaded last cost; told once, and before `info` tells the scene.
+    /// Cost of the effects of the scene that was loaded last. The server reports it once, before
+    /// `info` contains the scene.
     costs: Vec<EffectCost>,
 }
 
-/// One effect.
+/// One effect of the scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Effect {
     pub(crate) id: String,
     pub(crate) kind: String,
-    /// All that `set` can change.
+    /// All parameters that `set` can change.
     pub(crate) parameters: Map<String, Value>,
 }
 
 impl Scene {
-    /// What `info` says of it.
+    /// Applies the scene from an answer to `info`.
     pub(crate) fn take(&mut self, told: &Value) {
         if *told == self.told {
             return;
@@ -51,12 +53,12 @@ impl Scene {
         self.pending.retain(|(id, _), _| ids.iter().any(|effect| effect.id == *id));
     }
 
-    /// What the effects of a scene just loaded cost.
+    /// Records the cost of the effects of a scene that was just loaded.
     pub(crate) fn take_costs(&mut self, costs: Vec<EffectCost>) {
         self.costs = costs;
     }
 
-    /// What an effect takes of each tick, ns, where the server has told.
+    /// Returns the time that an effect adds to each tick, ns, if the server has reported it.
     pub(crate) fn cost_ns(&self, effect: &Effect) -> Option<u64> {
         self.costs.iter().find(|c| c.id == effect.id && c.kind == effect.kind).map(|c| c.cost_ns)
     }
@@ -69,37 +71,37 @@ impl Scene {
         &self.effects
     }
 
-    /// The value that is asked for, else the one that runs.
+    /// Returns the value that was requested last, or else the one in use.
     pub(crate) fn value<'a>(&'a self, effect: &'a Effect, key: &str) -> Option<&'a Value> {
         self.pending.get(&(effect.id.clone(), key.to_owned())).or_else(|| effect.parameters.get(key))
     }
 
-    /// A value has been asked for.
+    /// Records that a value has been requested.
     pub(crate) fn ask(&mut self, effect: &str, key: &str, value: &Value) {
         self.pending.insert((effect.to_owned(), key.to_owned()), value.clone());
     }
 
-    /// A value asked for has been answered. Where it was taken it is the one that runs.
+    /// Records the answer to a requested value. If `taken` is true, the server now uses this value.
     pub(crate) fn answered(&mut self, effect: &str, key: &str, value: &Value, taken: bool) {
         let place = (effect.to_owned(), key.to_owned());
-        // A later wish is still on its way.
+        // Keep a newer value that is still waiting for its answer.
         if self.pending.get(&place) == Some(value) {
             self.pending.remove(&place);
         }
         let Some(effect) = self.effects.iter_mut().find(|e| e.id == effect) else { return };
         if taken {
             effect.parameters.insert(key.to_owned(), value.clone());
-            // The next answer to `info` is looked at whatever it says.
+            // Makes the panel apply the next answer to `info` in any case.
             self.told = Value::Null;
         }
     }
 
-    /// The connection is gone, and with it what was on its way.
+    /// Discards the unanswered values after the connection was lost.
     pub(crate) fn forget_pending(&mut self) {
         self.pending.clear();
     }
 
-    /// The scene as a file has it.
+    /// Returns the scene in the form of a scene file.
     pub(crate) fn to_json(&self) -> Value {
         let mut effects = Vec::new();
         for effect in &self.effects {
@@ -120,7 +122,7 @@ impl Scene {
         Value::Object(scene)
     }
 
-    /// The effects that have a stiffness to set.
+    /// Returns the effects that have a parameter `stiffness`.
     pub(crate) fn springs<'a>(&'a self, info: &'a InfoOk) -> impl Iterator<Item = &'a Effect> {
         self.effects.iter().filter(|effect| {
             let kind = info.kind(&effect.kind);

@@ -1,8 +1,8 @@
-//! Modes and faults in plain words, and what to do.
+//! Explanations of modes and faults in plain words, with remedies.
 
 use hbot_api::{Fault, Mode};
 
-/// What a mode means to the person at the rig.
+/// Returns an explanation of a mode for the person at the rig.
 pub(crate) const fn mode(mode: Mode) -> &'static str {
     match mode {
         Mode::Unreferenced => "The zero of the steering is not known. No torque until it is.",
@@ -14,7 +14,7 @@ pub(crate) const fn mode(mode: Mode) -> &'static str {
     }
 }
 
-/// A cause of a fault: what happened, and what to do about it.
+/// Returns an explanation of a fault: what happened, and what to do about it.
 pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
     match fault {
         Fault::LinkLost => {

@@ -1,4 +1,5 @@
-//! Bounded handovers between the window and the threads. Whoever is slower loses the oldest, never the other one's time.
+//! Bounded queues between the window and the network threads. If a reader is too slow, the oldest
+//! entries are dropped and the writer never waits.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -9,27 +10,27 @@ use hbot_api::StateEvent;
 use super::{Intent, News, Wake};
 use crate::model::sample::Sample;
 
-/// Samples that wait for the window: seconds of them at 1 kHz.
+/// Largest number of samples that wait for the window: several seconds at 1 kHz.
 const MAX_SAMPLES: usize = 8192;
-/// News that wait for the window.
+/// Largest number of news that wait for the window.
 const MAX_NEWS: usize = 256;
-/// Intents that wait for the server.
+/// Largest number of intents that wait for the server.
 const MAX_INTENTS: usize = 64;
-/// Samples wake the window at most this often: 60 frames a second.
+/// Minimum time between two wake-ups of the window by samples, for about 60 frames per second.
 const WAKE_EVERY: Duration = Duration::from_micros(16_000);
 
-/// What has come since the window looked last.
+/// Everything that has arrived since the window last looked.
 #[derive(Default)]
 pub(crate) struct Delivery {
     pub(crate) samples: VecDeque<Sample>,
-    /// All of the newest sample.
+    /// The newest state, with all of its fields.
     pub(crate) state: Option<StateEvent>,
     pub(crate) news: VecDeque<News>,
-    /// Samples given up because the window took none.
+    /// Number of samples dropped because the window did not take them.
     pub(crate) lost: u64,
 }
 
-/// From the threads to the window.
+/// The queue of states and news from the network threads to the window.
 pub(crate) struct Mailbox {
     waiting: Mutex<(Delivery, Instant)>,
     wake: Wake,
@@ -40,7 +41,7 @@ impl Mailbox {
         Self { waiting: Mutex::new((Delivery::default(), Instant::now())), wake }
     }
 
-    /// Takes all that waits; the memory of `delivery` is used again.
+    /// Takes all samples and news that wait for the window. The memory of `delivery` is reused.
     pub(crate) fn take(&self, delivery: &mut Delivery) {
         delivery.samples.clear();
         delivery.news.clear();
@@ -51,7 +52,7 @@ impl Mailbox {
         {
             let mut waiting = lock(&self.waiting);
             let queue = &mut waiting.0.news;
-            // Of what is polled only the newest counts.
+            // For values that are polled, only the newest is kept.
             let kind = std::mem::discriminant(&news);
             if matches!(news, News::Info(_) | News::Stats(_) | News::Dropped(_)) {
                 queue.retain(|other| std::mem::discriminant(other) != kind);
@@ -86,14 +87,15 @@ impl Mailbox {
     }
 }
 
-/// From the window to the session.
+/// The queue of intents from the window to the session thread.
 #[derive(Default)]
 pub(crate) struct Outgoing {
     waiting: Mutex<(VecDeque<Intent>, bool)>,
 }
 
 impl Outgoing {
-    /// Queues; of two values for one parameter, or of two equal wishes, only the newest waits. Returns what had to make room.
+    /// Queues an intent. It replaces an earlier one that it makes obsolete, such as an older value
+    /// of the same parameter. Returns the intent that was dropped if the queue was full.
     pub(crate) fn push(&self, intent: Intent) -> Option<Intent> {
         let mut waiting = lock(&self.waiting);
         let queue = &mut waiting.0;
@@ -103,7 +105,7 @@ impl Outgoing {
         given_up
     }
 
-    /// Queues before all others.
+    /// Queues an intent before all others.
     pub(crate) fn push_first(&self, intent: Intent) {
         lock(&self.waiting).0.push_front(intent);
     }
@@ -112,7 +114,7 @@ impl Outgoing {
         lock(&self.waiting).0.pop_front()
     }
 
-    /// The window is gone.
+    /// Records that the window has been closed.
     pub(crate) fn close(&self) {
         lock(&self.waiting).1 = true;
     }
@@ -122,20 +124,20 @@ impl Outgoing {
     }
 }
 
-/// Whether a later wish makes an earlier one pointless.
+/// Returns whether a later intent makes an earlier one obsolete.
 fn replaces(later: &Intent, earlier: &Intent) -> bool {
     match (later, earlier) {
         (Intent::Set { effect, key, .. }, Intent::Set { effect: e, key: k, .. }) => effect == e && key == k,
         (Intent::Samples(_), Intent::Samples(_)) | (Intent::Connect(_), Intent::Connect(_)) => true,
-        // What was asked of a scene or a server that is no longer wanted.
+        // A new scene makes requests for the old one obsolete.
         (Intent::Load { .. }, Intent::Load { .. } | Intent::Set { .. }) => true,
-        // Nobody wants to be enabled who has just asked to be stopped.
+        // A stop makes an earlier request to enable obsolete.
         (Intent::Stop | Intent::Disable, Intent::Enable) => true,
         _ => later == earlier,
     }
 }
 
-/// A thread that has panicked holding the lock leaves a queue that is still good.
+/// Locks a queue. The queue stays valid even if a thread has panicked while it held the lock.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,13 +1,15 @@
-//! The way to the server: threads that may wait, so that the window never does.
+//! The connection to the server: threads that can wait, so that the window never does.
 //!
 //! ```text
-//! window -- Intent --> Outgoing (bounded, newest value of a parameter) --> session thread -- requests --> server
-//! window <-- News, samples -- Mailbox (bounded) <-- session thread <-- answers, events -- server
-//! window -- stop --> stop line, a thread and a connection of its own -- estop --> server
+//! window -- Intent ---------> Outgoing (bounded) --> session thread --> server
+//! window <-- News, samples -- Mailbox (bounded) <--- session thread <-- server
+//! window -- stop -----------> stop line (separate thread and connection) --> server
 //! ```
 //!
-//! A stop must not queue behind a scene that is being compiled, hence the second connection. Neither thread holds up the
-//! other end: the session's drops samples that nobody takes, and the server drops those that nobody reads.
+//! `Outgoing` keeps only the newest value of each parameter. The stop has a second connection, so
+//! that it does not queue behind a scene that is being compiled. No side can block another: the
+//! session thread drops samples that the window does not take, and the server drops states that the
+//! panel does not read.
 
 mod mailbox;
 mod session;
@@ -23,29 +25,32 @@ use serde_json::Value;
 use mailbox::Outgoing;
 pub(crate) use mailbox::{Delivery, Mailbox};
 
-/// States a second that are asked for where nobody says otherwise: twice what a screen shows, and little work for both ends.
+/// Default number of states per second to request. This is twice the rate of a screen, and little
+/// work for the server and the panel.
 pub const DEFAULT_SAMPLES_PER_S: u32 = 120;
 
-/// How long an answer may take. The server compiles a scene in far less.
+/// Time limit for an answer. The server compiles a scene in far less time.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Where the server is and how the panel meets it.
+/// The address of the server and the settings of the connection.
 #[derive(Clone, Debug)]
 pub struct PanelOptions {
-    /// `HOST:PORT` or `HOST`.
+    /// Address of the server, as `HOST:PORT` or `HOST`.
     pub server: String,
-    /// What the server asks for, where it does.
+    /// The token that the server requires, if any.
     pub token: Option<Token>,
-    /// Whom to believe, where the server encrypts; `None` for plain TCP. It holds for every connection, to whichever server.
+    /// The certificate to trust if the server encrypts. With `None` connections are plain TCP. It
+    /// applies to all connections, whichever server they go to.
     pub trust: Option<Trust>,
-    /// Never take the lease unasked.
+    /// Whether the panel only watches and never takes the lease automatically.
     pub observe: bool,
-    /// States of a second of the loop's time.
+    /// Number of states to request per second of the loop's time.
     pub samples_per_s: u32,
 }
 
 impl PanelOptions {
-    /// A server at `server` without a token or encryption; the lease is taken where it is free.
+    /// Returns options for the server at `server`, without a token or encryption. The panel takes
+    /// the lease if it is free.
     #[must_use]
     pub fn new(server: &str) -> Self {
         Self {
@@ -58,10 +63,10 @@ impl PanelOptions {
     }
 }
 
-/// What the person at the panel wants of the server.
+/// A request of the user to the server.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Intent {
-    /// Zero torque at once. Takes the stop line.
+    /// Zero torque at once. This goes over the stop line.
     Stop,
     Enable,
     Disable,
@@ -70,7 +75,7 @@ pub(crate) enum Intent {
         steal: bool,
     },
     Release,
-    /// One parameter of an effect.
+    /// Changes one parameter of an effect.
     Set {
         effect: String,
         key: String,
@@ -79,14 +84,14 @@ pub(crate) enum Intent {
     Load {
         scene: Value,
     },
-    /// Another server.
+    /// Connects to another server.
     Connect(String),
-    /// States of a second of the loop's time.
+    /// Number of states to request per second of the loop's time.
     Samples(u32),
 }
 
 impl Intent {
-    /// What it is called in messages.
+    /// Returns the name of the intent in messages to the user.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Stop => "Stop".to_owned(),
@@ -104,26 +109,26 @@ impl Intent {
     }
 }
 
-/// Who commands.
+/// Who holds the lease, as seen by the panel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Lease {
-    /// Nobody has said yet.
+    /// The server has not reported it yet.
     #[default]
     Unknown,
     Free,
     Mine,
-    /// Another client, by its name.
+    /// Another client, with its name.
     Other(String),
 }
 
-/// What the threads have to tell.
+/// A report from the network threads to the window.
 #[derive(Clone, Debug)]
 pub(crate) enum News {
     Connecting,
     Connected(HelloOk),
     Offline {
         why: String,
-        /// Nobody listens at the address.
+        /// The address refuses connections, so no server is running there.
         absent: bool,
         again_in: Duration,
     },
@@ -137,33 +142,36 @@ pub(crate) enum News {
     Scene(SceneEvent),
     Dropped(DroppedEvent),
     Stopping(String),
-    /// An intent carried out, or why not.
+    /// An intent that was carried out, or the reason why it was not.
     Answer {
         intent: Intent,
         result: Result<(), String>,
     },
-    /// Something done on this machine: a file written, or why not.
+    /// The result of work on this machine: a written file, or the reason why it was not written.
     Note(Result<String, String>),
 }
 
-/// Wakes the window; called from the threads.
+/// Wakes the window. The network threads call it.
 pub(crate) type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// How long the window's end waits for the lease to be given back. A rig may be told to take the loss of its commander for a
-/// fault; a window that is closed is none.
+/// Time that closing the window waits for the lease to be released. A rig file can make the loss of
+/// the lease holder a fault, but closing the window must not cause one.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// The window's end. Dropping it ends the threads.
+/// The window's end of the network. Dropping it ends the threads.
 pub(crate) struct Network {
     outgoing: Arc<Outgoing>,
     pub(crate) mailbox: Arc<Mailbox>,
     stop: stop_line::StopLine,
-    /// Closed where the session has ended.
+    /// Disconnected when the session thread has ended.
     ended: Receiver<()>,
 }
 
 impl Network {
-    /// Starts the threads.
+    /// Starts the network threads.
+    ///
+    /// # Errors
+    /// Fails if the operating system refuses a thread.
     pub(crate) fn start(options: PanelOptions, wake: Wake) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::new(wake));
         let outgoing = Arc::new(Outgoing::default());
@@ -177,7 +185,7 @@ impl Network {
         Ok(Self { outgoing, mailbox, stop, ended })
     }
 
-    /// Never waits.
+    /// Queues an intent without waiting. A stop goes over the stop line.
     pub(crate) fn send(&self, intent: Intent) {
         match intent {
             Intent::Stop => self.stop.request(),
@@ -198,7 +206,7 @@ impl Network {
 impl Drop for Network {
     fn drop(&mut self) {
         self.outgoing.close();
-        // A server that hangs does not keep the window open.
+        // A server that hangs must not keep the window open.
         let _ = self.ended.recv_timeout(FAREWELL);
     }
 }

@@ -1,4 +1,5 @@
-//! The session thread: one connection after another, requests in order, events as they come.
+//! The session thread. It keeps a connection to the server, sends requests in order, and passes
+//! events on as they come.
 
 use std::time::{Duration, Instant};
 
@@ -8,25 +9,27 @@ use serde_json::Map;
 use super::mailbox::{Mailbox, Outgoing};
 use super::{ANSWER_TIMEOUT, Intent, Lease, News, PanelOptions};
 
-/// The pause after the first failure to connect; it doubles up to the longest.
+/// Pause after the first failed attempt to connect. It doubles with each further failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
+/// Longest pause between two attempts to connect.
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
-/// How often the counters and histograms of the loop are fetched.
+/// Time between two requests for the statistics of the loop.
 const STATS_EVERY: Duration = Duration::from_secs(1);
-/// How often `info` is fetched: what another client has `set` is told by no event.
+/// Time between two requests for `info`. No event reports what another client has changed with
+/// `set`.
 const INFO_EVERY: Duration = Duration::from_secs(2);
-/// How long a wish of the window may wait while nothing comes from the server.
+/// Longest time that an intent waits while no event comes from the server.
 const IDLE: Duration = Duration::from_millis(5);
 
-/// Why a connection is over.
+/// The reason why a connection has ended.
 enum Over {
-    /// The window is gone.
+    /// The window has been closed.
     Window,
-    /// Another server is wanted.
+    /// The user wants another server.
     Elsewhere,
-    /// The connection broke, or the server left or refuses.
+    /// The connection broke, or the server stopped or refused it.
     Lost(String),
-    /// Nobody listens there.
+    /// The address refuses connections, so no server is running there.
     Absent,
 }
 
@@ -60,7 +63,7 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
     }
 }
 
-/// A connection that has said hello.
+/// Connects to the server and says hello.
 pub(super) fn connect(options: &PanelOptions, name: &str) -> Result<Client, ClientError> {
     let connect = ConnectOptions {
         token: options.token.clone(),
@@ -72,7 +75,8 @@ pub(super) fn connect(options: &PanelOptions, name: &str) -> Result<Client, Clie
     Client::connect_with(&options.server, &connect)
 }
 
-/// Why there is no connection. Where it is a matter of certificates, with what mends it: they are named at the panel's start.
+/// Explains why there is no connection. A certificate is named when the panel is started, so an
+/// error of encryption is shown with that option.
 pub(super) fn in_words(error: &ClientError) -> String {
     match error {
         ClientError::Tls(_) => format!("hbot-gui --ca FILE names whom to trust: {error}"),
@@ -80,7 +84,7 @@ pub(super) fn in_words(error: &ClientError) -> String {
     }
 }
 
-/// Waits without a connection; false where the window is gone.
+/// Waits for `pause` without a connection. Returns false if the window has been closed.
 fn wait(pause: Duration, options: &mut PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) -> bool {
     let until = Instant::now() + pause;
     while Instant::now() < until {
@@ -166,7 +170,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Carries an intent out and tells how it went. An error is one after which only a new connection helps.
+    /// Carries out an intent and reports the result. Returns only those errors after which a new
+    /// connection is needed.
     fn carry_out(&mut self, intent: Intent) -> Result<(), ClientError> {
         let result = self.ask(&intent);
         let told = match &result {
@@ -183,7 +188,8 @@ impl<'a> Session<'a> {
     fn ask(&mut self, intent: &Intent) -> Result<(), ClientError> {
         let commands =
             matches!(intent, Intent::Enable | Intent::Reset | Intent::Set { .. } | Intent::Load { .. });
-        // Whoever turns a knob wants to command; where another does, the server says so.
+        // A request that needs the lease takes it if it may be free. If another client holds it,
+        // the server refuses with that reason.
         if commands && matches!(self.lease, Lease::Free | Lease::Unknown) {
             self.acquire(false)?;
         }
@@ -206,7 +212,7 @@ impl<'a> Session<'a> {
                 self.options.samples_per_s = *n;
                 self.subscribe()
             }
-            // Taken before it comes here.
+            // Handled before this function is called.
             Intent::Connect(_) => Ok(()),
         }
     }
@@ -243,14 +249,15 @@ impl<'a> Session<'a> {
         self.client.subscribe(every).map(drop)
     }
 
-    /// Fetches what is due.
+    /// Fetches `info` and the statistics if they are due.
     fn poll(&mut self) -> Result<(), ClientError> {
         if Instant::now() >= self.info_due {
             let info = self.client.info();
             self.info_due = Instant::now() + INFO_EVERY;
             match info {
                 Ok(info) => {
-                    // Who commands is told when it changes; one that only watches has not been told yet.
+                    // Events report only changes of the lease, so a panel that only watches learns
+                    // the present holder here.
                     if self.lease == Lease::Unknown
                         && let Some(LeaseInfo { holder, session }) = info.lease.clone()
                     {
@@ -285,13 +292,13 @@ impl<'a> Session<'a> {
                 self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });
             }
             Event::Dropped(dropped) => self.mailbox.post(News::Dropped(dropped)),
-            // The panel sends no streams; and what a later server may add is passed over.
+            // The panel sends no streams. Events that only a later server knows are ignored.
             Event::Refused(_) | Event::Stopping(_) | Event::Unknown => {}
         }
     }
 }
 
-/// Nothing, where the connection goes on after this error.
+/// Returns `Ok` if the connection is still usable after this error.
 fn survivable(error: ClientError) -> Result<(), ClientError> {
     match error {
         ClientError::Server(_) | ClientError::Timeout { .. } | ClientError::Encode(_) => Ok(()),

@@ -1,4 +1,4 @@
-//! The stop line: a connection that is there for nothing but the stop.
+//! The stop line: a thread with a separate connection that is used only to stop the rig.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -10,9 +10,9 @@ use super::mailbox::{Mailbox, Outgoing};
 use super::session::{connect, in_words};
 use super::{Intent, News, PanelOptions};
 
-/// How often events are read away, and a lost connection is made again.
+/// Period at which events are discarded and a lost connection is made again.
 const IDLE: Duration = Duration::from_millis(200);
-/// A stop that takes longer than this is told as one that did not arrive.
+/// Time limit for the answer to a stop. After it, the stop is reported as not confirmed.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
 enum Order {
@@ -38,9 +38,9 @@ impl StopLine {
         Ok(Self { orders })
     }
 
-    /// Stops the rig; never waits.
+    /// Asks the thread of the stop line to stop the rig. Never waits.
     pub(super) fn request(&self) {
-        // The thread lives as long as this end.
+        // The thread lives as long as this sender, so this does not fail.
         let _ = self.orders.send(Order::Stop);
     }
 
@@ -54,7 +54,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
     loop {
         match inbox.recv_timeout(IDLE) {
             Ok(Order::Stop) => {
-                // A key held down asks many times; one answer does for all of them.
+                // A key that is held down asks many times. One stop answers all of these requests.
                 while let Ok(order) = inbox.try_recv() {
                     if let Order::Connect(address) = order {
                         options.server = address;
@@ -65,7 +65,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                 if let Err(error) = &result {
                     client = None;
                     if !matches!(error, ClientError::NoServer { .. }) {
-                        // What is left is the other connection, whenever it may get through.
+                        // Also try the session's connection, as soon as it gets through.
                         outgoing.push_first(Intent::Stop);
                     }
                 }
@@ -95,7 +95,7 @@ fn open(options: &PanelOptions) -> Result<Client, ClientError> {
     Ok(client)
 }
 
-/// Stops over the connection that is there; where that is broken, over a new one.
+/// Stops the rig over the present connection, or over a new one if that is broken.
 fn estop(client: &mut Option<Client>, options: &PanelOptions) -> Result<(), ClientError> {
     if let Some(client) = client.as_mut() {
         match client.estop() {
@@ -106,7 +106,7 @@ fn estop(client: &mut Option<Client>, options: &PanelOptions) -> Result<(), Clie
     client.insert(open(options)?).estop().map(drop)
 }
 
-/// Reads events away; false where the connection has ended.
+/// Discards waiting events. Returns false if the connection has ended.
 fn drain(client: &mut Client) -> bool {
     loop {
         match client.next_event(Duration::ZERO) {

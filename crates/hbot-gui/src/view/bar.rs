@@ -1,4 +1,4 @@
-//! The bar on top: the connection, and who commands.
+//! The bar at the top of the window: the connection, and who holds the lease.
 
 use eframe::egui::{self, RichText, TextEdit, Ui};
 
@@ -36,7 +36,7 @@ fn theme_switch(ui: &mut Ui) {
 }
 
 fn lease(ui: &mut Ui, model: &Model, palette: Palette, intents: &mut Vec<Intent>) {
-    // From right to left: the button first.
+    // The layout goes from right to left, so the button comes first.
     match &model.lease {
         Lease::Mine => {
             let hint = "let another client command; a scene that runs goes on";
@@ -62,7 +62,8 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, intents: &mut Vec<Intent>
     }
 }
 
-/// What stands in the middle of the window while there is no server.
+/// Draws the middle of the window while there is no connection: the reason, and a field for another
+/// address.
 pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| {
         ui.add_space((ui.available_height() * 0.22).min(160.0));

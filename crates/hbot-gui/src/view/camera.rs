@@ -1,26 +1,28 @@
-//! Where the sphere is seen from: parallel rays, n3 upwards.
+//! The direction from which the sphere is seen. The projection is parallel, with n3 upwards.
 
 use eframe::egui::{Pos2, Vec2, pos2};
 use glam::DVec3;
 
-/// The direction from the sphere to the eye.
+/// The direction from the centre of the sphere to the eye of the viewer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Camera {
-    /// About n3 from n1, rad.
+    /// Angle of the eye about n3, counted from n1, rad.
     pub(crate) azimuth: f64,
-    /// Above the plane of n1 and n2, rad.
+    /// Angle of the eye above the plane of n1 and n2, rad.
     pub(crate) elevation: f64,
 }
 
 impl Default for Camera {
-    /// In front of n2's far side, a little to the right and above: both wheels of the prototype are in sight.
+    /// Returns a view against n2, slightly from n1's side and from above. Both wheels of the
+    /// prototype are visible.
     fn default() -> Self {
         Self { azimuth: -1.25, elevation: 0.22 }
     }
 }
 
 impl Camera {
-    /// Turns by a drag of so many points; the surface under the pointer follows it.
+    /// Turns the view by a drag of the pointer, in points. The surface of the sphere follows the
+    /// pointer. `radius` is the sphere's radius on the screen, in points.
     pub(crate) fn orbit(&mut self, drag: Vec2, radius: f32) {
         let scale = 1.0 / f64::from(radius.max(1.0));
         self.azimuth = (self.azimuth - f64::from(drag.x) * scale).rem_euclid(std::f64::consts::TAU);
@@ -40,14 +42,14 @@ impl Camera {
     }
 }
 
-/// From N, in radii of the sphere, onto the screen.
+/// Projects points in frame N, in units of the sphere's radius, onto the screen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Projection {
     right: DVec3,
     up: DVec3,
     eye: DVec3,
     middle: Pos2,
-    /// Of the sphere, points.
+    /// Radius of the sphere on the screen, points.
     pub(crate) radius: f32,
 }
 
@@ -57,10 +59,11 @@ impl Projection {
         pos2(self.middle.x + self.radius * x, self.middle.y - self.radius * y)
     }
 
-    /// Whether the unit sphere stands between this point and the eye, or holds it inside.
+    /// Returns whether the unit sphere hides a point: the point is inside, or the sphere is between
+    /// it and the eye.
     pub(crate) fn is_hidden(&self, p: DVec3) -> bool {
         let beside = p.length_squared() - p.dot(self.eye).powi(2);
-        // A hair of room, so that what lies on the surface is seen.
+        // A small tolerance, so that points on the surface are visible.
         beside < 1.0 && p.dot(self.eye) < (1.0 - beside).sqrt() - 1e-3
     }
 }
@@ -88,7 +91,7 @@ mod tests {
         let before = camera.onto(middle, 100.0).point(DVec3::X);
         camera.orbit(vec2(5.0, 3.0), 100.0);
         let moved = camera.onto(middle, 100.0).point(DVec3::X) - before;
-        // To the second order of an angle of 0.05.
+        // The projection is linear only to the second order of the angle, which is 0.05 rad.
         assert!((moved - vec2(5.0, 3.0)).length() < 0.05, "{moved:?}");
     }
 }

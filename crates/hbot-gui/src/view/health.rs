@@ -1,4 +1,5 @@
-//! How well the loop keeps its time, how good the link is, what it all costs.
+//! Shows how well the loop keeps its deadlines, the quality of the link, and the cost of the
+//! computation.
 
 use eframe::egui::{self, Align2, FontId, Grid, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
@@ -23,7 +24,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
     faults(ui, stats);
 }
 
-/// Bars of the samples that came here, by quarter decades.
+/// Draws the histogram of lateness over the received samples, with four bins per decade.
 fn histogram(ui: &mut Ui, lateness: &Histogram) {
     let palette = Palette::of(ui);
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 92.0), Sense::hover());
@@ -35,7 +36,7 @@ fn histogram(ui: &mut Ui, lateness: &Histogram) {
     let plot = Rect::from_min_max(rect.min, rect.max - vec2(0.0, 16.0));
     painter.rect_filled(plot, 3.0, ui.visuals().extreme_bg_color);
     let width = plot.width() / BINS as f32;
-    // Logarithmic: the one late tick in a million is what is looked for.
+    // Logarithmic, so that one late tick in a million is visible.
     let height = |count: u64| {
         if count == 0 { 0.0 } else { (1.0 + count as f32).log10() / (2.0 + total as f32).log10() }
     };
@@ -60,7 +61,7 @@ fn histogram(ui: &mut Ui, lateness: &Histogram) {
     debug_assert!(Histogram::edge(4) > 0.99 && Histogram::edge(4) < 1.01, "the marks stand at their bins");
 }
 
-/// Distributions over all ticks of the server.
+/// Shows the distributions of times over all ticks of the server.
 fn times(ui: &mut Ui, stats: &StatsOk) {
     let rows: [(&str, &Distribution, &str); 4] = [
         ("late", &stats.lateness_us, "from a tick's deadline to its start"),
@@ -83,7 +84,7 @@ fn times(ui: &mut Ui, stats: &StatsOk) {
     });
 }
 
-/// Three digits.
+/// Formats a time in microseconds with about three digits.
 fn figure(us: f64) -> String {
     match us {
         us if us < 10.0 => format!("{us:.2}"),
@@ -108,7 +109,7 @@ fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
     ];
     Grid::new("counts").num_columns(2).spacing(vec2(16.0, 2.0)).striped(true).show(ui, |ui| {
         ui.label("link quality").on_hover_text("ticks that had an answer of the controllers");
-        // Never rounded up to perfection.
+        // Round down, so that 100 % is shown only if no tick was missed.
         let shown = if stats.missed_ticks > 0 { answered.min(99.999) } else { answered };
         ui.label(RichText::new(format!("{shown:.3} %")).color(if shown < 99.9 {
             palette.bad
@@ -131,9 +132,9 @@ fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
     });
 }
 
-/// What the methods in use cost of each tick.
+/// Shows the numerical methods in use and their computing time per tick.
 fn accuracy(ui: &mut Ui, model: &Model, stats: &StatsOk) {
-    // Infinite as long as the server has not told its rate.
+    // Infinite until the server has reported its rate.
     let period_us = 1e6 / f64::from(model.info.rig.rate_hz);
     let share = |us: f64| 100.0 * us / period_us;
     ui.add(egui::Label::new(RichText::new(accuracy_in_words(&model.info.accuracy)).strong()).wrap());

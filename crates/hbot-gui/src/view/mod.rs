@@ -1,5 +1,6 @@
-//! What is drawn: functions of the [`Model`], which they do not change. What a person wants comes back as [`Act`]s; what
-//! belongs to the window alone (the camera, an open tab) is kept on the [`Desk`].
+//! Functions that draw the [`Model`] and do not change it. They return what the user asks for as
+//! [`Act`]s. State of the window alone, such as the camera or the open tab, is kept in the
+//! [`Desk`].
 
 mod bar;
 mod camera;
@@ -26,19 +27,19 @@ use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
 
-/// What a person has asked for.
+/// Something that the user has asked for.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
-    /// Of the server.
+    /// A request to the server.
     Ask(Intent),
-    /// A scene file of this machine.
+    /// Load a scene file of this machine.
     LoadFile(PathBuf),
     SaveScene(PathBuf),
-    /// These samples, as a CSV file.
+    /// Write these samples to a CSV file.
     Export(Vec<Sample>),
 }
 
-/// What is open on the right.
+/// The tab that is open on the right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Tab {
     #[default]
@@ -47,18 +48,18 @@ enum Tab {
     Messages,
 }
 
-/// What belongs to the window and not to the rig.
+/// State that belongs to the window and not to the rig.
 #[derive(Debug)]
 pub(crate) struct Desk {
     camera: Camera,
     tab: Tab,
     plots: plots::PlotDesk,
     shelf: scene::Shelf,
-    /// The address being typed.
+    /// The address that the user is typing.
     address: String,
-    /// The id of the spring whose stiffness is set.
+    /// Id of the spring whose stiffness the sliders set.
     spring: String,
-    /// Gains of effects that were switched off.
+    /// Gains that effects had before they were switched off.
     gains: BTreeMap<String, f64>,
 }
 
@@ -76,7 +77,7 @@ impl Desk {
     }
 }
 
-/// The whole window.
+/// Draws the whole window.
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     let mut intents = Vec::new();
     let narrow = ui.available_width() < 1100.0;
@@ -143,7 +144,7 @@ fn messages(ui: &mut Ui, model: &Model) {
     }
 }
 
-/// The newest messages, over the lower middle of the window for some seconds.
+/// Shows the newest messages for some seconds over the lower middle of the window.
 fn toasts(ui: &Ui, model: &Model) {
     let palette = Palette::of(ui);
     let mut fresh = model.messages.fresh().take(3).peekable();
@@ -162,7 +163,7 @@ fn toasts(ui: &Ui, model: &Model) {
     });
 }
 
-/// The next of 1, 2 or 5 times a power of ten.
+/// Rounds a positive number up to 1, 2 or 5 times a power of ten.
 fn round_up(x: f64) -> f64 {
     let decade = 10_f64.powf(x.log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * decade).find(|y| *y >= x * (1.0 - 1e-9)).unwrap_or(x)

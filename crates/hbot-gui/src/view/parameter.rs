@@ -1,4 +1,4 @@
-//! Controls for a value, drawn from its schema.
+//! Controls for a value, drawn from its JSON schema.
 
 use eframe::egui::{self, ComboBox, DragValue, Ui};
 use serde_json::Value;
@@ -6,7 +6,8 @@ use serde_json::Value;
 use super::schema::{Shape, converted, explain, fits, may_be_absent, shape};
 use super::theme::{named, weak};
 
-/// Draws a control for `value` and returns what it was changed to. `name` is what screen readers call it.
+/// Draws a control for `value`. Returns the new value if the user has changed it. `name` is the
+/// control's name for screen readers.
 pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     if !may_be_absent(schema) {
         return present(ui, name, schema, value);
@@ -23,7 +24,7 @@ pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Op
     .inner
 }
 
-/// The same for a value that is there.
+/// Draws a control for a value that is not absent.
 fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     match shape(schema) {
         Shape::Number { whole, least, most } => number(ui, name, schema, value, whole, [least, most]),
@@ -75,7 +76,7 @@ fn number(
         .suffix(unit)
         .speed(if whole { 0.1 } else { (0.01 * before.abs()).max(0.001) })
         .max_decimals(if whole { 0 } else { 6 })
-        // A rig must not feel the 1 of somebody who types 15.
+        // A rig must not get the 1 while the user types 15.
         .update_while_editing(false);
     if whole {
         drag = drag.fixed_decimals(0);
@@ -104,7 +105,7 @@ fn choice(ui: &mut Ui, name: &str, schema: &Value, value: &Value, values: &[&Val
     picked
 }
 
-/// What a schema says of one of its values.
+/// Returns the description in a schema of one of its values.
 fn described<'a>(schema: &'a Value, option: &Value) -> &'a str {
     let variants = schema["oneOf"].as_array().or_else(|| schema["anyOf"].as_array());
     let told = variants.into_iter().flatten().find(|variant| {
@@ -113,7 +114,7 @@ fn described<'a>(schema: &'a Value, option: &Value) -> &'a str {
     told.and_then(|variant| variant["description"].as_str()).unwrap_or_default()
 }
 
-/// Text without its quotation marks.
+/// Formats a value. Text is shown without quotation marks.
 fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
@@ -126,7 +127,7 @@ fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [us
         if nested { ui.vertical(|ui| add(ui)) } else { ui.horizontal_wrapped(|ui| add(ui)) }
     };
     row(ui, &mut |ui| {
-        // Four numbers of a quaternion stand side by side.
+        // With this spacing the four numbers of a quaternion fit into one row.
         ui.spacing_mut().item_spacing.x = 4.0;
         ui.spacing_mut().button_padding.x = 3.0;
         for (k, part) in parts.iter_mut().enumerate() {
@@ -154,7 +155,7 @@ fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [us
     changed.then_some(Value::Array(parts))
 }
 
-/// A unit behind every number of a row takes more room than the row has.
+/// Returns the schema without its unit. A unit after every number does not fit into a row.
 fn without_unit(schema: &Value) -> Value {
     let mut schema = schema.clone();
     if let Some(table) = schema.as_object_mut() {
@@ -204,7 +205,7 @@ fn variant(ui: &mut Ui, name: &str, schema: &Value, value: &Value, variants: &[V
 }
 
 fn text(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
-    // What is being typed is kept until it is finished.
+    // Keep the text that is being typed until the user has finished.
     let id = ui.make_persistent_id((name, "text"));
     let before = value.as_str().unwrap_or_default();
     let mut typed = ui.data(|data| data.get_temp(id)).unwrap_or_else(|| before.to_owned());
@@ -227,7 +228,7 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
     use serde_json::json;
 
-    /// Presses the controls of these names one after the other, and tells what the value has become.
+    /// Presses the controls with these names one after the other. Returns the resulting value.
     fn pressed(schema: Value, value: Value, names: &[&str]) -> Value {
         let mut harness = Harness::new_ui_state(
             move |ui, value: &mut Value| {

@@ -1,4 +1,5 @@
-//! Torque and angle against time, torque against deflection with the stiffness fitted to it.
+//! Plots of torque and angle against time, and of torque against deflection with the fitted
+//! stiffness.
 
 use eframe::egui::{self, ComboBox, Role, Ui, WidgetInfo};
 use egui_plot::{Corner, GridInput, GridMark, HLine, Legend, Line, LineStyle, Plot, Points};
@@ -10,13 +11,14 @@ use super::{Act, Desk};
 use crate::model::{Fit, History, Model, SPAN_S, Sample, fit, thinned};
 use crate::net::Intent;
 
-/// Points of the cloud of torque against deflection, of each axis.
+/// Largest number of points per axis in the plot of torque against deflection.
 const CLOUD: usize = 400;
 
-/// Both ways from zero, N m or rad: noise below it is not blown up to fill the plot.
+/// Smallest range of the vertical axis in both directions from zero, N m or rad. Noise below it is
+/// not magnified to fill the plot.
 const LEAST_SPAN: f64 = 0.02;
 
-/// What a plot shows.
+/// The quantity that a plot shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Which {
     #[default]
@@ -30,15 +32,15 @@ impl Which {
         [(Self::Torque, "Torque"), (Self::Angle, "Angle"), (Self::Stiffness, "Torque / deflection")];
 }
 
-/// What is set at the plots.
+/// The settings of the plots.
 #[derive(Debug)]
 pub(crate) struct PlotDesk {
     which: Which,
-    /// s
+    /// Time that is shown, s.
     window: f64,
-    /// What is shown while paused.
+    /// The history that is shown while the plots are paused.
     paused: Option<Box<History>>,
-    /// Where deflections are measured from, where the person has said so.
+    /// The orientation from which deflections are measured, if the user has chosen one.
     zero: Option<DQuat>,
 }
 
@@ -127,11 +129,11 @@ fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
     }
 }
 
-/// A plot that moves with its data, and can be dragged and zoomed while paused.
+/// Returns a plot that moves with its data. While paused, it can be dragged and zoomed.
 fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
     let still = plots.paused.is_some();
     Plot::new(id)
-        // Room for half of the last number below.
+        // Leaves room for the right half of the last number on the horizontal axis.
         .width(ui.available_width() - 12.0)
         .legend(Legend::default().position(Corner::LeftTop))
         .y_axis_label(y)
@@ -147,8 +149,8 @@ fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
         .allow_axis_zoom_drag(still)
 }
 
-/// Grid lines at 1, 2 or 5 times a power of ten, `apart` times the least distance that the plot asks for, so that each has
-/// room for its number.
+/// Returns grid lines at 1, 2 or 5 times a power of ten. Their distance is at least `apart` times
+/// the smallest distance that the plot offers, so that each has room for its number.
 fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
     let (low, high) = input.bounds;
     let step_size = round_up(apart * input.base_step_size);
@@ -159,7 +161,7 @@ fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
     (first..=last.min(first + 50)).map(|k| GridMark { value: k as f64 * step_size, step_size }).collect()
 }
 
-/// As many decimals as the step between grid lines has.
+/// Formats the number of a grid line with as many decimals as the step between lines has.
 fn figure(mark: GridMark) -> String {
     let decimals = (-mark.step_size.log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
     format!("{:.decimals$}", mark.value)
@@ -194,7 +196,7 @@ fn against_time(
             for (k, points) in lines.into_iter().enumerate() {
                 plot.line(Line::new(format!("n{}", k + 1), points).color(palette.axes[k]).width(1.6));
             }
-            // The limit shows once it is near; far away it would flatten the curves.
+            // Show the limit only if a curve is near it. Otherwise it would flatten the curves.
             for limit in
                 limit.filter(|limit| most > 0.6 * limit).into_iter().flat_map(|limit| [limit, -limit])
             {

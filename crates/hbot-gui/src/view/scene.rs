@@ -1,4 +1,4 @@
-//! The scene: choose one, switch its effects, change what they do, save it.
+//! The tab for the scene: choose one, switch its effects, change their parameters, save it.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -14,10 +14,10 @@ use crate::files;
 use crate::model::{Effect, Model};
 use crate::net::Intent;
 
-/// How old a list of the folder may be.
+/// Time after which the list of scene files is read again.
 const LIST_EVERY: Duration = Duration::from_secs(2);
 
-/// The folder's files, and what is typed and picked.
+/// The scene files of the folder, and what the user has picked and typed.
 #[derive(Debug)]
 pub(crate) struct Shelf {
     folder: PathBuf,
@@ -93,7 +93,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// An effect: its switch, and its parameters by the schema of its kind.
+/// Draws one effect: its switch, and its parameters according to the schema of its kind.
 fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut Vec<Act>) {
     let kind = model.info.kind(&effect.kind);
     let set = |key: &str, value: Value| {

@@ -1,4 +1,5 @@
-//! What a JSON schema asks for, so that parameters of any kind can be drawn without knowing the kind.
+//! Interprets JSON schemas, so that parameters of any kind of effect can be drawn without code for
+//! that kind.
 
 use serde_json::{Map, Value};
 
@@ -11,7 +12,7 @@ pub(crate) enum Shape<'a> {
         most: f64,
     },
     Flag,
-    /// One of these values.
+    /// One of a list of values.
     Choice(Vec<&'a Value>),
     List {
         item: &'a Value,
@@ -19,17 +20,17 @@ pub(crate) enum Shape<'a> {
         most: usize,
     },
     Group(&'a Map<String, Value>),
-    /// One of several shapes.
+    /// A value that has one of several shapes.
     Variants(&'a [Value]),
     Text,
     Null,
-    /// Nothing that this panel can draw.
+    /// A shape that the panel cannot draw.
     Unknown,
 }
 
 static NULL: Value = Value::Null;
 
-/// The shape of a schema with its references inlined.
+/// Returns the shape of a schema. References in the schema must be inlined.
 pub(crate) fn shape(schema: &Value) -> Shape<'_> {
     if let Some(values) = schema["enum"].as_array() {
         return Shape::Choice(values.iter().collect());
@@ -52,7 +53,7 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
             };
         }
     }
-    // `["number", "null"]`: a value that may be absent is drawn as its other type.
+    // For a type such as `["number", "null"]`, use the type that is not null.
     let kind = match &schema["type"] {
         Value::Array(kinds) => kinds.iter().find(|kind| *kind != "null").unwrap_or(&NULL),
         kind => kind,
@@ -82,12 +83,13 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
     }
 }
 
-/// Whether null stands for a value that is not there.
+/// Returns whether null is legal and means that the value is absent.
 pub(crate) fn may_be_absent(schema: &Value) -> bool {
     schema["type"].as_array().is_some_and(|kinds| kinds.iter().any(|kind| kind == "null"))
 }
 
-/// Whether a value has the form that a schema asks for; ranges are the server's to judge.
+/// Returns whether a value has the form that a schema requires. Ranges are not checked, because the
+/// server does that.
 pub(crate) fn fits(schema: &Value, value: &Value) -> bool {
     match shape(schema) {
         Shape::Number { .. } => value.is_number(),
@@ -104,7 +106,8 @@ pub(crate) fn fits(schema: &Value, value: &Value) -> bool {
     }
 }
 
-/// A legal value of a schema, as near to `value` as its form lets it be.
+/// Converts `value` to the form that a schema requires. If `value` has another form, returns the
+/// default if there is one, or else the nearest value of the required form.
 pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
     if fits(schema, value) {
         return value.clone();
@@ -121,7 +124,7 @@ pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
         Shape::Text => Value::from(""),
         Shape::Choice(values) => values.first().map_or(Value::Null, |value| (*value).clone()),
         Shape::List { item, least, .. } => {
-            // A number becomes a square matrix that does the same in every direction, or a list of equals.
+            // A number becomes a square matrix with this diagonal, or a list of equal numbers.
             let square =
                 matches!(shape(item), Shape::List { least: n, most, .. } if n == least && most == least);
             let row = |i: usize| match value.as_f64() {
@@ -143,7 +146,8 @@ pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
     }
 }
 
-/// Of a number itself, of a square matrix its diagonal's, of a list its own.
+/// Returns the mean: of a number the number, of a square matrix the mean of its diagonal, of a list
+/// the mean of its elements.
 fn mean(value: &Value) -> Option<f64> {
     let Some(list) = value.as_array() else { return value.as_f64() };
     let parts = list.iter().enumerate().map(|(i, part)| part.as_f64().or_else(|| part[i].as_f64()));
@@ -151,7 +155,7 @@ fn mean(value: &Value) -> Option<f64> {
     parts.filter(|parts| !parts.is_empty()).map(|parts| parts.iter().sum::<f64>() / parts.len() as f64)
 }
 
-/// What a person should know before changing a value: what it is, its unit, range and default.
+/// Returns the help text for a value: description, unit, range and default.
 pub(crate) fn explain(schema: &Value) -> String {
     let mut text = schema["description"].as_str().unwrap_or_default().to_owned();
     let mut add = |part: String| {

@@ -1,4 +1,5 @@
-//! The sphere in three dimensions: where it is, where it is pulled to, what pushes.
+//! The picture of the sphere in three dimensions: its orientation, the reference, the wheels, and
+//! the torque.
 
 use eframe::egui::{
     self, Align2, Color32, FontId, Key, Mesh, Painter, Pos2, Role, Sense, Shape, Stroke, Ui, Vec2,
@@ -14,16 +15,17 @@ use super::wheels::Contact;
 use crate::model::Model;
 use crate::model::sample::quaternion;
 
-/// How far what stands out of the sphere reaches, in radii.
+/// Distance from the centre that everything in the picture stays within, in radii of the sphere.
 const REACH: f64 = 1.5;
-/// Height of the readouts below it, points.
+/// Height of the text below the sphere, points.
 const READOUTS: f32 = 50.0;
-/// Length of the torque's arrow, in radii: a little, so that its direction shows, and so much more at the rig's limit.
+/// Length of the torque arrow, in radii of the sphere: a minimum so that the direction is visible,
+/// and the additional length at the rig's torque limit.
 const TORQUE_LENGTH: [f64; 2] = [0.2, 0.32];
-/// Points of a circle.
+/// Number of points of a circle.
 const CIRCLE: usize = 48;
 
-/// Draws into all of the room that is left.
+/// Draws the sphere into all of the remaining room.
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
     let rect = response.rect;
@@ -75,7 +77,7 @@ fn arrow_keys(ui: &Ui) -> Vec2 {
     })
 }
 
-/// The same for those who do not see it.
+/// Describes the picture in words, for screen readers.
 fn describe(state: Option<&StateEvent>) -> String {
     let Some(state) = state else { return "Sphere: no state yet".to_owned() };
     let [w, x, y, z] = state.q;
@@ -112,7 +114,8 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
     }
 }
 
-/// The means to draw in three dimensions: near lines in full, hidden ones dimmed.
+/// Tools for drawing in three dimensions. Lines in front are drawn in full, and hidden ones are
+/// dimmed.
 struct Drawing {
     painter: Painter,
     view: Projection,
@@ -128,14 +131,16 @@ impl Drawing {
         }
         self.ball();
         for (k, line) in grid.iter().enumerate() {
-            // The equator and the meridians through the axes stand out, so that a turn is seen at a glance.
+            // The equator and the meridians through the axes are stronger, so that a rotation is
+            // easy to see.
             let strong = k == 0 || (k > 4 && (k - 5) % 3 == 0);
             let alpha = if strong { 0.75 } else { 0.32 };
             self.runs(line, false, thin(self.palette.grid.gamma_multiply(alpha)));
         }
     }
 
-    /// A disc, lighter where light falls, that lets the hidden half shimmer through.
+    /// Draws the sphere as a shaded disc, slightly transparent, so that the hidden half is faintly
+    /// visible.
     fn ball(&self) {
         let [light, dark] = self.palette.sphere;
         let mut mesh = Mesh::default();
@@ -159,7 +164,7 @@ impl Drawing {
             let axis = q * axis;
             self.arrow(DVec3::ZERO, axis * 1.3, Stroke::new(2.5, color));
             self.text(axis * 1.42, &format!("s{}", k + 1), color);
-            // Where it comes out: a mark that turns with the surface.
+            // A mark where the axis leaves the sphere. It turns with the surface.
             if !self.view.is_hidden(axis) {
                 self.painter.circle_filled(self.view.point(axis), 3.5, color);
             }
@@ -173,7 +178,7 @@ impl Drawing {
             self.dashes(&circle, Stroke::new(1.2, color.gamma_multiply(0.8)));
         }
         for axis in DVec3::AXES.map(|axis| q * axis) {
-            // Short of the letters at the ends of the sphere's own axes.
+            // These end before the labels at the ends of the sphere's own axes.
             self.dashes(&segment(axis, axis * 1.16), Stroke::new(1.5, color));
             self.painter.circle_stroke(self.view.point(axis * 1.16), 4.0, Stroke::new(1.2, color));
         }
@@ -194,7 +199,7 @@ impl Drawing {
         self.painter.add(Shape::convex_polygon(points, color.gamma_multiply(0.35), Stroke::new(2.5, color)));
         let spoke = [self.view.point(centre), self.view.point(rim(-drive))];
         self.painter.line_segment(spoke, Stroke::new(2.0, color));
-        // The heading: where the contact rolls to.
+        // The rolling direction at the contact.
         let (from, to) = (centre - contact.rolling * 0.3, centre + contact.rolling * 0.3);
         self.arrow(from, to, Stroke::new(1.5, color));
         self.text(contact.axis * 1.56, name, color);
@@ -203,14 +208,14 @@ impl Drawing {
     fn torque(&self, torque: DVec3, limit: f64) {
         let Some(direction) = torque.try_normalize() else { return };
         let share = if limit > 0.0 { torque.length() / limit } else { 1.0 };
-        // Below a hundredth of the limit there is no direction worth showing.
+        // Below one hundredth of the limit the direction is not meaningful.
         if share < 0.01 {
             return;
         }
         let color = self.palette.torque;
         let tip = direction * (1.0 + TORQUE_LENGTH[0] + TORQUE_LENGTH[1] * share.min(1.0));
         self.arrow(direction, tip, Stroke::new(5.0, color));
-        // Which way it turns: an arc about the arrow, by the right hand.
+        // An arc about the arrow shows the sense of rotation, by the right-hand rule.
         let across = direction.any_orthonormal_vector();
         let along = direction.cross(across);
         let arc: Vec<DVec3> = (0..=20)
@@ -227,7 +232,7 @@ impl Drawing {
         }
     }
 
-    /// N's own axes in a corner of the picture.
+    /// Draws the axes of frame N in a corner of the picture.
     fn corner(&self, rect: egui::Rect, desk: &Desk) {
         let view = desk.camera.onto(rect.right_top() + vec2(-46.0, 48.0), 26.0);
         for (k, axis) in DVec3::AXES.into_iter().enumerate() {
@@ -245,7 +250,7 @@ impl Drawing {
         }
     }
 
-    /// The parts of a line that are hidden, or those that are not.
+    /// Draws the hidden parts of a line, or the visible parts.
     fn runs(&self, line: &[DVec3], hidden: bool, stroke: Stroke) {
         for run in line.chunk_by(|a, b| self.view.is_hidden(*a) == self.view.is_hidden(*b)) {
             if self.view.is_hidden(run[0]) == hidden {
@@ -274,7 +279,7 @@ impl Drawing {
 
     fn head(&self, from: Pos2, to: Pos2, size: f32, color: Color32) {
         let along = (to - from).normalized();
-        // Seen along its line an arrow is a dot.
+        // An arrow seen along its direction is drawn as a dot.
         if !along.is_finite() || (to - from).length() < 1.0 {
             self.painter.circle_filled(to, size / 2.0, color);
             return;
@@ -292,7 +297,7 @@ impl Drawing {
     }
 }
 
-/// The equator, four parallels, twelve half meridians, on the unit sphere.
+/// Returns the grid of the unit sphere: the equator, four parallels, and twelve half meridians.
 fn grid() -> impl Iterator<Item = Vec<DVec3>> {
     let parallel = |latitude: f64| {
         let (s, c) = latitude.to_radians().sin_cos();
@@ -309,7 +314,7 @@ fn grid() -> impl Iterator<Item = Vec<DVec3>> {
     [0.0, -60.0, -30.0, 30.0, 60.0].into_iter().map(parallel).chain((0..12).map(meridian))
 }
 
-/// A great circle about `normal`, closed.
+/// Returns a closed great circle in the plane perpendicular to `normal`.
 fn circle(normal: DVec3) -> impl Iterator<Item = DVec3> {
     let across = normal.any_orthonormal_vector();
     let along = normal.cross(across);
@@ -319,7 +324,7 @@ fn circle(normal: DVec3) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// A straight line in pieces, each of which is hidden or is not.
+/// Returns a straight line as short pieces, so that each piece can be hidden or visible.
 fn segment(from: DVec3, to: DVec3) -> Vec<DVec3> {
     (0..=16).map(|k| from.lerp(to, f64::from(k) / 16.0)).collect()
 }

@@ -1,4 +1,4 @@
-//! What the rig does, and the orders that change it. The stop first.
+//! The mode of the rig, and the buttons that change it, with the stop button first.
 
 use eframe::egui::{self, Button, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
@@ -8,7 +8,7 @@ use super::theme::{Palette, STOP, coloured, column, named, weak};
 use crate::model::{Model, words};
 use crate::net::Intent;
 
-/// The button that stops; there whatever else is.
+/// Draws the stop button. It is always there, in any state of the panel.
 pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     let text = RichText::new("STOP").size(30.0).strong().color(egui::Color32::WHITE);
     let button = Button::new(text).fill(STOP).corner_radius(8);
@@ -20,7 +20,7 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| weak(ui, "Esc or Space, anywhere in this window"));
 }
 
-/// Enable, disable, reset, and what they have led to.
+/// Draws the buttons to enable, disable and reset, and the resulting mode.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     let palette = Palette::of(ui);
@@ -58,7 +58,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     meters(ui, model, palette);
 }
 
-/// A flight log's path is long; it stands among the messages.
+/// Removes the path of the flight log from a message. The path is long, and the list of messages
+/// shows it.
 fn without_log(message: &str) -> &str {
     message.split("; flight log:").next().unwrap_or_default()
 }
@@ -98,7 +99,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     });
 }
 
-/// How near the rig is to its limits.
+/// Draws meters that show how near the rig is to its limits.
 fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     let Some(state) = &model.state else { return };
     let limits = &model.info.limits;
@@ -125,7 +126,7 @@ fn share(value: f64, limit: f64) -> f64 {
     if limit > 0.0 { value / limit } else { 0.0 }
 }
 
-/// A bar that says by its length and colour how near a limit is, and the figures beside it.
+/// Draws a bar with the figures next to it. Its length and colour show how near a limit is.
 fn meter(ui: &mut Ui, palette: Palette, name: &str, share: f64, figures: String) {
     let color = match share {
         s if s > 0.9 => palette.bad,

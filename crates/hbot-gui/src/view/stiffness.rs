@@ -1,4 +1,4 @@
-//! Stiffness and damping of a spring: the panel's first purpose.
+//! Controls for the stiffness and damping of a spring. They are the panel's first purpose.
 
 use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
 use serde_json::{Value, json};
@@ -10,10 +10,10 @@ use super::theme::{Palette, coloured, heading, named, weak};
 use crate::model::{Effect, Model};
 use crate::net::Intent;
 
-/// Deflection at which the slider's stiffest spring reaches the rig's torque limit, rad.
+/// Deflection at which the stiffest spring of the slider reaches the rig's torque limit, rad.
 const STIFFEST_AT: f64 = 0.1;
-/// Damping over stiffness at the ends of both sliders, s. The prototype's sphere under the stiffest spring is critically
-/// damped by a little less.
+/// Ratio of damping to stiffness at the ends of the two sliders, s. Slightly less damping is
+/// critical for the prototype's sphere with the stiffest spring.
 const DAMPING_SHARE: f64 = 0.02;
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
@@ -50,12 +50,13 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, None, intents);
 }
 
-/// Up to which stiffness the rig is expected to stay stable, N m/rad; `None` if the server does not say.
+/// Returns the largest stiffness with which the rig is expected to be stable, N m/rad, or `None` if
+/// the server does not report it.
 fn stable(model: &Model) -> Option<f64> {
     model.info.render.map(|render| render.stiffness_stable).filter(|stable| *stable > 0.0)
 }
 
-/// The end of the slider, N m/rad: a round number.
+/// Returns the end of the stiffness slider, N m/rad, a round number.
 fn stiffest(model: &Model) -> f64 {
     let limit = model.info.limits.torque;
     let by_torque = if limit > 0.0 { limit / STIFFEST_AT } else { 10.0 };
@@ -74,7 +75,7 @@ fn law(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
     }
 }
 
-/// The switch between one value for all axes and one for each.
+/// Draws the switch between one value for all axes and one value for each.
 fn axes_apart(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
     let before = model.scene.value(effect, "stiffness").is_some_and(Value::is_array);
     let mut apart = before;
@@ -130,7 +131,7 @@ fn impedance(
     }
 }
 
-/// A slider and a field to type in; what it was changed to.
+/// Draws a slider and a field for typing. Returns the new value if the user has changed it.
 fn row(
     ui: &mut Ui,
     label: &str,
@@ -164,10 +165,12 @@ fn row(
     (x != before).then_some(x)
 }
 
-/// Marks on a slider where what can be expected to be stable ends.
+/// Marks on a slider the part beyond the expected limit of stability. The limit is at the fraction
+/// `share` of the slider.
 fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
     let palette = Palette::of(ui);
-    // Where the middle of the handle stands at that value: a handle's radius from the ends (egui's own measure).
+    // The position of the middle of the handle at that value. By egui's own geometry, the handle
+    // stays one handle radius away from the ends.
     let room = slider.x_range().shrink(slider.height() / 2.5);
     let x = room.min + room.span() * share as f32;
     let painter = ui.painter();
@@ -176,7 +179,7 @@ fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
     painter.vline(x, slider.y_range(), Stroke::new(2.0, palette.warn));
 }
 
-/// What the stiffest axis means on this rig.
+/// Explains what the stiffness of the stiffest axis means on this rig.
 fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
     let palette = Palette::of(ui);
     let Some(value) = model.scene.value(effect, "stiffness") else { return };
@@ -208,7 +211,7 @@ fn diagonal(value: &Value) -> [f64; 3] {
     std::array::from_fn(|k| number.or_else(|| value[k][k].as_f64()).unwrap_or_default())
 }
 
-/// `value` as a matrix with this diagonal; what stands beside it stays.
+/// Returns `value` as a matrix whose diagonal is `diagonal`. The other elements keep their values.
 fn matrix(value: &Value, diagonal: [f64; 3]) -> Value {
     let element = |i: usize, j: usize| {
         if i == j { diagonal[i] } else { value[i][j].as_f64().unwrap_or_default() }
@@ -224,7 +227,7 @@ fn has_off_diagonal(value: &Value) -> bool {
 mod tests {
     use super::*;
 
-    /// What the section says for a rig of 0.9 N m under a spring of this stiffness.
+    /// Returns the text of this section for a rig of 0.9 N m and a spring of this stiffness.
     fn said(stiffness: f64, render: &Value) -> String {
         let kinds = hbot_config::scene::kinds();
         let scene = json!({"name": "S", "effect": [

@@ -1,5 +1,5 @@
-//! Colours that colour-blind people tell apart (Okabe and Ito's set, brightened on dark ground), and small parts of the
-//! window that look alike everywhere.
+//! Colours that colour-blind people can distinguish (the set of Okabe and Ito, brighter on a dark
+//! background), and small widgets that look alike in the whole window.
 
 use eframe::egui::{self, Color32, Response, RichText, Ui};
 use hbot_api::Mode;
@@ -7,21 +7,21 @@ use hbot_api::Mode;
 /// Colours by meaning.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Palette {
-    /// Axes 1, 2, 3, of N and of the sphere alike.
+    /// Colours of axes 1, 2 and 3, both of frame N and of the sphere.
     pub(crate) axes: [Color32; 3],
     pub(crate) torque: Color32,
     pub(crate) ghost: Color32,
     pub(crate) good: Color32,
     pub(crate) warn: Color32,
     pub(crate) bad: Color32,
-    /// Middle and edge of the sphere.
+    /// Colours of the sphere's middle and edge.
     pub(crate) sphere: [Color32; 2],
     pub(crate) grid: Color32,
     pub(crate) wheel: Color32,
     pub(crate) weak: Color32,
 }
 
-/// The stop button's; the same on light and dark ground.
+/// Colour of the stop button, on light and dark backgrounds.
 pub(crate) const STOP: Color32 = Color32::from_rgb(0xb8, 0x25, 0x08);
 
 impl Palette {
@@ -57,7 +57,7 @@ impl Palette {
         }
     }
 
-    /// The colour of a mode, as in the terminal's commands.
+    /// Returns the colour of a mode, the same as in the terminal's commands.
     pub(crate) const fn mode(&self, mode: Mode) -> Color32 {
         match mode {
             Mode::Active => self.good,
@@ -67,13 +67,13 @@ impl Palette {
     }
 }
 
-/// Sets the style once for both themes.
+/// Sets the style of both themes. Call it once.
 pub(crate) fn install(ctx: &egui::Context) {
     ctx.all_styles_mut(|style| {
         style.spacing.item_spacing = egui::vec2(8.0, 6.0);
         style.spacing.button_padding = egui::vec2(8.0, 4.0);
         style.interaction.selectable_labels = false;
-        // The focus must be seen by who works by keyboard.
+        // People who use the keyboard must see the focus.
         style.visuals.selection.stroke.width = 2.0;
     });
     ctx.style_mut_of(egui::Theme::Dark, |style| {
@@ -86,7 +86,7 @@ pub(crate) fn install(ctx: &egui::Context) {
     });
 }
 
-/// Gives a control the name by which screen readers, and tests, know it.
+/// Gives a control the name that screen readers and tests use for it.
 pub(crate) fn named(response: Response, name: &str) -> Response {
     response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
     response
@@ -101,12 +101,12 @@ pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
     ui.add(egui::Label::new(RichText::new(text).weak()).wrap())
 }
 
-/// Coloured text that may take several lines.
+/// Shows coloured text that can take several lines.
 pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> Response {
     ui.add(egui::Label::new(RichText::new(text).color(color)).wrap())
 }
 
-/// A label at the left of a row, in a column of this width.
+/// Shows a label at the left of a row, in a column of this width.
 pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>) -> Response {
     let layout = egui::Layout::left_to_right(egui::Align::Center);
     ui.allocate_ui_with_layout(egui::vec2(width, ui.spacing().interact_size.y), layout, |ui| {
@@ -117,7 +117,7 @@ pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>)
     .inner
 }
 
-/// A lamp.
+/// Shows a small coloured dot, as a status lamp.
 pub(crate) fn lamp(ui: &mut Ui, color: Color32) {
     let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
     ui.painter().circle_filled(rect.center(), 5.0, color);

@@ -1,30 +1,32 @@
-//! Where a wheel touches the sphere (physics notes, section 1): C = A0 Rz(th) Rx(a) Rz(b), contact point R c3.
+//! The contact of a wheel with the sphere (docs/physics.md, section 1): C = A0 Rz(th) Rx(a) Rz(b),
+//! contact point R c3.
 
 use glam::{DQuat, DVec3};
 
 use hbot_api::{RigInfo, WheelInfo};
 
-/// A wheel at a steering angle, in radii of the sphere.
+/// The contact of a wheel at a steer angle. Lengths are in radii of the sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contact {
-    /// Steering axis.
+    /// Steer axis, a unit vector in frame N.
     pub(crate) axis: DVec3,
-    /// Rolling direction.
+    /// Rolling direction, a unit vector in frame N.
     pub(crate) rolling: DVec3,
-    /// Outward normal: the contact point.
+    /// Outward normal of the sphere, which is also the contact point in radii.
     pub(crate) normal: DVec3,
-    /// Of the wheel.
+    /// Radius of the wheel, in radii of the sphere.
     pub(crate) radius: f64,
 }
 
 impl Contact {
-    /// A wheel of `rig` at steering angle `steer`, rad; `None` where the rig has told no geometry.
+    /// Computes the contact of a wheel of `rig` at the angle `steer`, rad. Returns `None` if the
+    /// rig's geometry is not known.
     pub(crate) fn of(rig: &RigInfo, wheel: &WheelInfo, steer: f64) -> Option<Self> {
         let axis = DVec3::from(wheel.axis).try_normalize()?;
         if !(rig.sphere.radius > 0.0) {
             return None;
         }
-        // At -n3 the least rotation is not unique: a half turn about n1.
+        // For an axis along -n3 the smallest rotation is not unique. Use a half turn about n1.
         let a0 = if axis.z < -1.0 + 1e-9 {
             DQuat::from_rotation_x(std::f64::consts::PI)
         } else {
@@ -38,7 +40,7 @@ impl Contact {
         Some(Self { axis, rolling: c * DVec3::Y, normal: c * DVec3::Z, radius })
     }
 
-    /// The wheel's centre.
+    /// Returns the centre of the wheel.
     pub(crate) fn centre(&self) -> DVec3 {
         self.normal * (1.0 + self.radius)
     }
@@ -60,7 +62,7 @@ mod tests {
             let wheel = WheelInfo { axis, cone: 0.3, toe: 0.2, radius: 0.01, ..WheelInfo::default() };
             for steer in [0.0, 1.0, 4.0] {
                 let contact = Contact::of(&rig, &wheel, steer).expect("geometry");
-                // l.c2 = sin a cos b and l.c3 = cos a, to rounding.
+                // l.c2 = sin a cos b and l.c3 = cos a, with a tolerance for rounding.
                 assert!((contact.axis.dot(contact.rolling) - 0.3_f64.sin() * 0.2_f64.cos()).abs() < 1e-12);
                 assert!((contact.axis.dot(contact.normal) - 0.3_f64.cos()).abs() < 1e-12);
             }

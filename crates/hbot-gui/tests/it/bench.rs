@@ -1,4 +1,5 @@
-//! A server in this process, a panel without a window, and a client that sees what truly happens.
+//! The test bench: a server in this process, a panel drawn into memory, and a second client that
+//! sees what the server really does.
 
 use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener as StdListener, TcpStream};
@@ -21,13 +22,14 @@ use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
 use crate::identity::Identity;
 
-/// How long a test waits for what must come. It never says how fast anything is.
+/// Longest time that a test waits for an expected event. It does not say how fast anything is.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
-/// One server at a time: in virtual time each takes all of a core that it gets.
+/// Lets one server run at a time, because a server in virtual time uses a whole processor core.
 static ONE: Mutex<()> = Mutex::new(());
 
-/// A sphere held still 0.2 rad from the reference of a spring of 0.2 N m/rad: the torque is the stiffness's alone.
+/// A scene whose sphere is held still, 0.2 rad from the reference of a spring of 0.2 N m/rad. The
+/// torque depends on the stiffness alone.
 pub(crate) const STILL: &str = r#"
 name = "Still"
 [[effect]]
@@ -44,23 +46,24 @@ pub(crate) struct TestServer {
     pub(crate) address: SocketAddr,
     shutdown: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
-    /// Of clients of this server, where it encrypts.
+    /// The certificate that clients of this server trust, if it encrypts.
     trust: Option<Trust>,
-    /// Held for the next test to wait for.
+    /// Held until this server has ended, so that the next test waits for that.
     alone: Option<MutexGuard<'static, ()>>,
 }
 
-/// What a server is to be.
+/// The settings of a test server.
 pub(crate) struct Setup<'a> {
     pub(crate) scene: &'a str,
-    /// Replacements in the prototype's rig file.
+    /// Replacements of text in the prototype's rig file.
     pub(crate) rig: &'a [(&'a str, &'a str)],
-    /// Virtual time goes no faster than the clock: for what people look at. Other work on the machine then makes no tick late.
+    /// Whether virtual time is slowed down to wall-clock time, for pictures that people look at.
+    /// Even then, other work on the machine makes no tick late.
     pub(crate) paced: bool,
     pub(crate) address: SocketAddr,
-    /// What clients must know.
+    /// The token that clients must show.
     pub(crate) token: Option<&'a str>,
-    /// Certificate and key of a server that encrypts, PEM.
+    /// The certificate and key of an encrypting server.
     pub(crate) tls: Option<&'a Identity>,
 }
 
@@ -89,7 +92,8 @@ impl TestServer {
         bench
     }
 
-    /// The same for who has made sure to be alone.
+    /// Starts a server without waiting for others to end. The caller must hold the guard of
+    /// [`alone`].
     pub(crate) fn beside(setup: &Setup<'_>) -> Self {
         let mut rig = include_str!("../../../../rigs/prototype.toml").to_owned();
         for (from, to) in setup.rig {
@@ -97,7 +101,7 @@ impl TestServer {
             rig = rig.replace(from, to);
         }
         let mut rig = RigConfig::from_toml(&rig, "test.toml").expect("a legal rig");
-        // Read when the server starts.
+        // The server reads these files when it starts.
         let files = setup.tls.map(Identity::files);
         rig.api.tls = files.as_ref().map(|(_, files)| files.clone());
         let scene = SceneFile::from_toml(setup.scene, "test.toml").expect("a legal scene");
@@ -145,7 +149,7 @@ impl TestServer {
         Self { address, shutdown: Some(shutdown), thread: Some(thread), trust, alone: None }
     }
 
-    /// A client of its own.
+    /// Connects a separate client to this server.
     pub(crate) fn client(&self, name: &str) -> Client {
         let options = ConnectOptions { trust: self.trust.clone(), ..ConnectOptions::new(name) };
         Client::connect_with(&self.address.to_string(), &options).expect("the server listens")
@@ -171,7 +175,7 @@ impl Drop for TestServer {
     }
 }
 
-/// What the server does, seen by another client.
+/// A second client that sees what the server really does.
 pub(crate) struct Witness(Client);
 
 impl Witness {
@@ -181,7 +185,7 @@ impl Witness {
         Self(client)
     }
 
-    /// The next state for which `ready` holds.
+    /// Returns the next state for which `ready` holds.
     pub(crate) fn state(&mut self, what: &str, mut ready: impl FnMut(&StateEvent) -> bool) -> StateEvent {
         let start = Instant::now();
         let mut last = None;
@@ -198,13 +202,14 @@ impl Witness {
         panic!("{what} did not come; the last state: {last:?}");
     }
 
-    /// The state some seconds of the loop's time from now; those that wait to be read are older.
+    /// Returns a state at least `seconds` of the loop's time after this call. Older states that
+    /// wait to be read are skipped.
     pub(crate) fn later(&mut self, seconds: f64) -> StateEvent {
         let from = self.0.ping(serde_json::Value::Null).expect("an answer").t + seconds;
         self.state("a later state", |state| state.t > from)
     }
 
-    /// The parameter of an effect that the server runs now.
+    /// Returns the present value of an effect's parameter on the server.
     pub(crate) fn parameter(&mut self, effect: &str, key: &str) -> serde_json::Value {
         let info = self.0.info().expect("info");
         let effects = info.scene["effect"].as_array().expect("effects");
@@ -221,12 +226,12 @@ pub(crate) fn norm(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// A panel drawn into memory.
+/// A panel that is drawn into memory.
 pub(crate) struct Seat {
     pub(crate) harness: Harness<'static, Option<Panel>>,
-    /// The longest that a frame has taken.
+    /// Longest time that one frame has taken.
     pub(crate) longest: Duration,
-    /// All frames together.
+    /// Total time that all frames have taken.
     pub(crate) drawing: Duration,
     pub(crate) frames: u32,
     pub(crate) out: tempfile::TempDir,
@@ -268,7 +273,7 @@ impl Seat {
         self.frames += 1;
     }
 
-    /// Frames at 60 Hz until it is so.
+    /// Draws frames at about 60 Hz until `so` holds.
     pub(crate) fn until(&mut self, what: &str, mut so: impl FnMut(&Harness<'static, Option<Panel>>) -> bool) {
         let start = Instant::now();
         while !so(&self.harness) {
@@ -292,14 +297,14 @@ impl Seat {
         self.frame();
     }
 
-    /// Sets a number as an assistive technology does.
+    /// Sets a number in the way that assistive technology does.
     pub(crate) fn set(&mut self, label: &str, value: f64) {
         self.harness.get_by_label(label).set_value_accesskit(value);
         self.frame();
         self.frame();
     }
 
-    /// Types into the field of a number, as a person does.
+    /// Types a number into its field, as a user does.
     pub(crate) fn type_number(&mut self, label: &str, text: &str) {
         self.harness.get_by_label(label).focus();
         self.frame();
@@ -311,11 +316,11 @@ impl Seat {
         self.frame();
     }
 
-    /// Picks from a list that drops down.
+    /// Picks an entry from a drop-down list.
     pub(crate) fn pick(&mut self, list: &str, entry: &str) {
         self.click(list);
         self.frame();
-        // A parameter may have the name of an entry: what can be pressed is the entry.
+        // A parameter can have the same label as an entry, but only the entry is a button.
         self.harness.get_by_role_and_label(Role::Button, entry).click_accesskit();
         self.frame();
         self.frame();
@@ -325,13 +330,13 @@ impl Seat {
         !self.harness.get_by_label(label).accesskit_node().is_disabled()
     }
 
-    /// All that is written in the window, for a test that fails.
+    /// Returns all text of the window, for the message of a failed test.
     pub(crate) fn texts(&self) -> String {
         format!("{:?}", self.harness.root())
     }
 }
 
-/// A wire between a panel and its server that can be held up.
+/// A TCP connection between a panel and its server that a test can freeze.
 pub(crate) struct Wire {
     pub(crate) address: SocketAddr,
     frozen: Arc<AtomicBool>,

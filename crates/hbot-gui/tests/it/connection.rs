@@ -1,4 +1,4 @@
-//! Servers that come and go, other clients, and servers that hang.
+//! Tests with servers that come and go, with other clients, and with servers that hang.
 
 use std::net::TcpListener;
 use std::time::Duration;
@@ -55,17 +55,18 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
         let bench = TestServer::beside(&setup);
         seat.until_text("ACTIVE");
         seat.until_text("you command");
-        // The stop has a connection of its own, which must be encrypted as well.
+        // The stop has its own connection, which must be encrypted as well.
         let mut witness = Witness::new(&bench);
         seat.click("Stop");
         witness.state("stopped", |state| state.mode == Mode::Estop);
         seat.until_text("ESTOP");
-        // Where it is not, the session is asked next, and this told.
+        // If the stop line were not encrypted, the stop would go over the session and this message
+        // would appear.
         assert!(!seat.shows("has not confirmed the stop"), "{}", seat.texts());
         bench.stop();
         seat.until_text("No server at");
     }
-    // In its place another with a certificate of its own, of the same name.
+    // Replaces the server by another one of the same name with another certificate.
     let stranger = Identity::new();
     let bench = TestServer::beside(&Setup { tls: Some(&stranger), ..setup });
     seat.until_text("hbot-gui --ca FILE names whom to trust");
@@ -73,7 +74,7 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
     assert!(seat.shows("name the server's own, or the authority's that signed it"), "{}", seat.texts());
     assert!(!seat.shows("OtherError") && !seat.is_enabled("Enable"), "{}", seat.texts());
     bench.stop();
-    // And one that does not encrypt.
+    // Replaces the server by one that does not encrypt.
     let bench = TestServer::beside(&Setup { tls: None, ..setup });
     seat.until_text("the server does not encrypt: leave out the certificate");
     bench.stop();
@@ -86,7 +87,7 @@ fn a_server_that_encrypts_says_so_to_a_panel_without_a_certificate() {
     let mut seat = Seat::at(bench.address);
     seat.until_text("hbot-gui --ca FILE names whom to trust");
     assert!(seat.shows("the server encrypts: name its certificate"), "{}", seat.texts());
-    // The stop is not lost without a word.
+    // A stop that cannot be sent must be reported.
     seat.click("Stop");
     seat.until_text("the server has not confirmed the stop (hbot-gui --ca FILE names whom to trust");
     assert!(seat.shows("cut the motors' power"), "{}", seat.texts());
@@ -154,7 +155,7 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
     seat.until_text("the experiment has taken over command");
     other.release().expect("given back");
     seat.until_text("nobody commands");
-    // Whoever turns a knob of a free rig commands it.
+    // A user who changes something on a free rig gets the lease.
     seat.click("Reset");
     seat.until_text("you command");
     seat.click("Release");
@@ -198,10 +199,11 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     seat.click("Stop");
     seat.until_text("the server has not confirmed the stop");
     assert!(seat.shows("cut the motors' power"));
-    // Far below the 2 s that the threads wait for answers: the window waits for none of them.
+    // The network threads wait up to 2 s for an answer. This limit is far below, so it shows that
+    // the window does not wait for them.
     assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);
     wire.freeze(false);
-    // What was on its way arrives, the stop among it.
+    // What was held up arrives now, including the stop.
     witness.state("stopped", |state| state.mode == Mode::Estop);
     seat.until_text("ESTOP");
 }
@@ -209,7 +211,7 @@ fn a_server_that_hangs_does_not_hang_the_window() {
 #[test]
 fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
     let bench = TestServer::start(&Setup::default());
-    // Every tick of a loop that runs as fast as the machine goes.
+    // Requests every tick of a loop that runs as fast as possible.
     let options = PanelOptions { samples_per_s: 100_000, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
@@ -236,7 +238,7 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
         seat.longest
     );
     assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);
-    // And it still obeys.
+    // The server still obeys.
     let mut witness = Witness::new(&bench);
     seat.click("Stop");
     witness.state("stopped", |state| state.mode == Mode::Estop);
@@ -246,7 +248,8 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
 
 #[test]
 fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
-    // Even where the loss of the commander is a fault: a window that is closed says goodbye.
+    // Closing the window releases the lease, so it is no fault even if the rig file makes the loss
+    // of the lease holder a fault.
     let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
     let bench = TestServer::start(&Setup { rig: &rig, ..Setup::default() });
     let (seat, mut witness) = seated(&bench);

@@ -1,4 +1,4 @@
-//! Orders, stiffness, faults.
+//! Tests of the buttons, of the stiffness controls, and of how faults are shown.
 
 use eframe::egui::Key;
 use egui_kittest::kittest::Queryable as _;
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::bench::{Seat, Setup, TestServer, Witness, norm};
 
-/// A panel that commands an active rig.
+/// Returns a panel that holds the lease of an active rig, and a witness.
 pub(crate) fn seated(bench: &TestServer) -> (Seat, Witness) {
     let mut witness = Witness::new(bench);
     witness.state("active", |state| state.mode == Mode::Active);
@@ -17,15 +17,15 @@ pub(crate) fn seated(bench: &TestServer) -> (Seat, Witness) {
     (seat, witness)
 }
 
-/// The torque once the scene has faded in and the sphere rests.
+/// Returns the size of the torque after the scene has faded in and the sphere is at rest, N m.
 fn settled(witness: &mut Witness) -> f64 {
     norm(witness.later(5.0).torque)
 }
 
-/// Waits until the server runs this value, so that the panel's wish has arrived.
+/// Waits until the server uses this value for the parameter.
 fn arrived(seat: &mut Seat, witness: &mut Witness, key: &str, value: &Value) {
     let near = |a: &Value, b: &Value| match (a.as_f64(), b.as_f64()) {
-        // A slider's steps are points of the screen.
+        // The slider's resolution is limited by the pixels of the screen.
         (Some(a), Some(b)) => (a - b).abs() < 0.01 * b.abs() + 1e-12,
         _ => a == b,
     };
@@ -45,7 +45,7 @@ fn the_stiffness_slider_changes_the_torque_that_the_server_applies() {
     seat.set("Stiffness", 2.0);
     arrived(&mut seat, &mut witness, "stiffness", &json!(2.0));
     let stiff = settled(&mut witness);
-    // The hand (50 N m/rad) gives way by up to 4 % to the stiffer spring.
+    // The hand has 50 N m/rad, so it yields to the stiffer spring by up to 4 %.
     assert!((stiff / soft - 10.0).abs() < 0.5, "{soft} to {stiff} N m");
     seat.type_number("Stiffness value", "1");
     arrived(&mut seat, &mut witness, "stiffness", &json!(1.0));
@@ -63,7 +63,7 @@ fn each_axis_has_its_own_stiffness_and_damping() {
     seat.type_number("Stiffness n1 value", "0.4");
     arrived(&mut seat, &mut witness, "stiffness", &rows(0.4, 0.2, 0.2));
     let torque = settled(&mut witness);
-    // The reference is turned about n1 alone; the hand gives way by 0.8 %.
+    // The reference is turned about n1 only. The hand yields by 0.8 %.
     assert!((torque - 0.08).abs() < 0.001, "{torque} N m");
     seat.type_number("Stiffness n3 value", "3");
     arrived(&mut seat, &mut witness, "stiffness", &rows(0.4, 0.2, 3.0));
@@ -81,9 +81,10 @@ fn each_axis_has_its_own_stiffness_and_damping() {
 fn a_value_that_the_server_refuses_is_told_and_not_shown() {
     let bench = TestServer::start(&Setup::default());
     let (mut seat, mut witness) = seated(&bench);
-    // A quaternion without length: legal number by number, refused as a whole.
+    // A zero quaternion: each number is legal, but the server refuses the whole.
     seat.type_number("spring reference 1", "0");
-    // The first is legal yet. A second wish for the same parameter would take its place, were it still waiting.
+    // The first change is still legal. Wait for it, because a second change of the same parameter
+    // would replace it while it waits.
     seat.until("the first", |_| witness.parameter("spring", "reference")[0].as_f64() == Some(0.0));
     seat.type_number("spring reference 2", "0");
     seat.until_text("the quaternion has no length");
@@ -159,7 +160,7 @@ fn a_fault_is_told_in_plain_words_with_what_to_do() {
     assert!(seat.shows("The sphere turned faster than the rig allows."));
     assert!(seat.shows("Let it come to rest."));
     assert!(seat.is_enabled("Reset") && !seat.is_enabled("Enable"));
-    // The sphere still turns: the server says why it stays in fault.
+    // The sphere still turns, so the server explains why the rig stays in fault.
     seat.until_text("you command");
     seat.click("Reset");
     seat.until("an answer", |harness| {
@@ -206,7 +207,7 @@ fn every_control_has_a_name_and_is_reached_by_tab() {
         }
     }
     assert!(wanted.is_empty(), "not reached by Tab: {wanted:?}");
-    // Enter presses what has the focus.
+    // Enter presses the control that has the focus.
     seat.harness.get_by_label("Disable").focus();
     seat.frame();
     seat.harness.key_press(Key::Enter);

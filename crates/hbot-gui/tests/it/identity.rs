@@ -1,10 +1,10 @@
-//! Certificates of servers that encrypt.
+//! Certificates for servers that encrypt.
 
 use hbot_api::Trust;
 use hbot_config::rig::TlsFiles;
 use rcgen::{BasicConstraints, CertificateParams, IsCa, KeyPair};
 
-/// What a server that encrypts shows of itself. It signs itself, as in docs/api.md.
+/// The self-signed certificate and the key of an encrypting server, made as in docs/api.md.
 pub(crate) struct Identity {
     pub(crate) certificate: String,
     key: String,
@@ -23,7 +23,7 @@ impl Identity {
         Trust::from_pem(self.certificate.as_bytes()).expect("a certificate")
     }
 
-    /// For as long as the folder is kept.
+    /// Writes the certificate and the key to files. They exist as long as the returned folder.
     pub(crate) fn files(&self) -> (tempfile::TempDir, TlsFiles) {
         let folder = tempfile::tempdir().expect("a folder");
         let files =

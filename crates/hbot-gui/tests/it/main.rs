@@ -1,4 +1,5 @@
-//! The panel as its users meet it: every control against a real server in virtual time, and a real window.
+//! Tests of the panel as users see it: every control with a real server in virtual time, and a real
+//! window.
 
 mod bench;
 mod connection;

@@ -1,11 +1,11 @@
-//! Plots: what they show, paused, exported.
+//! Tests of the plots: what they show, pausing, and export.
 
 use egui_kittest::kittest::Queryable as _;
 use hbot_gui::PanelOptions;
 
 use crate::bench::{Seat, Setup, TestServer};
 
-/// A hand that turns the sphere about against a spring of 2 N m/rad and 0.02 N m s/rad.
+/// A scene in which a hand moves the sphere against a spring of 2 N m/rad and 0.02 N m s/rad.
 const MOVED: &str = r#"
 name = "Moved"
 [[effect]]
@@ -30,7 +30,8 @@ fn the_fitted_stiffness_is_that_of_the_spring() {
     let (_bench, mut seat) = moved();
     seat.click("Torque / deflection");
     for axis in ["n1", "n2", "n3"] {
-        // To the digits shown: the law is linear in the angle, and the torque belongs to the orientation of its tick.
+        // The fit is exact to the digits shown: the law is linear in the angle, and the torque
+        // belongs to the orientation of its tick.
         seat.until_text(&format!("{axis} 2.000 (0.0200)"));
     }
     seat.click("Zero here");

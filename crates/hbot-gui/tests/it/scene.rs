@@ -1,4 +1,4 @@
-//! Scenes: chosen, switched, changed by their schemas, saved.
+//! Tests of scenes: choosing and loading them, switching effects, changing parameters, saving.
 
 use eframe::egui::Key;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -19,7 +19,7 @@ fn a_scene_is_chosen_loaded_and_shown() {
     assert_eq!(witness.info().scene["name"], "Uneven spring");
     assert!(seat.shows("ns a tick"), "what the effects cost");
     assert!(seat.shows("rad from its reference"), "the spring pulls somewhere");
-    // Its stiffness is a matrix: a slider for each axis.
+    // The stiffness of this scene is a matrix, so there is a slider for each axis.
     assert_eq!(seat.harness.get_by_label("Stiffness n1").accesskit_node().numeric_value(), Some(4.0));
 }
 
@@ -51,7 +51,7 @@ fn an_effect_is_switched_off_and_on_with_its_gain_kept() {
     });
     seat.click("spring on");
     seat.until("a gain of 2 again", |_| gain(&mut witness) == Some(2.0));
-    // 2 x 0.2 N m/rad at 0.2 rad, less what the hand gives way.
+    // A gain of 2, a stiffness of 0.2 N m/rad and an angle of 0.2 rad. The hand yields a little.
     witness.state("torque", |state| (norm(state.torque) - 0.08).abs() < 0.001);
 }
 
@@ -73,11 +73,11 @@ fn a_scene_is_saved_as_it_runs() {
     let path = seat.out.path().join("scenes/mine.toml");
     let saved = SceneFile::from_path(&path).expect("a legal scene");
     assert_eq!(saved.to_json(), witness.info().scene);
-    // The same name again is asked about.
+    // The button warns that a file of this name exists.
     assert!(seat.harness.query_by_label("Overwrite").is_some());
 }
 
-/// Any legal value, for a parameter that has no default.
+/// Returns a legal value for a parameter that has no default.
 fn some_value(schema: &Value) -> Value {
     match schema["type"].as_str() {
         Some("number" | "integer") => {
@@ -93,7 +93,7 @@ fn some_value(schema: &Value) -> Value {
     }
 }
 
-/// A scene with one effect of each kind that `info` tells, all at their defaults.
+/// Returns a scene with one effect of each kind, with default parameters.
 fn one_of_each() -> String {
     let mut text = "name = \"One of each\"\n".to_owned();
     for kind in hbot_config::scene::kinds() {
@@ -110,8 +110,8 @@ fn one_of_each() -> String {
     text + "[simulate]\nhand = { stiffness = 50, damping = 1, amplitude = 0 }\n"
 }
 
-/// Every kind that exists is drawn from its schema, and every number, choice and switch of it reaches the server. A kind that
-/// is added later is tested here without a change.
+/// Checks that the panel draws every kind of effect from its schema, and that each number, choice
+/// and switch reaches the server. Kinds that are added later are tested without a change here.
 #[test]
 fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
     let scene = one_of_each();
@@ -148,7 +148,7 @@ fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
                     witness.parameter(id, key).as_f64() == Some(other)
                 });
             } else {
-                // Lists and matrices: their parts have controls of their own.
+                // The elements of lists and matrices have separate controls.
                 let part = if before[0].is_array() { format!("{label} 1 1") } else { format!("{label} 1") };
                 assert!(
                     before.as_array().is_none_or(Vec::is_empty) || shown(&seat, &part),
@@ -158,14 +158,14 @@ fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
             }
             changed += 1;
         }
-        // Closed again: the window is not endless.
+        // Close the parameters again, because the window's height is limited.
         seat.click(&format!("{id} parameters"));
     }
     println!("{changed} parameters of {} kinds changed", kinds.len());
     assert!(changed >= 3 * kinds.len(), "gain and fade_s, and most kinds have more");
 }
 
-/// The values of a choice in either notation.
+/// Returns the values of a choice, in either notation of JSON schemas.
 fn choices(schema: &Value) -> Option<Vec<Value>> {
     if let Some(values) = schema["enum"].as_array() {
         return Some(values.clone());
@@ -174,7 +174,7 @@ fn choices(schema: &Value) -> Option<Vec<Value>> {
     variants.iter().map(|variant| variant.get("const").cloned()).collect()
 }
 
-/// Another number of few digits within the range of a schema.
+/// Returns another number with few digits within the range of a schema.
 fn another(x: f64, schema: &Value) -> f64 {
     let schema = if schema["type"].is_string() { schema } else { &schema["anyOf"][0] };
     let whole = schema["type"] == "integer";
@@ -190,7 +190,7 @@ fn another(x: f64, schema: &Value) -> f64 {
     };
     let step = step.min((most - least) / 4.0);
     let other = if x + step < most { x + step } else { x - step };
-    // Six decimals are what the field shows.
+    // The field shows six decimals.
     (other * 1e6).round() / 1e6
 }
 
@@ -203,7 +203,7 @@ fn a_matrix_is_made_of_a_number_and_edited() {
     seat.until("its fields", |harness| harness.query_by_label("spring stiffness 2 2").is_some());
     seat.type_number("spring stiffness 2 2", "0.5");
     seat.until("0.5", |_| witness.parameter("spring", "stiffness")[1][1] == json!(0.5));
-    // Escape is a stop and nothing else here: what has been set stays.
+    // Escape only stops the rig here. Values that have been set stay.
     seat.harness.key_press(Key::Escape);
     seat.frame();
     assert_eq!(witness.parameter("spring", "stiffness")[1][1], json!(0.5));

@@ -1,5 +1,5 @@
-//! A real window on a display of its own (Xvfb), drawn in software, in seven situations. The pictures stay in the build's
-//! folder for people to look at.
+//! Tests with a real window on a virtual display (Xvfb), drawn in software, in seven situations.
+//! The pictures stay in the build folder, so that people can look at them.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 use crate::bench::{PATIENCE, Setup, TestServer, alone};
 use crate::identity::Identity;
 
-/// A display without a screen.
+/// A virtual display.
 struct Display {
     server: Child,
     name: String,
 }
 
 impl Display {
-    /// `None` on a machine without Xvfb, which may not be where all is checked.
+    /// Starts Xvfb. Returns `None` on a machine without it. In CI its absence is an error.
     fn start() -> Option<Self> {
         let mut command = Command::new("Xvfb");
         command.args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"]);
@@ -40,23 +40,24 @@ impl Display {
 
 impl Drop for Display {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // Xvfb may have ended by itself.
         let _ = self.server.kill();
         let _ = self.server.wait();
     }
 }
 
-/// Runs the panel until it has taken a picture of itself.
+/// Runs the panel until it has saved a picture of its window. Returns the pixels.
 fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &str) -> Vec<u8> {
     picture_with(display, name, &["--server", server], size, theme)
 }
 
-/// The same with what else the panel is told.
+/// Runs the panel with other arguments, until it has saved a picture of its window. Returns the
+/// pixels.
 fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], theme: &str) -> Vec<u8> {
     let path = folder().join(format!("{name}.png"));
-    // The one for people shows curves over all of its width.
+    // The picture for the documentation shows curves over the whole width of the plot.
     let after = if name == "running" { "12" } else { "4" };
-    // The last run's must not pass for this one's.
+    // Remove the picture of an earlier run, so that it is not mistaken for this one.
     let _ = std::fs::remove_file(&path);
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
     let mut panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
@@ -94,24 +95,28 @@ fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], th
     pixels
 }
 
-/// Where the pictures are.
+/// Returns the folder for the pictures.
 fn folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("panel");
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
 }
 
-/// Pixels of about this colour.
+/// Counts the pixels of about this colour.
 fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
     let near = |a: u8, b: u8| a.abs_diff(b) <= 2;
     pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
 }
 
-/// The stop button's colour, and those of good and bad news on dark ground.
+/// Colour of the stop button.
 const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
+/// Colour of good news on a dark background.
 const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
+/// Colour of bad news on a dark background.
 const BAD: [u8; 3] = [0xff, 0x80, 0x48];
+/// Colour of warnings on a dark background.
 const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
+/// Colour of axis n3 on a dark background.
 const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
 const DESKTOP: [u32; 2] = [1280, 800];
@@ -124,7 +129,7 @@ fn pictures_of_seven_situations() {
         TestServer::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
     };
     let spring = include_str!("../../../../scenes/spring.toml");
-    // Stiffer than the rig has torque for: 10 N m/rad reaches its 0.9 N m at 0.09 rad.
+    // A spring that saturates the torque: 10 N m/rad reaches the rig's 0.9 N m at 0.09 rad.
     let stiff =
         spring.replace("stiffness = 1 ", "stiffness = 10 ") + "[simulate]\nhand = { stiffness = 8 }\n";
 

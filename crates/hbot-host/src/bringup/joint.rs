@@ -1,5 +1,5 @@
-//! One joint under a small torque: whether it moves, which way its own counts go, and whether they and the rate that its controller
-//! reports agree.
+//! Tests one joint with a small torque: whether it moves, in which direction its counts change, and
+//! whether the counts agree with the rate that its controller reports.
 
 use std::fmt;
 
@@ -8,54 +8,56 @@ use hbot_core::inputs::{Complaints, JointFeedback};
 
 use super::{Bench, Interrupted};
 
-/// How long the torque rises, s.
+/// Time in which the torque rises, s.
 const RISE_S: f64 = 0.1;
-/// How long it is held at most, s.
+/// Longest time for which the torque is held, s.
 const HOLD_S: f64 = 0.5;
-/// It is over once the joint has turned so far, rad.
+/// The test ends when the joint has turned this far, rad.
 const FAR: f64 = 0.3;
-/// Less than this is not moving, rad.
+/// Smallest turn that counts as motion, rad.
 const STILL: f64 = 0.02;
-/// Counts and rates that differ by more do not belong to each other.
+/// Relative difference from which counts and rates count as contradictory.
 const DISAGREEMENT: f64 = 0.1;
 
-/// What one joint did.
+/// The result of testing one joint with a small torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// Which joint, from 0, in the order steer, drive of each wheel.
+    /// Number of the joint, from 0, in the order steer, drive of each wheel.
     pub joint: usize,
-    /// The torque asked for, in the controller's sense, N m.
+    /// Commanded torque with the controller's sign, N m.
     pub torque: f64,
-    /// By its counts, in the controller's sense, rad.
+    /// Turn of the joint according to its counts, with the controller's sign, rad.
     pub moved: f64,
-    /// By the rates that its controller reported, rad.
+    /// Turn of the joint according to the rates that its controller reported, rad.
     pub by_rate: f64,
-    /// The fastest that it was, rad/s.
+    /// Largest speed of the joint, rad/s.
     pub fastest: f64,
-    /// What is to be said of it.
+    /// What the test has shown.
     pub verdict: Verdict,
 }
 
-/// What is to be said of a joint.
+/// What the test of a joint has shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
-    /// It turns towards greater counts, and its rates agree with them.
+    /// The joint turns towards greater counts under a positive torque, and its rates agree with the
+    /// counts.
     Good,
-    /// It turned before there was any torque.
+    /// The joint already turned before the torque began.
     Turns,
-    /// It did not move, and nor did any other.
+    /// Neither this joint nor any other has moved.
     Stands,
-    /// Its counts did not move, and those of this joint did.
+    /// The counts of this joint did not change, but those of the named joint did.
     Another(usize),
-    /// Its counts did not move, though its controller reports rates.
+    /// The counts did not change, although the controller reports rates.
     CountsStand,
-    /// It turns towards smaller counts under a positive torque.
+    /// The joint turns towards smaller counts under a positive torque.
     Reversed,
-    /// By its counts it turned this many times as far as by its rates: by so much its gear in the rig file is too small.
+    /// The turn by counts divided by the turn by rates. The gear in the rig file is too small by
+    /// this factor.
     Gear(f64),
-    /// It was stopped because this joint turned faster than was allowed.
+    /// The test was stopped because the named joint turned faster than allowed.
     TooFast(usize),
-    /// Its controller complains.
+    /// A motor controller reported complaints.
     Complains(Complaints),
 }
 
@@ -111,11 +113,12 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Pushes one joint with up to `torque` (N m, in its controller's sense) until it has turned a little, half a second has
-/// passed, or it is faster than `speed` (rad/s). Motors are off at the end, whatever happens.
+/// Applies a torque of up to `torque` to one joint, N m, with its controller's sign. The test ends
+/// when the joint has turned a little, after half a second, or when any joint turns faster than
+/// `speed`, rad/s. The motors are off at the end, whatever happens.
 ///
 /// # Errors
-/// The controllers fall silent, or somebody wants it to end.
+/// Fails if the controllers no longer answer, or if a stop was requested.
 pub fn test(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Interrupted> {
     let result = push(bench, joint, torque, speed);
     let off = bench.switch_off();
@@ -131,7 +134,8 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
     };
     let mut outcome =
         Outcome { joint, torque, moved: 0.0, by_rate: 0.0, fastest: 0.0, verdict: Verdict::Stands };
-    // What would be called motion within the test without any torque says nothing of it; nor does a rate that is no number.
+    // A joint that turns this fast would move noticeably during the test without any torque, so it
+    // cannot be judged. A rate that is not a number is treated the same way.
     if !(before.rates[joint].abs() <= STILL / HOLD_S) {
         outcome.verdict = Verdict::Turns;
         return Ok(outcome);
@@ -151,7 +155,8 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
             outcome.verdict = Verdict::Complains(reading.complaints);
             return Ok(outcome);
         }
-        // Whichever the motor turns, by how it is wired. A rate that is not a number is not slow either.
+        // Depending on the wiring, the motor can turn any joint. A rate that is not a number counts
+        // as too fast.
         too_fast = (0..joints).find(|j| !(reading.rates[*j].abs() <= speed));
         if too_fast.is_some() {
             break;
@@ -162,7 +167,8 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
     }
     let along = outcome.moved * torque.signum();
     outcome.verdict = if along <= -STILL {
-        // Said even of one that was too fast: this is why it would run away.
+        // Reported even if the joint was too fast, because this is the reason why it would run
+        // away.
         Verdict::Reversed
     } else if let Some(joint) = too_fast {
         Verdict::TooFast(joint)

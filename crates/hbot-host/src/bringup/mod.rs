@@ -1,5 +1,6 @@
-//! Bringing a rig up, before any loop is closed over it: one joint at a time under a small torque ([`joint`]), and what the joints
-//! say of each other while a person turns the sphere ([`calibrate`]). A wrong sign or zero in a closed loop is a runaway.
+//! Bringing up a new rig before the control loop is closed. [`joint`] moves one joint at a time
+//! with a small torque. [`calibrate`] compares the joints with each other while a person turns the
+//! sphere. A wrong sign or zero in a closed loop would make the sphere run away.
 
 pub mod calibrate;
 pub mod joint;
@@ -22,45 +23,47 @@ use crate::layout::Layout;
 use crate::motors::{Motors, OFF};
 use crate::run_loop::{StopFlag, Time};
 
-/// How long a controller holds a torque that no other follows, ms.
+/// Watchdog time of the commands, ms: how long a controller holds a torque if no other command
+/// follows.
 const WATCHDOG_MS: u16 = 20;
-/// Readings that may be missing in a row.
+/// Number of readings in a row that can be missing before the line counts as silent.
 const PATIENCE: u32 = 50;
 
-/// How many times motors are switched off at the end, in case a frame is lost.
+/// How many times the motors are switched off at the end, in case a frame is lost.
 const STOPS: u32 = 3;
 
-/// Why there is no reading.
+/// The reason why no reading was received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Interrupted {
-    /// The line says nothing any more.
+    /// The motor controllers no longer answer.
     #[error("the motor controllers have stopped answering: motors are off by their own watchdog")]
     Silent,
-    /// Somebody wants it to end.
+    /// A signal asked the program to stop.
     #[error("stopped by a signal: motors are off")]
     Stopped,
 }
 
-/// The rig's motors without a loop: one command, one reading. Motors are switched off when it is
-/// dropped.
+/// The motors of a rig without a control loop: each exchange sends one command and receives one
+/// reading. The motors are switched off when it is dropped.
 pub struct Bench {
     motors: Motors,
     rig: Rig,
     tick: u32,
     period: Duration,
-    /// The motors are simulated: their time passes with the commands, not with the clock.
+    /// True if the motors are simulated. Their time advances with each command, independently of
+    /// the clock.
     simulated: bool,
-    /// Looked at before each command with torque.
+    /// Flag that is checked before each command with torque.
     stop: StopFlag,
     notices: Vec<String>,
 }
 
-/// Attaches the motors of `rig`. A hand holds the simulated rig and turns it about widely where
-/// `turned` is set; otherwise it stands free. Once `stop` is set no further torque is written.
-/// `helper` switches the motors off if this process dies.
+/// Attaches the motors of `rig`. After `stop` is set, no further torque is written. `helper`
+/// switches the motors off if this process dies. If the rig is simulated and `turned` is true, a
+/// simulated hand turns the sphere widely; otherwise the sphere is free.
 ///
 /// # Errors
-/// A port does not open, or its controllers are not those of the rig.
+/// Fails if a port cannot be opened, or if its controllers are not those of the rig.
 pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> Result<Bench, AttachError> {
     let layout = Layout::of(rig);
     let mut notices = Vec::new();
@@ -82,7 +85,7 @@ pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> 
 }
 
 impl Bench {
-    /// A bench on motors whose controllers have been met.
+    /// Creates a bench for motors whose controllers have been checked.
     #[must_use]
     pub fn new(rig: &Rig, motors: Motors, simulated: bool) -> Self {
         Self {
@@ -96,43 +99,46 @@ impl Bench {
         }
     }
 
-    /// What a user should know about how it runs.
+    /// Returns notices for the user, such as a missing helper process.
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
     }
 
-    /// The rig as its file has it.
+    /// Returns the rig as its file describes it.
     #[must_use]
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// The time between two exchanges, s.
+    /// Returns the time between two exchanges, s.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         self.rig.timing.period_s()
     }
 
-    /// One command, with torques in the controllers' own sense or motors off, and the reading that comes back. Waits a period.
+    /// Sends one command and returns the reading that answers it, after waiting one period.
+    /// `torque` is in the controllers' own sign, N m; `None` switches the motors off.
     ///
     /// # Errors
-    /// Nothing has come for many periods, or somebody wants it to end: then this command has not been written.
+    /// Fails if no reading arrives for many periods, or if a stop was requested. In the second case
+    /// the command was not written.
     pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointFeedback, Interrupted> {
         let drive = Drive { enable: torque.is_some(), torque: torque.copied().unwrap_or([0.0; MAX_JOINTS]) };
         let stop = self.stop.clone();
         self.converse(&drive, || stop.is_set())
     }
 
-    /// Switches the motors off: three commands that have been answered.
+    /// Switches the motors off with three commands, and waits for the answer to each.
     ///
     /// # Errors
-    /// Nothing has come for many periods.
+    /// Fails if no reading arrives for many periods.
     pub fn switch_off(&mut self) -> Result<(), Interrupted> {
         (0..STOPS).try_for_each(|_| self.converse(&OFF, || false).map(drop))
     }
 
-    /// Writes the same command until each line has answered it, unless it is to `stop`.
+    /// Writes `drive` again in every period until each line has answered. Gives up if `stop`
+    /// returns true.
     fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointFeedback, Interrupted> {
         let mut complaints = Complaints::default();
         for _ in 0..PATIENCE {
@@ -140,7 +146,8 @@ impl Bench {
                 return Err(Interrupted::Stopped);
             }
             let now_ns = self.now_ns();
-            // A command that is not taken is missed by the reading that does not come.
+            // The result is ignored: if a command is not accepted, its reading does not arrive,
+            // which is noticed.
             let _ = self.motors.command(now_ns, self.tick, drive);
             self.tick += 1;
             if !self.simulated {
@@ -148,7 +155,7 @@ impl Bench {
             }
             let news = self.motors.receive(now_ns, self.tick);
             complaints = complaints.or(news.feedback.map_or(complaints, |feedback| feedback.complaints));
-            // A controller that has lost power meanwhile counts from another zero.
+            // A controller that has lost power counts from another zero.
             complaints.fault |= news.zeros_lost;
             if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
                 return Ok(JointFeedback { complaints, ..feedback });
@@ -157,26 +164,28 @@ impl Bench {
         Err(Interrupted::Silent)
     }
 
-    /// The time of the coming command, ns.
+    /// Returns the time of the next command, ns.
     fn now_ns(&self) -> u64 {
         u64::from(self.tick) * self.rig.timing.period_ns
     }
 
-    /// The turn of a joint in its controller's sense for so many counts, rad.
+    /// Converts `counts` of a joint to its turn with its controller's sign, rad.
     #[must_use]
     pub fn turned(&self, joint: usize, counts: i32) -> f64 {
         f64::from(counts) * self.rig.joints[joint].radians_per_count().abs()
     }
 }
 
-/// Whatever ends it, an error, a signal or a panic: motors are off. Commands are written that many times whether they are answered or not.
+/// Switches the motors off, whether an error, a signal or a panic ends the bench. The command is
+/// written several times, whether it is answered or not.
 impl Drop for Bench {
     fn drop(&mut self) {
         for k in 0..STOPS {
             if k > 0 && !self.simulated {
                 std::thread::sleep(self.period);
             }
-            // The helper and the watchdog are left where a line does not take it.
+            // If a line does not accept the command, the helper process or the watchdog switches
+            // the motors off.
             self.motors.switch_off(self.now_ns(), self.tick);
             self.tick = self.tick.wrapping_add(1);
         }

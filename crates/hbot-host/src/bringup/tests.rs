@@ -1,4 +1,4 @@
-//! Simulated rigs with something wrong, which must be caught and named.
+//! Tests with simulated rigs that have an error, which must be detected and named.
 
 mod stop;
 mod wiring;
@@ -31,7 +31,7 @@ fn bench(
     on(Memory::new(simulated, inbox))
 }
 
-/// A bench of the prototype on a line.
+/// Returns a bench for the prototype on `line`.
 fn on(line: impl Line + 'static) -> Bench {
     on_rig(&RigConfig::prototype(), line)
 }
@@ -75,14 +75,16 @@ fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
     assert!(matches!(outcome.verdict, Verdict::Stands | Verdict::Complains(_)), "{outcome:?}");
     let mut geared = bench(|c| c.joints[1].gear = 20.0, false, |_| ());
     let Verdict::Gear(ratio) = test(&mut geared, 1, 0.01, 50.0).unwrap().verdict else { panic!("not seen") };
-    // A real gear of 20 where the file says 17: counts say 20/17 of what the rates say, to a count in some thousand.
+    // The real gear is 20, the rig file states 17. Counts say 20/17 of what the rates say, to one
+    // count in some thousand.
     assert!((ratio - 20.0 / 17.0).abs() < 0.01, "{ratio}");
     assert!(Verdict::Gear(ratio).to_string().contains("gear in the rig file is too small by that factor"));
     let outcome = test(&mut bench(|_| (), false, |_| ()), 1, 0.05, 0.5).unwrap();
     assert_eq!(outcome.verdict, Verdict::TooFast(1));
 }
 
-/// A line whose controllers push joint 1 the wrong way round: two leads of its motor are exchanged.
+/// A line whose controllers turn joint 1 the wrong way, because two leads of its motor are
+/// exchanged.
 struct Exchanged(Memory);
 
 impl Line for Exchanged {
@@ -118,7 +120,7 @@ fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is
         assert_eq!(outcome.verdict, Verdict::Reversed, "{outcome:?}");
         assert!(outcome.moved * torque < 0.0);
         assert!(outcome.verdict.to_string().contains("exchange two leads"));
-        // The others are as they were.
+        // The other joints are not affected.
         assert_eq!(test(&mut exchanged(), 3, torque, 50.0).unwrap().verdict, Verdict::Good);
     }
 }
@@ -127,7 +129,8 @@ fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is
 fn a_joint_that_turns_already_is_not_judged_by_that() {
     let mut bench = bench(|_| (), false, |_| ());
     assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
-    // The sphere rolls on without friction, and with it each wheel: this says nothing of a torque the other way.
+    // The sphere rolls on without friction and turns every wheel. This motion says nothing about a
+    // torque in the other direction.
     let outcome = test(&mut bench, 1, -0.01, 50.0).unwrap();
     assert_eq!((outcome.verdict, outcome.moved), (Verdict::Turns, 0.0), "{outcome:?}");
 }
@@ -159,7 +162,8 @@ fn a_rig_as_its_file_has_it_is_left_alone() {
     assert!(found.known && found.before < 0.01, "{found:?}");
     for wheel in &found.wheels {
         assert_eq!(wheel.wrong_sign, [false; 2]);
-        // A count of the drive encoder is 2e-5 rad of 0.02 rad a step: a thousandth of a step, over a thousand steps.
+        // A count of the drive encoder is 2e-5 rad and a step is 0.02 rad: an error of one
+        // thousandth per step, over a thousand steps.
         assert!(wheel.zero.abs() < 2e-3 && (wheel.radius / 0.0155 - 1.0).abs() < 2e-3, "{found:?}");
     }
 }
@@ -180,7 +184,7 @@ fn one_wrong_zero_is_found() {
     for (joint, angle) in [(0, 0.3), (2, -1.2), (0, 3.0)] {
         let found = watched(&mut bench(|_| (), true, |rig| rig.inject(Fault::Slipped { joint, angle })));
         for (i, wheel) in found.wheels.iter().enumerate() {
-            // The encoder says more than is true by `angle`.
+            // The encoder reads `angle` more than the true angle.
             let expected = if 2 * i == joint { -angle } else { 0.0 };
             assert!((wheel.zero - expected).abs() < 5e-3, "{expected}: {found:?}");
             assert_eq!(wheel.wrong_sign, [false; 2]);
@@ -204,7 +208,8 @@ fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
     assert!((b.zero + 0.4).abs() < 1e-2 && found.after < 0.2 * found.before, "{found:?}");
 }
 
-/// The prototype with a third wheel, its axis a quarter turn about the vertical from the others'.
+/// Returns the prototype with a third wheel, whose axis is a quarter turn about the vertical from
+/// the others.
 fn three_wheels() -> hbot_core::Rig {
     let rig = RigConfig::prototype().rig;
     let mut specs: Vec<_> = rig.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
@@ -241,10 +246,10 @@ fn with_three_wheels_a_wrong_sign_and_wrong_zeros_are_found_on_each() {
         assert_eq!(flipped, std::array::from_fn::<_, 6, _>(|j| j == joint), "{found:?}");
         assert!(found.known && found.before > 0.05 && found.after < 0.01, "{found:?}");
     }
-    // Two wheels at once: with three there is enough left over to tell.
+    // Two wheels at once: with three wheels there is enough information to tell them apart.
     let found = found(&|_| (), &[(0, 0.4), (4, -0.7)]);
     for (wheel, angle) in [(0, 0.4), (1, 0.0), (2, -0.7)] {
-        // The encoder says more than is true by `angle`; the bound is that of two wheels.
+        // The encoder reads `angle` more than the true angle. The tolerance is that of two wheels.
         assert!((found.wheels[wheel].zero + angle).abs() < 5e-3, "{wheel}: {found:?}");
         assert_eq!(found.wheels[wheel].wrong_sign, [false; 2]);
     }

@@ -1,4 +1,4 @@
-//! hbot's own serial link (docs/link.md) as a motor bus.
+//! The driver of hbot's own serial link (docs/link.md).
 
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
@@ -13,14 +13,16 @@ use super::{
 };
 use crate::line::Line;
 
-/// A motor or driver at this temperature is too hot whatever its own limit, °C.
+/// Temperature at which a motor or its controller counts as too hot, whatever limit the controller
+/// has, °C.
 const TOO_HOT: f32 = 150.0;
-/// A current beyond this is no motor's of such a rig, A.
+/// Largest current that is plausible for a motor of such a rig, A. A greater one counts as
+/// overcurrent.
 const TOO_STRONG: f32 = 1000.0;
-/// Controllers that have lost power are asked to describe themselves this often, ticks.
+/// How often controllers that have lost power are asked to describe themselves, ticks.
 const DESCRIBE_EVERY: u32 = 100;
 
-/// hbot's own protocol.
+/// The protocol of hbot's own serial link.
 #[derive(Debug, Clone, Copy)]
 pub struct HbotLink;
 
@@ -75,7 +77,7 @@ impl Protocol for HbotLink {
     }
 }
 
-/// One line of controllers that speak hbot's link.
+/// The motor controllers on one line that speak hbot's own link.
 struct HbotBus {
     line: Box<dyn Line>,
     expected: Expected,
@@ -83,16 +85,16 @@ struct HbotBus {
     received: [u8; 4096],
     frame: [u8; MAX_COMMAND_FRAME],
     obedience: Obedience,
-    /// The newest command that has been answered.
+    /// The newest tick whose command has been answered.
     answered: Option<u32>,
-    /// The line took only a part of the last frame.
+    /// True if the line accepted only a part of the last frame.
     cut: bool,
-    /// The last description received is not that of the rig's controllers.
+    /// True if the last description received does not match the rig's controllers.
     stranger: bool,
-    /// The newest readings come from controllers that have restarted since they were met, or from
-    /// other controllers.
+    /// True if the newest readings come from controllers that have restarted since
+    /// [`Protocol::meet`], or from other controllers.
     undescribed: bool,
-    /// The next command is followed by the question who they are.
+    /// True if a request for a description follows the next command.
     asks: bool,
 }
 
@@ -103,11 +105,11 @@ impl MotorBus for HbotBus {
             heard.reopened = true;
             heard.zeros_lost = renewed.rebooted;
             self.decoder.reset();
-            // The thread that reopens lines has met these controllers already.
+            // The thread that reopens lines has already identified these controllers.
             (self.cut, self.stranger) = (false, false);
         }
         self.undescribed = self.stranger;
-        // At most 4 x 4096 bytes; the rest waits for the next tick.
+        // Reads at most 4 x 4096 bytes. The rest waits for the next tick.
         for _ in 0..4 {
             let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
             let Self { decoder, expected, obedience, answered, stranger, undescribed, received, .. } = self;
@@ -115,8 +117,8 @@ impl MotorBus for HbotBus {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == expected.joints() => {
                     *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
                     heard.complaints = heard.complaints.or(complaints(&feedback, obedience));
-                    // Answers may come twice, late, or out of order; one to a command that has not
-                    // been sent is nobody's.
+                    // Answers can arrive twice, late, or out of order. An answer to a command that
+                    // has not been sent comes from other controllers.
                     let ahead = |than: u32| feedback.sequence.wrapping_sub(than) as i32;
                     if ahead(tick) > 0 {
                         heard.foreign += 1;
@@ -150,11 +152,12 @@ impl MotorBus for HbotBus {
             ..Command::default()
         };
         for torque in &command.torque[..self.expected.joints()] {
-            // At most MAX_JOINTS, which is what it holds.
+            // This cannot fail: a line has at most MAX_JOINTS joints, and the list has room for
+            // them.
             let _ = message.torque.push(*torque as f32);
         }
         let whole = self.write(now_ns, &ToController::Command(message));
-        // Only once after each `receive`: no question follows the last word.
+        // Asks at most once after each `receive`, so that no question follows the last word.
         let asks = std::mem::take(&mut self.asks);
         whole & (!asks || self.write(now_ns, &ToController::Describe))
     }
@@ -165,10 +168,11 @@ impl MotorBus for HbotBus {
 }
 
 impl HbotBus {
-    /// Writes a message: whether the line took it whole.
+    /// Writes a message. Returns whether the line accepted all of its bytes.
     fn write(&mut self, now_ns: u64, message: &ToController) -> bool {
         if self.cut {
-            // A zero ends the half frame, or it would spoil this one too.
+            // A zero byte ends the incomplete frame, which would otherwise corrupt this one as
+            // well.
             self.cut = !self.line.write(now_ns, &[0]).is_ok_and(|written| written == 1);
         }
         let whole = encode(message, &mut self.frame)
@@ -190,7 +194,7 @@ fn reading(feedback: &Feedback) -> Reading {
     Reading { answers: feedback.sequence, joints }
 }
 
-/// What a reading complains of.
+/// Returns the complaints that one reading contains.
 fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     let on = feedback.flags.contains(ControllerFlags::ENABLED);
     let reasons = ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT | ControllerFlags::UNDESCRIBED;
@@ -210,19 +214,19 @@ fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     complaints
 }
 
-/// In what controllers differ from those of the rig.
+/// The property in which controllers differ from those of the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Difference {
     /// The version of the protocol.
     Version,
-    /// How many joints there are.
+    /// The number of joints.
     Joints,
-    /// The counts a turn of the joint at this place.
+    /// The counts per turn of the joint at this place of the bus.
     Counts(usize),
 }
 
-/// In what controllers that describe themselves differ from those of the rig, if in anything. Does
-/// not allocate.
+/// Compares a description with the controllers of the rig. Returns the first difference, or `None`
+/// if there is none. Does not allocate memory.
 fn difference(expected: &Expected, there: &Description) -> Option<Difference> {
     if there.protocol != PROTOCOL_VERSION {
         return Some(Difference::Version);
@@ -235,15 +239,16 @@ fn difference(expected: &Expected, there: &Description) -> Option<Difference> {
         .map(Difference::Counts)
 }
 
-/// The command that switches the motors of the line off.
+/// Returns the command that switches all motors of the line off.
 fn off(expected: &Expected) -> ToController {
     let mut off = Command { watchdog_ms: 1, ..Command::default() };
-    // At most as many as a line may have.
+    // This cannot fail: a line has at most as many joints as the list has room for.
     let _ = off.torque.resize(expected.joints(), 0.0);
     ToController::Command(off)
 }
 
-/// The frame of `message` after a zero byte, which ends a half frame that may be on the line.
+/// Returns the frame of `message` after a zero byte. The zero byte ends an incomplete frame that
+/// could be on the line.
 fn framed(message: &ToController) -> Vec<u8> {
     let mut frame = vec![0; 1 + MAX_COMMAND_FRAME];
     let n = encode(message, &mut frame[1..]).unwrap_or(0);
@@ -251,7 +256,7 @@ fn framed(message: &ToController) -> Vec<u8> {
     frame
 }
 
-/// Says `message` until the answer comes.
+/// Sends `message` repeatedly until `answer` accepts one of the messages that come back.
 fn ask<T>(
     line: &mut dyn Line,
     expected: &Expected,

@@ -1,4 +1,5 @@
-//! Before the first tick, and when a line is back: whether the controllers are those of the rig.
+//! Checks whether the controllers on a line are those of the rig, before the first tick and after a
+//! lost line has been reopened.
 
 use std::io;
 use std::time::Duration;
@@ -9,101 +10,102 @@ use thiserror::Error;
 use crate::layout::{Layout, Place};
 use crate::line::Line;
 
-/// How often a question is asked.
+/// How many times a question is sent before the controllers count as silent.
 const TRIES: u32 = 10;
-/// How long each answer is waited for.
+/// How long the host waits for an answer to each question.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// The controllers do not answer, or are not those of this rig.
+/// The reason why the controllers on a line were not accepted.
 #[derive(Debug, Error)]
 pub enum MeetError {
-    /// No answer.
+    /// The controllers did not answer in time.
     #[error(
         "no answer from the motor controllers on {port} within {} ms: check power, cable and baud rate",
         u64::from(TRIES) * u64::try_from(WAIT.as_millis()).unwrap_or(0)
     )]
     Silent {
-        /// The port.
+        /// Name of the serial port.
         port: String,
     },
-    /// The line failed.
+    /// Reading from or writing to the line failed.
     #[error("serial port {port}: {error}")]
     Line {
-        /// The port.
+        /// Name of the serial port.
         port: String,
-        /// What the system says.
+        /// The error that the system reports.
         error: io::Error,
     },
-    /// Another version of the protocol.
+    /// The controllers speak another version of the protocol.
     #[error(
         "controllers speak version {theirs} of the link protocol, this server {ours}: update the older one"
     )]
     Version {
-        /// The controllers' version.
+        /// Protocol version of the controllers.
         theirs: u16,
-        /// This program's.
+        /// Protocol version of this program.
         ours: u16,
     },
-    /// Another number of joints.
+    /// The number of joints on the line differs from the rig file.
     #[error("the controllers on {port} have {theirs} joints, the rig file {ours} there: correct its wheels")]
     Joints {
-        /// The port.
+        /// Name of the serial port.
         port: String,
-        /// On the line.
+        /// Number of joints that the controllers report.
         theirs: usize,
-        /// In the rig file.
+        /// Number of joints that the rig file has on this line.
         ours: usize,
     },
-    /// Another encoder.
+    /// An encoder has another number of counts per turn than the rig file states.
     #[error(
         "joint {joint}: its controller counts {theirs} a turn, the rig file says {ours}: correct counts_per_turn of \
          {field}"
     )]
     Counts {
-        /// Which joint, counted from 1.
+        /// Number of the joint in the rig, from 1.
         joint: usize,
-        /// Its field in the rig file.
+        /// The joint's table in the rig file, such as `wheel[0].steer`.
         field: String,
-        /// On the line.
+        /// Counts per turn that the controller reports.
         theirs: u32,
-        /// In the rig file.
+        /// Counts per turn in the rig file.
         ours: u32,
     },
-    /// A controller is set up so that no torque may be asked of it.
+    /// A setting of a controller makes torque commands impossible.
     #[error("{port}: {reason}")]
     Setting {
-        /// The port.
+        /// Name of the serial port.
         port: String,
-        /// What is wrong, and the command that mends it.
+        /// What is wrong with the setting, and the command that corrects it.
         reason: String,
     },
 }
 
-/// Who must be at the other end of a line.
+/// The motor controllers that the rig file expects on one line.
 #[derive(Debug, Clone)]
 pub struct Expected {
-    /// The port, for messages.
+    /// Name of the port, used in error messages.
     port: String,
-    /// In the order of the bus.
+    /// The joints in the order of the bus.
     joints: Vec<ExpectedJoint>,
 }
 
-/// A joint as the rig file describes it.
+/// One joint as the rig file describes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExpectedJoint {
-    /// Its number in the rig, from 0: steer, drive of each wheel.
+    /// Number of the joint in the rig, from 0, in the order steer, drive of each wheel.
     pub number: usize,
     /// The id of its controller on the bus: `controller` of the rig file, or its place on the
     /// simulated line. Joints stand on a bus in the order of their ids.
     pub id: u8,
-    /// Counts of its encoder in one turn of the encoder.
+    /// Encoder counts per turn of the encoder.
     pub counts_per_turn: u32,
-    /// Turns of the encoder in one turn of the joint.
+    /// Gear ratio: turns of the encoder per turn of the joint.
     pub gear: f64,
 }
 
 impl Expected {
-    /// The controllers of `rig` on bus number `bus` of `layout`, on a port that is called `port`.
+    /// Returns the controllers of `rig` that belong on bus number `bus` of `layout`. `port` is the
+    /// name of the port for messages.
     #[must_use]
     pub fn new(port: &str, rig: &Rig, layout: &Layout, bus: usize) -> Self {
         let mut joints: Vec<_> = layout.on(bus).collect();
@@ -115,26 +117,27 @@ impl Expected {
         Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect() }
     }
 
-    /// The name of the port.
+    /// Returns the name of the port.
     #[must_use]
     pub fn port(&self) -> &str {
         &self.port
     }
 
-    /// How many joints are on the line.
+    /// Returns the number of joints on the line.
     #[must_use]
     pub fn joints(&self) -> usize {
         self.joints.len()
     }
 
-    /// The joint at place `at` of the bus, from 0. A driver whose controllers speak of turns, or of the
-    /// motor's shaft, converts by it.
+    /// Returns the joint at place `at` of the bus, from 0, or `None` if there is no such joint. A
+    /// driver uses it to convert units if its controllers report turns, or angles of the motor
+    /// shaft.
     #[must_use]
     pub fn joint(&self, at: usize) -> Option<&ExpectedJoint> {
         self.joints.get(at)
     }
 
-    /// A rig with one joint fewer, for tests of drivers.
+    /// Returns a copy without the last joint, for tests of drivers.
     #[must_use]
     pub fn without_last(&self) -> Self {
         let mut other = self.clone();
@@ -142,7 +145,7 @@ impl Expected {
         other
     }
 
-    /// A rig whose last encoder counts one more a turn, for tests of drivers.
+    /// Returns a copy whose last encoder has one more count per turn, for tests of drivers.
     #[must_use]
     pub fn with_other_counts(&self) -> Self {
         let mut other = self.clone();
@@ -152,19 +155,23 @@ impl Expected {
         other
     }
 
-    /// The first joint whose counts a turn are not `theirs` (in the order of the bus): its place.
-    /// Does not allocate.
+    /// Returns the place of the first joint whose counts per turn differ from `theirs`, which are
+    /// in the order of the bus. Does not allocate memory.
     pub fn first_wrong_counts(&self, theirs: impl IntoIterator<Item = u32>) -> Option<usize> {
         theirs.into_iter().zip(&self.joints).position(|(theirs, joint)| theirs != joint.counts_per_turn)
     }
 
-    /// The error where the line carries another number of joints.
+    /// Returns the error for a line that has `theirs` joints instead of the expected number.
     #[must_use]
     pub fn wrong_joints(&self, theirs: usize) -> MeetError {
         MeetError::Joints { port: self.port.clone(), theirs, ours: self.joints() }
     }
 
-    /// The error where the joint at place `at` counts `theirs` a turn.
+    /// Returns the error for a joint at place `at` whose controller reports `theirs` counts per
+    /// turn.
+    ///
+    /// # Panics
+    /// Panics if the bus has no joint at place `at`.
     #[must_use]
     pub fn wrong_counts(&self, at: usize, theirs: u32) -> MeetError {
         let ExpectedJoint { number, counts_per_turn: ours, .. } = self.joints[at];
@@ -172,17 +179,18 @@ impl Expected {
     }
 }
 
-/// The table of a joint in a rig file.
+/// Returns the name of a joint's table in a rig file, such as `wheel[0].steer`. `joint` counts from
+/// 0.
 #[must_use]
 pub fn field(joint: usize) -> String {
     format!("wheel[{}].{}", joint / 2, if joint.is_multiple_of(2) { "steer" } else { "drive" })
 }
 
 /// Writes `question` up to ten times, 100 ms apart, until `answer` finds what it looks for in the
-/// bytes that come back. For drivers outside the loop: it waits.
+/// received bytes. It waits, so drivers must call it outside the loop only.
 ///
 /// # Errors
-/// No answer, or the line is gone.
+/// Fails if no answer arrives, or if the line is lost.
 pub fn converse<T>(
     line: &mut dyn Line,
     expected: &Expected,
@@ -192,7 +200,8 @@ pub fn converse<T>(
     let failed = |error| MeetError::Line { port: expected.port.clone(), error };
     let mut buffer = [0; 512];
     for _ in 0..TRIES {
-        // Before the first tick: a simulated line stands still.
+        // The time is 0 because this runs before the first tick: the time of a simulated line has
+        // not started.
         line.write(0, question).map_err(failed)?;
         for _ in 0..WAIT.as_millis() {
             let got = line.read(0, &mut buffer).map_err(failed)?;

@@ -1,12 +1,13 @@
-//! Motor buses: the seam between the loop and whatever turns the wheels.
+//! Motor buses: the interface between the control loop and the motor controllers.
 //!
-//! A driver implements two traits. [`MotorBus`] is what the loop calls in every tick: it reads and
-//! writes, and never waits. [`Protocol`] is what happens outside the loop: how the controllers on a
-//! serial line are met, how their motors are switched off, and what a tick costs on the line.
-//! `docs/drivers.md` explains how to write one, and [`conformance`](crate::conformance) tests it.
+//! A driver implements two traits. [`MotorBus`] is called by the loop in every tick: it reads and
+//! writes, and never waits. [`Protocol`] is used outside the loop: it identifies the controllers on
+//! a serial line, switches their motors off, and states how much traffic a tick causes.
+//! `docs/drivers.md` explains how to write a driver, and [`conformance`](crate::conformance) tests
+//! it.
 //!
-//! A bus knows neither the rig nor its geometry. It counts its joints from 0 in the order in which
-//! they stand on the line; [`Layout`](crate::layout::Layout) knows which joint of the rig each one is.
+//! A bus knows neither the rig nor its geometry. It numbers its joints from 0 in their order on the
+//! line. [`Layout`](crate::layout::Layout) maps them to the joints of the rig.
 
 pub mod hbot;
 mod meet;
@@ -22,113 +23,118 @@ pub use self::meet::{Expected, ExpectedJoint, MeetError, converse, field};
 pub use self::obedience::Obedience;
 use crate::line::Line;
 
-/// What one bus has received since the previous call of [`MotorBus::receive`].
+/// Everything that one bus has received since the previous call of [`MotorBus::receive`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Heard {
-    /// The newest reading. `None` where no new one has come.
+    /// The newest reading, or `None` if no new reading has arrived.
     pub reading: Option<Reading>,
-    /// Everything that any reading has complained of, the older ones too.
+    /// All complaints of the readings received, including those of older readings.
     pub complaints: Complaints,
-    /// Damaged frames.
+    /// Number of damaged frames received.
     pub damaged: u16,
-    /// Whole frames from other controllers, or that answer a command that was never sent.
+    /// Number of intact frames that came from other controllers or answer a command that was never
+    /// sent.
     pub foreign: u32,
-    /// The controllers may have lost their zeros: they have lost power, or they are others.
+    /// True if the controllers may have lost their zeros, because they lost power or were replaced.
     pub zeros_lost: bool,
-    /// The line was gone and is back.
+    /// True if the line was lost and has been reopened.
     pub reopened: bool,
 }
 
-/// What the encoders of one bus read.
+/// The encoder readings of all joints of one bus at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// The tick of the command that this reading answers. If the protocol does not say which, the
-    /// oldest tick that is possible: the age of a reading is then too long, never too short.
+    /// The tick of the command that this reading answers. If the protocol does not report it, this
+    /// is the oldest tick possible: the computed age of the reading is then too long, never too
+    /// short.
     pub answers: u32,
-    /// In the order of the bus. Entries beyond the bus's joints are ignored.
+    /// Readings of the joints in the order of the bus. Entries beyond the number of joints are
+    /// ignored.
     pub joints: [JointReading; MAX_JOINTS],
 }
 
-/// What the encoder of one joint reads, in the sense of its controller.
+/// The encoder reading of one joint, with the controller's own sign.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct JointReading {
-    /// Counts of the encoder, `counts_per_turn` of the rig file a turn; wraps at 32 bits.
+    /// Encoder count: `counts_per_turn` of the rig file for each turn of the encoder. It wraps at
+    /// 32 bits.
     pub count: i32,
     /// Rate of the joint after its gear, rad/s.
     pub rate: f64,
-    /// The encoder has passed its index since power-on.
+    /// True if the encoder has passed its index mark since power-on.
     pub index_seen: bool,
 }
 
-/// What the motors of one bus are to do.
+/// The command that the loop sends to one bus in one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusCommand {
     /// The tick that this command belongs to. If the protocol can echo a number, send this one.
     pub tick: u32,
-    /// Motors on.
+    /// True to switch the motors on, false to switch them off.
     pub enable: bool,
-    /// How long the controllers hold this command if no other follows, ms.
+    /// The watchdog time, ms: how long the controllers hold this command if no other follows.
     pub watchdog_ms: u16,
-    /// Torque of each joint in the order of the bus and in the sense of its controller, N m.
+    /// Torque of each joint after its gear, in the order of the bus and with the controller's own
+    /// sign, N m.
     pub torque: [f64; MAX_JOINTS],
 }
 
-/// The motors behind one serial line or one adapter, as the loop sees them.
+/// The motors behind one serial line or adapter, as the loop sees them.
 ///
-/// Both calls return at once: they neither wait nor allocate. `now_ns` is the time since the start
-/// of the loop: a bus has no clock of its own, so that it works in virtual time too.
+/// `receive` and `command` return at once: they neither wait nor allocate memory. `now_ns` is the
+/// time since the start of the loop. A bus has no clock, so it also works in virtual time.
 pub trait MotorBus: Send {
-    /// Reads what has arrived before the command of `tick` goes out.
+    /// Reads everything that has arrived. The loop calls it before it sends the command of `tick`.
     fn receive(&mut self, now_ns: u64, tick: u32) -> Heard;
 
-    /// Writes a command. Returns whether the line took it whole; the rest of a command that was cut
-    /// short must not spoil the next one.
+    /// Writes a command. Returns whether the line accepted all of its bytes. The rest of a command
+    /// that was cut short must not corrupt the next one.
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool;
 
-    /// Tells the bus that its motors are off and that no command follows. May wait.
+    /// Informs the bus that its motors are off and that no command follows. This call can block.
     fn release(&mut self) {}
 }
 
-/// A protocol that motor controllers speak on a serial line.
+/// A protocol of motor controllers on a serial line, with the calls that are made outside the loop.
 pub trait Protocol: fmt::Debug + Send + Sync {
-    /// Meets the controllers on a line: they are there, and they are those that the rig file
-    /// describes. Their motors stay off. May wait.
+    /// Checks that the controllers on a line answer and match the rig file. Their motors stay off.
+    /// This call can block.
     ///
     /// # Errors
-    /// They do not answer, or they are not those of the rig.
+    /// Fails if the controllers do not answer, or if they are not those of the rig.
     fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError>;
 
-    /// Switches the motors off, and returns whether the controllers have lost power since
-    /// [`meet`](Self::meet) asked them last. May wait.
+    /// Switches the motors off. Returns whether the controllers have lost power since the last
+    /// [`meet`](Self::meet). This call can block.
     ///
     /// # Errors
-    /// They do not answer.
+    /// Fails if the controllers do not answer.
     fn switch_off(&self, line: &mut dyn Line, expected: &Expected) -> Result<bool, MeetError>;
 
-    /// The bytes that switch the motors off, whatever was written to the line before them. A helper
-    /// process writes them when this program dies. At most 255.
+    /// Returns the bytes that switch the motors off, at most 255. They must work whatever was
+    /// written to the line before, because a helper process writes them if this program dies.
     fn off_bytes(&self, expected: &Expected) -> Vec<u8>;
 
-    /// The bus on a line whose controllers have been met.
+    /// Returns the bus for a line. Call it after [`meet`](Self::meet) has succeeded.
     fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus>;
 
-    /// What a tick of this number of joints costs on the line at most.
+    /// Returns the largest traffic that one tick causes on a line with `joints` joints.
     fn traffic(&self, joints: usize) -> Traffic;
 }
 
-/// What one tick costs on a line, at most.
+/// The largest traffic that one tick causes on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Traffic {
-    /// Bytes to the controllers.
+    /// Bytes from the host to the controllers.
     pub commands: usize,
-    /// Bytes from the controllers.
+    /// Bytes from the controllers to the host.
     pub feedback: usize,
-    /// Time that the controllers need beyond that of the bytes, us. `rig check` adds it to the time of
-    /// the feedback.
+    /// Time that the controllers need in addition to the transmission time of the bytes, µs. `rig
+    /// check` adds it to the time of the feedback.
     pub turnaround_us: u32,
 }
 
-/// The driver of a protocol that a rig file may name.
+/// Returns the driver for a protocol that a rig file names.
 #[must_use]
 pub fn driver(protocol: config::Protocol) -> &'static dyn Protocol {
     match protocol {

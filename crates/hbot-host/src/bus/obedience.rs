@@ -1,13 +1,13 @@
 //! Checks that motors are on or off as commanded.
 
-/// Commands that are remembered.
+/// Number of commands that are remembered.
 const COMMANDS: usize = 64;
 
-/// Remembers whether each of the last 64 commands switched the motors on, so that a bus can tell
-/// whether a reading agrees with the command that it answers.
+/// Remembers for each of the last 64 commands whether it switched the motors on. A bus uses it to
+/// check whether a reading agrees with the command that it answers.
 #[derive(Debug, Clone)]
 pub struct Obedience {
-    /// The tick of a command, and whether it switched the motors on.
+    /// The tick of each command, and whether the command switched the motors on.
     commands: [(u32, bool); COMMANDS],
 }
 
@@ -18,15 +18,15 @@ impl Default for Obedience {
 }
 
 impl Obedience {
-    /// Notes a command.
+    /// Remembers whether the command of `tick` switches the motors on.
     pub fn note(&mut self, tick: u32, enable: bool) {
         self.commands[tick as usize % COMMANDS] = (tick, enable);
     }
 
-    /// Whether a reading that answers the command of tick `answers` says that motors are on although
-    /// that command switched them off, or off although it switched them on. `explained`: the reading
-    /// gives a reason for motors that are off (watchdog, fault, restart). False where the command is
-    /// not remembered.
+    /// Returns true if a reading contradicts the command of tick `answers`, which it answers:
+    /// motors are on although the command switched them off, or off although it switched them on.
+    /// `explained` is true if the reading gives a reason for motors that are off (watchdog, fault,
+    /// restart). Returns false if the command is no longer remembered.
     #[must_use]
     pub fn is_broken(&self, answers: u32, motors_on: bool, explained: bool) -> bool {
         let (tick, enable) = self.commands[answers as usize % COMMANDS];

@@ -1,10 +1,10 @@
-//! The cases, each on a fresh bus.
+//! The cases of the conformance suite. Each runs on a new bus.
 
 use super::{Bench, Case, Renewed, Subject, WATCHDOG_MS, Wire, expect};
 use crate::bus::{Expected, MeetError};
 use crate::line::Line as _;
 
-/// All cases.
+/// All cases of the conformance suite.
 pub const CASES: &[Case] = &[
     Case { name: "each command is answered in the next tick, and motors do as commanded", run: good },
     Case { name: "a silent line gives no reading, and readings come back with it", run: silent },
@@ -75,7 +75,7 @@ fn half(subject: &Subject) -> Result<(), String> {
     Ok(())
 }
 
-/// Numbers that look random, the same in every run (xorshift, Marsaglia 2003).
+/// Pseudo-random numbers that are equal in every run (xorshift, Marsaglia 2003).
 struct Numbers(u32);
 
 impl Numbers {
@@ -103,7 +103,8 @@ fn garbage(subject: &Subject) -> Result<(), String> {
         bench.expect_recovery(true, 2)?;
         rounds += 1;
     }
-    // A piece of garbage may be too short to be told from the beginning of a frame.
+    // A short piece of garbage can look like the beginning of a frame, so not every piece is
+    // counted.
     expect(counted >= rounds / 2, || format!("of {rounds} pieces of garbage {counted} were counted"))
 }
 
@@ -115,7 +116,8 @@ fn late(subject: &Subject) -> Result<(), String> {
         let now = bench.tick;
         let heard = bench.tick(true);
         if tick > LATE {
-            // The older candidate where the protocol leaves it open.
+            // If the protocol leaves it open which command is answered, the bus must name the older
+            // one.
             let age = heard.reading.map(|reading| now - reading.answers);
             let right = age.is_some_and(|age| age > LATE);
             expect(right, || format!("an answer {LATE} ticks late was heard as {age:?} ticks old"))?;
@@ -133,7 +135,7 @@ fn twice(subject: &Subject) -> Result<(), String> {
         expect(answers.is_none() || answers > last, || format!("{answers:?} came after {last:?}"))?;
         last = answers.or(last);
     }
-    // The second one alone.
+    // Only the duplicate of the last answer arrives.
     bench.tap.line().fate = Some(Box::new(|_| Vec::new()));
     bench.tick(true);
     bench.tick(true);
@@ -160,7 +162,8 @@ fn out_of_order(subject: &Subject) -> Result<(), String> {
     Ok(())
 }
 
-/// Answers of other controllers, which have heard a command of tick 1000.
+/// Gives the bus answers to a command of tick 1000, which it has not sent. They come from other
+/// controllers.
 fn ahead(subject: &Subject) -> Result<(), String> {
     let mut other = Bench::new(subject)?;
     other.tick = 1000;
@@ -198,7 +201,7 @@ fn cut(subject: &Subject) -> Result<(), String> {
         let mut bench = Bench::pushing(subject)?;
         bench.tap.line().takes = Some(most);
         let (_, taken) = bench.tick_taken(true);
-        // Some commands are shorter than the one that switches off.
+        // Some commands are shorter than the one that switches the motors off.
         bench.tap.line().takes = None;
         if taken {
             continue;
@@ -213,7 +216,8 @@ fn cut(subject: &Subject) -> Result<(), String> {
 fn vanished(subject: &Subject) -> Result<(), String> {
     for rebooted in [false, true] {
         let mut bench = Bench::pushing(subject)?;
-        // It goes in the midst of an answer, of which nothing may be left when it is back.
+        // The line is lost in the middle of an answer. The bus must have forgotten the first half
+        // when the line is back.
         bench.tap.line().fate = Some(Box::new(|mut answer: Vec<u8>| {
             answer.truncate(answer.len() / 2);
             vec![(0, answer)]
@@ -248,11 +252,12 @@ fn rebooted(subject: &Subject) -> Result<(), String> {
     let heard: Vec<_> = (0..5).map(|_| bench.tick(false)).collect();
     expect(heard.iter().any(|heard| heard.zeros_lost), || format!("within 5 ticks: {heard:?}"))?;
     bench.expect_torque(false)?;
-    // The line stays open: they are met again, at the latest after a second.
+    // The line stays open. The bus must identify the controllers again within one second.
     bench.expect_recovery(false, 1000)
 }
 
-/// The controllers hear, past the bus, a command of the same tick that switches their motors on.
+/// Sends the controllers a command that does not come from the bus: it has the same tick number,
+/// but switches the motors on.
 fn disobedient(subject: &Subject) -> Result<(), String> {
     let mut bench = Bench::pushing(subject)?;
     let mut other = Bench::pushing(subject)?;
@@ -308,7 +313,7 @@ fn switched_off(subject: &Subject) -> Result<(), String> {
         if power_lost {
             tap.controllers(|controllers| controllers.lose_power());
         }
-        // Half a command, as a line that was cut leaves it.
+        // An incomplete command, as an interrupted line leaves it.
         let off = subject.protocol.off_bytes(&subject.expected);
         let _ = wire.write(0, &off[..off.len() / 2]);
         let said = subject.protocol.switch_off(&mut wire, &subject.expected).map_err(failed)?;

@@ -1,15 +1,20 @@
-//! What every driver of a motor bus must do, whatever its protocol: a suite to run against yours.
+//! A test suite for drivers of motor buses, independent of their protocol. Run it against your
+//! driver.
 //!
 //! The suite needs the driver's [`Protocol`] and virtual [`Controllers`] that speak it. It stands
-//! between the two: it loses, delays, doubles, cuts and garbles bytes, lets the line vanish and come
-//! back, and looks at what the bus says and what the motors do. See `docs/drivers.md`.
+//! between the two and loses, delays, duplicates, cuts and corrupts bytes. It also lets the line
+//! disappear and come back. It then checks what the bus reports and what the motors do. See
+//! `docs/drivers.md`.
 //!
 //! ```
 //! use hbot_host::conformance::{CASES, Subject};
 //!
-//! /// The cases that a driver does not keep, with what it does instead.
+//! /// Returns the cases that a driver fails, with what it does instead.
 //! fn broken(driver: &Subject) -> Vec<(&'static str, String)> {
-//!     CASES.iter().filter_map(|case| case.run(driver).err().map(|what| (case.name, what))).collect()
+//!     CASES
+//!         .iter()
+//!         .filter_map(|case| case.run(driver).err().map(|what| (case.name, what)))
+//!         .collect()
 //! }
 //! ```
 
@@ -25,41 +30,41 @@ use self::wire::{Tap, Wire};
 
 /// Virtual motor controllers at the far end of a line.
 pub trait Controllers: Send {
-    /// Takes in `bytes` at `now_ns` and appends its answers to `answer`, all at once.
+    /// Processes `bytes` that arrive at `now_ns`, and appends all answers to `answer` at once.
     fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
 
-    /// The torque that each motor gives at `now_ns`, in the order of the bus and the sense of its
-    /// controller, N m: zero where it is off, or its watchdog has expired.
+    /// Returns the torque that each motor gives at `now_ns`, N m, in the order of the bus and with
+    /// its controller's sign. It is zero for a motor that is off or whose watchdog has expired.
     fn torque(&mut self, now_ns: u64) -> Vec<f64>;
 
-    /// Loses power and gets it back at once.
+    /// Simulates a loss of power that ends at once.
     fn lose_power(&mut self);
 }
 
-/// A driver that the suite looks at.
+/// A driver under test, with virtual controllers that speak its protocol.
 pub struct Subject {
-    /// The driver.
+    /// The driver under test.
     pub protocol: &'static dyn Protocol,
-    /// Who is at the far end.
+    /// The controllers that the driver must expect on the line.
     pub expected: Expected,
-    /// Fresh controllers, as they are after power-on.
+    /// Creates new controllers in their state after power-on.
     pub controllers: fn() -> Box<dyn Controllers>,
-    /// Torques that these motors can give, N m: one for each joint, none of them zero.
+    /// Torques that the motors can give, N m: one for each joint, none of them zero.
     pub torque: Vec<f64>,
 }
 
-/// What a driver must do.
+/// One requirement that every driver must meet, with its test.
 pub struct Case {
-    /// In words.
+    /// The requirement in words.
     pub name: &'static str,
     run: fn(&Subject) -> Result<(), String>,
 }
 
 impl Case {
-    /// Looks whether a driver does it.
+    /// Tests whether a driver meets the requirement.
     ///
     /// # Errors
-    /// With what it did instead.
+    /// Returns what the driver did instead.
     pub fn run(&self, subject: &Subject) -> Result<(), String> {
         (self.run)(subject)
     }
@@ -68,7 +73,7 @@ impl Case {
 /// Runs all cases.
 ///
 /// # Panics
-/// Where the driver does something else; with all cases in which it does, and what it did.
+/// Panics if the driver fails a case. The message lists all failed cases and what the driver did.
 pub fn assert_conforms(subject: &Subject) {
     let failed: Vec<String> = CASES
         .iter()
@@ -77,12 +82,12 @@ pub fn assert_conforms(subject: &Subject) {
     assert!(failed.is_empty(), "{} of {} cases:\n{}", failed.len(), CASES.len(), failed.join("\n"));
 }
 
-/// The period of the suite's ticks, ns.
+/// Period of the suite's ticks, ns.
 const PERIOD_NS: u64 = 1_000_000;
-/// The watchdog time of the suite's commands, ms.
+/// Watchdog time of the suite's commands, ms.
 const WATCHDOG_MS: u16 = 20;
 
-/// A bus, its controllers, and the line between them.
+/// A bus, its virtual controllers, and the line between them.
 struct Bench {
     bus: Box<dyn MotorBus>,
     tap: Tap,
@@ -92,7 +97,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A bus that has met its controllers.
+    /// Creates a bus that has checked its controllers.
     fn new(subject: &Subject) -> Result<Self, String> {
         let (mut wire, tap) = Wire::new((subject.controllers)());
         let met = subject.protocol.meet(&mut wire, &subject.expected);
@@ -103,7 +108,7 @@ impl Bench {
         Ok(Self { bus, tap, torque, joints: subject.torque.len(), tick: 1 })
     }
 
-    /// The same, with motors that have pushed for 20 ticks.
+    /// Creates a bus whose motors have given torque for 20 ticks.
     fn pushing(subject: &Subject) -> Result<Self, String> {
         let mut bench = Self::new(subject)?;
         for _ in 0..20 {
@@ -117,13 +122,14 @@ impl Bench {
         u64::from(self.tick) * PERIOD_NS
     }
 
-    /// The command of the coming tick.
+    /// Returns the command of the next tick.
     fn order(&self, enable: bool) -> BusCommand {
         let torque = if enable { self.torque } else { [0.0; MAX_JOINTS] };
         BusCommand { tick: self.tick, enable, watchdog_ms: WATCHDOG_MS, torque }
     }
 
-    /// One tick: reads, writes a command. Returns what was heard and whether the command was taken.
+    /// Runs one tick: reads, then writes a command. Returns what was received and whether the
+    /// command was accepted.
     fn tick_taken(&mut self, enable: bool) -> (Heard, bool) {
         let heard = self.bus.receive(self.now_ns(), self.tick);
         let taken = self.bus.command(self.now_ns(), &self.order(enable));
@@ -135,12 +141,12 @@ impl Bench {
         self.tick_taken(enable).0
     }
 
-    /// The torque of the motors at this moment, N m.
+    /// Returns the torque of the motors at this moment, N m.
     fn motors(&self) -> Vec<f64> {
         self.tap.controllers(|controllers| controllers.torque(self.now_ns()))
     }
 
-    /// Whether the motors push as asked, or not at all.
+    /// Checks that the motors give the commanded torque, or none if `on` is false.
     fn expect_torque(&self, on: bool) -> Result<(), String> {
         let motors = self.motors();
         let asked = if on { self.torque } else { [0.0; MAX_JOINTS] };
@@ -150,7 +156,7 @@ impl Bench {
         expect(right, || format!("motors give {motors:?} N m in tick {}, not {words}", self.tick))
     }
 
-    /// The next tick's reading answers the last command, and nothing is wrong with it.
+    /// Checks that the next tick's reading answers the last command, without complaints.
     fn expect_good(&mut self, enable: bool) -> Result<(), String> {
         let last = self.tick - 1;
         let heard = self.tick(enable);
@@ -161,7 +167,7 @@ impl Bench {
         expect(good, || format!("the answer to tick {last} was heard as {heard:?}"))
     }
 
-    /// Readings are good again after at most `ticks`.
+    /// Checks that readings are good again after at most `ticks`.
     fn expect_recovery(&mut self, enable: bool, ticks: u32) -> Result<(), String> {
         let mut outcome = Ok(());
         for _ in 0..=ticks {

@@ -1,4 +1,5 @@
-//! The line between a bus and its virtual controllers, and the troubles on it.
+//! The line between a bus and its virtual controllers, with the disturbances that the suite causes
+//! on it.
 
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,27 +10,27 @@ use crate::line::{Line, Renewed};
 /// The bus's end of the line.
 pub(super) struct Wire(Arc<Mutex<Middle>>);
 
-/// The suite's hold on the line.
+/// The suite's access to the line.
 #[derive(Clone)]
 pub(super) struct Tap(Arc<Mutex<Middle>>);
 
-/// What becomes of an answer on its way: pieces, each with the number of ticks that it comes later.
+/// A function that replaces an answer by pieces, each with a delay in ticks.
 pub(super) type Fate = Box<dyn FnMut(Vec<u8>) -> Vec<(u32, Vec<u8>)> + Send>;
 
-/// What is between the two ends.
+/// The state of the line between its two ends.
 pub(super) struct Middle {
     controllers: Box<dyn Controllers>,
-    /// Bytes on their way to the bus, each piece with the time from which it can be read, ns.
+    /// Bytes on their way to the bus. Each piece has the time from which it can be read, ns.
     pieces: Vec<(u64, Vec<u8>)>,
-    /// What becomes of the next answers; `None`: they arrive whole.
+    /// The function that disturbs the next answers. With `None` they arrive whole.
     pub(super) fate: Option<Fate>,
-    /// Bytes that the line takes of each write; `None`: all.
+    /// Number of bytes that the line accepts of each write. With `None` it accepts all.
     pub(super) takes: Option<usize>,
-    /// The line is gone.
+    /// True if the line is lost.
     pub(super) gone: bool,
-    /// It is back.
+    /// The report for the bus that the line has been reopened.
     pub(super) renewed: Option<Renewed>,
-    /// What is written goes here in place of the controllers.
+    /// Collects the written bytes, if set. The controllers do not receive them then.
     pub(super) diverted: Option<Vec<u8>>,
 }
 
@@ -49,7 +50,7 @@ impl Wire {
 }
 
 impl Tap {
-    /// The line, to make trouble on it.
+    /// Locks the line, so that a case can disturb it.
     pub(super) fn line(&self) -> MutexGuard<'_, Middle> {
         held(&self.0)
     }
@@ -58,17 +59,17 @@ impl Tap {
         with(held(&self.0).controllers.as_mut())
     }
 
-    /// Puts bytes on the way to the bus, to be read in the next tick.
+    /// Sends bytes to the bus, which reads them in the next tick.
     pub(super) fn say(&self, bytes: Vec<u8>) {
         held(&self.0).pieces.push((0, bytes));
     }
 
-    /// Takes what is on the way to the bus.
+    /// Removes all bytes that are on their way to the bus, and returns them.
     pub(super) fn take(&self) -> Vec<u8> {
         held(&self.0).pieces.drain(..).flat_map(|(_, bytes)| bytes).collect()
     }
 
-    /// Has the controllers hear bytes past the bus; their answer goes on its way.
+    /// Sends bytes to the controllers without the bus. Their answer goes to the bus.
     pub(super) fn write(&self, now_ns: u64, bytes: &[u8]) {
         held(&self.0).reach(now_ns, bytes);
     }
@@ -88,7 +89,7 @@ impl Middle {
         match &mut self.fate {
             None => self.pieces.push((now_ns, answer)),
             Some(fate) => {
-                // The next tick is the first that can read it.
+                // The next tick is the first one that can read it.
                 let due = |later: u32| now_ns + u64::from(1 + later) * PERIOD_NS;
                 self.pieces.extend(fate(answer).into_iter().map(|(later, piece)| (due(later), piece)));
             }

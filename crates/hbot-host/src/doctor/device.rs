@@ -1,4 +1,4 @@
-//! What can be known of a serial device without opening it.
+//! Checks of a serial device that do not open it.
 
 use std::fs;
 use std::os::unix::fs::FileTypeExt as _;
@@ -9,7 +9,8 @@ use rustix::fs::{Access, access};
 use super::{Finding, Mark};
 use crate::line::serial::LatencyTimer;
 
-/// A serial device: there, allowed, free, and quick. It is not opened, because controllers may start anew when it is.
+/// Checks whether a serial device exists, is accessible, is not in use, and has no long latency
+/// timer. The device is not opened, because opening can restart the controllers.
 #[must_use]
 pub fn serial(port: &str) -> Vec<Finding> {
     let path = Path::new(port);
@@ -56,7 +57,7 @@ pub fn serial(port: &str) -> Vec<Finding> {
     findings
 }
 
-/// The programs that have it open, as far as this user may know.
+/// Returns the programs that have the device open, as far as this user can see them.
 fn holders(device: &Path) -> Vec<String> {
     let Ok(device) = fs::canonicalize(device) else { return Vec::new() };
     let has_it_open = |process: &Path| {

@@ -1,17 +1,20 @@
-//! What the files of the system say: kernel, processors and their sleep.
+//! Checks of the kernel and the processors, from files of the operating system.
 
 use std::fs;
 use std::path::Path;
 
 use super::{Finding, Mark};
 
-/// Waking from a deeper sleep than this takes a share of a tick that can be felt, us.
+/// Longest time for waking from sleep that still counts as good, µs. A longer one is a noticeable
+/// part of a tick.
 const WAKE_US: u64 = 50;
 
-/// What the files of the system say, under a root that tests replace.
+/// The computer that runs hbot, as described by the system's files. Tests replace the root
+/// directory.
 pub struct Machine<'a> {
     root: &'a Path,
-    /// Processors are kept out of sleeps that take longer than this to wake from, us.
+    /// Limit on the wake-up time of the processors, µs, if the server sets one. Deeper sleep states
+    /// are not used then.
     held_us: Option<u64>,
 }
 
@@ -22,13 +25,13 @@ impl Default for Machine<'_> {
 }
 
 impl<'a> Machine<'a> {
-    /// A machine whose `/sys` and `/proc` are in `root`.
+    /// Creates a machine whose `/sys` and `/proc` are in the directory `root`.
     #[must_use]
     pub fn at(root: &'a Path) -> Self {
         Self { root, held_us: None }
     }
 
-    /// One whose processors are kept out of sleeps that take longer than this to wake from, us.
+    /// Returns this machine with the wake-up time of its processors limited to `wake_us`, µs.
     #[must_use]
     pub fn holding(self, wake_us: u32) -> Self {
         Self { held_us: Some(u64::from(wake_us)), ..self }
@@ -39,7 +42,7 @@ impl<'a> Machine<'a> {
         Some(text.trim().to_owned())
     }
 
-    /// Each processor's file of this name, where it has one.
+    /// Reads `file` of each processor that has it.
     fn of_processors(&self, file: &str) -> Vec<String> {
         (0..4096)
             .take_while(|k| self.root.join(format!("sys/devices/system/cpu/cpu{k}")).exists())
@@ -47,7 +50,7 @@ impl<'a> Machine<'a> {
             .collect()
     }
 
-    /// Kernel, processors and their sleep.
+    /// Checks the kernel, the processors, and their sleep states.
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         vec![self.kernel(), self.governor(), self.sleep(), self.isolation(), self.throttling()]

@@ -1,6 +1,8 @@
-//! What a machine must have for the loop to keep its time: looked up, and measured.
+//! Checks whether a machine meets the conditions for the loop to keep its deadlines. Some are
+//! looked up, others are measured.
 //!
-//! Nothing here changes anything for good. Each finding has a mark, the numbers behind it, and where something is wanting, what to do.
+//! The checks change nothing permanently. Each finding has a mark, the numbers behind it, and
+//! advice if something needs to be corrected.
 
 mod device;
 mod machine;
@@ -18,31 +20,31 @@ pub use punctuality::{Punctuality, lead, punctuality, verdict};
 use crate::processor::Processor;
 use crate::realtime::{LOOP_PRIORITY, WakeLatency, lock_memory, real_time};
 
-/// Memory that a server locks, with room to spare, bytes.
+/// Memory that a server locks, with a margin, bytes.
 const MEMLOCK: u64 = 256 << 20;
 
-/// How good what was found is.
+/// The grade of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mark {
-    /// Nothing to mend.
+    /// Nothing needs to be corrected.
     Good,
-    /// The rig works; other work on the machine, or bad luck, can be felt.
+    /// The rig works, but other work on the machine can disturb it noticeably.
     Usable,
     /// The rig does not work, or faults.
     NotSufficient,
 }
 
-/// One thing that was looked at.
+/// The result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// What was looked at: stable, for programs.
+    /// Identifier of the check. It is stable, so that programs can rely on it.
     pub id: &'static str,
-    /// How good it is.
+    /// How good the result is.
     pub mark: Mark,
     /// What was found, with its numbers.
     pub found: String,
-    /// What to do about it.
+    /// Advice on how to correct it, if it is not good.
     pub mend: Option<String>,
 }
 
@@ -53,11 +55,12 @@ impl Finding {
     }
 }
 
-/// What this process may do: real-time priority and locked memory, tried rather than read.
+/// Checks whether this process gets real-time priority and can lock its memory. Both are tried out;
+/// reading the limits would not be enough.
 #[must_use]
 pub fn rights() -> Vec<Finding> {
     let shown = |limit: Option<u64>| limit.map_or_else(|| "unlimited".to_owned(), |n| n.to_string());
-    // Tried in a thread of its own, which ends with what it was given.
+    // Tried in a separate thread, which ends together with the priority that it was given.
     let tried =
         thread::spawn(|| real_time(LOOP_PRIORITY)).join().unwrap_or_else(|_| Err("panicked".to_owned()));
     let limit = shown(getrlimit(Resource::Rtprio).current);
@@ -84,8 +87,8 @@ pub fn rights() -> Vec<Finding> {
     vec![priority, memory]
 }
 
-/// Whether this process may keep processors out of sleeps that take longer than `wake_us` to wake from, and what does so as long as it is
-/// kept.
+/// Checks whether this process can limit the wake-up time of the processors to `wake_us`, µs. Also
+/// returns the limit, which lasts for as long as it is kept.
 #[must_use]
 pub fn wake_latency(wake_us: u32) -> (Finding, Option<WakeLatency>) {
     match WakeLatency::limit(wake_us) {
@@ -101,7 +104,7 @@ pub fn wake_latency(wake_us: u32) -> (Finding, Option<WakeLatency>) {
     }
 }
 
-/// The processor that the rig file gives the loop, from 0.
+/// Checks whether the loop can run on processor `number`, counted from 0, which the rig file names.
 #[must_use]
 pub fn processor(number: u32) -> Finding {
     match Processor::new(number) {

@@ -1,4 +1,4 @@
-//! How late this machine wakes, measured, and what follows from it.
+//! Measures how late this machine wakes a thread, and grades the result.
 
 use std::thread;
 use std::time::Duration;
@@ -11,40 +11,42 @@ use crate::pace::Pace;
 use crate::processor::Processor;
 use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
 
-/// How late a bare loop of absolute sleeps wakes, us.
+/// The measured lateness of a loop that only sleeps until its deadlines.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Punctuality {
-    /// Ticks a second.
+    /// Rate of the loop, Hz.
     pub rate_hz: u32,
-    /// It ran under SCHED_FIFO.
+    /// True if the loop ran under SCHED_FIFO.
     pub real_time: bool,
-    /// Ticks that were measured.
+    /// Number of ticks that were measured.
     pub ticks: u64,
-    /// Half were not later.
+    /// Median lateness, µs.
     pub p50_us: f64,
-    /// 99 % were not later.
+    /// Lateness that 99 % of the ticks did not exceed, µs.
     pub p99_us: f64,
-    /// 99.9 % were not later.
+    /// Lateness that 99.9 % of the ticks did not exceed, µs.
     pub p99_9_us: f64,
-    /// 99.99 % were not later.
+    /// Lateness that 99.99 % of the ticks did not exceed, µs.
     pub p99_99_us: f64,
-    /// None was later.
+    /// Largest lateness, µs.
     pub max_us: f64,
-    /// Ticks more than a quarter period late.
+    /// Number of ticks that were more than a quarter period late.
     pub late: u64,
-    /// Ticks whose deadline passed before the one before them ended.
+    /// Number of ticks whose deadline passed before the previous tick ended.
     pub skipped: u64,
 }
 
-/// Measures a bare loop of absolute sleeps, under SCHED_FIFO where that is granted, on the processor `cpu` where one is named and
-/// there: the best that this machine can do.
+/// Measures a loop that only sleeps until its deadlines, at `rate_hz` for `time`. This is the best
+/// that the machine can do. The loop runs under SCHED_FIFO if the system allows it, and on
+/// processor `cpu` if one is given and usable.
 #[must_use]
 pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctuality {
     let period_ns = 1_000_000_000 / u64::from(rate_hz.max(1));
     let ticks = (time.as_nanos() / u128::from(period_ns)) as u64;
     let processor = cpu.and_then(|number| Processor::new(number).ok());
     let measured = thread::spawn(move || {
-        // One that is there can be stayed on; where it is taken away meanwhile, the measurement is of the others.
+        // The processor was usable a moment ago. If it is no longer, the measurement covers the
+        // others.
         let _ = processor.map(Processor::keep);
         let granted = real_time(LOOP_PRIORITY).is_ok();
         touch_stack();
@@ -63,7 +65,7 @@ pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctualit
     let (real_time, mut lateness, late, skipped) = measured.join().unwrap_or((false, Vec::new(), ticks, 0));
     lateness.sort_unstable();
     let at = |quantile: f64| {
-        // The least lateness that this share of the ticks does not exceed.
+        // The smallest lateness that this share of the ticks does not exceed.
         let place = (quantile * lateness.len() as f64).ceil() as usize;
         lateness.get(place.max(1) - 1).map_or(f64::MAX, |ns| *ns as f64 * 1e-3)
     };
@@ -81,8 +83,9 @@ pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctualit
     }
 }
 
-/// What a measurement says of the machine: good where one tick in 10,000 at most is late (by a quarter period) and none by a whole
-/// one; usable where one in 100 is and none so late that it is a fault (20 ms).
+/// Grades a measurement. Good: at most one tick in 10,000 is late (more than a quarter period), and
+/// none by more than a period. Usable: at most one in 100 is late, and none by more than 20 ms,
+/// which would be a fault. Otherwise it is not sufficient.
 #[must_use]
 pub fn verdict(measured: &Punctuality) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);
@@ -112,8 +115,9 @@ pub fn verdict(measured: &Punctuality) -> Finding {
     Finding::new("punctuality", mark, found, mend)
 }
 
-/// What waking early, at most `early_ns` before a deadline, comes to on a machine that was measured: about how early it will be, and
-/// what that takes of a processor; usable where 1 % of the wake-ups or more come too late for it.
+/// Estimates the effect of waking at most `early_ns` before each deadline: the lead that the loop
+/// will need, and the share of a processor that this costs. The finding is only usable if 1 % of
+/// the wake-ups or more come too late for the lead.
 #[must_use]
 pub fn lead(measured: &Punctuality, early_ns: u64) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);
@@ -177,7 +181,8 @@ mod tests {
         let rising =
             [measured.p50_us, measured.p99_us, measured.p99_9_us, measured.p99_99_us, measured.max_us];
         assert!(rising.is_sorted() && measured.max_us < f64::MAX, "{measured:?}");
-        // No machine wakes in no time, and what counts as late is late by that much.
+        // No machine wakes without delay, and every tick that counts as late is more than 250 µs
+        // late.
         assert!(measured.p50_us > 0.0 && (measured.late == 0 || measured.max_us > 250.0), "{measured:?}");
     }
 

@@ -1,8 +1,8 @@
-//! What a helper says and when, and helpers that are none.
+//! Tests of the helper: what it writes and when, and programs that are not helpers.
 
 use super::*;
 
-/// A program that is ready at once, and then does what `script` says.
+/// Returns a program that reports ready at once and then runs `script`.
 fn helper(script: &str) -> Program {
     Program::shell(&format!("printf '\\002' >&2; {script}"))
 }
@@ -12,7 +12,8 @@ fn start(program: &Program) -> io::Result<(LastWord, io::PipeReader)> {
     Ok((LastWord::start(program, &line, &[0, 7, 7, 0])?, far))
 }
 
-/// What a helper writes to the line that hears `bytes` from its server, and how it ends.
+/// Returns what a helper writes to the line after it has received `bytes` from its server, and
+/// whether it ended as it should.
 fn said(bytes: &[u8]) -> (Vec<u8>, bool) {
     let (mut far, line) = io::pipe().unwrap();
     let mut answer = Vec::new();
@@ -28,7 +29,7 @@ fn a_frame_is_said_three_times_where_the_server_ends_without_a_word_and_not_othe
     let frame = [3, 0, 5, 0];
     assert_eq!(said(&frame), (frame[1..].repeat(3), true));
     assert_eq!(said(&[3, 0, 5, 0, ALL_SAID]), (Vec::new(), true));
-    // Half a frame would be no command.
+    // An incomplete frame is not a command, so nothing is written.
     assert_eq!(said(&frame[..3]), (Vec::new(), false));
     assert_eq!(said(&[]), (Vec::new(), false));
 }
@@ -60,7 +61,7 @@ fn one_that_is_told_to_end_is_waited_for_and_one_that_ends_by_itself_is_noticed(
     assert!(matches!(held(&told.helper).child.try_wait(), Ok(Some(_))), "it is still there");
     assert!(!watched.is_lost(), "it was told to end");
 
-    // It takes the frame, with its length before it, and ends.
+    // This helper reads the frame with its length byte, and ends.
     let (lost, _far) = start(&helper("head -c 5 >/dev/null")).unwrap();
     let watched = lost.watched();
     let begun = Instant::now();

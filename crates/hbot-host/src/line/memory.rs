@@ -1,4 +1,5 @@
-//! The simulated rig in memory, in virtual time: the same bytes without a terminal.
+//! A line to the simulated rig in memory, for virtual time. It carries the bytes that a serial line
+//! would carry.
 
 use std::io;
 use std::sync::mpsc::Receiver;
@@ -7,11 +8,11 @@ use hbot_sim::rig::SimulatedRig;
 
 use super::Line;
 
-/// Something to do with the simulated rig between two ticks.
+/// A function that is run on the simulated rig between two ticks.
 pub type SimulatorCall = Box<dyn FnOnce(&mut SimulatedRig) + Send>;
 
-/// Room for everything that an impaired line may bring at once, bytes, so that the loop never
-/// allocates more.
+/// Capacity of the receive buffer, bytes. It has room for everything that an impaired line can
+/// deliver at once, so that the loop never allocates memory.
 const INBOX: usize = 256 * 1024;
 
 /// A line to a simulated rig in memory.
@@ -23,7 +24,8 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// A line to `rig`; `calls` are done before the next bytes are written.
+    /// Returns a line to `rig`. Functions from `calls` are run on the rig before the next bytes are
+    /// written.
     #[must_use]
     pub fn new(rig: SimulatedRig, calls: Receiver<SimulatorCall>) -> Self {
         Self { rig, calls, inbox: Vec::with_capacity(INBOX), read: 0 }
@@ -32,7 +34,7 @@ impl Memory {
 
 impl Line for Memory {
     fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
-        // What an impaired line has held back until some time before this tick.
+        // Fetches bytes that an impaired line has delayed and that are due before this tick.
         if self.rig.next_arrival_ns().is_some_and(|at_ns| at_ns < now_ns) {
             self.rig.deliver(now_ns, &mut self.inbox);
         }

@@ -1,4 +1,4 @@
-//! A serial line as a motor bus sees it: bytes in, bytes out, never waiting.
+//! A serial line as a motor bus sees it: it moves bytes and never waits.
 //!
 //! A line is a [`serial`] port, or the simulated rig in memory ([`Memory`]).
 
@@ -9,33 +9,37 @@ use std::io;
 
 pub use self::memory::{Memory, SimulatorCall};
 
-/// Bytes to and from motor controllers. `now_ns` is the time since the start of the loop; a real line
-/// has no use for it.
+/// A stream of bytes to and from motor controllers. `now_ns` is the time since the start of the
+/// loop; only simulated lines use it.
 pub trait Line: Send {
-    /// Reads what has arrived, 0 where nothing has. Never waits.
+    /// Reads the bytes that have arrived into `buffer` and returns their number, 0 if there are
+    /// none. Never waits.
     ///
     /// # Errors
-    /// The line is gone.
+    /// Fails if the line is lost.
     fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize>;
 
-    /// Writes as many bytes as there is room for and returns their number. Never waits.
+    /// Writes as many bytes as the line has room for and returns their number. Never waits.
     ///
     /// # Errors
-    /// The line is gone.
+    /// Fails if the line is lost.
     fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize>;
 
-    /// Whether the line was gone and is back since this was asked last. Never waits.
+    /// Returns a value if the line was lost and has been reopened since the last call. Never waits.
     fn renewed(&mut self) -> Option<Renewed> {
         None
     }
 
-    /// Tells the line that its motors are off and that nothing more is written. May wait.
+    /// Informs the line that its motors are off and that nothing more is written. This call can
+    /// block.
     fn release(&mut self) {}
 }
 
-/// A line that was gone is back, and the controllers on it are those of the rig.
+/// The report that a lost line has been reopened and that the controllers on it are those of the
+/// rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Renewed {
-    /// They have lost power meanwhile: their zeros are not those of before.
+    /// True if the controllers lost power while the line was lost. Their zeros are then no longer
+    /// valid.
     pub rebooted: bool,
 }

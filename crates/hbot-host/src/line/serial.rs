@@ -1,8 +1,10 @@
-//! Real serial lines: opened for this process alone, and opened anew where they vanish.
+//! Real serial lines: opened for this process alone, and reopened if they are lost.
 //!
-//! The loop neither opens nor closes anything, because both may wait: a thread of the line's own does. Where the line fails, the
-//! loop hands the dead port to that thread, which tries to open it again with growing pauses, switches the motors off, has
-//! the controllers say who they are, and hands the line back. Torque comes back by nothing but reset and enable.
+//! The loop neither opens nor closes a port, because both can wait. Each line has a thread for
+//! this. If the line fails, the loop hands the dead port to that thread. The thread opens the port
+//! again, with growing pauses between its attempts. It then switches the motors off, checks that
+//! the controllers are those of the rig, and hands the line back. Torque returns only after a reset
+//! and an enable.
 
 mod keeper;
 mod latency;
@@ -27,38 +29,39 @@ use crate::bus::{Expected, Protocol};
 use crate::last_word::{LastWord, Program, Watched};
 use crate::line::{Line, Renewed};
 
-/// How often the thread looks whether there is something to do.
+/// How often the thread of a line checks whether there is work to do.
 const LOOK: Duration = Duration::from_millis(20);
-/// How long a port that another program has open is tried again. The helper of a server that was killed has it open until it has said
-/// the last word.
+/// How long opening a port is retried while another program has it open. After a server was killed,
+/// its helper process keeps the port open until it has written the last word.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// A serial port, or a pseudo-terminal that looks like one.
+/// A serial port, or a pseudo-terminal that behaves like one.
 #[derive(Debug)]
 pub struct Serial {
-    /// `None` once the line is gone: it is not asked again, so a dead line costs the loop nothing.
+    /// The open port. It is `None` after the line was lost, so a dead line costs the loop no system
+    /// calls.
     port: Option<Held>,
     reopening: Option<Reopening>,
 }
 
-/// An open line.
+/// An open serial port with its helper process.
 #[derive(Debug)]
 struct Held {
     line: OwnedFd,
-    /// Switches its motors off if this process cannot.
+    /// Helper process that switches the motors off if this process dies.
     last_word: Option<LastWord>,
 }
 
-/// Who must be on a line, and what they speak.
+/// The motor controllers that must be on a line, and their protocol.
 #[derive(Debug, Clone)]
 pub struct Peer {
-    /// What they speak.
+    /// Protocol that the controllers speak.
     pub protocol: &'static dyn Protocol,
-    /// Who they are.
+    /// Controllers that the rig file expects.
     pub expected: Expected,
 }
 
-/// A port that does not open.
+/// The error of a serial port that cannot be opened. It lists the ports of this machine.
 #[derive(Debug, Error)]
 #[error("cannot open serial port {port}: {reason}\n{}", list(.available))]
 pub struct OpenError {
@@ -76,10 +79,12 @@ fn list(available: &[String]) -> String {
 }
 
 impl Serial {
-    /// Opens `port` at `baud`, 8N1, without flow control, and for this process alone.
+    /// Opens `port` at `baud` for this process alone: 8 data bits, no parity, 1 stop bit, no flow
+    /// control.
     ///
     /// # Errors
-    /// It is not there, is in use, or may not be opened; the error lists the ports that are there.
+    /// Fails if the port does not exist, is in use, or must not be opened by this user. The error
+    /// lists the ports of this machine.
     pub fn open(port: &str, baud: u32) -> Result<Self, OpenError> {
         let opened = open_patiently(Path::new(port), baud);
         opened.map(Self::of).map_err(|errno| OpenError {
@@ -99,22 +104,22 @@ impl Serial {
         Self { port: Some(Held { line, last_word: None }), reopening: None }
     }
 
-    /// From now on, a helper process writes `off`, the bytes that switch the motors off, if this
+    /// Starts a helper process that writes `off`, the bytes that switch the motors off, if this
     /// process dies.
     ///
     /// # Errors
-    /// The helper does not start.
+    /// Fails if the helper does not start, or if the line is lost.
     pub fn guard(&mut self, helper: &Program, off: &[u8]) -> io::Result<()> {
         let Some(port) = &mut self.port else { return Err(io::ErrorKind::BrokenPipe.into()) };
         port.last_word = Some(LastWord::start(helper, &port.line, off)?);
         Ok(())
     }
 
-    /// From now on, has the line opened anew where it vanishes, once its
-    /// `peer` is on it again, and guarded anew by `helper`.
+    /// Starts a thread that reopens the line whenever it is lost. The thread accepts the line when
+    /// `peer` answers on it, and starts a new `helper` for it.
     ///
     /// # Errors
-    /// The system gives no thread.
+    /// Fails if the system cannot start a thread.
     pub fn keep_open(
         &mut self,
         port: &str,
@@ -131,14 +136,15 @@ impl Serial {
         self.port.as_ref()?.last_word.as_ref().map(LastWord::watched)
     }
 
-    /// Takes what a system call says of the line: none of the bytes moved where it would have to wait.
+    /// Converts the result of a read or write. A call that would have to wait counts as 0 bytes.
+    /// After any other error the port is handed to the thread that reopens it.
     fn moved(&mut self, result: Result<usize, Errno>) -> io::Result<usize> {
         match result {
             Ok(n) => Ok(n),
             Err(Errno::AGAIN | Errno::INTR) => Ok(0),
             Err(errno) => {
                 if let (Some(port), Some(reopening)) = (self.port.take(), &mut self.reopening) {
-                    // There is a place for the one port that there is.
+                    // This cannot fail: the ring has one place, and there is only one port.
                     let _ = reopening.lost.push(port);
                 }
                 Err(errno.into())
@@ -176,7 +182,7 @@ impl Line for Serial {
     }
 }
 
-/// What there is to know where [`Serial::guard`] fails.
+/// Returns the notice for the user if [`Serial::guard`] fails.
 #[must_use]
 pub fn unguarded(port: &impl Display, error: &io::Error) -> String {
     format!(
@@ -184,7 +190,7 @@ pub fn unguarded(port: &impl Display, error: &io::Error) -> String {
     )
 }
 
-/// As [`open`], for a while again where another program has the port open.
+/// Opens a port as [`open`] does, but retries for a while if another program has it open.
 fn open_patiently(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
     let until = Instant::now() + PATIENCE;
     loop {
@@ -195,13 +201,15 @@ fn open_patiently(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
     }
 }
 
-/// Opens a port: raw, 8N1, no flow control, never waiting, barred for others, with as little delay as its driver lets it have.
+/// Opens a port in raw mode: 8 data bits, no parity, 1 stop bit, no flow control, non-blocking,
+/// locked against other programs, and with the shortest latency that its driver allows.
 fn open(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let port = rustix::fs::open(path, flags, Mode::empty())?;
     ioctl_tiocexcl(&port)?;
     if let Err(errno) = flock(&port, FlockOperation::NonBlockingLockExclusive) {
-        // The other one barred it before us; what we have barred would stay so.
+        // Another program holds the lock. Undo the exclusive mode set above: otherwise it would
+        // stay set for as long as that program has the port open.
         let _ = ioctl_tiocnxcl(&port);
         return Err(errno);
     }

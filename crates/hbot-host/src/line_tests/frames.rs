@@ -1,9 +1,10 @@
-//! What a line does to frames: in pieces, damaged, late, twice, out of order; several lines as one.
+//! Tests of disturbed frames: cut in pieces, damaged, late, duplicated, out of order. Also tests
+//! several lines as one rig.
 
 use super::*;
 use crate::layout::Place;
 
-/// The prototype on one line that does what a test says.
+/// Returns the prototype on one line whose behaviour the test controls.
 fn one_line() -> (Bench, Fake) {
     let fake = Fake::new(4);
     let mut bench = Bench::new(&RigConfig::prototype(), vec![fake.clone()], &Layout::single(0..4));
@@ -15,7 +16,7 @@ fn one_line() -> (Bench, Fake) {
 fn a_frame_in_two_pieces_and_two_frames_in_one() {
     let (mut bench, fake) = one_line();
     let before = bench.tick().counters;
-    // The answer of one tick comes by halves with the next two reads.
+    // The answer of one tick arrives in two halves, with the next two reads.
     let whole = fake.with(|far| std::mem::take(&mut far.answers)).concat();
     let (first, rest) = whole.split_at(whole.len() / 2);
     fake.with(|far| far.answers.push(first.to_vec()));
@@ -34,11 +35,12 @@ fn short_frames_and_damaged_ones_are_counted_and_ride_through() {
     let (mut bench, fake) = one_line();
     for damage in [
         (|frame: &mut Vec<u8>| frame[7] ^= 0x10) as fn(&mut Vec<u8>),
-        // Bytes lost in the middle, at the end with the delimiter kept, and all but the delimiter.
+        // Bytes are lost: in the middle, then before the delimiter, then all except the first byte
+        // and the delimiter.
         |frame| drop(frame.drain(4..9)),
         |frame| drop(frame.drain(frame.len() - 4..frame.len() - 1)),
         |frame| drop(frame.drain(1..frame.len() - 1)),
-        // A device that babbles.
+        // A device that is not a motor controller.
         |frame| *frame = b"login: \0".to_vec(),
     ] {
         let before = bench.ticks(100).counters.corrupt_frames;
@@ -65,7 +67,7 @@ fn half_of_all_frames_damaged_is_a_fault_of_its_own_name() {
         }
     };
     assert_eq!(state.cause, Some(Cause::LinkCorrupt));
-    // Each costs 1 and one in 20 ticks is forgiven: 10 of them take 22 ticks.
+    // Each damaged frame counts 1, and every 20 ticks forgive one. Reaching 10 takes 22 ticks.
     assert!(ticks <= 23, "{ticks}");
     assert!(!fake.with(|far| far.heard.last().expect("commands").enable), "zero torque in the same tick");
 }
@@ -76,9 +78,9 @@ fn late_doubled_and_reordered_answers_do_no_harm() {
     let q = bench.tick().state.q;
     for round in 0..300 {
         fake.with(|far| match round % 3 {
-            // Twice.
+            // The answer arrives twice.
             0 => far.answers.extend(far.answers.clone()),
-            // Lost, and then a tick late, behind the one that came after it.
+            // The answer is lost, and then arrives a tick late, after the following one.
             1 => far.answers.clear(),
             _ => far.answers.push(answer(bench.tick as u32 - 2, ControllerFlags::ENABLED, 4, None)),
         });
@@ -86,7 +88,7 @@ fn late_doubled_and_reordered_answers_do_no_harm() {
         assert_eq!((state.mode, state.q), (Mode::Active, q), "round {round}");
     }
     let state = bench.ticks(3);
-    // In the wrong order within a tick: the newer one counts.
+    // If answers arrive in the wrong order within a tick, the newer one counts.
     let tick = bench.tick as u32;
     fake.with(|far| {
         far.answers = vec![
@@ -109,7 +111,8 @@ fn answers_to_commands_never_sent_and_from_other_controllers_are_counted() {
     });
     let hit = bench.tick();
     assert_eq!(hit.counters.foreign_frames, before + 2);
-    // What they said was not taken: the next answer is not old beside a sequence of the future.
+    // Their readings were ignored. Otherwise the next answer would count as older than one to a
+    // future tick.
     assert!(bench.tick().state.fresh);
 }
 
@@ -129,7 +132,7 @@ fn a_line_that_was_gone_is_a_fault_even_where_its_controllers_do_not_complain() 
     }
 }
 
-/// The prototype with wheel A on one line and wheel B on another, in the opposite order.
+/// Returns the prototype with wheel A on one line and wheel B on another, in the opposite order.
 fn two_lines() -> (Bench, [Fake; 2]) {
     let fakes = [Fake::new(2), Fake::new(2)];
     let place = |bus, at| Place { bus, at, id: at as u8 };
@@ -152,7 +155,7 @@ fn several_lines_are_one_rig() {
     let sent = [a.torque[0], a.torque[1], b.torque[1], b.torque[0]];
     assert_eq!(sent, std::array::from_fn(|j| state.joint_torque[j] as f32));
     assert!(sent.iter().all(|t| *t != 0.0), "{sent:?}");
-    // Counts 0 and 1 of each line, in the order of the rig; drive joints have a gear of 17.
+    // Counts 0 and 1 of each line, in the order of the rig. Drive joints have a gear of 17.
     let count = std::f64::consts::TAU / 16384.0;
     let angles: [f64; 4] = std::array::from_fn(|j| state.angle[j]);
     for (angle, expected) in angles.into_iter().zip([0.0, count / 17.0, count, 0.0]) {
@@ -165,7 +168,7 @@ fn a_line_that_falls_silent_stops_all_of_them() {
     let (mut bench, fakes) = two_lines();
     fakes[1].with(|far| far.silent = true);
     let timeout = RigConfig::prototype().link.timeout_ticks;
-    // One answer is on its way.
+    // One answer was already on its way.
     assert_eq!(bench.ticks(timeout + 1).state.mode, Mode::Active);
     assert_eq!(bench.tick().state.cause, Some(Cause::LinkLost));
     for fake in &fakes {
@@ -196,7 +199,7 @@ fn other_controllers_on_a_line_that_stays_are_a_fault_for_as_long_as_they_are_th
         let n = encode(&FromController::Description(description), &mut frame).expect("it fits");
         frame[..n].to_vec()
     };
-    // Another firmware, fewer joints, other encoders: swapped behind a port that never went away.
+    // Another firmware, fewer joints, or other encoders, exchanged while the port stays open.
     for other in [description(PROTOCOL_VERSION + 1, 4, 0), description(1, 3, 0), description(1, 4, 4)] {
         let (mut bench, fake) = one_line();
         fake.with(|far| far.answers.push(other));
@@ -208,7 +211,7 @@ fn other_controllers_on_a_line_that_stays_are_a_fault_for_as_long_as_they_are_th
         assert!(fake.with(|far| far.asked) >= 2, "they are asked again and again");
         fake.with(|far| far.answers.push(description(1, 4, 0)));
         bench.tick();
-        // Whoever they were, their zeros are not those of before.
+        // Their zeros are unknown, even though they match the rig file again.
         assert_eq!(bench.order(Order::Reset).state.mode, Mode::Unreferenced);
     }
     let (mut bench, fake) = one_line();
@@ -220,7 +223,7 @@ fn other_controllers_on_a_line_that_stays_are_a_fault_for_as_long_as_they_are_th
 fn a_supply_that_was_off_and_on_again_gives_no_torque_until_somebody_enables_it() {
     let (mut bench, fake) = one_line();
     fake.with(|far| far.unsupplied = true);
-    // Within 20 ms, and a tick on the line each way.
+    // 20 ms, plus one tick for each direction on the line.
     let state = bench.ticks(23).state;
     assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::ControllerFault)));
     fake.with(|far| far.unsupplied = false);
@@ -276,7 +279,8 @@ fn the_age_of_a_reading_is_right_or_absent() {
     let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
     bench.ticks(5);
     for late in [1, 63, 64, 65, 500, 999] {
-        // Nothing new arrives for a while, so that the answer to an older command is news.
+        // No newer answer arrives for a while, so that the answer to an older command is the newest
+        // one.
         fake.with(|far| far.silent = true);
         let asked = std::time::Instant::now();
         bench.ticks(late);
@@ -289,12 +293,12 @@ fn the_age_of_a_reading_is_right_or_absent() {
         let age = sample.timing.age_ns.expect("an age");
         let most = u64::try_from(asked.elapsed().as_nanos()).expect("not that long");
         assert!(sample.state.fresh && age <= most, "{late} ticks: {age} of {most} ns");
-        // The ticks of a test take about the same time each.
+        // The ticks of a test take about equally long.
         assert!(late < 63 || age > most / 4, "{late} ticks: {age} of {most} ns");
         fake.with(|far| far.silent = false);
         bench.ticks(5);
     }
-    // A command that was never sent under this number: no age rather than a wrong one.
+    // No command with this number was sent: the age must be absent rather than wrong.
     bench.tick += 5000;
     fake.with(|far| far.answers.clear());
     let sequence = bench.tick as u32 - 900;

@@ -1,5 +1,5 @@
-//! What a serial line does to the engine: frames in pieces, damaged, late, twice, out of order; several lines; lines that
-//! vanish and come back.
+//! Tests of the engine with disturbed serial lines: frames in pieces, damaged, late, duplicated or
+//! out of order; several lines; lines that are lost and reopened.
 
 mod frames;
 mod ports;
@@ -25,20 +25,21 @@ use crate::line::{Line, Renewed};
 use crate::motors::Motors;
 use crate::sample::Sample;
 
-/// Controllers that answer every command with counts that stand still, and what the line does to their answers.
+/// Controllers that answer every command with constant counts, and the disturbances of their
+/// answers.
 #[derive(Default)]
 struct Far {
     joints: usize,
     decoder: Decoder<ToController>,
     heard: Vec<Command>,
-    /// Times that they were asked who they are.
+    /// Number of times that they were asked to describe themselves.
     asked: u32,
     flags: ControllerFlags,
-    /// Their motors' supply is off: they never say `ENABLED`.
+    /// True if the supply of their motors is off: they never report `ENABLED`.
     unsupplied: bool,
-    /// Their encoders have passed their index.
+    /// True if their encoders have passed their index mark.
     index_seen: bool,
-    /// Temperature and current of their last joint.
+    /// Temperature, °C, and current, A, of the last joint.
     warmth: Option<[f32; 2]>,
     silent: bool,
     renewed: Option<Renewed>,

@@ -1,4 +1,4 @@
-//! Ports that vanish and come back, on pseudo-terminals.
+//! Tests with serial ports that disappear and come back, on pseudo-terminals.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -10,24 +10,27 @@ use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 use super::*;
 use crate::line::serial::{Peer, Serial};
 
-/// A rig behind a pseudo-terminal that a link in a folder leads to, as udev makes one for a USB device.
+/// Starts a rig behind a pseudo-terminal. `link` becomes a symbolic link to it, as udev creates one
+/// for a USB device.
 fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
     let pty = spawn_pty(rig, PtyOptions::default()).expect("a pseudo-terminal");
-    // Not there until now, or leading nowhere.
+    // The link does not exist yet, or leads nowhere.
     let _ = std::fs::remove_file(link);
     std::os::unix::fs::symlink(pty.path(), link).expect("a link");
     pty
 }
 
-/// Takes a rig and its port away; nothing stands behind `link` then, so that nobody finds the port of another test there.
+/// Removes the port of a rig and returns the rig. The link is removed as well, so that the port of
+/// another test cannot be found through it.
 fn unplug(pty: PtyRig, link: &Path) -> SimulatedRig {
     std::fs::remove_file(link).expect("a link");
     pty.stop().expect("it ran")
 }
 
-/// The rig behind `link`, active, with a line that is kept open.
+/// Returns an active rig behind `link`, whose line is reopened if it is lost.
 fn plugged(link: &Path) -> (Bench, PtyRig) {
-    // A busy machine may hold the bytes of a pseudo-terminal up for longer than the 20 ticks of the prototype.
+    // A busy machine can delay the bytes of a pseudo-terminal for longer than the prototype's 20
+    // ticks.
     let mut patient = RigConfig::prototype();
     patient.rig = patient.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     plugged_in(patient, link)
@@ -57,7 +60,7 @@ fn until(bench: &mut Bench, what: &str, found: impl Fn(&Sample) -> bool) -> Samp
             return sample;
         }
         assert!(Instant::now() < deadline, "{what}: {:?} {:?}", sample.state.mode, sample.state.cause);
-        // A busy machine may hold an answer up: then it is given more time, so that its line does not
+        // A busy machine can delay an answer. More time is allowed then, so that the line does not
         // count as silent.
         std::thread::sleep(Duration::from_millis(if sample.state.fresh { 1 } else { 10 }));
     }
@@ -68,7 +71,7 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
-    // The cable is cut; the controllers keep their power and their zeros.
+    // The cable is cut. The controllers keep their power and their zeros.
     let rig = unplug(pty, &link);
     let lost = until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
     assert_eq!(lost.state.cause, Some(Cause::LinkLost));
@@ -110,7 +113,7 @@ fn controllers_that_lost_power_while_away_come_back_without_zeros() {
     let _pty = plug(rig, &link);
     until(&mut bench, "back", |sample| sample.counters.reopened == 1);
     until(&mut bench, "readings", |sample| sample.state.fresh);
-    // `assume` is believed once.
+    // The zero `assume` is accepted only once.
     bench.order(Order::Reset);
     let state = until(&mut bench, "reset", |sample| sample.state.mode != Mode::Fault).state;
     assert_eq!(state.mode, Mode::Unreferenced);

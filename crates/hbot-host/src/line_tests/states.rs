@@ -1,4 +1,5 @@
-//! What the line and the service bring about, from every mode: the same table as in `tests/core/states.rs`, through the engine.
+//! Tests the effect of line and service events in every mode. It repeats the table of
+//! `tests/core/states.rs`, through the engine.
 
 use hbot_core::rig::Zero;
 
@@ -8,7 +9,8 @@ use crate::bridge::CONFIRMED;
 const MODES: [Mode; 6] =
     [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
 
-/// A rig in `mode` on one line; the fault is a controller's and over.
+/// Returns a rig in `mode` on one line. The mode `fault` is caused by a controller's fault that is
+/// over.
 fn bench_in(mode: Mode) -> (Bench, Fake) {
     let mut rig = RigConfig::prototype();
     if mode == Mode::Unreferenced {
@@ -34,7 +36,8 @@ fn bench_in(mode: Mode) -> (Bench, Fake) {
     (bench, fake)
 }
 
-/// The last that the controllers have heard asks for nothing.
+/// Returns whether the last command that the controllers received switched them off, with zero
+/// torque.
 fn off(fake: &Fake) -> bool {
     fake.with(|far| {
         far.heard.last().is_some_and(|command| !command.enable && command.torque.iter().all(|t| *t == 0.0))
@@ -46,7 +49,7 @@ fn an_estop_by_signal_ends_in_estop_from_every_mode_whatever_waits_in_the_ring()
     for from in MODES {
         let (mut bench, fake) = bench_in(from);
         while bench.end.order(Order::Enable).is_ok() {}
-        // No place is left for it, and it is obeyed all the same.
+        // The ring has no room for the stop, but it is obeyed nevertheless.
         assert!(bench.end.order(Order::Estop).is_err());
         let state = bench.tick().state;
         assert_eq!((state.mode, state.cause), (Mode::Estop, None), "from {from:?}");
@@ -75,7 +78,7 @@ fn a_port_that_is_lost_is_a_fault_from_every_mode_and_its_return_changes_nothing
 #[test]
 fn controllers_that_lost_power_are_a_fault_from_every_mode_and_their_zeros_are_gone() {
     for from in MODES {
-        // Noticed by the controllers themselves, and by who has found them again behind a port that was gone.
+        // The loss is reported either by the controllers, or by the thread that reopened the port.
         for told in [false, true] {
             let (mut bench, fake) = bench_in(from);
             if told {
@@ -89,7 +92,7 @@ fn controllers_that_lost_power_are_a_fault_from_every_mode_and_their_zeros_are_g
             assert!(off(&fake), "{place}");
             fake.with(|far| far.flags = ControllerFlags::default());
             bench.ticks(3);
-            // `assume` is believed once.
+            // The zero `assume` is accepted only once.
             assert_eq!(bench.order(Order::Reset).state.mode, Mode::Unreferenced, "{place}");
             assert_eq!(bench.order(Order::Enable).state.mode, Mode::Unreferenced, "{place}");
         }
@@ -115,7 +118,7 @@ fn a_tick_left_out_or_late_is_a_fault_from_every_mode() {
 #[test]
 fn a_stop_that_is_confirmed_later_does_not_undo_a_reset() {
     let (mut bench, fake) = bench_in(Mode::Active);
-    // The bytes of an `estop` set the flag; its answer comes through the ring, some ticks later.
+    // The bytes of an `estop` set the flag. Its answer comes through the ring some ticks later.
     bench.end.emergency_stop().stop();
     assert_eq!(bench.tick().state.mode, Mode::Estop);
     assert!(off(&fake));

@@ -1,14 +1,14 @@
-//! A complete driver for a protocol of lines of text, which no real motor speaks. `docs/drivers.md`
-//! walks through it.
+//! A complete driver for a simple protocol of text lines, which no real motor uses.
+//! `docs/drivers.md` explains it step by step.
 //!
 //! ```text
-//! D                                          who is there?
-//! D 4 16384 4096 16384 4096 *5A              four joints with these counts a turn
-//! C 17 1 20 10000 -20000 30000 0 *5A         tick, motors on, watchdog in ms, torques in uN m
-//! R 17 1 99 3850773 -2688 ... *5A            tick answered, flags, count and rate in urad/s of each joint
+//! D                                   who is there?
+//! D 4 16384 4096 16384 4096 *5A       four joints with these counts a turn
+//! C 17 1 20 10000 -20000 30000 0 *5A  tick, motors on, watchdog in ms, torques in uN m
+//! R 17 1 99 3850773 -2688 ... *5A     tick answered, flags, count and rate in urad/s of each joint
 //! ```
 //!
-//! Behind each line stands the exclusive or of the bytes before its `*`.
+//! The number after each `*` is the exclusive or of the bytes before it.
 
 pub mod motors;
 
@@ -26,21 +26,21 @@ use hbot_host::line::Line;
 pub const ON: u32 = 1;
 /// Flag of a reading: the watchdog has expired.
 pub const EXPIRED: u32 = 2;
-/// Flag of a reading: the controllers have started since somebody asked who they are.
+/// Flag of a reading: the controllers have restarted since the host last asked who they are.
 pub const STARTED: u32 = 4;
-/// The line that asks who is there.
+/// The line that asks the controllers who they are.
 const ASK: &[u8] = b"D *44\n";
 /// The longest line, bytes.
 pub const LONGEST: usize = 512;
 
-/// The protocol.
+/// The driver of the toy protocol.
 #[derive(Debug)]
 pub struct Toy;
 
 impl Protocol for Toy {
     fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
         let counts: Vec<u32> = ask(line, expected, "D", |words| {
-            // The first number is how many follow.
+            // The first number states how many numbers follow.
             words.next().filter(|word| *word == "D").and_then(|_| words.next())?;
             words.map(|word| word.parse().ok()).collect()
         })?;
@@ -79,23 +79,23 @@ impl Protocol for Toy {
     }
 
     fn traffic(&self, joints: usize) -> Traffic {
-        // The widest numbers: a tick or count has 11 digits with its sign, and a space before it.
+        // The widest numbers: a tick or count has up to 11 characters with its sign, after a space.
         Traffic { commands: 24 + 12 * joints, feedback: 24 + 24 * joints, turnaround_us: 0 }
     }
 }
 
-/// The motors behind one line.
+/// The motors on one line.
 struct ToyBus {
     line: Box<dyn Line>,
     expected: Expected,
     inbox: Inbox,
     outbox: [u8; LONGEST],
     obedience: Obedience,
-    /// The newest tick that has been answered.
+    /// The newest tick whose command has been answered.
     answered: Option<u32>,
-    /// The line took only a part of the last command.
+    /// True if the line accepted only a part of the last command.
     cut: bool,
-    /// The controllers have started since somebody asked who they are.
+    /// True if the controllers have restarted since the host last asked who they are.
     started: bool,
 }
 
@@ -115,7 +115,7 @@ impl MotorBus for ToyBus {
                 continue;
             };
             if text.starts_with("D ") {
-                // They have been asked anew; `started` falls with their next reading.
+                // They have said who they are. Their next reading makes `started` false.
                 continue;
             }
             let Some((flags, reading)) = parse(text, self.expected.joints()) else {
@@ -130,7 +130,7 @@ impl MotorBus for ToyBus {
                 disobeyed: self.obedience.is_broken(reading.answers, flags & ON != 0, explained),
                 ..Complaints::default()
             });
-            // Ticks wrap: what is newer is less than half of all ticks ahead.
+            // Ticks wrap at 32 bits. A tick is newer if it is less than half of the range ahead.
             let newer = |than: u32| (reading.answers.wrapping_sub(than) as i32) > 0;
             if newer(tick) {
                 heard.foreign += 1;
@@ -146,11 +146,11 @@ impl MotorBus for ToyBus {
         self.obedience.note(command.tick, command.enable);
         let mut rest = &mut self.outbox[..];
         if self.cut {
-            // Ends the half line that the controllers have.
+            // Ends the incomplete line that the controllers have received.
             let _ = rest.write_all(b"\n");
         }
         if self.started && command.tick.is_multiple_of(100) {
-            // Asks who is there now.
+            // Asks the controllers who they are.
             let _ = rest.write_all(ASK);
         }
         let room = rest.len();
@@ -173,11 +173,11 @@ impl MotorBus for ToyBus {
     }
 }
 
-/// A line on its way in.
+/// A received line that is not complete yet.
 pub struct Inbox {
     bytes: [u8; LONGEST],
     length: usize,
-    /// It is longer than any line of this protocol.
+    /// True if the line is longer than any line of this protocol.
     too_long: bool,
 }
 
@@ -188,8 +188,8 @@ impl Default for Inbox {
 }
 
 impl Inbox {
-    /// Takes a byte. Where it ends a line, gives its text without the checksum, or `Some(None)` if the
-    /// line is damaged. An empty line is none.
+    /// Takes one received byte. At the end of a line, returns its text without the checksum, or
+    /// `Some(None)` if the line is damaged. Otherwise returns `None`. Empty lines are ignored.
     pub fn take(&mut self, byte: u8) -> Option<Option<&str>> {
         if byte != b'\n' {
             self.too_long |= self.length == LONGEST;
@@ -209,12 +209,12 @@ impl Inbox {
     }
 }
 
-/// The exclusive or of some bytes.
+/// Returns the exclusive or of all bytes.
 pub fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum ^ byte)
 }
 
-/// The flags and the reading in the text of a line.
+/// Returns the flags and the reading in the text of a line, or `None` if the line is not a reading.
 fn parse(text: &str, joints: usize) -> Option<(u32, Reading)> {
     let mut words = text.split(' ');
     words.next().filter(|word| *word == "R")?;
@@ -228,17 +228,17 @@ fn parse(text: &str, joints: usize) -> Option<(u32, Reading)> {
     words.next().is_none().then_some((flags, reading))
 }
 
-/// The text of the command that switches the motors off.
+/// Returns the text of the command that switches the motors off.
 fn off(expected: &Expected) -> String {
     format!("C 0 0 1{}", " 0".repeat(expected.joints()))
 }
 
-/// The bytes of a line, after the end of one that may be half on its way.
+/// Returns the bytes of a line, after a newline that ends an incomplete line before it.
 pub fn framed(text: &str) -> Vec<u8> {
     format!("\n{text} *{:02X}\n", checksum(text.as_bytes())).into_bytes()
 }
 
-/// Says a line until the words of an answer are those that `find` looks for.
+/// Sends a line repeatedly until `find` returns a value for the words of an answer.
 fn ask<T>(
     line: &mut dyn Line,
     expected: &Expected,

@@ -1,26 +1,26 @@
-//! Four motors in memory that speak the toy's protocol. Their shafts are held: they push, and do not
+//! Virtual motors that speak the toy protocol. Their shafts are held: they give torque but do not
 //! turn.
 
 use hbot_host::conformance::Controllers;
 
 use super::{EXPIRED, Inbox, ON, STARTED, framed};
 
-/// The controllers of some motors.
+/// The virtual controllers of several held motors.
 pub struct HeldMotors {
-    /// Counts a turn of each encoder.
+    /// Counts per turn of each encoder.
     counts: Vec<u32>,
     inbox: Inbox,
     on: bool,
     expired: bool,
     started: bool,
-    /// When the watchdog expires, ns.
+    /// Time at which the watchdog expires, ns.
     deadline_ns: Option<u64>,
-    /// What the motors are to give, N m.
+    /// Commanded torque of each motor, N m.
     torque: Vec<f64>,
 }
 
 impl HeldMotors {
-    /// Motors with encoders of so many counts a turn.
+    /// Creates motors whose encoders have these `counts` per turn.
     pub fn new(counts: Vec<u32>) -> Self {
         let torque = vec![0.0; counts.len()];
         let inbox = Inbox::default();
@@ -31,7 +31,7 @@ impl HeldMotors {
         self.expired |= self.deadline_ns.is_some_and(|deadline_ns| now_ns >= deadline_ns);
     }
 
-    /// What the answer to a line is; `None` to one that means nothing.
+    /// Returns the answer to a line, or `None` if the line has no meaning.
     fn answer(&mut self, now_ns: u64, text: &str) -> Option<String> {
         let mut words = text.split(' ');
         match words.next()? {

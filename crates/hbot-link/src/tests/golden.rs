@@ -1,4 +1,5 @@
-//! The bytes in docs/link.md: whoever writes firmware from that page alone must find them right.
+//! Tests of the bytes in docs/link.md. Firmware authors rely on that page alone, so its bytes must
+//! be right.
 
 use super::{Sample, all_samples};
 use crate::frame::CRC;
@@ -7,7 +8,7 @@ use std::{collections::BTreeMap, format, string::String, vec::Vec};
 
 const PAGE: &str = include_str!("../../../../docs/link.md");
 
-/// Headings of the page's vectors, and their lines `body`, `crc` and `frame`.
+/// Returns the test vectors of the page, by heading, each with its lines `body`, `crc` and `frame`.
 fn vectors() -> BTreeMap<&'static str, BTreeMap<&'static str, Vec<u8>>> {
     let mut all = BTreeMap::<_, BTreeMap<_, Vec<u8>>>::new();
     let mut heading = None;
@@ -32,7 +33,7 @@ fn vectors() -> BTreeMap<&'static str, BTreeMap<&'static str, Vec<u8>>> {
     all
 }
 
-/// A vector as the page is to have it.
+/// Returns a test vector in the format of the page.
 fn written(sample: &Sample) -> String {
     let body = sample.body();
     let check = CRC.checksum(&body).to_le_bytes();
@@ -66,7 +67,7 @@ fn every_vector_on_the_page_is_encoded_and_decoded_so() {
     assert!(page.is_empty(), "docs/link.md has vectors that no test knows: {:?}", page.keys());
 }
 
-/// Rows `| bytes | direction | error | reason |` of the table of frames to refuse.
+/// Reads the rows `| bytes | direction | error | reason |` of the page's table of frames to refuse.
 #[test]
 fn every_frame_to_refuse_on_the_page_is_refused_so() {
     let mut seen = Vec::new();
@@ -90,7 +91,8 @@ fn every_frame_to_refuse_on_the_page_is_refused_so() {
     }
 }
 
-/// Joints, bytes of both frames, and the share of a line that they take, as the page's tables have them.
+/// Checks the page's tables of joints, bytes of both frames, and the share of a line that they
+/// take.
 #[test]
 fn sizes_on_the_page_are_those_of_the_functions() {
     for joints in [1, 2, 4, 8, MAX_JOINTS] {
@@ -122,7 +124,7 @@ fn sizes_on_the_page_are_those_of_the_functions() {
     }
 }
 
-/// Names and bits of the flags, as the page's tables have them.
+/// Checks the page's tables of the names and bits of the flags.
 #[test]
 fn flags_on_the_page_are_those_of_the_types() {
     let flags = [

@@ -1,4 +1,4 @@
-//! What a bad line does to frames, and that the next good one comes through.
+//! Tests of damaged lines: damaged frames are refused, and the next good frame is decoded.
 
 use super::{Sample, all_samples, decode_all};
 use crate::frame::CRC;
@@ -6,7 +6,7 @@ use crate::*;
 use proptest::{collection::vec, prelude::*};
 use std::{vec, vec::Vec};
 
-/// A frame with any body and a check that matches it.
+/// Returns a frame with any body and a matching check.
 fn framed(body: &[u8]) -> Vec<u8> {
     let checked = [body, &CRC.checksum(body).to_le_bytes()].concat();
     let mut frame = vec![0; cobs::max_encoding_length(checked.len()) + 1];
@@ -16,7 +16,7 @@ fn framed(body: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// A frame damaged at one place yields errors and nothing else; `next` follows it and decodes.
+/// Asserts that a damaged frame gives only errors, and that the frame `next` after it is decoded.
 fn assert_refused_and_recovered(name: &str, sample: &Sample, damaged: &[u8], next: &Sample) {
     let results = sample.decode(&[damaged, &next.encoded()]);
     let (last, before) = results.split_last().expect("a result");
@@ -35,8 +35,8 @@ fn every_truncation_is_refused_and_the_next_frame_decodes() {
         for kept in 1..content {
             assert_refused_and_recovered(name, &sample, &[&frame[..kept], &[0]].concat(), &sample);
         }
-        // Without its delimiter the rest of a frame runs into the next and both are lost, but not the one
-        // after.
+        // Without its delimiter the rest of a frame runs into the next one. Both are lost, but not
+        // the one after.
         for kept in 1..=content {
             let merged = [&frame[..kept], &frame].concat();
             assert_refused_and_recovered(name, &sample, &merged, &sample);
@@ -51,7 +51,7 @@ fn every_flipped_bit_is_refused_and_the_next_frame_decodes() {
         for bit in 0..8 * frame.len() {
             let mut damaged = frame.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            // Where the delimiter is hit, the frame after it is lost as well.
+            // If the delimiter is damaged, the next frame is lost too.
             if bit / 8 == frame.len() - 1 {
                 damaged.extend(&frame);
             }
@@ -68,7 +68,7 @@ fn a_split_at_every_position_changes_nothing() {
         for first in 0..=twice.len() {
             let (left, right) = twice.split_at(first);
             assert_eq!(sample.decode(&[left, right]), expected, "{name}, split at {first}");
-            // A third piece, so that a frame also arrives in the middle of two splits.
+            // A third piece, so that a frame also arrives between two splits.
             let (middle, right) = right.split_at(right.len() / 2);
             assert_eq!(sample.decode(&[left, middle, right]), expected, "{name}, split at {first}");
         }
@@ -101,7 +101,7 @@ fn a_frame_too_long_is_told_once_and_skipped_to_its_end() {
         (Sample::To(ToController::Describe), MAX_COMMAND_FRAME),
         (Sample::From(FromController::Feedback(Feedback::default())), MAX_FEEDBACK_FRAME),
     ] {
-        // Just not too long: the bytes are judged, and refused, as a frame.
+        // Just short enough: the bytes are decoded as a frame and refused.
         let fitting = vec![0xAA; longest - 1];
         assert_refused_and_recovered("fitting", &sample, &[&fitting[..], &[0]].concat(), &sample);
         assert_eq!(sample.decode(&[&fitting]), []);
@@ -155,7 +155,7 @@ fn intact_frames_with_a_wrong_body_are_refused() {
     }
 }
 
-/// Values are not judged here: every bit pattern of a float comes out as it went in.
+/// Checks that values are not judged: every bit pattern of a float is decoded unchanged.
 #[test]
 fn floats_that_are_no_numbers_pass_through() {
     let patterns =
@@ -167,7 +167,7 @@ fn floats_that_are_no_numbers_pass_through() {
     assert_eq!(command.torque.iter().map(|torque| torque.to_bits()).collect::<Vec<_>>(), patterns);
 }
 
-/// Bytes that look like a line: anything, with zeros and whole frames among them.
+/// Generates bytes that look like a line: random bytes with zeros and whole frames among them.
 fn any_line() -> impl Strategy<Value = Vec<u8>> {
     let frames = all_samples().into_iter().map(|(_, sample)| sample.encoded()).collect::<Vec<_>>();
     let piece = prop_oneof![
@@ -200,7 +200,7 @@ fn any_feedback() -> impl Strategy<Value = Feedback> {
 }
 
 proptest! {
-    /// Nothing panics, and bytes one by one give what they give in pieces.
+    /// Checks that nothing panics, and that single bytes give the same results as pieces.
     #[test]
     fn any_bytes_in_any_pieces_give_the_same_results(line in any_line(), piece in 1_usize..50) {
         let bytes = line.chunks(1).collect::<Vec<_>>();
@@ -214,7 +214,7 @@ proptest! {
         decode_all(&[&line], Sample::To);
     }
 
-    /// Whatever came before it, a frame after a delimiter is read.
+    /// Checks that a frame after a delimiter is decoded, whatever came before it.
     #[test]
     fn a_frame_after_any_bytes_decodes(before in any_line(), feedback in any_feedback()) {
         let sample = Sample::From(FromController::Feedback(feedback));
@@ -222,7 +222,8 @@ proptest! {
         prop_assert_eq!(results.last(), Some(&Ok(sample)));
     }
 
-    /// Decoding undoes encoding, and no frame is longer than its number of joints allows.
+    /// Checks that decoding reverses encoding, and that no frame is longer than its number of
+    /// joints allows.
     #[test]
     fn feedback_goes_there_and_back(feedback in any_feedback()) {
         let joints = feedback.joints.len();

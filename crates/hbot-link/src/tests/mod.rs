@@ -1,4 +1,4 @@
-//! Messages to test with, and the tests that concern the crate as a whole.
+//! Messages for tests, and the tests of the crate as a whole.
 
 mod golden;
 mod line;
@@ -37,7 +37,7 @@ impl Sample {
         }
     }
 
-    /// What a decoder of this message's direction makes of `pieces`.
+    /// Returns the results of a decoder for this message's direction, fed with `pieces`.
     pub(crate) fn decode(&self, pieces: &[&[u8]]) -> StdVec<Result<Sample, FrameError>> {
         match self {
             Self::To(_) => decode_all(pieces, Self::To),
@@ -58,7 +58,7 @@ pub(crate) fn decode_all<M: Message>(
     results
 }
 
-/// A float of which no byte is zero, so that COBS finds none to save a byte with.
+/// A float without a zero byte, so that COBS cannot save a byte.
 const FULL_F32: f32 = f32::from_bits(0x7F7F_7F7F);
 
 pub(crate) fn largest_command(joints: usize) -> Command {
@@ -90,7 +90,7 @@ pub(crate) fn largest_description(joints: usize) -> Description {
     }
 }
 
-/// The messages whose bytes stand in docs/link.md, by their names there.
+/// The messages whose bytes are listed in docs/link.md, with their names there.
 pub(crate) fn all_samples() -> StdVec<(&'static str, Sample)> {
     let command = |sequence, enable, torque: &[f32]| {
         let torque = Vec::from_slice(torque).unwrap();

@@ -1,4 +1,4 @@
-//! The names of flight logs, and which logs go when there are too many.
+//! The file names of flight logs, and the choice of logs to remove when there are too many.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -8,22 +8,24 @@ use std::path::{Path, PathBuf};
 
 use hbot_api::{Fault, Mode};
 
-/// The most logs kept in the folder.
+/// Largest number of flight logs that are kept in the folder.
 pub const MAX_FILES: usize = 20;
 
-/// What the log of an emergency stop is called.
+/// The cause in the file name of an emergency stop's flight log.
 const ESTOP: &str = Mode::Estop.as_str();
-/// The form of the time in a name; a 0 stands for a digit.
+/// The pattern of the time in a file name. Each 0 stands for any digit.
 const TIME: &str = "00000000T000000.000Z";
 
-/// The name of a log: `flight-20260131T235959.123Z-4711-001-thermal.csv`, or `.part` while it is being written.
+/// The name of a log file, such as `flight-20260131T235959.123Z-4711-001-thermal.csv`. The
+/// extension is `.part` while the file is being written.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Name {
-    /// In UTC; such times sort as text.
+    /// Time of the fault in UTC. Alphabetical order of these texts is the order of time.
     time: String,
-    /// Another server may have its logs in the same folder, and its faults in the same millisecond.
+    /// Number of the process that writes the log. Another server can use this folder and have a
+    /// fault in the same millisecond.
     process: u32,
-    /// Which log of its process, from 1; three digits.
+    /// Number of the log within its process, from 1, modulo 1000. Always written with three digits.
     number: u16,
     /// Name of the fault, or `estop`.
     what: String,
@@ -36,7 +38,7 @@ impl Name {
         Self { time: time.to_owned(), process, number, what: what.to_owned(), part: false }
     }
 
-    /// Reads a name; `None` of any that this program does not write.
+    /// Parses a file name. Returns `None` for a name that this program does not write.
     pub(super) fn parse(name: &str) -> Option<Self> {
         let (rest, extension) = name.strip_prefix("flight-")?.rsplit_once('.')?;
         let mut fields = rest.split('-');
@@ -47,7 +49,7 @@ impl Name {
         let like = |(a, b): (u8, u8)| if b == b'0' { a.is_ascii_digit() } else { a == b };
         let is_time = time.len() == TIME.len() && time.bytes().zip(TIME.bytes()).all(like);
         let known = what == ESTOP || what.parse::<Fault>().is_ok();
-        // Leading zeros, signs, and fields too many show in how it is written again.
+        // Writing the name again and comparing detects leading zeros, signs and extra fields.
         (is_time && known && read.to_string() == name).then_some(read)
     }
 }
@@ -59,12 +61,20 @@ impl fmt::Display for Name {
     }
 }
 
-/// Removes logs beyond [`MAX_FILES`] from the folder of the one at `newest`, which stays whatever a clock that was set says of it. First
-/// go halves of logs whose process has died; then logs of emergency stops; then those of faults that were not the first of their run;
-/// then those that were; of each kind the oldest first. Files of any other name than `Name`'s stay and do not count.
+/// Removes logs beyond [`MAX_FILES`] from the folder of `newest`. The file `newest` always stays,
+/// even if a wrong clock makes it look old.
+///
+/// Files are removed in this order, oldest first within each group:
+///
+/// 1. incomplete files whose process has ended,
+/// 2. logs of emergency stops,
+/// 3. logs of faults that were not the first fault of their run,
+/// 4. logs of the first fault of a run.
+///
+/// Files with names that this program does not write stay and do not count.
 ///
 /// # Errors
-/// What the system says.
+/// Returns the operating system's error if the folder cannot be read or a file cannot be removed.
 pub fn prune(newest: &Path) -> io::Result<()> {
     let dir = newest.parent().unwrap_or(Path::new("."));
     let entries = fs::read_dir(dir)?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
@@ -73,19 +83,20 @@ pub fn prune(newest: &Path) -> io::Result<()> {
     let others: Vec<PathBuf> = paths.filter(|path| path != newest).collect();
     let surplus = (others.len() + 1).saturating_sub(MAX_FILES);
     others[..surplus].iter().try_for_each(|log| match fs::remove_file(log) {
-        // Another server has had the same thought.
+        // Another server has already removed this file.
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         result => result,
     })
 }
 
-/// The logs that may go, those first that go first.
+/// Returns the logs that can be removed, in the order of removal.
 fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
-    // A half that its process is still writing is none of ours.
+    // Keep incomplete files whose process is still running.
     names.retain(|name| !(name.part && Path::new("/proc").join(name.process.to_string()).exists()));
     names.sort();
-    // The last number of each process, and whether its run has had a fault. A number that is not higher begins a run: processes of
-    // different boots have the same number.
+    // For each process number: the number of its last log, and whether its current run has had a
+    // fault. Processes of different boots can share a process number, so a log number that does not
+    // increase marks a new run.
     let mut runs: HashMap<u32, (u16, bool)> = HashMap::new();
     let mut ranked: Vec<(u8, Name)> = names
         .into_iter()
@@ -100,7 +111,7 @@ fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
             (1 + u8::from(fault) + u8::from(fault && !faulted), name)
         })
         .collect();
-    // Stable: the oldest stays first.
+    // The sort is stable, so the oldest log of each rank stays first.
     ranked.sort_by_key(|(rank, _)| *rank);
     ranked.into_iter().map(|(_, name)| name).collect()
 }
@@ -136,7 +147,7 @@ mod tests {
         }
     }
 
-    /// Logs in `order`, as (second, process, number, what).
+    /// Returns names for logs given as (second, process, number, what).
     fn logs(order: &[(u32, u32, u64, &str)]) -> Vec<Name> {
         let name = |(s, process, number, what): &(u32, u32, u64, &str)| {
             Name::new(&format!("20260131T2359{s:02}.000Z"), *process, *number, what)
@@ -153,7 +164,7 @@ mod tests {
             (3, 7, 4, "link_lost"),
             (6, 7, 2, "overspeed"),
             (1, 7, 2, "thermal"),
-            // The same process number after a boot.
+            // After a reboot another process has this process number.
             (5, 7, 1, "deadline"),
             (7, 8, 1, "slip"),
         ]);
@@ -166,18 +177,18 @@ mod tests {
     fn two_servers_with_faults_in_one_millisecond_and_what_a_killed_one_left_behind() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
-        // This process is told apart from others by its number.
+        // The process number in the name distinguishes this process from others.
         let mut recorder = FlightRecorder::new(dir.path().to_owned(), 1_000_000);
         recorder.push(&crate::still::still(5));
         let name = recorder.trigger(5, "estop").to_str().unwrap().to_owned();
         assert!(name.contains(&format!("-{}-001-estop.csv", std::process::id())), "{name}");
-        // A number that no process has.
+        // This process number is above the kernel's limit, so no process has it.
         let gone = 4_194_304 + 1;
         for i in 0..30 {
             let name = format!("flight-20000101T0000{i:02}.000Z-{gone}-001-estop.part");
             std::fs::write(at(&name), "cut").unwrap();
         }
-        // The clock was wrong then, or is now: by their names these are of the future.
+        // These names have a time in the future, as if a clock had been wrong.
         for i in 0..MAX_FILES {
             std::fs::write(at(&format!("flight-99990101T0000{i:02}.000Z-1-001-estop.csv")), "").unwrap();
         }
@@ -187,7 +198,7 @@ mod tests {
         assert!(flight.path.exists() && left == MAX_FILES, "{left} files");
         let part = format!("flight-20000101T000029.000Z-{gone}-001-estop.part");
         assert!(!at(&part).exists(), "half a log is none");
-        // The same file is never written by two.
+        // Two writers never write the same file.
         std::fs::write(flight.path.with_extension("part"), "another's").unwrap();
         assert!(flight.write().is_err());
     }
@@ -207,7 +218,7 @@ mod tests {
             path
         };
         let first = write(0, "thermal");
-        // A person who stops the rig again and again pushes no log of a fault out.
+        // Many emergency stops must not push out the log of a fault.
         let second = write(1, "slip");
         (2..40).for_each(|s| _ = write(s, "estop"));
         assert!(first.exists() && second.exists());

@@ -1,4 +1,4 @@
-//! The loop's bell on the service's runtime.
+//! The loop's bell, made available to async tasks.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -6,20 +6,24 @@ use std::os::fd::OwnedFd;
 use hbot_host::bridge::Bell;
 use tokio::io::unix::AsyncFd;
 
-/// A bell that can be waited for. It belongs to a tokio runtime.
+/// The loop's bell, in a form that async tasks can wait for. The loop rings it when the service
+/// should take samples. It belongs to one tokio runtime.
 pub(super) struct Ringing {
     bell: Bell,
     descriptor: AsyncFd<OwnedFd>,
 }
 
 impl Ringing {
-    /// Waits for `bell`.
+    /// Prepares `bell` for waiting.
     ///
     /// # Errors
-    /// The system gives no descriptor, or there is no runtime.
+    /// Fails if the operating system refuses a descriptor.
+    ///
+    /// # Panics
+    /// Panics outside of a tokio runtime.
     pub(super) fn of(bell: Bell) -> io::Result<Self> {
-        // Its successor is an unsafe function, because other types than OwnedFd may change or close
-        // their descriptor.
+        // The replacement of the deprecated function is unsafe, because types other than `OwnedFd`
+        // can change or close their descriptor.
         #[expect(
             deprecated,
             reason = "an OwnedFd always gives the same open descriptor, which is all that new() asks"
@@ -28,15 +32,16 @@ impl Ringing {
         Ok(Self { bell, descriptor })
     }
 
-    /// See [`Bell::set`].
+    /// Selects what rings the bell next: any sample if `every` is true, otherwise only a notable
+    /// sample. See [`Bell::set`].
     pub(super) fn set(&self, every: bool) {
         self.bell.set(every);
     }
 
-    /// Waits until it rings. Cancel safe.
+    /// Waits until the bell rings. Cancel safe.
     ///
     /// # Errors
-    /// The runtime shuts down.
+    /// Fails if the runtime shuts down.
     pub(super) async fn rung(&self) -> io::Result<()> {
         let mut guard = self.descriptor.readable().await?;
         self.bell.heard();

@@ -1,27 +1,29 @@
-//! What requests weigh, and a token bucket that bounds their rate.
+//! The weight of requests, and the token bucket that limits their rate.
 
 use std::time::Duration;
 
 use hbot_api::OpName;
 use tokio::time::Instant;
 
-/// Bytes of a request that weigh nothing: ordinary ones have fewer.
+/// Bytes of a request that are free. Ordinary requests are shorter than this.
 const FREE_BYTES: usize = 256;
-/// Bytes beyond these that weigh as much as an ordinary request.
+/// Bytes beyond the free ones that weigh as much as one ordinary request.
 const BYTES_A_REQUEST: usize = 16;
 
-/// The time of the hub that a request takes, in ordinary requests: by its op (`None` if it could not be read) and by its bytes, read
-/// or skipped.
+/// Returns the weight of a request: the hub's time for it, in units of an ordinary request. It
+/// depends on the op (`None` if it could not be read) and on the number of bytes, whether they were
+/// parsed or skipped.
 pub(super) fn weight(op: Option<OpName>, bytes: usize) -> u32 {
     op.map_or(1, |op| op.row().weight) + weight_of(bytes)
 }
 
-/// The part of it that bytes make up.
+/// Returns the part of a request's weight that is due to its bytes.
 pub(super) fn weight_of(bytes: usize) -> u32 {
     u32::try_from(bytes.saturating_sub(FREE_BYTES) / BYTES_A_REQUEST).unwrap_or(u32::MAX / 2)
 }
 
-/// Bounds the rate of requests: a bucket of a tenth of a second's worth.
+/// A token bucket that limits the rate of requests. Its capacity is the number of tokens that it
+/// gains in a tenth of a second.
 pub(super) struct Bucket {
     per_s: f64,
     left: f64,
@@ -34,7 +36,8 @@ impl Bucket {
         Self { per_s, left: 0.1 * per_s, at: now }
     }
 
-    /// Takes `weight` out. Returns how long it takes until as much has come in if the bucket was overdrawn.
+    /// Charges `weight` tokens. If the bucket is overdrawn, returns the time until the debt is
+    /// repaid.
     pub(super) fn take(&mut self, weight: u32, now: Instant) -> Option<Duration> {
         let gained = now.duration_since(self.at).as_secs_f64() * self.per_s;
         self.at = now;
@@ -43,23 +46,25 @@ impl Bucket {
     }
 }
 
-/// The share of the service's time that long messages may take, all clients together: after one that took a time, none is read
-/// for nine times as long.
+/// Rest after each long message (a request of more than 2 KiB), as a multiple of the time that
+/// reading it took. All clients together therefore spend at most a tenth of the service's time on
+/// long messages.
 const REST_PER_WORK: u32 = 9;
 
-/// When the next long message may be read.
+/// Limits the share of the service's time that long messages (requests of more than 2 KiB) take.
 #[derive(Default)]
 pub(super) struct LongMessages {
     next: Option<Instant>,
 }
 
 impl LongMessages {
-    /// The time before which none may be read, if it is not now.
+    /// Returns the time before which no further long message may be read, or `None` if one may be
+    /// read now.
     pub(super) fn not_before(&self, now: Instant) -> Option<Instant> {
         self.next.filter(|next| *next > now)
     }
 
-    /// Notes that one has been read from `start` to `end`.
+    /// Records that a long message was read from `start` to `end`.
     pub(super) fn took(&mut self, start: Instant, end: Instant) {
         self.next = Some(end + REST_PER_WORK * end.duration_since(start));
     }
@@ -79,9 +84,10 @@ mod tests {
         for weight in [1, 1, 50, 1, 100].repeat(20) {
             now += bucket.take(weight, now).expect("the bucket is empty");
         }
-        // The one that found it empty, and twenty times 153.
+        // One request overdraws the empty bucket, and twenty rounds of weight 153 follow: 3061
+        // requests at 1000 per second.
         assert!(((now - start).as_secs_f64() - 3.061).abs() < 1e-6, "{:?}", now - start);
-        // However long it rests, no more than that is saved up.
+        // A long rest does not save up more than the capacity of the bucket.
         now += Duration::from_secs(60);
         assert_eq!(at_once(&mut bucket, now), 100);
     }

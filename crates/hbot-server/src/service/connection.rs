@@ -1,4 +1,4 @@
-//! One connection: its `reader` and its `writer`, from the handshake to the end.
+//! One connection: runs its `reader` and its `writer`, from the TLS handshake to the end.
 
 use std::io;
 use std::time::Duration;
@@ -18,17 +18,20 @@ use super::reader::{Ended, PIECE_BYTES, Reader};
 use super::writer::Writer;
 use crate::tls::Encryption;
 
-/// How long, and for how many bytes, a connection that the server ends goes on listening: closing with unread bytes
-/// would reset it, and the client might lose the answer that says why.
+/// Longest time for which a connection is still read after the server has ended it. Closing it with
+/// unread bytes would reset it, and the client could lose the answer that gives the reason.
 const LINGER: Duration = Duration::from_millis(300);
+/// Largest number of bytes that are read after the server has ended a connection.
 const LINGER_BYTES: usize = 4 << 20;
 
-/// A client of which nothing has been heard for so long is asked so often whether it is there.
+/// Idle time of a connection after which the operating system begins to send TCP keepalive probes.
 const KEEP_IDLE: Duration = Duration::from_secs(5);
+/// Time between two TCP keepalive probes.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
+/// Number of TCP keepalive probes without an answer after which a connection is given up.
 const KEEP_TIMES: u32 = 5;
 
-/// Serves one connection until either side ends it.
+/// Serves one connection, including its TLS handshake, until either side ends it.
 pub(super) async fn serve(
     stream: TcpStream,
     encryption: Option<Encryption>,
@@ -47,7 +50,8 @@ pub(super) async fn serve(
     }
 }
 
-/// The same once bytes are what they mean: who has not said hello by `deadline` is sent away.
+/// Serves a connection after the TLS handshake, if any. Closes it when no hello arrives by
+/// `deadline`.
 pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
     mut stream: S,
     deadline: Instant,
@@ -63,7 +67,7 @@ pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
     let ended = match exchange(&mut reader, &mut writer).await {
         Over::Reading(ended) => {
             desk.gone(session, Gone::Ended);
-            // What has been asked for is answered, even to a client that has closed its own direction.
+            // Answer all requests, even if the client has closed its sending direction.
             let written = writer.run().await;
             if written.as_ref().is_err_and(stuck) {
                 desk.gone(session, Gone::Stuck);
@@ -81,23 +85,24 @@ pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
     }
 }
 
-/// Which direction is over first, and how.
+/// Which direction of a connection ended first, and how it ended.
 enum Over {
     Reading(Ended),
     Writing(io::Result<()>),
 }
 
-/// Both directions, until either is over.
+/// Runs both directions until one of them ends.
 async fn exchange<S: AsyncRead + AsyncWrite>(reader: &mut Reader<S>, writer: &mut Writer<S>) -> Over {
     loop {
-        // The answers of this turn are sent right after it; woken by them, the task would only run once more for nothing.
+        // The answers of this turn are sent right after it. A wake-up for them would only run the
+        // task once more.
         writer.hush();
         let pause = match reader.turn() {
             Ok(pause) => pause,
             Err(ended) => return Over::Reading(ended),
         };
         tokio::select! {
-            // In this order: what the turn has set off leaves before anything else is looked at.
+            // In this order: first send the answers of the turn, then read on.
             biased;
             written = writer.run() => return Over::Writing(written),
             waited = reader.wait(pause) => if let Err(ended) = waited {
@@ -107,19 +112,20 @@ async fn exchange<S: AsyncRead + AsyncWrite>(reader: &mut Reader<S>, writer: &mu
     }
 }
 
-/// Has the system look whether the other machine is still there, so that one that has vanished without a word is missed after ten
-/// seconds: its place, its lease and what is to happen without it wait for no more than that.
+/// Makes the operating system check that the client's machine is still there. If it disappears, the
+/// connection ends after ten seconds. That bounds the time until its place and its lease are freed
+/// and the policy for a lost client is applied.
 pub(super) fn watch_over(stream: &TcpStream) -> rustix::io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, KEEP_IDLE)?;
     sockopt::set_tcp_keepintvl(stream, KEEP_EVERY)?;
     sockopt::set_tcp_keepcnt(stream, KEEP_TIMES)?;
-    // Where something is on its way, that is what is not acknowledged.
+    // While sent data is not acknowledged, this timeout applies instead of keepalive.
     let all = KEEP_IDLE + KEEP_EVERY * KEEP_TIMES;
     sockopt::set_tcp_user_timeout(stream, u32::try_from(all.as_millis()).unwrap_or(u32::MAX))
 }
 
-/// Refuses a connection without serving it.
+/// Refuses a connection with an error message, without serving it.
 pub(super) async fn turn_away(mut stream: TcpStream, error: ErrorBody) {
     let mut line = Vec::new();
     if Encoding::Json.encode(&Response::error(None, error), &mut line).is_ok()

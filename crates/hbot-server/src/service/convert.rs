@@ -1,4 +1,4 @@
-//! From the core's types to those of the TCP messages.
+//! Conversions from the core's types to those of the TCP messages.
 
 use hbot_api::{ClientLostPolicy, ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 use hbot_core::inputs::OnClientLost;
@@ -57,7 +57,7 @@ pub(super) fn microseconds(ns: u64) -> f64 {
     ns as f64 * 1.0e-3
 }
 
-/// Makes `event` that of a sample; takes no memory after the first.
+/// Fills `event` with the state of a sample. Allocates no memory after the first call.
 pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
     let state = &sample.state;
     event.tick = state.tick;
@@ -81,7 +81,7 @@ pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
         lateness_us: microseconds(sample.timing.lateness_ns),
         compute_us: microseconds(sample.timing.compute_ns),
         link_us: microseconds(sample.timing.link_ns),
-        // Nothing has been read before the first reading, so nothing is old.
+        // Before the first reading the age is reported as zero.
         age_us: sample.timing.age_ns.map_or(0.0, microseconds),
     };
 }

@@ -1,4 +1,5 @@
-//! What an effect costs a tick, measured outside the loop on a controller of its own.
+//! Measures the computing time that an effect adds to a tick, outside of the loop, with a separate
+//! `Controller`.
 
 use std::time::Instant;
 
@@ -7,16 +8,20 @@ use hbot_core::kinematics::Posture;
 use hbot_core::rig::{RigParts, Zero, legal};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Rig, Vec3};
 
-/// Ticks before those that are timed: zeros taken, enabled, caches warm.
+/// Ticks before the timed ones, in which the controller finds its zeros and is enabled, and caches
+/// warm up.
 const WARM_UP: usize = 40;
-/// Ticks that are timed.
+/// Number of timed ticks.
 const TIMED: usize = 200;
-/// How the sphere turns meanwhile, rad/s: about all axes, so no law takes a short cut for rest.
+/// Angular velocity of the sphere during the measurement, rad/s. It is about all axes, so that no
+/// effect takes a shortcut for rest.
 const OMEGA: Vec3 = Vec3::new(1.1, -0.7, 0.9);
-/// A torque that is there without any effect, N m, so that allocation, which all effects share, is in both figures.
+/// Torque of a client's stream during the measurement, N m. With it, the cost of torque allocation,
+/// which all effects share, is in both of the compared times.
 const TORQUE: Vec3 = Vec3::new(0.02, 0.01, -0.015);
 
-/// Time that each effect of a scene adds to a tick, ns: the median with it less the median without any. Takes some 0.4 ms an effect.
+/// Returns the time that each effect of a scene adds to a tick, ns: the median time with the effect
+/// minus the median time without any effect. The measurement takes about 0.4 ms per effect.
 pub(super) fn measure(rig: &Rig, scene: &CompiledScene) -> Vec<u64> {
     let rig = tolerant(rig);
     let inputs = inputs(&rig);
@@ -28,7 +33,7 @@ pub(super) fn measure(rig: &Rig, scene: &CompiledScene) -> Vec<u64> {
             let (mut with, mut without) = (Controller::new(rig), Controller::new(rig));
             let (mut times, mut base) = (Vec::with_capacity(TIMED), Vec::with_capacity(TIMED));
             for (i, input) in inputs.iter().enumerate() {
-                // In turns, so that whatever else the machine does falls on both.
+                // Alternate the two, so that other load on the machine affects both.
                 let spent = timed(&mut with, &scene, input);
                 let idle = timed(&mut without, &empty, input);
                 if i >= WARM_UP {
@@ -52,8 +57,8 @@ fn median(mut times: Vec<u64>) -> u64 {
     *times.select_nth_unstable(middle).1
 }
 
-/// The same rig with as little as possible that could keep it from rendering: zeros known at once,
-/// the widest limits that end in a fault.
+/// Returns the rig with conditions under which the controller keeps rendering: zeros that are known
+/// at once, and the widest legal limits for the faults.
 fn tolerant(rig: &Rig) -> Rig {
     let alter = |parts: &mut RigParts| {
         parts.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
@@ -64,7 +69,8 @@ fn tolerant(rig: &Rig) -> Rig {
     rig.with(alter).unwrap_or(*rig)
 }
 
-/// A sphere that turns at [`OMEGA`] without slip, as its encoders see it.
+/// Returns the inputs of a `Controller` whose sphere turns at [`OMEGA`] without slip, as the
+/// encoders measure it.
 fn inputs(rig: &Rig) -> Vec<Inputs> {
     let joints = rig.device.joints();
     let mut angles = [0.0; MAX_JOINTS];
@@ -95,7 +101,7 @@ fn inputs(rig: &Rig) -> Vec<Inputs> {
                 _ => None,
             };
             if let Some(command) = command {
-                // A tick takes more than one.
+                // A tick takes more than one command, so this does not fail.
                 let _ = inputs.commands.push(command);
             }
             inputs
@@ -122,7 +128,8 @@ mod tests {
             assert!(output.state.fresh && output.state.torque.length() > 0.0);
         }
         let end = outputs.last().unwrap().state;
-        // Counts are floored to some 4e-4 rad of a joint, so the turn is right to about that.
+        // Encoder counts are rounded down, to about 4e-4 rad of a joint, so the angle is accurate
+        // to about that.
         let turned = OMEGA.length() * (WARM_UP + TIMED) as f64 * 1e-3;
         let q = end.q;
         assert!((2.0 * q.w.abs().min(1.0).acos() - turned).abs() < 0.01, "{q:?}, {turned}");

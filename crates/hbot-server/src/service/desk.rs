@@ -1,4 +1,4 @@
-//! The way from connections to the hub, which they share.
+//! Shared access to the hub for connections and the service's task.
 
 use std::panic::resume_unwind;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -7,8 +7,8 @@ use hbot_api::{Id, Request, RequestRefusal};
 
 use super::hub::{First, Gone, Hub};
 
-/// The hub, for whoever has something for it to do. One turn at a time, and none waits for anything: on the one thread of the
-/// service they never wait for each other either.
+/// A shared handle to the hub. Tasks use the hub one at a time, and none of them waits while it
+/// does. All run on the service's single thread, so they never block each other.
 #[derive(Clone)]
 pub(super) struct Desk(Arc<Mutex<Hub>>);
 
@@ -17,18 +17,20 @@ impl Desk {
         Self(Arc::new(Mutex::new(hub)))
     }
 
-    /// A look at the hub.
+    /// Returns exclusive access to the hub.
     ///
     /// # Panics
-    /// Where a turn has panicked: what it leaves behind is not used. That ends the service, and with it the torque.
+    /// Panics if an earlier turn has panicked, because the hub's state may be inconsistent. This
+    /// ends the service, and with it the torque.
     pub(super) fn hub(&self) -> MutexGuard<'_, Hub> {
         self.0.lock().unwrap_or_else(|_| resume_unwind(Box::new("a turn of the hub has panicked")))
     }
 
-    /// Has the hub do something: first the states that are there for subscribers, and at the end those go who do not read.
+    /// Runs `act` on the hub. Before it, sends waiting states to subscribers. After it, closes the
+    /// connections of clients that do not read.
     ///
     /// # Panics
-    /// As [`hub`](Self::hub).
+    /// Panics like [`hub`](Self::hub).
     pub(super) fn turn<R>(&self, act: impl FnOnce(&mut Hub) -> R) -> R {
         let mut hub = self.hub();
         if hub.is_watched() {
@@ -39,27 +41,29 @@ impl Desk {
         result
     }
 
-    /// The first message of a connection, hello or not.
+    /// Passes the first message of a connection to the hub and returns its decision.
     pub(super) fn first(&self, session: u64, message: Result<Request, RequestRefusal>) -> First {
         self.turn(|hub| hub.first(session, message))
     }
 
-    /// The first message of a connection is refused at last.
+    /// Sends the delayed refusal of a connection's first message.
     pub(super) fn refuse_first(&self, session: u64, refusal: RequestRefusal) {
         self.turn(|hub| hub.refuse_first(session, refusal));
     }
 
-    /// A later message: whether the hub takes others of this connection.
+    /// Passes a message after the first one to the hub. Returns whether the hub accepts more
+    /// messages from this connection.
     pub(super) fn message(&self, session: u64, message: Result<Request, RequestRefusal>) -> bool {
         self.turn(|hub| hub.message(session, message))
     }
 
-    /// An `estop` whose bytes have stopped the loop already: whether the hub takes others of this connection.
+    /// Answers an `estop` that already stopped the loop when its bytes arrived. Returns whether the
+    /// hub accepts more messages from this connection.
     pub(super) fn stopped(&self, session: u64, id: Option<Id>) -> bool {
         self.turn(|hub| hub.stopped(session, id))
     }
 
-    /// The connection has ended, or the client will say no more.
+    /// Tells the hub that the connection has ended, or that the client will send no more.
     pub(super) fn gone(&self, session: u64, why: Gone) {
         self.turn(|hub| hub.leave(session, why));
     }

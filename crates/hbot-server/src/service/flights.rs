@@ -1,4 +1,4 @@
-//! Flight logs: the last second of samples, and the logs that other threads write of it.
+//! Flight logs: keeps the samples of the last second, and has logs written on other threads.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,33 +12,36 @@ use tokio::task::{JoinError, JoinSet};
 use crate::flight::{Failures, Flight, FlightRecorder};
 use hbot_host::sample::Sample;
 
-/// Flight logs being written at a time; a further one is given up.
+/// Largest number of flight logs that are written at a time. A further log is discarded and counted
+/// as failed.
 const MAX_WRITING: usize = 2;
 
-/// How writing a log ended.
+/// The outcome of writing a flight log.
 pub(super) type Written = Result<(Flight, io::Result<()>), JoinError>;
 
-/// Flight logs in the making. The default records nothing.
+/// The flight recorder and the logs that are being written. The default value records nothing.
 #[derive(Default)]
 pub(super) struct Flights {
     recorder: Option<FlightRecorder>,
     writing: JoinSet<(Flight, io::Result<()>)>,
     failures: Failures,
-    /// Logs written, and those that could not be.
+    /// Number of flight logs written.
     logs: u64,
+    /// Number of flight logs that could not be written.
     failed: u64,
-    /// Notified when a log begins to be written.
+    /// Notified when the writing of a log begins.
     changed: Arc<Notify>,
 }
 
 impl Flights {
-    /// Logs go into `dir`, or nowhere if there is none.
+    /// Creates a recorder for a loop with period `period_ns`, ns. Logs go into the folder `dir`;
+    /// with `None` no logs are written.
     pub(super) fn new(dir: Option<PathBuf>, period_ns: u64, changed: Arc<Notify>) -> Self {
         let recorder = dir.map(|dir| FlightRecorder::new(dir, period_ns));
         Self { recorder, changed, ..Self::default() }
     }
 
-    /// Takes the next sample. Has the log that it completes written on another thread.
+    /// Records the next sample. If it completes a log, starts to write the log on another thread.
     #[inline]
     pub(super) fn record(&mut self, sample: &Sample) {
         let Some(flight) = self.recorder.as_mut().and_then(|recorder| recorder.push(sample)) else { return };
@@ -51,12 +54,14 @@ impl Flights {
         }
     }
 
-    /// Begins a log of what has happened in `tick`, and says where it will be; `None` if logs go nowhere.
+    /// Begins a flight log about `what` in `tick`. Returns the path that the log will have, or
+    /// `None` if logs are not written.
     pub(super) fn trigger(&mut self, tick: u64, what: &str) -> Option<&Path> {
         self.recorder.as_mut().map(|recorder| recorder.trigger(tick, what))
     }
 
-    /// The end of the next log that is being written; pending while there is none.
+    /// Polls for the next flight log whose writing has ended. Stays pending while no log is being
+    /// written.
     pub(super) fn poll_written(&mut self, context: &mut Context<'_>) -> Poll<Written> {
         match self.writing.poll_join_next(context) {
             Poll::Ready(Some(written)) => Poll::Ready(written),
@@ -64,7 +69,7 @@ impl Flights {
         }
     }
 
-    /// Notes how writing a log went.
+    /// Counts a flight log that was written or failed, and reports it in the program's log.
     pub(super) fn written(&mut self, written: Written) {
         match written {
             Ok((flight, Ok(()))) => {
@@ -84,17 +89,17 @@ impl Flights {
         }
     }
 
-    /// Logs written.
+    /// Returns the number of flight logs written.
     pub(super) fn logs(&self) -> u64 {
         self.logs
     }
 
-    /// Logs that could not be written.
+    /// Returns the number of flight logs that could not be written.
     pub(super) fn failed(&self) -> u64 {
         self.failed
     }
 
-    /// Writes what has been begun, and waits for it.
+    /// Writes all flight logs that have begun, complete or not, and waits until they are written.
     pub(super) async fn finish(mut self) -> Self {
         while let Some(flight) = self.recorder.as_mut().and_then(FlightRecorder::finish) {
             self.write(flight);

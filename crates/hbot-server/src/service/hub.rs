@@ -1,13 +1,13 @@
-//! What clients share, in one place: the hub connects the parts that each own a piece of it. Whoever has something for it to do comes
-//! to its `desk`.
+//! Everything that clients share. The hub connects the following parts, and tasks use the hub
+//! through its `desk`.
 //!
 //! | part | what it owns |
 //! |---|---|
-//! | [`Publisher`] | clients, their subscriptions, what is on its way to them |
+//! | [`Publisher`] | clients, their subscriptions, messages that are queued for them |
 //! | [`Lease`] | which client may command |
-//! | [`Orders`] | orders on their way to the loop, and who waits for the answers |
-//! | [`Scenes`] | the scene that runs, and those on their way to the loop |
-//! | [`Incidents`] | faults and stops as samples show them |
+//! | [`Orders`] | orders to the loop that are not answered yet, and who asked for them |
+//! | [`Scenes`] | the running scene, and scenes that are being loaded |
+//! | [`Incidents`] | faults and stops, as seen in samples |
 //! | [`Flights`] | flight logs |
 //! | [`Stats`] | histograms and counters |
 
@@ -43,35 +43,36 @@ use crate::tls::Encryption;
 use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::sample::Sample;
 
-/// Why a connection has ended.
+/// The reason why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Gone {
-    /// Either side has ended it.
+    /// The client or the server has ended it.
     Ended,
-    /// It was given up because the client has not read.
+    /// The server gave it up because the client did not read.
     Stuck,
-    /// It was to be encrypted, and never was.
+    /// The TLS handshake failed or did not finish in time.
     NoHandshake,
 }
 
-/// What became of the first message of a connection.
+/// The outcome of a connection's first message.
 #[derive(Debug, PartialEq)]
 pub(super) enum First {
-    /// It goes on, in this encoding.
+    /// The hello was accepted. The connection continues in this encoding.
     Greeted(Encoding),
-    /// It has been answered, and nothing more will be.
+    /// The first message was refused and answered. The connection ends.
     Refused,
-    /// It is to be answered so, but not at once: who guesses a token shall wait.
+    /// The token was wrong. This refusal is sent after a delay, which slows down guessing.
     WrongToken(RequestRefusal),
 }
 
-/// What clients share.
+/// Owns everything that clients share: the channels to the loop, the scene, the lease,
+/// subscriptions, statistics and flight logs.
 pub(super) struct Hub {
     bounds: Bounds,
     rig: RigConfig,
     token: Option<String>,
     encryption: Option<Encryption>,
-    /// The way to the loop.
+    /// The service's end of the channels to the loop.
     end: ServiceEnd,
     info: Info,
     stats: Stats,
@@ -82,13 +83,14 @@ pub(super) struct Hub {
     incidents: Incidents,
     flights: Flights,
     latest: Option<Sample>,
-    /// When the next message that takes long may be read.
+    /// The time from which the next long message can be read.
     long_messages: LongMessages,
     wrong_tokens: WrongTokens,
-    /// Connections taken so far.
+    /// Number of connections accepted so far.
     sessions: u64,
     status: watch::Sender<Status>,
-    /// Notified when what the service's task waits for has changed: works on other threads have begun, or others watch.
+    /// Notified when the service's task must change what it waits for: work on another thread has
+    /// begun, or the number of subscribers has changed.
     changed: Arc<Notify>,
 }
 
@@ -121,7 +123,7 @@ impl Hub {
     }
 }
 
-/// What the service's task and the connections ask.
+/// The functions for the service's task and the connections.
 impl Hub {
     pub(super) fn bounds(&self) -> &Bounds {
         &self.bounds
@@ -131,7 +133,7 @@ impl Hub {
         self.encryption.as_ref()
     }
 
-    /// Notified when what the service's task waits for has changed.
+    /// Returns the notifier that signals when the service's task must change what it waits for.
     pub(super) fn changed(&self) -> Arc<Notify> {
         Arc::clone(&self.changed)
     }
@@ -144,17 +146,18 @@ impl Hub {
         self.end.emergency_stop()
     }
 
-    /// Whether there are samples to be taken.
+    /// Returns whether there are samples to take.
     pub(super) fn has_samples(&self) -> bool {
         self.end.has_samples()
     }
 
-    /// Whether the loop has ended and all samples are taken.
+    /// Returns whether the loop has ended and all samples are taken.
     pub(super) fn is_over(&self) -> bool {
         self.end.is_over()
     }
 
-    /// Whether anybody wants states as they come. Where nobody does, samples wait until something notable happens.
+    /// Returns whether any client is subscribed to states. If not, samples wait until something
+    /// notable happens.
     pub(super) fn is_watched(&self) -> bool {
         self.publisher.is_watched()
     }
@@ -163,51 +166,53 @@ impl Hub {
         &mut self.long_messages
     }
 
-    /// Clients that have not said hello.
+    /// Returns the number of clients that have not said hello.
     pub(super) fn strangers(&self) -> usize {
         self.publisher.strangers()
     }
 
-    /// The number of one more connection.
+    /// Counts a new connection and returns its session number.
     pub(super) fn next_session(&mut self) -> u64 {
         self.stats.counts.connections += 1;
         self.sessions += 1;
         self.sessions
     }
 
-    /// Takes in the client of a connection.
+    /// Adds the client of a new connection.
     pub(super) fn admit(&mut self, session: u64, peer: Peer) {
         self.publisher.admit(session, peer);
     }
 
-    /// Counts a connection for which there was no place.
+    /// Counts a connection that was turned away because there was no place for it.
     pub(super) fn turned_away(&mut self) {
         self.stats.counts.connections_turned_away += 1;
     }
 
-    /// Counts a refusal.
+    /// Counts a refused request under `code`.
     pub(super) fn refused(&mut self, code: ErrorCode) {
         self.stats.counts.refused.add(code);
     }
 
-    /// Lets go of the connection that has waited longest to be told of its wrong token, so that its place is another's. False if
-    /// there is none.
+    /// Closes the connection that has waited longest for the refusal of its wrong token, to free
+    /// its place. Returns false if there is none.
     pub(super) fn cut_a_guess(&mut self) -> bool {
         self.publisher.cut_a_guess()
     }
 
-    /// How the run goes until now.
+    /// Takes the waiting samples and returns the statistics of the run so far.
     pub(super) fn summary(&mut self) -> StatsOk {
         self.drain();
         self.stats.summary(&self.flights)
     }
 
-    /// How the run went, with the flight logs that have been written since [`farewell`](Self::farewell).
+    /// Returns the final statistics, including the flight logs that were written after
+    /// [`farewell`](Self::farewell).
     pub(super) fn last_summary(&self, flights: &Flights) -> StatsOk {
         self.stats.summary(flights)
     }
 
-    /// Looks at what nobody else brings up.
+    /// Performs the periodic work: reports lost messages to clients, logs wrong tokens, and updates
+    /// the status.
     pub(super) fn heartbeat(&mut self) {
         let now = Instant::now();
         self.publisher.tell_losses(now);
@@ -224,7 +229,8 @@ impl Hub {
         });
     }
 
-    /// Cuts the connections of those who do not read. Each may set off events that doom others.
+    /// Closes the connections of clients that do not read. Each closing can cause events, which can
+    /// overflow the queues of other clients.
     pub(super) fn bury(&mut self) {
         while let Some(session) = self.publisher.cut_next() {
             self.stats.counts.connections_cut += 1;
@@ -232,7 +238,8 @@ impl Hub {
         }
     }
 
-    /// A connection has ended, or its client says no more.
+    /// Handles the end of a connection, or of the client's sending direction. Counts the connection
+    /// if it was cut or never encrypted.
     pub(super) fn leave(&mut self, session: u64, why: Gone) {
         match why {
             Gone::Ended => {}
@@ -248,7 +255,9 @@ impl Hub {
         self.gone(session);
     }
 
-    /// The client says no more. It stays as long as answers are owed to it.
+    /// Notes that a client sends no more. If it held the lease, the rig file's policy for a lost
+    /// client is ordered and the lease is freed. The client stays known until its pending answers
+    /// are sent.
     pub(super) fn gone(&mut self, session: u64) {
         if !self.publisher.gone(session) {
             return;
@@ -262,7 +271,8 @@ impl Hub {
         self.tell_status();
     }
 
-    /// Says goodbye. Connections end once all that waits for their clients has been sent. Returns the flight logs in the making.
+    /// Announces to all clients that the server stops, and closes each connection after its queued
+    /// messages are sent. Returns the flight logs that are in progress.
     pub(super) fn farewell(&mut self, why: &str) -> Flights {
         self.publisher.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
         self.publisher.dismiss_all();
@@ -270,9 +280,13 @@ impl Hub {
     }
 }
 
-/// What requests have in common.
+/// The functions that several requests share.
 impl Hub {
-    /// Sends a client's order to the loop; the answer comes with a sample.
+    /// Sends a client's order, which is a command for the loop. The answer arrives with a later
+    /// sample.
+    ///
+    /// # Errors
+    /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
         self.orders.place(&mut self.end, session, id, op, command).map_err(|_| {
             ErrorBody::new(
@@ -288,9 +302,10 @@ impl Hub {
         self.orders.insist(&mut self.end, Asker::Service(what), command);
     }
 
-    /// Tells all that the lease has changed hands.
+    /// Announces a change of the lease to all clients. If the lease was stolen or released, also
+    /// ramps down the torque stream of the old holder.
     fn lease_changed(&mut self, cause: LeaseCause) {
-        // The stream of who loses the lease must not go on under the next holder, or under nobody.
+        // A stream must not continue under the next holder, or without a holder.
         match cause {
             LeaseCause::Stolen => {
                 self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
@@ -298,7 +313,7 @@ impl Hub {
             LeaseCause::Released => {
                 self.order_internally("lease released", Command::ClientLost(OnClientLost::Ramp));
             }
-            // What the rig file says has been ordered already.
+            // For a lost client, the policy of the rig file has been ordered already.
             LeaseCause::Acquired | LeaseCause::Disconnected => {}
         }
         tracing::info!(holder = self.lease.name().unwrap_or("nobody"), ?cause, "lease");
@@ -306,7 +321,7 @@ impl Hub {
         self.tell_status();
     }
 
-    /// Sends an answer.
+    /// Sends an answer, and counts it if it is a refusal.
     fn respond(&mut self, session: u64, response: &Response) {
         if let Err(error) = &response.result {
             self.stats.counts.refused.add(error.code);
@@ -314,7 +329,8 @@ impl Hub {
         self.publisher.send(session, response);
     }
 
-    /// Answers a request with a body.
+    /// Sends a successful answer with a body. If the body has a number that is not finite, sends an
+    /// error instead.
     fn answer(&mut self, session: u64, id: Option<Id>, body: impl Serialize) {
         let answer = Response::ok(id, body);
         if let Err(error) = self.publisher.try_send(session, &answer) {
@@ -323,7 +339,8 @@ impl Hub {
         }
     }
 
-    /// Refuses a request: with an answer, or for a stream message without an id in a count.
+    /// Refuses a request and counts the refusal. A stream message without an id gets no answer, and
+    /// is reported to its client as a count.
     fn refuse(&mut self, session: u64, id: Option<Id>, op: Option<OpName>, error: ErrorBody) {
         let stream = op.is_some_and(|op| op.row().stream);
         self.stats.counts.refused_streams += u64::from(stream);

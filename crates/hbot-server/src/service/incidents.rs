@@ -1,4 +1,5 @@
-//! What of a sample concerns everybody: the rig stops, by a fault or by somebody, or is reset.
+//! Incidents in samples that all clients are notified of: the rig stops because of a fault or a
+//! stop, or is reset.
 
 use hbot_api::{FaultEvent, Mode as ApiMode, StatsOk};
 use hbot_core::Rig;
@@ -10,15 +11,16 @@ use super::flights::Flights;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
-/// Looks for incidents in samples.
+/// Detects faults, stops and resets in samples.
 pub(super) struct Incidents {
     rig: Rig,
-    /// Of the last sample.
+    /// Mode and cause of the last sample.
     situation: Option<(Mode, Option<Cause>)>,
-    /// Ticks skipped until the last sample, and just before it.
+    /// The loop's count of skipped ticks at the last sample.
     skipped: u64,
+    /// Number of ticks that were skipped just before the last sample.
     skipped_before: u64,
-    /// Who has stopped the rig last, in words.
+    /// Description of the client that stopped the rig last, for the message about the stop.
     stopper: Option<String>,
 }
 
@@ -27,12 +29,13 @@ impl Incidents {
         Self { rig, situation: None, skipped: 0, skipped_before: 0, stopper: None }
     }
 
-    /// Notes who stops the rig.
+    /// Records who stops the rig.
     pub(super) fn stopped_by(&mut self, who: Option<String>) {
         self.stopper = who;
     }
 
-    /// Looks at a sample. Returns what to tell all clients if there is an incident, which is then counted, logged, and begins a flight log.
+    /// Examines a sample. An incident is counted and logged, and a fault or stop also begins a
+    /// flight log. Returns the event for all clients, or `None` if there was no incident.
     #[inline]
     pub(super) fn look(
         &mut self,
@@ -42,7 +45,7 @@ impl Incidents {
         counts: &mut StatsOk,
     ) -> Option<FaultEvent> {
         let skipped = std::mem::replace(&mut self.skipped, sample.counters.skipped);
-        // Before the first sample nothing is known to have been skipped.
+        // Before the first sample, no tick is known to have been skipped.
         self.skipped_before = self.situation.map_or(0, |_| sample.counters.skipped - skipped);
         let situation = (sample.state.mode, sample.state.cause);
         if self.situation == Some(situation) {
@@ -77,7 +80,7 @@ impl Incidents {
             }
             (mode, _) if matches!(before, Some(Mode::Fault | Mode::Estop)) => {
                 tracing::info!(tick, mode = %convert::mode(mode), "reset");
-                // One that found the rig stopped already is not told of.
+                // Discard a signal that found the rig already stopped.
                 let _ = end.take_signalled();
                 return Some(event(sample, "reset".to_owned()));
             }
@@ -103,7 +106,7 @@ fn event(sample: &Sample, message: String) -> FaultEvent {
     }
 }
 
-/// What was seen, against which limit, and what to do.
+/// Returns a message with the observed value, the limit that it exceeded, and the remedy.
 fn explain(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
     let state = &sample.state;
     match cause {
@@ -166,7 +169,8 @@ fn explain(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
     }
 }
 
-/// Which deadline was not kept: a tick that came too late, or ticks that were left out because the one before them took too long.
+/// Describes the missed deadline: a tick that began too late, or ticks that were skipped because
+/// the tick before them took too long.
 fn deadline(lateness_ns: u64, skipped: u64) -> String {
     let late_ms = convert::seconds(lateness_ns) * 1.0e3;
     let what = if lateness_ns > LATE_FAULT_NS {
@@ -195,7 +199,7 @@ mod tests {
         let skipped = deadline(400_000, 12);
         assert!(skipped.starts_with("12 ticks in a row were skipped because"), "{skipped}");
         assert!(!skipped.contains("ms late"), "its lateness is not what is wrong: {skipped}");
-        // Both: the tick itself is named.
+        // If both conditions hold, the late tick is named.
         assert!(deadline(20_000_001, 40).starts_with("a tick came 20.0 ms late"));
     }
 

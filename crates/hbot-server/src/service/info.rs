@@ -1,4 +1,4 @@
-//! What `info` answers: the rig, what it can render and at what limits, and what runs.
+//! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
     EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo, SphereInfo,
@@ -15,7 +15,7 @@ use super::convert;
 use hbot_host::sample::Sample;
 use hbot_host::stiffness::{Expected, USUAL_DAMPING};
 
-/// The parts that do not change while the server runs.
+/// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
     fixed: InfoOk,
     limits: JointLimits,
@@ -36,7 +36,8 @@ impl Info {
         Self { fixed, limits: joint_limits(config) }
     }
 
-    /// The whole answer. The capability is that at the posture of `sample`.
+    /// Returns the complete answer to `info`. The torque capability is computed for the posture in
+    /// `sample`, and is absent without a sample.
     pub(super) fn answer(
         &self,
         config: &RigConfig,
@@ -102,7 +103,8 @@ fn limits(config: &RigConfig) -> LimitsInfo {
     }
 }
 
-/// What stiffness to expect of the loop; `None` if the inertias of a wheel contradict each other.
+/// Returns the stiffness that can be expected of the rig, or `None` if the inertias of a wheel
+/// contradict each other.
 fn render(config: &RigConfig) -> Option<RenderInfo> {
     let expected = Expected::of(config)?;
     let [stiffness_most, _] = expected.most();
@@ -121,7 +123,7 @@ fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {
         .collect()
 }
 
-/// What each joint may have, weighted as the torques are allocated.
+/// Returns the peak torque of each joint, and the weight that the torque allocation gives to it.
 fn joint_limits(config: &RigConfig) -> JointLimits {
     let (rig, device) = (&config.rig, &config.rig.device);
     let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };

@@ -2,7 +2,7 @@
 
 use hbot_api::{ErrorBody, ErrorCode, LeaseCause, LeaseEvent, LeaseInfo, OpName};
 
-/// Who holds the lease.
+/// The lease and its present holder, if any.
 #[derive(Default)]
 pub(super) struct Lease {
     holder: Option<Holder>,
@@ -18,7 +18,7 @@ impl Lease {
         self.holder.as_ref().is_some_and(|holder| holder.session == session)
     }
 
-    /// The name of its holder.
+    /// Returns the name of the client that holds the lease, if any.
     pub(super) fn name(&self) -> Option<&str> {
         self.holder.as_ref().map(|holder| holder.name.as_str())
     }
@@ -31,16 +31,16 @@ impl Lease {
         }
     }
 
-    /// What all clients are sent after a change.
+    /// Returns the event that all clients receive after a change of the lease.
     pub(super) fn event(&self, cause: LeaseCause) -> LeaseEvent {
         let LeaseInfo { holder, session } = self.info();
         LeaseEvent { holder, session, cause }
     }
 
-    /// Whether `session` may ask for `what`, which the holder alone may.
+    /// Checks that `session` holds the lease, which `what` requires. `what` is the name of an op.
     ///
     /// # Errors
-    /// It does not hold the lease.
+    /// Fails if `session` does not hold the lease.
     pub(super) fn require(&self, session: u64, what: &str) -> Result<(), ErrorBody> {
         if self.is_held_by(session) {
             return Ok(());
@@ -51,10 +51,11 @@ impl Lease {
         Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
     }
 
-    /// Gives the lease to `session`. Returns how it changed hands, or `None` if `session` holds it already.
+    /// Gives the lease to `session`. Returns how it changed hands, or `None` if `session` holds it
+    /// already.
     ///
     /// # Errors
-    /// Another client holds it, and `steal` is false.
+    /// Fails if another client holds the lease and `steal` is false.
     pub(super) fn acquire(
         &mut self,
         session: u64,

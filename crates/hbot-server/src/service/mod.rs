@@ -1,22 +1,34 @@
-//! The TCP service: clients on one side, the loop's rings on the other.
+//! The TCP service. It connects clients to the loop through the loop's lock-free rings.
 //!
-//! The `hub` owns everything that clients share: the way to the loop, the scene, the lease, subscriptions, statistics, the flight
-//! recorder. It never waits. Who has something for it to do comes to its `desk` and does it in a turn of its own, on the
-//! service's one thread: the task of each `connection`, whose `reader` turns bytes into requests and whose `writer` turns what
-//! waits for the client into bytes, and the service's own task (`run`), which lets clients in and hears the loop.
+//! The `hub` owns everything that clients share: the channels to the loop, the scene, the lease,
+//! subscriptions, statistics and the flight recorder. It never waits. All tasks run on the
+//! service's single thread and use the hub through its `desk`, one at a time:
+//!
+//! - the task of each `connection`. Its `reader` turns bytes into requests, and its `writer` sends
+//!   the messages that are queued for the client.
+//! - the service's own task (`run`), which accepts connections and takes samples from the loop.
 //!
 //! ```text
 //! socket -> reader -> desk -> hub -> orders, scenes -> loop
 //! socket <- writer <- outbox (each client, 256) <- hub <- samples <- loop
 //! ```
 //!
-//! A request is done as soon as it is read, and its answer is on the socket before anything else is looked at. Where a client asks
-//! faster than it may, its requests wait; its connection reads on for a while, so that a stop behind them is found. Where it reads slower than the hub writes, it loses states first
-//! (`outbox`), which a `dropped` event counts; when an answer finds no place either, or nothing has moved for seconds, it loses
-//! its connection. Blocking work (measuring what effects cost, writing flight logs) is done on other threads.
+//! A request is executed as soon as it is read, and its answer is written to the socket before the
+//! connection does anything else.
 //!
-//! Where somebody watches, the loop wakes the service at every sample. Where nobody does, at what is notable: another mode, cause
-//! or scene, an answer, or many samples (`bridge`).
+//! If a client exceeds its request rate, its requests wait. Its connection still reads ahead for a
+//! while, so that a stop behind the waiting requests is found.
+//!
+//! If a client reads more slowly than the hub writes, it first loses states (`outbox`), which a
+//! `dropped` event counts. If there is no room for an answer either, or if no byte can be sent for
+//! several seconds, the connection is closed.
+//!
+//! Blocking work, such as measuring the cost of effects and writing flight logs, is done on other
+//! threads.
+//!
+//! If a client is subscribed to states, the loop wakes the service at every sample. Otherwise the
+//! loop wakes it only at notable events: a new mode, cause or scene, an answer, or many waiting
+//! samples (see the module `bridge` of hbot-host).
 
 mod bell;
 mod bucket;
@@ -48,7 +60,7 @@ use std::future::Future;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How a run went: what `stats` answers.
+/// The statistics of a run, as the op `stats` returns them.
 pub use hbot_api::StatsOk as Summary;
 
 use hbot_api::ErrorCode;
@@ -62,51 +74,54 @@ use crate::tls::Encryption;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
-/// Gives the simulated rig other phenomena.
+/// A function that gives the simulated rig the phenomena of a scene.
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
 
-/// What the service needs to know.
+/// The settings of the service.
 pub struct Setup {
     /// The rig that the loop drives.
     pub rig: RigConfig,
-    /// The scene that the loop already runs.
+    /// The scene that the loop is already running.
     pub scene: RunningScene,
-    /// Called where a scene that is loaded names phenomena; `None` with a real port, where they are ignored.
+    /// Called with the phenomena that a newly loaded scene names. `None` with a real rig, which
+    /// ignores phenomena.
     pub phenomena: Option<SetPhenomena>,
-    /// The secret that clients must show; `None` where none is asked for.
+    /// The token that clients must show. With `None` no token is required.
     pub token: Option<String>,
-    /// Encrypts connections; `None` for plain TCP.
+    /// Encrypts connections. With `None` connections are plain TCP.
     pub encryption: Option<Encryption>,
-    /// Where flight logs go; `None` for none.
+    /// The folder for flight logs. With `None` no logs are written.
     pub flight_dir: Option<PathBuf>,
-    /// What people call the methods in use, for `info`.
+    /// The names of the numerical methods in use, as text for the answer to `info`.
     pub accuracy: String,
 }
 
-/// What others than clients ask of the service.
+/// A request to the service from another part of the program, such as the metrics page.
 #[derive(Debug)]
 pub enum Control {
-    /// Tell how the run goes.
+    /// Asks for the statistics of the run.
     Summarize(oneshot::Sender<Box<Summary>>),
-    /// Count a refusal of somebody's who is no client of the API.
+    /// Asks the service to count a refusal that happened outside of the TCP service, such as at the
+    /// metrics page.
     Refused(ErrorCode),
 }
 
-/// What is going on, for a line in a terminal.
+/// A summary of the service's present state, for a line in a terminal.
 #[derive(Debug, Clone, Default)]
 pub struct Status {
-    /// The newest sample; `None` before the first.
+    /// The newest sample. `None` before the first.
     pub sample: Option<Sample>,
-    /// Clients that have said hello.
+    /// Number of clients that have said hello.
     pub clients: usize,
-    /// The name of who holds the lease.
+    /// Name of the client that holds the lease, if any.
     pub holder: Option<String>,
-    /// The name of the scene.
+    /// Name of the scene.
     pub scene: String,
 }
 
 impl Status {
-    /// What the rig does, as messages say it; the cause where it is in fault.
+    /// Returns the mode of the rig as it is called in messages. In mode `fault`, returns the cause
+    /// instead. Before the first sample, returns `"starting"`.
     #[must_use]
     pub fn mode(&self) -> &'static str {
         let Some(sample) = &self.sample else { return "starting" };
@@ -117,24 +132,27 @@ impl Status {
     }
 }
 
-/// How much of everything a service bears.
+/// The limits of the service.
 #[derive(Debug, Clone, Copy)]
 struct Bounds {
-    /// Connections at a time.
+    /// Largest number of simultaneous connections.
     connections: usize,
-    /// Of these, places that only programs on this machine may take.
+    /// Number of places, among `connections` and among `strangers`, that are reserved for programs
+    /// on this machine.
     local: usize,
-    /// Connections at a time that have not said hello. Of these, too, `local` are for programs on this machine.
+    /// Largest number of simultaneous connections that have not said hello. Of these, `local`
+    /// places are reserved for programs on this machine.
     strangers: usize,
-    /// How long a client may take to say hello.
+    /// Time within which a client must say hello.
     hello: Duration,
-    /// How long the answer to a wrong token takes.
+    /// Delay before the answer to a wrong token.
     wrong_token: Duration,
-    /// How long a client may take no byte before it counts as gone.
+    /// Time without progress in sending after which a client is considered gone.
     stuck: Duration,
-    /// Messages on their way to one client.
+    /// Largest number of messages that wait for one client.
     outgoing: usize,
-    /// Ordinary requests a second of one client; those that take longer count as several.
+    /// Ordinary requests per second that one client can make. A request that takes longer counts as
+    /// several.
     requests_per_s: u32,
 }
 
@@ -153,8 +171,10 @@ impl Default for Bounds {
     }
 }
 
-/// Serves clients of `listener` until `shutdown` is ready, or until the loop has ended and its samples are fetched. Clients
-/// are then told so, which takes at most 200 ms. Needs a tokio runtime with I/O and time; one thread is enough.
+/// Serves the clients of `listener` until `shutdown` completes, or until the loop has ended and all
+/// its samples are taken. Then notifies the clients, which takes at most 200 ms, finishes the
+/// flight logs and returns the statistics of the run. Needs a tokio runtime with I/O and time. One
+/// thread is enough.
 pub async fn serve(
     listener: TcpListener,
     end: ServiceEnd,
@@ -166,7 +186,7 @@ pub async fn serve(
     serve_within(Bounds::default(), listener, end, setup, control, status, shutdown).await
 }
 
-/// Serves likewise, within other bounds.
+/// Serves clients like [`serve`], with the limits `bounds` instead of the default ones.
 async fn serve_within(
     bounds: Bounds,
     listener: TcpListener,

@@ -1,4 +1,4 @@
-//! Orders on their way to the loop and back.
+//! Orders that have been sent to the loop and wait for an answer.
 
 use std::collections::VecDeque;
 
@@ -9,24 +9,29 @@ use hbot_core::outputs::Reply;
 use hbot_host::bridge::{Busy, ServiceEnd};
 use hbot_host::sample::Answer;
 
-/// The loop takes 7 orders a tick, in their sequence. So many may be on their way when a stream message, another op or a `disable`
-/// comes, so that there is always a place for an emergency stop; that one the loop does in its next tick, whatever waits.
+/// Number of pending orders from which on stream messages are refused. The loop executes 7 orders
+/// per tick, in sequence.
 const MAX_STREAMS: usize = 32;
+/// Number of pending orders from which on all ops except `disable` and `estop` are refused.
 const MAX_ORDERS: usize = 64;
+/// Number of pending orders from which on a `disable` is refused. This leaves room for the
+/// confirmation of an emergency stop. The stop itself takes effect in the next tick, whatever
+/// waits.
 const MAX_DISABLES: usize = 128;
 
-/// Orders on their way.
+/// Keeps track of orders, which are commands for the loop: those without an answer yet, and those
+/// that wait for a place in the ring.
 #[derive(Default)]
 pub(super) struct Orders {
-    /// By ticket, which is the order in which the loop answers.
+    /// Pending orders by ticket. The loop answers in this order.
     pending: VecDeque<(u64, Asker)>,
-    /// Orders of the service's own that have found no place yet.
+    /// Orders of the service itself that found no place in the ring yet.
     insisted: VecDeque<(Asker, Command)>,
-    /// The newest of all, where it is one of the service's own.
+    /// The newest order, if it is one of the service itself.
     newest: Option<Command>,
 }
 
-/// Who wants an answer.
+/// The origin of an order, which receives its answer.
 #[derive(Debug, Clone)]
 pub(super) enum Asker {
     Client {
@@ -34,12 +39,12 @@ pub(super) enum Asker {
         id: Option<Id>,
         op: OpName,
     },
-    /// The service itself; what for.
+    /// The service itself, with a description of the order.
     Service(&'static str),
 }
 
-/// How many orders may be on their way when one for `op` is given. One that makes the rig safe is not refused for want of a place that
-/// others have taken.
+/// Returns the number of pending orders from which on an order for `op` is refused. Orders that
+/// make the rig safe have higher limits, so that other orders cannot take their places.
 fn places(op: OpName) -> usize {
     match op.row() {
         OpRow { stop: Some(Stop::Estop), .. } => usize::MAX,
@@ -50,10 +55,10 @@ fn places(op: OpName) -> usize {
 }
 
 impl Orders {
-    /// Sends a client's order to the loop; the answer comes with a sample.
+    /// Sends a client's order to the loop. The answer arrives with a later sample.
     ///
     /// # Errors
-    /// So many are on their way that one for `op` has no place.
+    /// Fails if too many orders are pending for an order of the kind of `op`.
     pub(super) fn place(
         &mut self,
         end: &mut ServiceEnd,
@@ -71,9 +76,9 @@ impl Orders {
         Ok(())
     }
 
-    /// Sends an order of the service's own, now or as soon as there is a place. Where it is the newest of all that are on their way it is
-    /// not sent again: nothing has come after it that it would have to undo, and whoever brings it about can do so faster than the loop
-    /// takes orders.
+    /// Sends an order of the service itself, now or as soon as there is a place. If it equals the
+    /// newest order and that one is still pending, it is not sent again: no order came between
+    /// them, and the events that cause it can come faster than the loop takes orders.
     pub(super) fn insist(&mut self, end: &mut ServiceEnd, asker: Asker, command: Command) {
         let on_its_way = !(self.pending.is_empty() && self.insisted.is_empty());
         if on_its_way && self.newest == Some(command) {
@@ -84,7 +89,7 @@ impl Orders {
         self.retry(end);
     }
 
-    /// Tries again what has found no place.
+    /// Tries again to send the service's orders that found no place in the ring.
     pub(super) fn retry(&mut self, end: &mut ServiceEnd) {
         while let Some((asker, command)) = self.insisted.pop_front() {
             match end.order(command) {
@@ -97,14 +102,16 @@ impl Orders {
         }
     }
 
-    /// The next order that `answer` settles, and its reply; `None` for a reply that was in a sample which found no place. Orders are
-    /// answered in sequence, so ask again until there is none.
+    /// Returns the next order that `answer` settles, and its reply. The reply is `None` if it was
+    /// in a sample that was dropped. One answer can settle several orders, so call this until it
+    /// returns `None`.
     pub(super) fn answered(&mut self, answer: &Answer) -> Option<(Asker, Option<Reply>)> {
         let (asker, lost) = self.take(answer.ticket)?;
         Some((asker, (!lost).then_some(answer.reply)))
     }
 
-    /// Who asked under this ticket, and whether older tickets were answered in samples that nobody saw.
+    /// Removes the oldest pending order up to `ticket`. Returns its asker, and whether its answer
+    /// was in a sample that was dropped.
     fn take(&mut self, ticket: u64) -> Option<(Asker, bool)> {
         let (front, _) = self.pending.front()?;
         if *front > ticket {
@@ -135,7 +142,7 @@ mod tests {
             orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         }
         assert_eq!((orders.pending.len(), orders.insisted.len()), (1, 0));
-        // After an order of a client's it is another; and so it is once it has been answered.
+        // It is sent again after an order of a client, and after it has been answered.
         orders.place(&mut end, 1, None, OpName::Enable, Command::Enable).unwrap();
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
@@ -148,7 +155,7 @@ mod tests {
         assert_eq!(taken, [lost, Command::Enable, lost]);
         orders.insist(&mut end, Asker::Service("lease stolen"), lost);
         assert_eq!(orders.pending.len(), 1);
-        // Where the ring is full, it waits for a place: once.
+        // If the ring is full, it waits for a place, only once.
         while end.order(Command::Disable).is_ok() {}
         for command in [Command::Estop, lost, lost, lost] {
             orders.insist(&mut end, Asker::Service("a signal"), command);

@@ -1,22 +1,24 @@
-//! What is on its way to one client: a bounded queue between the hub, which never waits, and the connection.
+//! The messages that are queued for one client: a bounded queue between the hub, which never waits,
+//! and the connection.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 
-/// Bytes that may wait for a client; an answer to `info` is the longest message, well below a tenth of it. All clients together may have
-/// the service hold so much for each.
+/// Largest number of bytes that wait for one client. The longest message, the answer to `info`, is
+/// far less than a tenth of it. The service's memory for messages is at most this times the number
+/// of clients.
 const MAX_BYTES: usize = 1 << 20;
-/// What a connection that has nothing to send keeps, bytes.
+/// Largest buffer that an idle connection keeps, bytes.
 const KEPT_BYTES: usize = 64 * 1024;
 
-/// The hub's end.
+/// The hub's end of a client's queue.
 pub(super) struct Outbox {
     queue: Shared,
-    /// Samples are being lost until the queue is short again.
+    /// No samples are queued until most of the queue is free again.
     congested: bool,
 }
 
-/// The connection's end.
+/// The connection's end of a client's queue.
 pub(super) struct Inbox {
     queue: Shared,
 }
@@ -24,21 +26,21 @@ pub(super) struct Inbox {
 #[derive(Clone)]
 struct Shared(Arc<Mutex<Queue>>);
 
-/// Messages one after the other, as they go over the wire.
+/// Encoded messages for one client, one after the other, and their counts.
 struct Queue {
     bytes: Vec<u8>,
     messages: usize,
-    /// Bytes and messages that the connection has taken and not yet sent.
+    /// Bytes and messages that the connection has taken and not yet sent completely.
     sending: (usize, usize),
     most: usize,
-    /// The other end is gone.
+    /// One of the two ends is gone.
     closed: bool,
     waker: Option<Waker>,
 }
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, Queue> {
-        // Nothing in here panics half way through.
+        // No code panics while it holds this lock, so the data of a poisoned lock is valid.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -51,7 +53,7 @@ impl Shared {
     }
 }
 
-/// Both ends of a queue of at most `messages`.
+/// Creates a queue for at most `messages` messages. Returns both ends.
 pub(super) fn outbox(messages: usize) -> (Outbox, Inbox) {
     let queue =
         Queue { bytes: Vec::new(), messages: 0, sending: (0, 0), most: messages, closed: false, waker: None };
@@ -60,10 +62,11 @@ pub(super) fn outbox(messages: usize) -> (Outbox, Inbox) {
 }
 
 impl Outbox {
-    /// Queues an answer or event that `write` appends: `Ok(false)` where it finds no place, or the connection is gone.
+    /// Queues the answer or event that `write` appends. Returns `Ok(false)` if there is no room or
+    /// the connection is gone.
     ///
     /// # Errors
-    /// Those of `write`. Nothing is queued then.
+    /// Returns the errors of `write`. Nothing is queued then.
     pub(super) fn send_with<E>(&self, write: impl FnOnce(&mut Vec<u8>) -> Result<(), E>) -> Result<bool, E> {
         let mut queue = self.queue.lock();
         let before = queue.bytes.len();
@@ -83,8 +86,8 @@ impl Outbox {
         Ok(true)
     }
 
-    /// Queues a message that others get as well: false where it finds no place, or the connection is gone. An empty one, which could not
-    /// be said, takes none.
+    /// Queues an encoded message. Returns false if there is no room or the connection is gone. An
+    /// empty message, which results from a failed encoding, is ignored and returns true.
     #[must_use]
     pub(super) fn send(&self, message: &[u8]) -> bool {
         if message.is_empty() {
@@ -97,13 +100,14 @@ impl Outbox {
         written.is_ok_and(|placed| placed)
     }
 
-    /// Whether the connection has ended by itself.
+    /// Returns whether the connection has ended by itself.
     pub(super) fn is_closed(&self) -> bool {
         self.queue.lock().closed
     }
 
-    /// Whether a sample may be queued. Samples take at most half of the queue, so answers find a place; once they have
-    /// been refused one, they are until three quarters of it are free.
+    /// Returns whether a sample may be queued. Samples take at most half of the queue, so that
+    /// there is room for answers. After a sample was refused, samples are accepted again when three
+    /// quarters of the queue are free.
     pub(super) fn takes_samples(&mut self) -> bool {
         let queue = self.queue.lock();
         let (free, all) = (queue.most.saturating_sub(queue.messages + queue.sending.1), queue.most);
@@ -120,7 +124,8 @@ impl Drop for Outbox {
 }
 
 impl Inbox {
-    /// Takes all that waits into `bytes`, which has been sent; false once the hub has let go and everything is sent.
+    /// Takes all queued messages into `bytes`, whose old content has been sent. Returns false when
+    /// the hub has dropped its end and everything has been sent.
     pub(super) fn poll_take(&mut self, context: &Context<'_>, bytes: &mut Vec<u8>) -> Poll<bool> {
         let mut queue = self.queue.lock();
         queue.sending = (queue.bytes.len(), queue.messages);
@@ -140,7 +145,7 @@ impl Inbox {
         Poll::Ready(true)
     }
 
-    /// Does not want to be woken until it is polled again: it is about to be.
+    /// Suppresses wake-ups by new messages until the next poll.
     pub(super) fn hush(&mut self) {
         self.queue.lock().waker = None;
     }
@@ -156,7 +161,7 @@ impl Drop for Inbox {
 mod tests {
     use super::*;
 
-    /// What `poll_take` gives, and the bytes.
+    /// Returns the result of `poll_take` and the bytes that it took.
     fn take(inbox: &mut Inbox) -> (Poll<bool>, Vec<u8>) {
         let mut bytes = Vec::new();
         let taken = inbox.poll_take(&Context::from_waker(Waker::noop()), &mut bytes);
@@ -174,7 +179,7 @@ mod tests {
         assert_eq!(samples, 5);
         assert!(out.send(b"a") && out.send(b"a") && out.send(b"a"));
         assert!(!out.send(b"a"), "a ninth message");
-        // Not when they have been taken, but when they have been sent.
+        // There is room again after the messages have been sent, not yet when they have been taken.
         assert_eq!(take(&mut inbox), (Poll::Ready(true), b"sssssaaa".to_vec()));
         assert!(!out.takes_samples() && !out.send(b"a"));
         assert_eq!(take(&mut inbox).0, Poll::Pending);

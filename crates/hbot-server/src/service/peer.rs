@@ -1,4 +1,4 @@
-//! One client as the hub knows it.
+//! One client, as the hub knows it.
 
 use std::net::IpAddr;
 use std::time::Duration;
@@ -10,25 +10,25 @@ use tokio::time::Instant;
 
 use super::outbox::Outbox;
 
-/// `refused` events come at most this often.
+/// Minimum time between two `refused` events to one client.
 const REFUSED_EVERY: Duration = Duration::from_secs(1);
 
-/// One client.
+/// The state of one client.
 pub(super) struct Peer {
-    /// What it calls itself; `None` until it has said hello.
+    /// The name that the client gave in its hello. `None` before the hello.
     pub(super) name: Option<String>,
-    /// Where it connects from.
+    /// The IP address of the client.
     pub(super) address: IpAddr,
-    /// It has shown a wrong token and waits to be told.
+    /// The client has shown a wrong token, and its refusal is being delayed.
     pub(super) guessed: bool,
     pub(super) encoding: Encoding,
     pub(super) outbox: Outbox,
     pub(super) task: AbortHandle,
-    /// Ticks a state; 0 for none.
+    /// Number of ticks between two states sent to the client. 0 if it is not subscribed.
     pub(super) every: u64,
-    /// Answers that are still to come from elsewhere than the hub.
+    /// Number of answers that are pending from the loop or from other threads.
     pub(super) owed: u32,
-    /// The client says no more: only what is owed keeps it.
+    /// The client sends no more. It stays known only until its pending answers are sent.
     pub(super) gone: bool,
     dropped: Tally,
     refused: Tally,
@@ -36,13 +36,13 @@ pub(super) struct Peer {
     refused_told: Option<Instant>,
 }
 
-/// The last refusal that has not been told.
+/// The last refusal that has not been reported to the client.
 struct Refused {
     op: Option<OpName>,
     error: ErrorBody,
 }
 
-/// How often something happened: since it was last told, and in all.
+/// Two counts of one kind of event: since the last report, and in total.
 #[derive(Default)]
 struct Tally {
     untold: u64,
@@ -75,7 +75,7 @@ impl Peer {
         }
     }
 
-    /// Whether it has said hello and still listens.
+    /// Returns whether the client has said hello and has not gone.
     pub(super) fn listens(&self) -> bool {
         self.name.is_some() && !self.gone
     }
@@ -84,12 +84,13 @@ impl Peer {
         self.every != 0 && tick.is_multiple_of(self.every)
     }
 
-    /// Counts a state that it does not get.
+    /// Counts a state that the client does not get.
     pub(super) fn drop_state(&mut self) {
         self.dropped.add();
     }
 
-    /// The event that tells of lost states, where some were lost and the client reads again.
+    /// Returns the event that reports lost states, if states were lost and the queue has room
+    /// again.
     pub(super) fn dropped_event(&mut self) -> Option<Event> {
         if self.dropped.untold == 0 || !self.outbox.takes_samples() {
             return None;
@@ -98,13 +99,14 @@ impl Peer {
         Some(Event::Dropped(DroppedEvent { count, total: self.dropped.total }))
     }
 
-    /// Counts a stream message refused.
+    /// Records a refused stream message, for the next `refused` event.
     pub(super) fn refuse(&mut self, op: Option<OpName>, error: ErrorBody) {
         self.refused.add();
         self.last_refused = Some(Refused { op, error });
     }
 
-    /// The event that tells of refused stream messages, where there were some and the last such event is a second ago.
+    /// Returns the event that reports refused stream messages. Returns `None` if there were none,
+    /// or if the last such event is less than one second old.
     pub(super) fn refused_event(&mut self, now: Instant) -> Option<Event> {
         if self.refused_told.is_some_and(|told| now < told + REFUSED_EVERY) {
             return None;
@@ -120,23 +122,26 @@ impl Peer {
         }))
     }
 
-    /// Queues a message in this client's encoding; `Ok(false)` where it finds no place.
+    /// Queues a message in this client's encoding. Returns `Ok(false)` if the queue has no room or
+    /// the connection is gone.
     ///
     /// # Errors
-    /// The message holds a number that is not finite.
+    /// Fails if the message holds a number that is not finite. Nothing is queued then.
     pub(super) fn try_send(&self, message: &impl Serialize) -> Result<bool, MessageEncodeError> {
         self.outbox.send_with(|out| self.encoding.encode(message, out))
     }
 
-    /// Queues a message in this client's encoding; false where it finds no place.
+    /// Queues a message in this client's encoding. Returns false if the queue has no room. A
+    /// message that cannot be encoded is logged and skipped.
     #[must_use]
     pub(super) fn send(&self, message: &impl Serialize) -> bool {
-        // What cannot be said is not said; the connection is none the worse.
+        // A message that cannot be encoded is no reason to end the connection.
         self.try_send(message).inspect_err(unsaid).unwrap_or(true)
     }
 }
 
-/// One message for many clients: written once in each encoding that is asked for. It keeps its memory for the next one.
+/// One message for many clients, encoded at most once in each encoding. Its memory is reused for
+/// the next message.
 #[derive(Default)]
 pub(super) struct Frames {
     bytes: [Vec<u8>; Encoding::ALL.len()],
@@ -144,17 +149,17 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Another message comes.
+    /// Discards the encoded message, so that another one can be encoded.
     pub(super) fn clear(&mut self) {
         self.made = [false; Encoding::ALL.len()];
     }
 
-    /// The message as it goes over the wire; nothing where it holds a number that is not finite.
+    /// Returns the encoded message, or nothing if it holds a number that is not finite.
     pub(super) fn of(&mut self, encoding: Encoding, message: &impl Serialize) -> &[u8] {
         let (bytes, made) = (&mut self.bytes[encoding as usize], &mut self.made[encoding as usize]);
         if !std::mem::replace(made, true) {
             bytes.clear();
-            // Nothing is left of what could not be written.
+            // A failed encoding leaves no bytes behind.
             let _ = encoding.encode(message, bytes).inspect_err(unsaid);
         }
         bytes

@@ -1,4 +1,4 @@
-//! What clients are sent: answers, events, and the states that they have subscribed to.
+//! Sends answers, events and subscribed states to clients.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -13,15 +13,16 @@ use super::convert;
 use super::peer::{Frames, Peer};
 use hbot_host::sample::Sample;
 
-/// All clients, and what is on its way to them.
+/// All clients, and the messages to them.
 pub(super) struct Publisher {
     peers: BTreeMap<u64, Peer>,
-    /// Clients that want states.
+    /// Number of clients that are subscribed to states.
     subscribers: usize,
-    /// Of the sample that is published. Reused, so that a sample takes no memory but that of its messages.
+    /// The state event that is being published. It is reused, so that a sample allocates memory
+    /// only for its messages.
     state: Event,
     frames: Frames,
-    /// Clients for which a message found no place, to be cut at the end of the turn.
+    /// Clients whose queue had no room for a message. They are disconnected at the end of the turn.
     doomed: Vec<u64>,
     /// Notified when the number of subscribers may have changed.
     changed: Arc<Notify>,
@@ -39,12 +40,13 @@ impl Publisher {
         }
     }
 
-    /// Takes in a client that has not said hello.
+    /// Adds a client that has not said hello.
     pub(super) fn admit(&mut self, session: u64, peer: Peer) {
         self.peers.insert(session, peer);
     }
 
-    /// Notes the name and encoding of a client that has said hello: false if there is none of this session.
+    /// Records the name and encoding of a client that has said hello. Returns false if the client
+    /// is not known.
     pub(super) fn greet(&mut self, session: u64, name: String, encoding: Encoding) -> bool {
         let Some(peer) = self.peers.get_mut(&session) else { return false };
         peer.encoding = encoding;
@@ -52,24 +54,26 @@ impl Publisher {
         true
     }
 
-    /// Lets go of a client that has not said hello. Its connection ends once what waits for it has been sent.
+    /// Removes a client that has not said hello. Its connection ends after its queued messages are
+    /// sent.
     pub(super) fn dismiss(&mut self, session: u64) {
         self.peers.remove(&session);
     }
 
-    /// Lets go of all clients. Their connections end once what waits for them has been sent.
+    /// Removes all clients. Their connections end after their queued messages are sent.
     pub(super) fn dismiss_all(&mut self) {
         self.peers.clear();
     }
 
-    /// Notes that a client has shown a wrong token. Returns where it connects from.
+    /// Records that a client has shown a wrong token. Returns the client's address.
     pub(super) fn guessed(&mut self, session: u64) -> Option<IpAddr> {
         let peer = self.peers.get_mut(&session)?;
         peer.guessed = true;
         Some(peer.address)
     }
 
-    /// Cuts the connection that has waited longest for the answer to a wrong token: false if there is none.
+    /// Closes the connection that has waited longest for the refusal of its wrong token. Returns
+    /// false if there is none.
     pub(super) fn cut_a_guess(&mut self) -> bool {
         let guess = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session);
         let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
@@ -81,22 +85,22 @@ impl Publisher {
         self.peers.contains_key(&session)
     }
 
-    /// What a client calls itself.
+    /// Returns the name that a client gave in its hello.
     pub(super) fn name(&self, session: u64) -> Option<&str> {
         self.peers.get(&session)?.name.as_deref()
     }
 
-    /// Clients that have not said hello.
+    /// Returns the number of clients that have not said hello.
     pub(super) fn strangers(&self) -> usize {
         self.peers.values().filter(|peer| peer.name.is_none()).count()
     }
 
-    /// Clients that have said hello and still listen.
+    /// Returns the number of clients that have said hello and have not gone.
     pub(super) fn listeners(&self) -> usize {
         self.peers.values().filter(|peer| peer.listens()).count()
     }
 
-    /// Has a client get a state every so many ticks; 0 for none.
+    /// Subscribes a client to one state every `every` ticks. 0 ends the subscription.
     pub(super) fn subscribe(&mut self, session: u64, every: u64) {
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.every = every;
@@ -109,12 +113,13 @@ impl Publisher {
         self.changed.notify_one();
     }
 
-    /// Whether anybody wants states as they come.
+    /// Returns whether any client is subscribed to states.
     pub(super) fn is_watched(&self) -> bool {
         self.subscribers > 0
     }
 
-    /// Sends a state to those who want one of this tick. Returns how many did not get theirs because they read too slowly.
+    /// Sends a state to the clients that are subscribed to this tick. Returns how many of them did
+    /// not get it because they read too slowly.
     pub(super) fn publish(&mut self, sample: &Sample) -> u64 {
         let (mut filled, mut dropped) = (false, 0);
         let Self { peers, state, frames, .. } = self;
@@ -132,16 +137,17 @@ impl Publisher {
                 }
             }
             if let Some(event) = peer.dropped_event() {
-                // There is room for samples, so there is for this.
+                // This cannot fail: the queue has room for samples, so it has room for this event.
                 let _ = peer.send(&event);
             }
-            // The same; and one whose connection has just broken will say so itself.
+            // This fails only if the connection has just broken, which its task will report.
             let _ = peer.outbox.send(frames.of(peer.encoding, state));
         }
         dropped
     }
 
-    /// Sends a message to one client.
+    /// Sends a message to one client. If there is no room for the message, the client will be
+    /// disconnected.
     pub(super) fn send(&mut self, session: u64, message: &impl Serialize) {
         let Some(peer) = self.peers.get(&session) else { return };
         if !peer.send(message) {
@@ -149,10 +155,11 @@ impl Publisher {
         }
     }
 
-    /// Sends a message to one client.
+    /// Sends a message to one client. If there is no room for the message, the client will be
+    /// disconnected.
     ///
     /// # Errors
-    /// The message holds a number that is not finite; it is not sent then.
+    /// Fails if the message holds a number that is not finite. The message is not sent then.
     pub(super) fn try_send(
         &mut self,
         session: u64,
@@ -165,7 +172,7 @@ impl Publisher {
         Ok(())
     }
 
-    /// Sends an event to all who have said hello.
+    /// Sends an event to all clients that have said hello.
     pub(super) fn broadcast(&mut self, event: &Event) {
         self.frames.clear();
         for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
@@ -175,7 +182,8 @@ impl Publisher {
         }
     }
 
-    /// Counts a stream message that is refused without an answer, and tells its client, at most once a second.
+    /// Counts a stream message that is refused without an answer, and notifies its client at most
+    /// once a second.
     pub(super) fn refuse_stream(&mut self, session: u64, op: Option<OpName>, error: ErrorBody) {
         let Some(peer) = self.peers.get_mut(&session) else { return };
         peer.refuse(op, error);
@@ -184,7 +192,7 @@ impl Publisher {
         }
     }
 
-    /// Tells clients of states and stream messages that were lost since they were told last.
+    /// Notifies clients of states and stream messages that were lost since the last such notice.
     pub(super) fn tell_losses(&mut self, now: Instant) {
         let mut events = Vec::new();
         for (session, peer) in self.peers.iter_mut().filter(|(_, peer)| peer.listens()) {
@@ -196,14 +204,16 @@ impl Publisher {
         }
     }
 
-    /// Notes that a client is owed an answer, which keeps it until [`paid`](Self::paid).
+    /// Records that an answer to a client is pending. The client stays known until
+    /// [`paid`](Self::paid).
     pub(super) fn owe(&mut self, session: u64) {
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.owed += 1;
         }
     }
 
-    /// Notes that an answer that was owed has been given.
+    /// Records that a pending answer to a client has been given. Removes the client if it has gone
+    /// and no further answer is pending.
     pub(super) fn paid(&mut self, session: u64) {
         if let Some(peer) = self.peers.get_mut(&session) {
             peer.owed = peer.owed.saturating_sub(1);
@@ -213,7 +223,8 @@ impl Publisher {
         }
     }
 
-    /// Notes that a client says no more. It stays as long as answers are owed to it. Returns whether that is news.
+    /// Records that a client sends no more. It stays known while answers to it are pending. Returns
+    /// false if this was already recorded.
     pub(super) fn gone(&mut self, session: u64) -> bool {
         let Some(peer) = self.peers.get_mut(&session) else { return false };
         let again = std::mem::replace(&mut peer.gone, true);
@@ -232,12 +243,13 @@ impl Publisher {
         true
     }
 
-    /// Cuts the next connection whose client does not read. Returns its session; its client is gone, which is still to be noted.
+    /// Closes the next connection whose client does not read, and returns its session. The caller
+    /// must still record that the client is gone.
     pub(super) fn cut_next(&mut self) -> Option<u64> {
         while let Some(session) = self.doomed.pop() {
             let Some(peer) = self.peers.get_mut(&session) else { continue };
             if peer.outbox.is_closed() {
-                // It has ended by itself and is about to say so.
+                // The connection has ended by itself, and its task is about to report that.
                 continue;
             }
             tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
@@ -263,7 +275,7 @@ mod tests {
         Publisher::new(Arc::default())
     }
 
-    /// A client with room for so many messages.
+    /// Adds a client with a queue for `messages` messages.
     fn admit(publisher: &mut Publisher, session: u64, messages: usize) -> Inbox {
         let (out, inbox) = outbox(messages);
         publisher.admit(
@@ -294,7 +306,7 @@ mod tests {
         publisher.subscribe(1, 2);
         publisher.subscribe(2, 1);
         assert!(publisher.is_watched());
-        // The second has room for two messages and reads none.
+        // The second client has room for two messages and reads none.
         let dropped: Vec<u64> = (1..=3).map(|tick| publisher.publish(&crate::still::still(tick))).collect();
         assert_eq!(dropped, [0, 0, 1]);
         publisher.subscribe(2, 0);

@@ -1,7 +1,9 @@
-//! From a client's socket to the hub: bytes to requests, no more of them than the hub has time for.
+//! Reads a client's requests from its socket and passes them to the hub, limited to the rate that
+//! the client may use.
 //!
-//! Stops are looked for in the bytes as they come, before they are split or parsed, and an `estop` stops the loop right there. The
-//! connection goes on to read while requests wait for their time, up to [`READ_AHEAD`] bytes, so that a stop behind them is found.
+//! Stops are searched for in the bytes as they arrive, before they are split or parsed. An `estop`
+//! stops the loop at that moment. While requests wait because of the rate limit, the connection
+//! reads ahead up to [`READ_AHEAD`] bytes, so that a stop behind them is found.
 
 use std::future::{Future as _, poll_fn};
 use std::pin::pin;
@@ -23,13 +25,16 @@ use super::desk::Desk;
 use super::hub::First;
 use hbot_host::bridge::EmergencyStop;
 
-/// Ordinary requests of one client before others have their turn; of those that take longer one.
+/// Total weight of the requests that one client's task executes before other tasks get a turn. A
+/// request heavier than this ends the turn by itself.
 const REQUESTS_A_TURN: u32 = 16;
-/// Room for so many bytes that come at once.
+/// Largest number of bytes that are read from a socket at once.
 pub(super) const PIECE_BYTES: usize = 16 * 1024;
-/// Bytes read that count as one of these: a full piece ends the turn.
+/// Number of bytes read that count as one request in a turn. A full read of [`PIECE_BYTES`] ends
+/// the turn.
 const BYTES_A_REQUEST: usize = PIECE_BYTES / REQUESTS_A_TURN as usize;
-/// Bytes that are read while requests before them wait for their time.
+/// Largest number of bytes that a connection reads ahead while earlier requests wait for the rate
+/// limit.
 pub(super) const READ_AHEAD: usize = 256 * 1024;
 
 /// How a connection ended.
@@ -40,41 +45,43 @@ pub(super) enum Ended {
     Broken,
 }
 
-/// Takes in what a client says.
+/// Reads and splits the messages of one client.
 pub(super) struct Reader<S> {
     half: ReadHalf<S>,
     splitter: Splitter,
     session: u64,
     desk: Desk,
-    /// Until when it must have said hello; `None` once it has.
+    /// The time at which the wait for a hello ends, and the length of that wait. `None` after the
+    /// hello.
     hello: Option<(Instant, Duration)>,
     wrong_token: Duration,
     bucket: Bucket,
-    /// What it has taken of the hub's time since the bucket was last charged.
+    /// Total weight of the requests since the token bucket was last charged.
     taken: u32,
-    /// The same since others had their turn.
+    /// Total weight of the requests since other tasks last had a turn.
     turn: u32,
-    /// A message that takes long to read, until its time comes.
+    /// A request that takes long to parse and waits for the time when it may be parsed.
     long: Option<Vec<u8>>,
     stops: StopFinder,
     stop: EmergencyStop,
-    /// Bytes read so far, and the end of the last stop among them.
+    /// Number of bytes read so far.
     read: u64,
+    /// Position after the last stop in the bytes read so far.
     stop_at: u64,
-    /// The client will say no more.
+    /// The client has closed its sending direction.
     closed: bool,
 }
 
-/// What comes before the next turn.
+/// What a reader waits for before its next turn.
 #[derive(Debug)]
 pub(super) enum Pause {
-    /// More bytes.
+    /// More bytes from the client.
     Read,
-    /// The turns of others.
+    /// A turn for other tasks.
     Yield,
-    /// The time at which a long message may be read.
+    /// The time from which a long message can be read.
     Until(Instant),
-    /// The answer to a wrong token.
+    /// The delay before a wrong token is refused.
     Refuse(RequestRefusal),
 }
 
@@ -106,7 +113,8 @@ impl<S: AsyncRead> Reader<S> {
         }
     }
 
-    /// Has the hub do what has been read: what comes before there can be more, or how the connection ends.
+    /// Passes the messages that have been read to the hub. Returns what to wait for before the next
+    /// turn, or how the connection ended.
     pub(super) fn turn(&mut self) -> Result<Pause, Ended> {
         if self.long.is_some() {
             return self.read_long();
@@ -114,11 +122,11 @@ impl<S: AsyncRead> Reader<S> {
         while self.turn < REQUESTS_A_TURN {
             let before = self.splitter.pending();
             let encoding = self.splitter.encoding();
-            // A stop that was found in the bytes, and obeyed then.
+            // Whether this message is an `estop` that was already obeyed when its bytes arrived.
             let mut found = false;
             let (request, lost) = match self.splitter.next_message() {
                 None => {
-                    // Blank lines, and what is left of messages too long.
+                    // Charge for blank lines and for the remains of messages that were too long.
                     let skipped = before - self.splitter.pending();
                     self.charge(weight_of(skipped));
                     return if self.closed { Err(Ended::ByClient) } else { Ok(Pause::Read) };
@@ -140,7 +148,8 @@ impl<S: AsyncRead> Reader<S> {
                         Err(error) => (Err(RequestRefusal { id: None, op: None, error }), false),
                     }
                 }
-                // A line or map too long is skipped to its end; JSON taken for a length of a gigabyte has none.
+                // A line or map that is too long is skipped to its end. JSON bytes that were read
+                // as a length of about a gigabyte have no end, so that connection is closed.
                 Some(Err(error)) => (Err(error.into()), error == SplitError::LooksLikeJson),
             };
             if self.hello.is_some() {
@@ -163,7 +172,8 @@ impl<S: AsyncRead> Reader<S> {
         Ok(Pause::Yield)
     }
 
-    /// Has the hub do what a long message asks, once it is time for one.
+    /// Parses the waiting long message and passes it to the hub, if long messages may be parsed
+    /// now. Otherwise returns the time to wait for.
     fn read_long(&mut self) -> Result<Pause, Ended> {
         let start = Instant::now();
         if let Some(at) = self.desk.hub().long_messages().not_before(start) {
@@ -182,7 +192,8 @@ impl<S: AsyncRead> Reader<S> {
         self.turn = self.turn.saturating_add(weight);
     }
 
-    /// Refuses what would give the motors torque again if a stop of the same client came after it.
+    /// Refuses a request that would let the motors produce torque again, if a stop by this client
+    /// came after it.
     fn unless_stopped(&self, request: Request) -> Result<Request, RequestRefusal> {
         let done = self.read - self.splitter.pending() as u64;
         if done >= self.stop_at || !request.op.name().row().rearms {
@@ -197,14 +208,15 @@ impl<S: AsyncRead> Reader<S> {
         })
     }
 
-    /// The first message, hello or not, decides whether there will be others, and in which encoding.
+    /// Handles the first message, which decides whether the connection continues and in which
+    /// encoding.
     fn first(&mut self, message: Result<Request, RequestRefusal>) -> Result<Option<Pause>, Ended> {
         match self.desk.first(self.session, message) {
             First::Greeted(encoding) => {
                 self.splitter.set_encoding(encoding);
                 self.splitter.set_limit(MAX_REQUEST_BYTES);
                 self.hello = None;
-                // What has come with the hello.
+                // Search for stops in the bytes that arrived together with the hello.
                 self.look(self.splitter.pending());
                 Ok(None)
             }
@@ -213,7 +225,8 @@ impl<S: AsyncRead> Reader<S> {
         }
     }
 
-    /// Waits until there may be another turn: first a client that asks too fast. Reads ahead meanwhile.
+    /// Waits until the next turn. A client that has exceeded its rate waits first. Reads ahead
+    /// meanwhile.
     pub(super) async fn wait(&mut self, pause: Pause) -> Result<(), Ended> {
         let now = Instant::now();
         if let Some(time) = self.bucket.take(std::mem::take(&mut self.taken), now) {
@@ -250,7 +263,7 @@ impl<S: AsyncRead> Reader<S> {
         self.turn = 0;
     }
 
-    /// Reads on until `at`, as far as that is allowed.
+    /// Waits until `at`. Reads ahead meanwhile, as far as the limit allows.
     async fn read_until(&mut self, at: Instant) -> Result<(), Ended> {
         let mut time = pin!(sleep_until(at));
         while self.has_room() {
@@ -271,17 +284,17 @@ impl<S: AsyncRead> Reader<S> {
         Ok(())
     }
 
-    /// Whether another piece may be read before what waits is done. A stranger's is not.
+    /// Returns whether another piece can be read ahead. This is never so before the hello.
     fn has_room(&self) -> bool {
         self.hello.is_none() && !self.closed && self.splitter.pending() + PIECE_BYTES <= READ_AHEAD
     }
 
-    /// Bytes that may be read at once.
+    /// Returns the number of bytes that can be read at once.
     fn piece(&self) -> usize {
         if self.hello.is_some() { MAX_SHORT_REQUEST_BYTES } else { PIECE_BYTES }
     }
 
-    /// Waits for bytes. Others have their turn meanwhile. Cancel safe.
+    /// Waits for bytes and reads them. Other tasks run meanwhile. Cancel safe.
     async fn read(&mut self) -> Result<(), Ended> {
         let (before, piece) = (self.splitter.pending(), self.piece());
         let mut half = (&mut self.half).take(piece as u64);
@@ -301,7 +314,7 @@ impl<S: AsyncRead> Reader<S> {
         self.came(before, read)
     }
 
-    /// Reads a piece that has come already.
+    /// Reads bytes that have already arrived, without waiting.
     async fn read_what_is_there(&mut self) -> Result<(), Ended> {
         if !self.has_room() {
             return Ok(());
@@ -318,10 +331,11 @@ impl<S: AsyncRead> Reader<S> {
         }
     }
 
-    /// Takes note of bytes that have come behind those that were waiting `before`.
+    /// Handles the result of a read. `before` is the number of bytes that were waiting before the
+    /// read.
     fn came(&mut self, before: usize, read: std::io::Result<usize>) -> Result<(), Ended> {
         match read {
-            // What it has asked for is still done.
+            // The requests that have arrived are still executed.
             Ok(0) => self.closed = true,
             Ok(bytes) => {
                 self.read += bytes as u64;
@@ -336,7 +350,8 @@ impl<S: AsyncRead> Reader<S> {
         Ok(())
     }
 
-    /// Looks for stops in the last bytes that have come, and obeys them before anything else. They are answered in their turn.
+    /// Searches for stops in the last `bytes` bytes that have arrived, and obeys them at once.
+    /// Their answers are sent in the usual order.
     fn look(&mut self, bytes: usize) {
         let waiting = self.splitter.waiting();
         let first = waiting.len() - bytes;
@@ -350,7 +365,7 @@ impl<S: AsyncRead> Reader<S> {
             self.stop.stop();
             self.desk.hub().stopped_by(self.session);
         }
-        // One that no other request waits before is done in a moment anyway.
+        // A `disable` near the front of the waiting bytes is executed in a moment anyway.
         if disable.is_some_and(|end| first + end > MAX_SHORT_REQUEST_BYTES) {
             self.desk.turn(|hub| hub.order_internally("disable", Command::Disable));
         }
@@ -362,7 +377,8 @@ fn is_estop(request: &Result<Request, RequestRefusal>) -> bool {
     matches!(request, Ok(Request { op: Op::Estop, .. }))
 }
 
-/// Whether a message, without its newline or length, is no longer than ordinary ones may be.
+/// Returns whether a message is no longer than ordinary requests may be. `message` is without its
+/// newline or length prefix.
 fn is_short(encoding: Encoding, message: &[u8]) -> bool {
     message.len() + usize::from(encoding == Encoding::Json) <= MAX_SHORT_REQUEST_BYTES
 }

@@ -1,4 +1,4 @@
-//! A refusal of the loop as clients see it.
+//! The error messages for commands that the loop refuses.
 
 use hbot_api::{ErrorBody, ErrorCode, OpName};
 use hbot_core::Rig;
@@ -7,7 +7,8 @@ use hbot_core::outputs::Refusal;
 
 use super::convert;
 
-/// What to answer to `op`, which the loop has refused. `effect` names the effect in a slot of the scene.
+/// Returns the error that answers `op` after the loop has refused it. `effect` returns the id of
+/// the effect in a slot of the scene.
 pub(super) fn refusal<'a>(
     op: &str,
     refusal: Refusal,

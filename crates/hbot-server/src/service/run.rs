@@ -1,4 +1,5 @@
-//! The service's own task: it lets clients in, hears the loop, and waits for what nobody else waits for.
+//! The service's own task. It accepts connections, takes samples from the loop, and handles events
+//! that belong to no connection.
 
 use std::collections::HashMap;
 use std::future::{Future, poll_fn};
@@ -24,30 +25,30 @@ use super::scenes::Measured;
 use super::strangers::Taken;
 use super::{Control, Summary, connection};
 
-/// How often what nobody else brings up is looked at.
+/// Period of the service's regular work, which no event triggers.
 const HEARTBEAT: Duration = Duration::from_millis(50);
-/// How long nothing is accepted after the system has refused to.
+/// Pause before the next attempt after the operating system has failed to accept a connection.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
-/// How long messages may take to leave at the end.
+/// Time limit for sending the remaining messages when the service ends.
 const FLUSH: Duration = Duration::from_millis(200);
 
-/// The tasks of connections.
+/// The tasks of all connections.
 struct Connections {
     desk: Desk,
     serving: JoinSet<()>,
-    /// Which client a task belongs to.
+    /// The client that each task serves.
     sessions: HashMap<Id, Session>,
     turned_away: JoinSet<()>,
 }
 
-/// Whom a task serves.
+/// The client that a task serves.
 struct Session {
     number: u64,
-    /// A program on this machine.
+    /// The client runs on this machine.
     local: bool,
 }
 
-/// What woke the service's task.
+/// An event that has woken the service's task.
 enum Wake {
     Shutdown,
     Control(Option<Control>),
@@ -61,7 +62,8 @@ enum Wake {
     Heartbeat,
 }
 
-/// Serves until `shutdown`, or until the loop has ended.
+/// Serves clients until `shutdown` completes or the loop has ended. Returns the statistics of the
+/// run.
 pub(super) async fn run(
     desk: Desk,
     listener: TcpListener,
@@ -78,7 +80,8 @@ pub(super) async fn run(
         (hub.bell(), hub.changed())
     });
     let mut connections = Connections::new(desk.clone());
-    // Without it the service cannot go on: it ends as by any other fault of its own, with zero torque.
+    // Without the bell the service cannot run. A panic ends it like any other internal failure,
+    // with zero torque.
     let bell = Ringing::of(bell).unwrap_or_else(|error| panic!("the loop cannot be heard: {error}"));
     let why = loop {
         let (more, over) = desk.turn(|hub| {
@@ -89,7 +92,7 @@ pub(super) async fn run(
             break "the loop has ended";
         }
         if more {
-            // Connections have their turn between.
+            // Let the connections run between batches of samples.
             yield_now().await;
         }
         let wake = tokio::select! {
@@ -108,7 +111,7 @@ pub(super) async fn run(
             Wake::Shutdown => break "the server stops",
             Wake::Rung(Err(_)) => break "the loop is not heard",
             Wake::Control(Some(Control::Summarize(wanted))) => {
-                // Who no longer waits for it needs none.
+                // The send fails if the requester no longer waits, which does no harm.
                 let _ = wanted.send(Box::new(desk.turn(Hub::summary)));
             }
             Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.refused(code)),
@@ -118,7 +121,8 @@ pub(super) async fn run(
                 connections.accept(stream, address);
             }
             Wake::Accepted(Err(error)) => {
-                // Out of descriptors or memory: trying again at once would only spin.
+                // The system has run out of descriptors or memory. Retrying at once would only
+                // spin.
                 tracing::warn!(%error, "a connection could not be accepted");
                 accept_after = Some(Instant::now() + ACCEPT_PAUSE);
             }
@@ -126,14 +130,14 @@ pub(super) async fn run(
             Wake::Measured(measured) => desk.turn(|hub| hub.measured(measured)),
             Wake::Written(written) => desk.turn(|hub| hub.written(written)),
             Wake::Heartbeat => desk.turn(Hub::heartbeat),
-            // The next turn takes the samples, and what is waited for is another.
+            // The next pass of this loop takes the samples and waits for the changed events.
             Wake::Rung(Ok(())) | Wake::TurnedAway | Wake::Changed => {}
         }
     };
     close(desk, connections, why).await
 }
 
-/// Waits until there are samples to be taken, or the loop has ended. Cancel safe.
+/// Waits until there are samples to take or the loop has ended. Cancel safe.
 async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
     let there = || {
         let hub = desk.hub();
@@ -150,12 +154,13 @@ async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
     Ok(())
 }
 
-/// The end of the next of the hub's works on other threads; never where there are none. Cancel safe.
+/// Waits until the next piece of the hub's work on another thread is done, and returns its result.
+/// Stays pending while there is no such work. Cancel safe.
 async fn next_of<T>(desk: &Desk, poll: fn(&mut Hub, &mut Context<'_>) -> Poll<T>) -> T {
     poll_fn(|context| poll(&mut desk.hub(), context)).await
 }
 
-/// The next connection, not before `after`. Cancel safe.
+/// Accepts the next connection, but not before `after`. Cancel safe.
 async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(TcpStream, SocketAddr)> {
     if let Some(after) = after {
         sleep_until(after).await;
@@ -163,7 +168,8 @@ async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(T
     listener.accept().await
 }
 
-/// Says goodbye and lets everything go.
+/// Says goodbye to the clients, waits up to [`FLUSH`] for their messages to be sent, finishes the
+/// flight logs, and returns the final statistics.
 async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
     let flights = desk.turn(|hub| hub.farewell(why));
     let _ = timeout(FLUSH, async { while connections.serving.join_next().await.is_some() {} }).await;
@@ -177,7 +183,7 @@ impl Connections {
         Self { desk, serving: JoinSet::new(), sessions: HashMap::new(), turned_away: JoinSet::new() }
     }
 
-    /// Takes a connection in, or turns it away.
+    /// Accepts a connection, or turns it away if there is no place for it.
     fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
         let mut hub = self.desk.hub();
         let local = address.ip().to_canonical().is_loopback();
@@ -188,16 +194,19 @@ impl Connections {
         if let Err(full) = placed {
             hub.turned_away();
             tracing::warn!(%address, "turned away: {full}");
-            // Those who come even faster get no answer at all, and neither do those who would have to decrypt it.
+            // If very many connections are being turned away, further ones get no answer. With
+            // encryption none gets one, because a client could not decrypt it.
             if hub.encryption().is_none() && self.turned_away.len() < hub.bounds().connections {
                 let error = ErrorBody::new(ErrorCode::Busy, format!("{full}; try again later"));
                 self.turned_away.spawn(connection::turn_away(stream, error));
             }
             return;
         }
-        // Without it a small answer may wait for the acknowledgement of the one before; a connection works all the same.
+        // With Nagle's algorithm, a small answer could wait for the acknowledgement of the previous
+        // one. The connection works even if this call fails.
         let _ = stream.set_nodelay(true);
-        // Nor without this, but then it lasts for ever where the client's machine or the cable is gone.
+        // If this fails, the connection works, but it never ends when the client's machine or the
+        // cable is gone.
         if let Err(error) = connection::watch_over(&stream) {
             tracing::debug!(%address, %error, "no keepalive");
         }
@@ -216,17 +225,19 @@ impl Connections {
         hub.admit(session, Peer::new(outbox, task, address.ip()));
     }
 
-    /// The places that are taken.
+    /// Returns how many places for connections are taken.
     fn taken(&self, hub: &Hub) -> Taken {
         Taken {
-            // Tasks rather than clients: one that has been refused may still be on its way out.
+            // Count tasks and not clients, because the task of a refused client can still be
+            // running.
             all: self.serving.len(),
             remote: self.sessions.values().filter(|session| !session.local).count(),
             strangers: hub.strangers(),
         }
     }
 
-    /// A connection's task has ended. What it had to say came before, unless it was cut or panicked.
+    /// Handles the end of a connection's task. The task has already told the hub that its client is
+    /// gone, unless it was cut or has panicked. After a panic this function tells the hub.
     fn ended(&mut self, ended: Option<Result<(Id, ()), JoinError>>) {
         let id = match &ended {
             Some(Ok((id, ()))) => *id,

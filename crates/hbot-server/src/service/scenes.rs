@@ -1,4 +1,4 @@
-//! The scene that runs: loading and changing it, and what its effects cost.
+//! The running scene: loading another one, changing parameters, and measuring the cost of effects.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -16,26 +16,26 @@ use super::{SetPhenomena, cost};
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
-/// Scenes that may be on their way at a time.
+/// Largest number of scenes that are being loaded at a time.
 const MAX_LOADING: usize = 4;
-/// The longest message of an error, bytes.
+/// Largest length of an error message, bytes.
 const MAX_MESSAGE: usize = 8192;
 
-/// The scene that runs, and those on their way to the loop.
+/// The running scene, and the scenes that are being loaded.
 pub(super) struct Scenes {
     running: RunningScene,
-    /// Gives the simulated rig other phenomena; `None` with a real one.
+    /// Gives the simulated rig the phenomena of a scene. `None` with a real rig.
     phenomena: Option<SetPhenomena>,
-    /// Effects are measured on it.
+    /// The rig for which the cost of effects is measured.
     rig: Rig,
-    /// In the order in which they were handed to the loop.
+    /// Scenes in the order in which they were given to the loop.
     loading: VecDeque<Loading>,
     measuring: JoinSet<Measured>,
     /// Notified when a measurement begins.
     changed: Arc<Notify>,
 }
 
-/// A scene that has been handed to the loop and not been answered.
+/// A scene that has been given to the loop and whose request has not been answered.
 struct Loading {
     revision: u64,
     session: u64,
@@ -44,17 +44,18 @@ struct Loading {
     effects: Vec<EffectCost>,
     ignored: Vec<String>,
     measured: bool,
-    /// The first tick that rendered it.
+    /// The first tick that rendered the scene. `None` until then.
     tick: Option<u64>,
 }
 
-/// What the effects of a scene cost, ns.
+/// The measured cost of a scene's effects, ns per tick.
 pub(super) struct Measured {
     revision: u64,
     costs: Vec<u64>,
 }
 
-/// A scene that is rendered and measured: what to answer, and what to tell all clients.
+/// A scene that has been rendered and measured, with the answer to its client and the event for all
+/// clients.
 pub(super) struct Loaded {
     pub(super) session: u64,
     pub(super) id: Option<Id>,
@@ -72,20 +73,20 @@ impl Scenes {
         Self { running, phenomena, rig, loading: VecDeque::new(), measuring: JoinSet::new(), changed }
     }
 
-    /// The scene that runs, or is about to.
+    /// Returns the current scene. The loop may not have adopted it yet.
     pub(super) fn file(&self) -> &SceneFile {
         self.running.file()
     }
 
-    /// The id of the effect in this slot.
+    /// Returns the id of the effect in a slot of the scene.
     pub(super) fn id_at(&self, slot: u8) -> Option<&str> {
         self.running.id_at(slot)
     }
 
-    /// Where the reference of an effect is.
+    /// Returns the place of an effect that has a reference.
     ///
     /// # Errors
-    /// The scene has no such effect, or it has no reference.
+    /// Fails if the scene has no such effect, or if the effect has no reference.
     #[inline(never)]
     pub(super) fn reference(&self, id: &str) -> Result<EffectPlace, ErrorBody> {
         let place = self.running.slot_of(id);
@@ -100,12 +101,14 @@ impl Scenes {
         Err(ErrorBody::new(ErrorCode::UnknownEffect, format!("effect {id:?} {what}; legal: {legal}")))
     }
 
-    /// Hands another scene to the loop for a client, and has its effects measured. It is answered once both are done
-    /// ([`next_loaded`](Self::next_loaded)).
+    /// Gives another scene to the loop for a client, and starts to measure its effects on another
+    /// thread. When the scene has been rendered and measured, [`next_loaded`](Self::next_loaded)
+    /// returns the answer.
     ///
     /// # Errors
-    /// The scene is not legal, or too many are on their way.
-    // A scene takes some 20 KB of stack, several times over; so it does in `set`.
+    /// Fails if the scene is not legal, or if too many scenes are being loaded.
+    // Not inlined: a scene takes about 20 KB of stack, several times over. The same is true of
+    // `set`.
     #[inline(never)]
     pub(super) fn load(
         &mut self,
@@ -154,10 +157,11 @@ impl Scenes {
         Ok(())
     }
 
-    /// Changes parameters of an effect.
+    /// Changes parameters of an effect in the running scene.
     ///
     /// # Errors
-    /// The effect or a parameter does not exist, a value is not legal, or too many scenes are on their way.
+    /// Fails if the effect or a parameter does not exist, if a value is not legal, or if the loop
+    /// has not yet taken the scenes given to it before.
     #[inline(never)]
     pub(super) fn set(
         &mut self,
@@ -179,7 +183,7 @@ impl Scenes {
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
     }
 
-    /// Whether an effect has parameters of these names.
+    /// Returns whether an effect of this id exists and has all of these parameters.
     fn knows(&self, effect: &str, parameters: &Map<String, Value>) -> bool {
         let effects = self.file().effects();
         let Some(effect) = effects.iter().find(|e| e.id() == effect) else { return false };
@@ -190,12 +194,12 @@ impl Scenes {
             .is_some_and(|kind| parameters.keys().all(|name| kind.schema["properties"].get(name).is_some()))
     }
 
-    /// Whether a scene is on its way.
+    /// Returns whether a scene is being loaded.
     pub(super) fn is_loading(&self) -> bool {
         !self.loading.is_empty()
     }
 
-    /// Notes which scene a sample was rendered with.
+    /// Records with which scene a sample was rendered.
     pub(super) fn rendered(&mut self, sample: &Sample) {
         for loading in &mut self.loading {
             if loading.tick.is_none() && sample.scene >= loading.revision {
@@ -204,7 +208,7 @@ impl Scenes {
         }
     }
 
-    /// The end of the next measurement; pending while there is none.
+    /// Polls for the next finished measurement. Stays pending while none is running.
     pub(super) fn poll_measured(&mut self, context: &mut Context<'_>) -> Poll<Result<Measured, JoinError>> {
         match self.measuring.poll_join_next(context) {
             Poll::Ready(Some(measured)) => Poll::Ready(measured),
@@ -212,7 +216,8 @@ impl Scenes {
         }
     }
 
-    /// Notes what effects cost. If the measurement has failed, they are said to cost nothing.
+    /// Records the measured cost of a scene's effects. If the measurement failed, the reported cost
+    /// is zero.
     pub(super) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         match measured {
             Ok(Measured { revision, costs }) => {
@@ -232,7 +237,8 @@ impl Scenes {
         }
     }
 
-    /// The oldest scene on its way, if it is rendered and measured.
+    /// Removes and returns the oldest scene that is being loaded, if it has been rendered and
+    /// measured.
     pub(super) fn next_loaded(&mut self) -> Option<Loaded> {
         let front = self.loading.front()?;
         let tick = front.tick.filter(|_| front.measured)?;
@@ -253,7 +259,7 @@ fn names(table: &Value) -> Vec<String> {
     table.as_object().into_iter().flatten().map(|(name, _)| name.clone()).collect()
 }
 
-/// A message of bounded length.
+/// Shortens an error message to [`MAX_MESSAGE`] bytes, and marks that it was shortened.
 fn shortened(mut message: String) -> String {
     if message.len() > MAX_MESSAGE {
         message.truncate(message.floor_char_boundary(MAX_MESSAGE));

@@ -1,4 +1,4 @@
-//! What `stats` answers, as the service measures and counts it.
+//! The statistics that `stats` returns, as the service measures and counts them.
 
 use hbot_api::{Distribution, StatsOk};
 use hdrhistogram::Histogram;
@@ -7,26 +7,28 @@ use super::convert;
 use super::flights::Flights;
 use hbot_host::sample::{Counters, Sample};
 
-/// The longest time that a histogram tells from longer ones, ns.
+/// Longest time that the histograms can record, ns. Longer times are recorded as this one.
 const LONGEST_NS: u64 = 10_000_000_000;
-/// Three digits: a figure is right to a thousandth.
+/// Significant decimal digits of the histograms. Three digits keep the error of a value below one
+/// thousandth.
 const DIGITS: u8 = 3;
 
-/// Everything that is counted and measured.
+/// All counters and histograms of a run.
 pub(super) struct Stats {
     awake: Histogram<u64>,
     lateness: Histogram<u64>,
     compute: Histogram<u64>,
     link: Histogram<u64>,
     age: Histogram<u64>,
-    /// Of the last sample.
+    /// Counters of the loop, as of the last sample.
     counters: Counters,
-    /// What is counted elsewhere in the service, in its place in the answer; the rest of it is left at zero.
+    /// Counters that other parts of the service increment. The remaining fields of this answer stay
+    /// at zero.
     pub(super) counts: StatsOk,
 }
 
 impl Stats {
-    /// Nothing yet.
+    /// Creates empty statistics.
     pub(super) fn new() -> Self {
         let histogram = || {
             Histogram::new_with_bounds(1, LONGEST_NS, DIGITS)
@@ -43,7 +45,7 @@ impl Stats {
         }
     }
 
-    /// Takes a sample in.
+    /// Records a sample.
     #[inline]
     pub(super) fn record(&mut self, sample: &Sample) {
         let timing = &sample.timing;
@@ -58,7 +60,7 @@ impl Stats {
         }
     }
 
-    /// How the run goes until now.
+    /// Returns the statistics of the run so far.
     pub(super) fn summary(&self, flights: &Flights) -> StatsOk {
         let Counters {
             late,

@@ -1,4 +1,5 @@
-//! Connections that have not said hello: how many there may be, and what is told of those that guess tokens.
+//! Connections that have not said hello: the limit of their number, and warnings about wrong
+//! tokens.
 
 use std::net::IpAddr;
 use std::time::Duration;
@@ -8,13 +9,15 @@ use tokio::time::Instant;
 
 use super::Bounds;
 
-/// Wrong tokens are told at most this often.
+/// Minimum time between two warnings about wrong tokens.
 const TOLD_EVERY: Duration = Duration::from_secs(60);
 
-/// Descriptors that the process may need beyond those of its connections: ports, logs, files, those who are turned away.
+/// File descriptors that the process can need in addition to those of its connections: for ports,
+/// logs, files, and connections that are being turned away.
 const OTHER_DESCRIPTORS: u64 = 128;
 
-/// What to tell a user whose system lets the process have too few descriptors for all places.
+/// Returns a message for the user if the system allows this process too few file descriptors for
+/// all connections.
 pub(crate) fn too_few_descriptors() -> Option<String> {
     few_descriptors(getrlimit(Resource::Nofile).current)
 }
@@ -29,21 +32,22 @@ fn few_descriptors(limit: Option<u64>) -> Option<String> {
     ))
 }
 
-/// Places that are taken when a connection comes.
+/// How many places are taken when a new connection arrives.
 pub(super) struct Taken {
     pub(super) all: usize,
-    /// By other machines.
+    /// Places taken by other machines.
     pub(super) remote: usize,
-    /// Without a hello so far.
+    /// Places taken by connections without a hello.
     pub(super) strangers: usize,
 }
 
 impl Taken {
-    /// Whether there is a place for one more connection, from this machine (`local`) or another. However many other machines take,
-    /// some places are left for a program on this one, to stop the rig.
+    /// Checks whether there is a place for one more connection, from this machine (`local`) or from
+    /// another one. Some places are reserved for programs on this machine, so that one of them can
+    /// always stop the rig.
     ///
     /// # Errors
-    /// Why not, in words.
+    /// Returns the reason as text if there is no place.
     pub(super) fn place(&self, bounds: &Bounds, local: bool) -> Result<(), String> {
         let kept = if local { 0 } else { bounds.local };
         if self.all >= bounds.connections {
@@ -59,7 +63,7 @@ impl Taken {
     }
 }
 
-/// Wrong tokens since they were last told of.
+/// Counts wrong tokens since the last warning about them.
 #[derive(Default)]
 pub(super) struct WrongTokens {
     count: u64,
@@ -68,14 +72,15 @@ pub(super) struct WrongTokens {
 }
 
 impl WrongTokens {
-    /// Counts one more.
+    /// Counts one more wrong token from `address`, and warns if a warning is due.
     pub(super) fn add(&mut self, address: Option<IpAddr>) {
         self.count += 1;
         self.last = address;
         self.tell(Instant::now());
     }
 
-    /// Warns of those that have come, at most once a minute. Returns how many it told of.
+    /// Logs a warning about the wrong tokens since the last one, at most once a minute. Returns the
+    /// number of wrong tokens that it reported.
     pub(super) fn tell(&mut self, now: Instant) -> Option<u64> {
         if self.count == 0 || self.told.is_some_and(|told| now < told + TOLD_EVERY) {
             return None;

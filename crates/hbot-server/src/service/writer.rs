@@ -1,4 +1,4 @@
-//! From a client's queue to its socket.
+//! Sends the queued messages of a client over its socket.
 
 use std::future::{Future as _, poll_fn};
 use std::io;
@@ -11,32 +11,34 @@ use tokio::time::{Sleep, sleep};
 
 use super::outbox::Inbox;
 
-/// Sends what waits for a client.
+/// Sends the messages that wait in a client's queue.
 pub(super) struct Writer<S> {
     half: WriteHalf<S>,
     inbox: Inbox,
-    /// Taken from there, and sent up to `sent`.
+    /// Bytes taken from the queue.
     batch: Vec<u8>,
+    /// Number of the bytes in `batch` that have been sent.
     sent: usize,
     flushed: bool,
     stuck: Duration,
-    /// When a client that takes nothing counts as gone; `None` while it takes what it gets.
+    /// The time at which a client that accepts no bytes is considered gone. `None` while sending
+    /// makes progress.
     deadline: Option<Pin<Box<Sleep>>>,
 }
 
 impl<S: AsyncWrite> Writer<S> {
-    /// One for a client that may take no byte for `stuck`.
+    /// Creates a writer. A client that accepts no byte for the time `stuck` is considered gone.
     pub(super) fn new(half: WriteHalf<S>, inbox: Inbox, stuck: Duration) -> Self {
         Self { half, inbox, batch: Vec::new(), sent: 0, flushed: true, stuck, deadline: None }
     }
 
-    /// Sends until the hub lets go. Fails where the connection is broken, or has taken no byte for so long that it counts as such.
-    /// Cancel safe.
+    /// Sends messages until the hub drops its end of the queue. Fails if the connection is broken,
+    /// or if the client has accepted no byte for too long. Cancel safe.
     pub(super) async fn run(&mut self) -> io::Result<()> {
         poll_fn(|context| self.poll(context)).await
     }
 
-    /// What comes until it runs again need not wake it.
+    /// Suppresses wake-ups by new messages until `run` is polled again.
     pub(super) fn hush(&mut self) {
         self.inbox.hush();
     }
@@ -51,7 +53,7 @@ impl<S: AsyncWrite> Writer<S> {
                 }
             }
             if !self.flushed {
-                // What encryption has taken and the socket has not yet.
+                // Flush the bytes that the encryption has taken and the socket has not.
                 let flushed = Pin::new(&mut self.half).poll_flush(context);
                 ready!(self.in_time(context, flushed))?;
                 self.flushed = true;
@@ -63,7 +65,8 @@ impl<S: AsyncWrite> Writer<S> {
         }
     }
 
-    /// The same, but an error where it takes too long. There is no timer where it happens at once, as nearly everything does.
+    /// Passes the result of a poll on, but turns a wait that lasts too long into an error. Most
+    /// polls are ready at once, and they start no timer.
     fn in_time<T>(&mut self, context: &mut Context<'_>, polled: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if polled.is_ready() {
             self.deadline = None;

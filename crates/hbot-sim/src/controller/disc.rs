@@ -7,19 +7,19 @@ use oorandom::Rand64;
 
 use crate::phenomena::Encoder;
 
-/// The disc of one encoder: what it reads of a shaft's angle.
+/// The errors of one simulated encoder: coarse counts, an off-centre disc, and a wrong zero.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Disc {
     step: i64,
-    /// rad of the encoder.
+    /// Amplitude of the error that repeats every turn, rad of the encoder.
     amplitude: f64,
     phase: f64,
-    /// How far its zero is off, rad of the joint.
+    /// Error of the zero, rad of the joint.
     pub(super) zero_off: f64,
 }
 
 impl Disc {
-    /// One for each joint, their phases and zeros by the seed.
+    /// Creates the encoder errors of all joints. The seed determines their phases and zero errors.
     pub(super) fn all(encoder: &Encoder) -> Box<[Self; MAX_JOINTS]> {
         let mut random = Rand64::new(u128::from(encoder.seed));
         Box::new(core::array::from_fn(|_| Self {
@@ -30,22 +30,23 @@ impl Disc {
         }))
     }
 
-    /// What it adds to a joint's angle (rad) behind `gear`, rad of the joint.
+    /// Returns the angle error of the encoder at a joint angle (rad) behind `gear`, rad of the
+    /// joint.
     pub(super) fn error(&self, angle: f64, gear: f64) -> f64 {
         self.amplitude / gear * libm::sin(angle * gear + self.phase)
     }
 
-    /// What it reads at a joint's angle, rad of the joint.
+    /// Returns the angle that the encoder reads at a joint angle, rad of the joint.
     pub(super) fn reading(&self, angle: f64, gear: f64) -> f64 {
         angle + self.error(angle, gear)
     }
 
-    /// The rate that it reads over the joint's.
+    /// Returns the rate that the encoder reads divided by the true joint rate.
     pub(super) fn slope(&self, angle: f64, gear: f64) -> f64 {
         1.0 + self.amplitude * libm::cos(angle * gear + self.phase)
     }
 
-    /// A count as coarse as the encoder is.
+    /// Rounds a count down to the step of the encoder.
     pub(super) fn coarse(&self, count: i64) -> i64 {
         count.div_euclid(self.step) * self.step
     }

@@ -1,15 +1,9 @@
-//! The virtual motor controllers of one line: what the firmware at its far end does, in each protocol that a rig
-//! file may name.
+//! The simulated motor controllers of one port. They do what the firmware at the far end of a
+//! serial line does.
 //!
-//! | module | what it does |
-//! |---|---|
-//! | `joints` (`joint`, `disc`, `motors`) | what all protocols stand on: encoders that count, motors that push |
-//! | [`hbot`] | the firmware of docs/link.md |
-//!
-//! They know time in nanoseconds as they are told it, the true joint angles and rates, and the bytes of their line;
-//! they know nothing of the sphere. Encoders are exact but for the floor to a count, and motors give what is asked of
-//! them, unless [`phenomena`] say otherwise. A firmware is one type that implements `Speaks`, and its arm in
-//! `Firmware`.
+//! Their inputs are the time in nanoseconds, the true joint angles and rates, and the messages of
+//! `hbot-link`. They know nothing of the sphere. Unless [`phenomena`] change it, encoders are exact
+//! except for rounding down to a whole count, and motors give exactly the commanded torque.
 
 mod disc;
 pub mod hbot;
@@ -27,17 +21,18 @@ pub use self::joints::Truth;
 use crate::phenomena;
 use crate::plant::JointTorques;
 
-/// Trouble to make, or to end. Joints are counted from 0.
+/// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
-    /// Power lost and back: torque zero, undescribed, counts anew (an absolute encoder's stay), watchdog forgotten.
-    /// What [`Fault`]s are on stays on.
+    /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
+    /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
+    /// Other injected [`Fault`]s stay active.
     Reboot,
     /// [`Fault::Reboot`] of the controller of one joint. Where one controller has all joints, of that.
     RebootOne(usize),
-    /// Whether commands still act but nothing is answered: the line back is cut.
+    /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
     Mute(bool),
-    /// Whether nothing is heard or answered: the line is cut both ways.
+    /// Switches loss of commands and answers on or off, as if the line were cut in both directions.
     Deaf(bool),
     /// Whether the controller of one joint hears and answers nothing. Where one controller has all joints, none does.
     DeafOne {
@@ -57,16 +52,16 @@ pub enum Fault {
     },
     /// Whether a joint reports that it is too hot; torque goes on.
     Hot {
-        /// Which joint.
+        /// Index of the joint.
         joint: usize,
-        /// Whether it is.
+        /// Whether the joint reports overtemperature.
         on: bool,
     },
-    /// How far the encoder of a joint has slipped, rad of the joint in its positive sense, from the truth.
+    /// Simulates an encoder that has slipped on its shaft, by a constant error of its angle.
     Slipped {
-        /// Which joint.
+        /// Index of the joint.
         joint: usize,
-        /// By how much, rad.
+        /// Encoder angle minus true angle, rad of the joint in its positive sense.
         angle: f64,
     },
 }
@@ -148,9 +143,11 @@ pub struct Controllers {
 }
 
 impl Controllers {
-    /// Controllers that speak `protocol` and have just powered up with all joints of `specs` (at most [`MAX_JOINTS`] are
-    /// taken) at the angle zero; `angles` is where they are, rad. `encoder` is what is wrong with their encoders. `None`
-    /// for a protocol that no virtual controller speaks yet.
+    /// Creates motor controllers that have just powered up.
+    ///
+    /// The counts start as if all joints stood at the angle zero; `angles` are the true angles,
+    /// rad. At most [`MAX_JOINTS`] of `specs` are used. `encoder` gives the errors of the encoders,
+    /// if any.
     #[must_use]
     pub fn new(
         protocol: Protocol,
@@ -163,26 +160,32 @@ impl Controllers {
         Some(Self { joints, firmware, mute: false, deaf: false })
     }
 
-    /// Has the errors of the encoders replaced, with the joints at `angles`, rad. Counts go on from where they are: a zero
-    /// once taken stays until one is taken again.
+    /// Replaces the errors of the encoders, with the joints at `angles`, rad.
+    ///
+    /// Counts continue from their present values, and a zero already taken is kept until it is
+    /// taken again.
     pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
         self.joints.set_encoder(encoder, angles);
     }
 
-    /// Has the motors' figures replaced. Motors that were ideal are cold and give what they gave; others keep current and
-    /// heat.
+    /// Replaces the parameters of the motors; `None` makes them ideal.
+    ///
+    /// Motors that were ideal start cold with their present torque. Other motors keep their current
+    /// and heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
         self.joints.set_motor(motor);
     }
 
-    /// The torques that act at the joints at this moment, in the joints' own sense, N m.
+    /// Returns the torques that act at the joints now, in each joint's own positive sense, N m.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
         self.joints.torque()
     }
 
-    /// Moves the motors on by `h` seconds and returns the torques to hold for as long, N m: of motors with a lag, the mean.
-    /// `rates` gives the joints' rates at the start, rad/s, where they matter.
+    /// Advances the motors by `h` seconds and returns the torques to apply during that time, N m.
+    ///
+    /// For motors with a lag these are mean torques. `rates` returns the joint rates at the start,
+    /// rad/s; it is called only if the motors are not ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
         self.joints.drive(h, rates)
     }
@@ -208,7 +211,8 @@ impl Controllers {
         }
     }
 
-    /// Lets the encoders see the joint angles, rad, so that an index passed is not missed.
+    /// Updates the encoders with the joint angles, rad, so that they notice an index mark that is
+    /// passed.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         self.joints.sense(angles);
     }
@@ -225,7 +229,8 @@ impl Controllers {
         }
     }
 
-    /// Makes trouble, or ends it, at the joint angles `angles`, rad. A joint that does not exist is ignored.
+    /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
+    /// joint that does not exist is ignored.
     pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
         match fault {
             Fault::Mute(on) => self.mute = on,

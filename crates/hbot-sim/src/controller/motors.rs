@@ -1,4 +1,4 @@
-//! Motors as they are: between the torque that is asked of them and the one that acts.
+//! Motors with lag, heat, back-EMF and a torque error: from commanded torque to acting torque.
 
 use core::ops::Range;
 
@@ -8,29 +8,31 @@ use super::joint::Axis;
 use crate::phenomena::Motor;
 use crate::plant::JointTorques;
 
-/// Below this a current that fades is none, in N m: so it does not linger in numbers too small to be normal.
+/// Current below which a decaying current becomes zero, as a torque in N m. This avoids subnormal
+/// numbers.
 const NONE: f64 = 1.0e-15;
 
-/// The currents and the heat of all motors. Currents are in N m of the joint, as the controller believes them to push.
+/// Currents and heat of all motors. A current is expressed as the joint torque (N m) that the motor
+/// controller assumes it gives.
 #[derive(Debug, Clone)]
 pub(super) struct Motors {
     motor: Motor,
     current: JointTorques,
-    /// Mean square of the current over the thermal time, N² m².
+    /// Running mean of the squared current over the thermal time constant, N² m².
     heat: JointTorques,
-    /// The torques that act now, N m.
+    /// Torques that act at the joints now, N m.
     pub(super) acting: JointTorques,
 }
 
 impl Motors {
-    /// Cold motors that give `acting` at the moment.
+    /// Creates cold motors whose currents correspond to the torques `acting`, N m.
     pub(super) fn new(motor: Motor, acting: &JointTorques) -> Self {
         let mut motors = Self { motor, current: *acting, heat: [0.0; MAX_JOINTS], acting: [0.0; MAX_JOINTS] };
         motors.act();
         motors
     }
 
-    /// Has the figures replaced; currents and heat stay.
+    /// Replaces the parameters. Currents and heat are kept.
     pub(super) fn replace(&mut self, motor: Motor) {
         self.motor = motor;
         self.act();
@@ -42,8 +44,11 @@ impl Motors {
         self.act();
     }
 
-    /// Moves the currents on by `h` seconds towards what is asked (joint's sense, within the peak), with the joints turning
-    /// at `rates`, and returns the mean torques over that time: held for as long they give the exact impulse.
+    /// Advances the currents by `h` seconds towards the commanded torques `asked`, while the joints
+    /// turn at `rates`.
+    ///
+    /// `asked` is in the joint's own sense and within the peak. Returns the mean torques over that
+    /// time; applied for `h`, they give the exact impulse.
     pub(super) fn drive(
         &mut self,
         h: f64,
@@ -51,7 +56,8 @@ impl Motors {
         asked: &JointTorques,
         rates: &[f64; MAX_JOINTS],
     ) -> JointTorques {
-        // What of the way to its end a current still has to go: after h, and in the mean over h.
+        // Remaining fraction of a current's way to its final value: after h, and as the mean over
+        // h.
         let (left, mean_left) = left(h, self.motor.lag_s);
         let (heat_left, _) = self::left(h, self.motor.thermal_time_s);
         let mut mean = [0.0; MAX_JOINTS];
@@ -72,7 +78,7 @@ impl Motors {
         mean
     }
 
-    /// Whether a motor gives less than is asked of it because it is hot.
+    /// Returns whether a motor gives less than the commanded torque because it is hot.
     pub(super) fn derates(&self, j: usize, axis: &Axis, asked: f64) -> bool {
         self.is_hot(j, axis) && asked.abs() > axis.joint.continuous
     }
@@ -81,12 +87,13 @@ impl Motors {
         self.heat[j] >= axis.joint.continuous * axis.joint.continuous
     }
 
-    /// The largest torque that motor and supply give in the direction asked for, N m.
+    /// Returns the largest torque that motor and supply can give in the commanded direction, N m.
     fn limit(&self, j: usize, axis: &Axis, asked: f64, rate: f64) -> f64 {
         let peak = f64::from(axis.peak);
         let no_load =
             if j.is_multiple_of(2) { self.motor.steer_no_load_rate } else { self.motor.drive_no_load_rate };
-        // The voltage that is left falls with the rate where the motor drives the joint on; where it brakes, back-EMF helps.
+        // If the motor drives the joint, the remaining voltage falls with the rate. If it brakes,
+        // the back-EMF helps it.
         let driven = if asked * rate > 0.0 { rate.abs() } else { 0.0 };
         let supply = peak * (1.0 - driven / no_load).max(0.0);
         if self.is_hot(j, axis) { supply.min(axis.joint.continuous) } else { supply }
@@ -97,7 +104,8 @@ impl Motors {
     }
 }
 
-/// Of a first-order approach with time constant `tau`: what of the way is left after `h`, and in the mean over `h`.
+/// Returns the remaining fraction of a first-order approach with time constant `tau`: after `h`,
+/// and as the mean over `h`.
 fn left(h: f64, tau: f64) -> (f64, f64) {
     if !(tau > 0.0) {
         return (0.0, 0.0);

@@ -1,4 +1,4 @@
-//! Which plant: chosen by the phenomena that are asked for.
+//! Chooses the plant that the requested phenomena need: smooth or nonsmooth.
 
 use hbot_core::Vec3;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
@@ -8,8 +8,11 @@ use super::{ImpossibleInertia, JointTorques, Method, Plant, State, Sum};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
-/// A plant with the phenomena that were asked for: three speeds and a [`Method`] of its order where nothing sticks, slips
-/// or has play; else speeds that set-valued laws act on, by time stepping of order 1 (`docs/simulator.md`).
+/// A plant with the requested phenomena.
+///
+/// If nothing sticks, slips or has play, the plant is smooth: it has three speeds and is integrated
+/// by a [`Method`]. Otherwise friction, contacts and play follow set-valued laws, and a
+/// time-stepping scheme of order 1 is used (`docs/simulator.md`).
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     device: Device,
@@ -17,7 +20,7 @@ pub struct Dynamics {
     kind: Kind,
 }
 
-// The ideal plant is the one whose steps count: no pointer on its way.
+// Both variants are boxed, so both have the size of a pointer.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone)]
 enum Kind {
@@ -26,11 +29,13 @@ enum Kind {
 }
 
 impl Dynamics {
-    /// The plant of `device` with what `phenomena` name of it, at `state`; `method` is for the smooth one. A hand in
-    /// `phenomena` is not held yet: its inertia is added by [`Dynamics::set_sphere_inertia`].
+    /// Creates the plant of `device` at `state`, with the plant's part of `phenomena`. `method` is
+    /// used if the plant is smooth.
+    ///
+    /// A hand in `phenomena` is ignored. Add its inertia with [`Dynamics::set_sphere_inertia`].
     ///
     /// # Errors
-    /// Where the inertias of a wheel contradict each other.
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn new(
         device: &Device,
         phenomena: &Phenomena,
@@ -41,23 +46,24 @@ impl Dynamics {
         Ok(Self { device: *device, method, kind })
     }
 
-    /// Has all phenomena of the plant replaced, at `state`; the inertia of what is held to the sphere stays.
+    /// Replaces all phenomena of the plant at `state`. The inertia of sphere and hand is kept.
     pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &State) {
         let inertia = self.sphere_inertia();
-        // Of a device that has a plant there is one with any phenomena.
+        // This cannot fail: the device's inertias were checked when the plant was created.
         if let Ok(plant) = Plant::with(&self.device, phenomena) {
             self.kind = Kind::new(plant, &self.device, phenomena, state);
             self.set_sphere_inertia(inertia);
         }
     }
 
-    /// Whether set-valued laws are at work.
+    /// Returns whether the plant is nonsmooth, because something sticks, slips or has play.
     #[must_use]
     pub fn is_nonsmooth(&self) -> bool {
         matches!(self.kind, Kind::Nonsmooth(_))
     }
 
-    /// The inertia of the sphere and of what is held to it, about any axis, kg m²; the wheels' is not in it.
+    /// Returns the inertia of the sphere and of anything attached to it, about any axis, kg m². The
+    /// wheels' inertia is not included.
     #[must_use]
     pub fn sphere_inertia(&self) -> f64 {
         match &self.kind {
@@ -66,7 +72,7 @@ impl Dynamics {
         }
     }
 
-    /// Sets the inertia of the sphere and of what is held to it, kg m² (positive).
+    /// Sets the inertia of the sphere and of anything attached to it, kg m². It must be positive.
     pub fn set_sphere_inertia(&mut self, inertia: f64) {
         match &mut self.kind {
             Kind::Smooth(plant) => plant.set_sphere_inertia(inertia),
@@ -74,8 +80,11 @@ impl Dynamics {
         }
     }
 
-    /// Holds the sphere so that it turns about the unit vector `axis` (in N) alone, as on a test bench, or lets it go. What it
-    /// turned about others is lost. Of a smooth plant nothing can be held: false then.
+    /// Restricts the sphere to turn about the unit vector `axis` (frame N) only, as on a test
+    /// bench. `None` releases it.
+    ///
+    /// Any angular velocity about other axes is lost. Returns false if `axis` is given and the
+    /// plant is smooth, which cannot be restricted.
     pub fn set_hinge(&mut self, axis: Option<Vec3>) -> bool {
         match &mut self.kind {
             Kind::Smooth(_) => axis.is_none(),
@@ -86,16 +95,20 @@ impl Dynamics {
         }
     }
 
-    /// Takes over a `state` that something else has made: wheels roll without slip, motors stand in the middle of
-    /// their play, and nothing is held by friction yet.
+    /// Adopts a `state` that was set from outside the plant.
+    ///
+    /// Joint rates are set to those of rolling without slip, motors to the middle of their gears'
+    /// play, and all stored friction impulses are cleared.
     pub fn adopt(&mut self, state: &State) {
         if let Kind::Nonsmooth(plant) = &mut self.kind {
             plant.adopt(state);
         }
     }
 
-    /// Moves `state` on by `h` seconds from the time `t` (s): joint torques `tau` held (at the motor's side of a gear),
-    /// the torque `external` on the sphere (N, N m), and perhaps a hand.
+    /// Advances `state` by `h` seconds from time `t` (s).
+    ///
+    /// The joint torques `tau` (on the motor's side of a gear), the torque `external` on the sphere
+    /// (frame N, N m) and an optional hand act on the plant.
     #[inline]
     pub fn step(
         &mut self,
@@ -115,7 +128,8 @@ impl Dynamics {
         }
     }
 
-    /// What the encoders sit on: joint angles in the order steer, drive of each wheel, at the motor's side of a gear, rad.
+    /// Returns the angles that the encoders measure, rad, in the order steer, drive of each wheel.
+    /// If gears have play, the drive angles are those of the motors.
     #[must_use]
     pub fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
         match &self.kind {
@@ -124,7 +138,7 @@ impl Dynamics {
         }
     }
 
-    /// Rates of what the encoders sit on, rad/s.
+    /// Returns the rates that the encoders measure, rad/s, in the order steer, drive of each wheel.
     #[must_use]
     pub fn encoder_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
         match &self.kind {
@@ -133,7 +147,8 @@ impl Dynamics {
         }
     }
 
-    /// Slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s; zero where nothing slips.
+    /// Returns the slip velocity of each wheel along its axle (c1) and its rolling direction (c2),
+    /// wheel minus sphere, m/s. It is zero if the plant is smooth.
     #[must_use]
     pub fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
         match &self.kind {
@@ -142,7 +157,8 @@ impl Dynamics {
         }
     }
 
-    /// Kinetic energy and that of weights out of place, J; that of a hand's spring is not in it.
+    /// Returns the kinetic energy plus the potential energy of off-centre masses, J. The energy of
+    /// a hand's spring is not included.
     #[must_use]
     pub fn energy(&self, state: &State) -> f64 {
         match &self.kind {
@@ -151,7 +167,8 @@ impl Dynamics {
         }
     }
 
-    /// How much work the last step was; `None` where every step is the same.
+    /// Returns the solver's work in the last step, or `None` if the plant is smooth: then every
+    /// step costs equally much.
     #[must_use]
     pub fn effort(&self) -> Option<Effort> {
         match &self.kind {
@@ -171,7 +188,7 @@ impl Kind {
     }
 }
 
-/// Whether something sticks, slips or has play.
+/// Returns whether a phenomenon makes something stick, slip or have play.
 fn is_nonsmooth(phenomena: &Phenomena) -> bool {
     let dry =
         phenomena.joint_friction.is_some_and(|friction| friction.coulomb > 0.0 || friction.breakaway > 0.0);

@@ -1,5 +1,8 @@
-//! What the methods step through: accelerations and rates at a state. One field is the ideal plant, another the plant with
-//! masses out of place; each is compiled into every method by itself, so neither pays for the other.
+//! The interface between the integration methods and the plant: accelerations and rates at a state.
+//!
+//! There are two fields: the ideal plant, and the plant with off-centre masses or viscous joints.
+//! The compiler builds each method separately for each field, so the ideal plant does not pay for
+//! the extras.
 
 use hbot_core::device::{Device, MAX_WHEELS};
 use hbot_core::kinematics::ContactFrame;
@@ -12,24 +15,25 @@ use super::pair::Pair;
 use super::weights::{GRAVITY, Module, Weight};
 use crate::phenomena::Phenomena;
 
-/// Accelerations and rates.
+/// Gives an integration method the accelerations and rates of a plant.
 pub(super) trait Field<const P: usize> {
-    /// What holds at one instant in every state.
+    /// Quantities that depend on time alone.
     type Instant;
-    /// What orientation and steering angles determine.
+    /// Quantities that depend on the orientation and the steer angles alone.
     type Geometry;
 
-    /// What holds at the time `t`, s.
+    /// Returns the quantities that hold at time `t`, s.
     fn at(&self, t: f64) -> Self::Instant;
-    /// The geometry at the orientation `q` and the steering angles `steer`, rad.
+    /// Returns the geometry at the orientation `q` and the steer angles `steer`, rad.
     fn geometry(&self, q: Quat, steer: &[Pair; P]) -> Self::Geometry;
-    /// Where everything is heading.
+    /// Returns the accelerations and joint rates at the given geometry, instant, orientation and
+    /// angular velocity.
     fn flow(&self, at: &Self::Geometry, now: &Self::Instant, q: Quat, omega: Vec3) -> Flow<P>;
-    /// Joint rates of a sphere turning with `omega`: steer, drive, rad/s.
+    /// Returns the joint rates (steer, drive) while the sphere turns at `omega`, rad/s.
     fn rates(&self, at: &Self::Geometry, omega: Vec3) -> ([Pair; P], [Pair; P]);
 }
 
-/// The ideal plant under a load.
+/// The ideal plant under joint torques and a load.
 pub(super) struct Ideal<'a, const P: usize, L> {
     pub(super) model: &'a Model,
     pub(super) push: Push<P>,
@@ -61,7 +65,7 @@ impl<const P: usize, L: Load> Field<P> for Ideal<'_, P, L> {
     }
 }
 
-/// What makes a plant other than ideal, but smooth.
+/// The phenomena of a plant that is not ideal but still smooth.
 #[derive(Debug, Clone)]
 pub(super) struct Extras {
     device: Device,
@@ -73,7 +77,7 @@ pub(super) struct Extras {
 }
 
 impl Extras {
-    /// What `phenomena` ask for; `None` where that is nothing.
+    /// Returns the extras that `phenomena` ask for, or `None` if there are none.
     pub(super) fn new(device: &Device, phenomena: &Phenomena) -> Option<Self> {
         let viscous = phenomena.joint_friction.map_or(0.0, |friction| friction.viscous);
         if phenomena.eccentric.is_none() && phenomena.wheel_modules.is_none() && viscous == 0.0 {
@@ -89,7 +93,7 @@ impl Extras {
         })
     }
 
-    /// Potential energy, J, but for a constant.
+    /// Returns the potential energy up to a constant, J.
     pub(super) fn energy(&self, q: Quat, steer: &[f64; MAX_WHEELS]) -> f64 {
         let modules =
             self.modules.iter().flatten().zip(steer).map(|(module, th)| module.energy(*th)).sum::<f64>();
@@ -97,7 +101,7 @@ impl Extras {
     }
 }
 
-/// A plant with masses out of place, or viscous joints, under a load.
+/// A plant with off-centre masses or viscous joints, under joint torques and a load.
 pub(super) struct Loaded<'a, L> {
     pub(super) inertia: f64,
     pub(super) extras: &'a Extras,
@@ -105,15 +109,15 @@ pub(super) struct Loaded<'a, L> {
     pub(super) load: &'a L,
 }
 
-/// One wheel's part of the geometry.
+/// The geometry of one wheel at its contact.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Contact {
     th: f64,
     normal: Vec3,
     steer: Vec3,
-    /// (l.c1) g_th - c1: the drive's row for a radius of the wheel's own.
+    /// The drive's row of G divided by `ratio`: (l.c1) g_th - c1.
     per_radius: Vec3,
-    /// Distance of the contact from O over the wheel's radius.
+    /// Distance of the contact from the centre O of rotation, divided by the wheel's radius.
     ratio: f64,
 }
 
@@ -142,7 +146,7 @@ impl<L> Loaded<'_, L> {
         contacts
     }
 
-    /// The apparent inertia.
+    /// Returns the apparent inertia in frame N, kg m².
     pub(super) fn apparent(&self, contacts: &[Contact; MAX_WHEELS]) -> Symmetric {
         let i = self.inertia;
         let mut m = Symmetric { xx: i, yy: i, zz: i, xy: 0.0, xz: 0.0, yz: 0.0 };
@@ -150,7 +154,7 @@ impl<L> Loaded<'_, L> {
             let spec = wheel.spec();
             let coupling = spec.axial_inertia * wheel.axis_along_axle();
             let (steer, drive) = (at.steer, at.drive());
-            // Gᵀ J G as steer x (what its momentum is) + drive x (what its is).
+            // Gᵀ J G as steer row x its momentum + drive row x its momentum.
             let (of_steer, of_drive) = (
                 steer * spec.steer_inertia + drive * coupling,
                 steer * coupling + drive * spec.drive_inertia,
@@ -178,7 +182,8 @@ impl<const P: usize, L: Load> Field<P> for Loaded<'_, L> {
         self.contacts(q, steer)
     }
 
-    /// Physics notes, section 5; where the sphere is out of centre the drive's row changes with the contact's distance too.
+    /// Follows section 5 of the physics notes. If the sphere is off centre, the drive's row also
+    /// changes with the distance of the contact from O.
     fn flow(&self, contacts: &[Contact; MAX_WHEELS], now: &L::Instant, q: Quat, omega: Vec3) -> Flow<P> {
         let (mut steer_rates, mut drive_rates) = ([Pair::ZERO; P], [Pair::ZERO; P]);
         let offset = q * self.extras.offset;
@@ -190,7 +195,7 @@ impl<const P: usize, L: Load> Field<P> for Loaded<'_, L> {
             let (at, spec, axis) = (&contacts[i], wheel.spec(), wheel.spec().axis);
             let (steer, drive) = (at.steer.dot(omega), at.drive().dot(omega));
             let away = omega.cross(offset).dot(at.normal) + offset.dot(axis.cross(at.normal)) * steer;
-            // (dG/dt) w, row by row.
+            // (dG/dt) w of the steer row and the drive row.
             let steer_bend = steer * axis.cross(at.steer).dot(omega);
             let drive_bend = steer * at.ratio * axis.cross(at.per_radius).dot(omega)
                 + away / spec.radius * at.per_radius.dot(omega);

@@ -1,20 +1,23 @@
-//! What acts on the sphere besides the wheels.
+//! Torques on the sphere other than those of the wheels.
 
 use hbot_core::{Quat, Vec3, rotation};
 
 /// A torque on the sphere that depends on time, orientation and angular velocity.
 ///
-/// What depends on time alone is computed by [`at`](Load::at), once for every instant that a step looks at; a method
-/// may look at one instant in several states. A closure of time, orientation and angular velocity is a load.
+/// [`at`](Load::at) computes what depends on time alone, once for each instant of a step. A method
+/// can then evaluate [`torque`](Load::torque) at that instant for several states. A closure of
+/// time, orientation and angular velocity is a load too.
 pub trait Load {
-    /// What holds at one instant in every state.
+    /// Quantities that depend on time alone.
     type Instant;
 
-    /// What holds at the time `t`, s.
+    /// Computes the quantities that depend on time alone, at time `t`, s.
     fn at(&self, t: f64) -> Self::Instant;
 
-    /// The torque on the sphere in N, N m, at that instant, for the orientation `q` (sphere axes to N) and the
-    /// angular velocity `omega` (in N, rad/s). Within a step `q` may be off unit norm by the square of a step's turn.
+    /// Returns the torque on the sphere in frame N, N m.
+    ///
+    /// `q` is the orientation (sphere axes to N) and `omega` the angular velocity (in N, rad/s).
+    /// Within a step the norm of `q` can differ from 1 by the square of the turn in a step.
     fn torque(&self, now: &Self::Instant, q: Quat, omega: Vec3) -> Vec3;
 }
 
@@ -32,7 +35,7 @@ impl<F: Fn(f64, Quat, Vec3) -> Vec3> Load for F {
     }
 }
 
-/// A constant torque on the sphere, in N, N m.
+/// A constant torque on the sphere, in frame N, N m.
 impl Load for Vec3 {
     type Instant = ();
 
@@ -45,7 +48,7 @@ impl Load for Vec3 {
     }
 }
 
-/// Two loads together.
+/// The sum of two loads.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sum<A, B>(pub A, pub B);
 
@@ -63,14 +66,15 @@ impl<A: Load, B: Load> Load for Sum<A, B> {
     }
 }
 
-/// An isotropic geodesic spring and damper to a fixed orientation: T = K log(q_d q⁻¹) - D w.
+/// An isotropic spring and damper that pull the sphere to a fixed orientation q_d along the
+/// shortest turn: T = K log(q_d q⁻¹) - D w.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpringDamper {
-    /// K, N m/rad.
+    /// Stiffness K, N m/rad.
     pub stiffness: f64,
-    /// D, N m s/rad.
+    /// Damping D, N m s/rad.
     pub damping: f64,
-    /// The orientation q_d that it pulls to, sphere axes to N, unit.
+    /// Orientation q_d to which the spring pulls, a unit quaternion from sphere axes to frame N.
     pub reference: Quat,
 }
 
@@ -86,10 +90,10 @@ impl Load for SpringDamper {
     }
 }
 
-/// A torque about a fixed axis that swings with time: `amplitude` sin(2 pi `hertz` t).
+/// A sinusoidal torque about a fixed axis: `amplitude` sin(2 pi `hertz` t).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sine {
-    /// Axis and largest torque in N, N m.
+    /// Largest torque, as a vector along its axis in frame N, N m.
     pub amplitude: Vec3,
     /// Frequency, Hz.
     pub hertz: f64,

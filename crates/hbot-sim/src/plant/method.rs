@@ -1,4 +1,4 @@
-//! Fixed steps: what each costs and how its error falls.
+//! Integration methods with a fixed step, with their cost and order.
 
 use hbot_core::{Quat, Vec3, rotation};
 
@@ -7,31 +7,33 @@ use super::model::{Flow, quaternion_rate};
 use super::pair::Pair;
 use super::{State, gather, scatter};
 
-/// How a plant is moved on by one step of h seconds.
+/// A method that advances a plant by one step of h seconds.
 ///
-/// The error over a given time falls with h to the power of the order. A *look* is one evaluation of the plant and
-/// its load; looks are nearly all the cost.
+/// The error over a given time falls as h to the power of the order. An *evaluation* computes the
+/// plant's accelerations and its load once. Nearly all the cost is in evaluations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Method {
-    /// Order 1, one look. New speeds from the accelerations here, then new angles from the new speeds. Its error of
-    /// energy stays bounded on a spring, where explicit Euler's grows.
+    /// Order 1, one evaluation per step. Computes new speeds from the present accelerations, then
+    /// new angles from the new speeds. On a spring its energy error stays bounded, whereas that of
+    /// explicit Euler grows.
     SemiImplicitEuler,
-    /// Order 2, two looks. A half step to the middle, then the whole step by what holds there; orientation by the
-    /// exponential of the middle rate.
+    /// Order 2, two evaluations per step. Makes half a step to the middle, then the whole step with
+    /// the rates at the middle. The orientation turns by the exponential of the middle rate.
     Midpoint,
-    /// Order 4, four looks. The classic rule of Runge and Kutta on the components of the quaternion, which is brought
-    /// back to unit norm at the end of the step.
+    /// Order 4, four evaluations per step. The classic Runge-Kutta rule on the components of the
+    /// quaternion, which is normalised at the end of the step.
     #[default]
     Rk4,
-    /// Order 4, four looks: the same rule in the coordinates of the exponential map (Munthe-Kaas 1999).
+    /// Order 4, four evaluations per step. The classic Runge-Kutta rule in the coordinates of the
+    /// exponential map (Munthe-Kaas 1999).
     Rkmk4,
 }
 
 impl Method {
-    /// All methods, by rising order.
+    /// All methods, in rising order.
     pub const ALL: [Self; 4] = [Self::SemiImplicitEuler, Self::Midpoint, Self::Rk4, Self::Rkmk4];
 
-    /// The power of the step with which the error falls.
+    /// Returns the order: the power of the step with which the error falls.
     #[must_use]
     pub const fn order(self) -> u32 {
         match self {
@@ -104,7 +106,8 @@ fn rk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64
 fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f64) {
     let half = 0.5 * h;
     let (q, omega, steer) = (state.q, state.omega, gather::<P>(&state.steer));
-    // u is the turn since the step's start: q = exp(u) q0, du/dt = w - 1/2 u x w + 1/12 u x (u x w) + O(u^4).
+    // u is the turn since the start of the step: q = exp(u) q0, du/dt = w - 1/2 u x w + 1/12 u x (u
+    // x w) + O(u^4).
     let look = |u: Vec3, q: Quat, omega: Vec3, steer: &[Pair; P], now: &F::Instant| {
         let flow = field.flow(&field.geometry(q, steer), now, q, omega);
         let c = u.cross(omega);
@@ -125,7 +128,7 @@ fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut State, t: f64, h: f
     finish(state, &steer, omega, &[k1.1, k2.1, k3.1, k4.1], sixth);
 }
 
-/// The end of a step of order 4, but for the orientation.
+/// Completes a step of order 4, except for the orientation.
 #[inline(always)]
 fn finish<const P: usize>(
     state: &mut State,
@@ -145,7 +148,7 @@ fn finish<const P: usize>(
     scatter(&along(&gather(&state.drive), &mean(|k| &k.drive), sixth), &mut state.drive);
 }
 
-/// `q` turned by the vector `turn` in N, rad.
+/// Returns `q` turned by the rotation vector `turn` in frame N, rad.
 #[inline(always)]
 fn turned(q: Quat, turn: Vec3) -> Quat {
     rotation::renormalized(rotation::exp(turn) * q)

@@ -1,10 +1,14 @@
-//! The sphere on wheels that do not slip (physics notes, section 5).
+//! The mechanics of the simulated rig: the sphere on wheels that do not slip (physics notes,
+//! section 5).
 //!
-//! A [`Plant`] holds the constants of a device, a [`State`] is where it is and how fast it turns, a [`Load`] is what
-//! acts on the sphere besides the wheels. [`Plant::step`] moves a state on by one fixed step of a [`Method`];
-//! [`Plant::advance_exactly`] is the adaptive reference that the methods are held against.
+//! A [`Plant`] holds the constants of a device. A [`State`] holds its angles and the sphere's
+//! angular velocity. A [`Load`] gives the torques on the sphere other than the wheels'.
+//! [`Plant::step`] advances a state by one fixed step of a [`Method`]. [`Plant::advance_exactly`]
+//! is the adaptive reference against which the methods are compared. [`Dynamics`] chooses between
+//! this plant and one with stick, slip and play.
 //!
-//! Steps allocate nothing, call no function of the platform, and fuse no operations: the same bits on every machine.
+//! Steps allocate nothing, call no function of the platform, and fuse no operations. They therefore
+//! give the same bits on every machine.
 
 mod dynamics;
 mod field;
@@ -34,11 +38,12 @@ use pair::Pair;
 
 use crate::phenomena::Phenomena;
 
-/// Torques at the joints in the order steer, drive of each wheel, N m; entries past the device's joints have no
-/// effect as long as they are finite.
+/// Joint torques in the order steer, drive of each wheel, N m. Entries beyond the device's joints
+/// must be finite and have no effect.
 pub type JointTorques = [f64; MAX_JOINTS];
 
-/// The constants of a device that moves without slip.
+/// The model of a device whose wheels do not slip: its constants, and the phenomena that keep it
+/// smooth.
 #[derive(Debug, Clone)]
 pub struct Plant {
     model: Model,
@@ -46,39 +51,44 @@ pub struct Plant {
     extras: Option<Box<Extras>>,
 }
 
-/// Where the plant is and how fast it turns. The joints' rates follow from `omega` and the steering angles.
+/// The state of a plant: its angles and the sphere's angular velocity. Joint rates follow from
+/// `omega` and the steer angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
-    /// Orientation of the sphere, sphere axes to N, unit.
+    /// Orientation of the sphere as a unit quaternion that maps sphere axes to frame N.
     pub q: Quat,
-    /// Angular velocity of the sphere in N, rad/s.
+    /// Angular velocity of the sphere in frame N, rad/s.
     pub omega: Vec3,
-    /// Steering angle th of each wheel, rad, never reduced; entries past the device's wheels stay as they are.
+    /// Steer angle th of each wheel, rad, never reduced modulo a turn. Entries beyond the device's
+    /// wheels do not change.
     pub steer: [f64; MAX_WHEELS],
-    /// Drive angle ph of each wheel, rad, never reduced; likewise.
+    /// Drive angle ph of each wheel, rad, never reduced modulo a turn. Entries beyond the device's
+    /// wheels do not change.
     pub drive: [f64; MAX_WHEELS],
 }
 
 impl Default for State {
-    /// At rest, unturned, all joints at zero.
+    /// Returns a state at rest with the identity orientation and all joint angles zero.
     fn default() -> Self {
         Self { q: Quat::IDENTITY, omega: Vec3::ZERO, steer: [0.0; MAX_WHEELS], drive: [0.0; MAX_WHEELS] }
     }
 }
 
 impl State {
-    /// Joint angles in the order steer, drive of each wheel, rad.
+    /// Returns the joint angles in the order steer, drive of each wheel, rad.
     #[must_use]
     pub fn joints(&self) -> [f64; MAX_JOINTS] {
         core::array::from_fn(|j| if j % 2 == 0 { self.steer[j / 2] } else { self.drive[j / 2] })
     }
 }
 
-/// A wheel whose inertias no wheel can have: J_c = I_axial sin a sin b with J_c² > J_th J_ph, so that some motion of
-/// its joints would have negative energy.
+/// Error: the inertias of a wheel are physically impossible.
+///
+/// The coupling J_c = I_axial sin a sin b (a: cone angle, b: toe angle) has J_c² > J_th J_ph, so
+/// some motion of the wheel's joints would have negative kinetic energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImpossibleInertia {
-    /// Which wheel, counted from 0.
+    /// Index of the wheel, counted from 0.
     pub wheel: usize,
 }
 
@@ -95,8 +105,8 @@ impl fmt::Display for ImpossibleInertia {
 
 impl core::error::Error for ImpossibleInertia {}
 
-/// Runs an expression with `P`, a number of pairs that holds all wheels, as a constant. Three pairs run as four: not
-/// worth code of their own.
+/// Runs an expression with `P` as a compile-time constant: a number of wheel pairs that is large
+/// enough for all wheels. Three pairs run as four, to avoid one more copy of the code.
 macro_rules! with_pairs {
     ($plant:expr, $P:ident => $body:expr) => {
         match $plant.wheels.div_ceil(2) {
@@ -116,8 +126,8 @@ macro_rules! with_pairs {
     };
 }
 
-/// Runs an expression with `field`, the plant as it is under joint torques and a load: the ideal one, or the one with
-/// extras.
+/// Runs an expression with `field` bound to the plant under joint torques and a load: the ideal
+/// plant, or the one with extras.
 macro_rules! with_field {
     ($plant:expr, $tau:expr, $load:expr, $P:ident, $field:ident => $body:expr) => {
         match &$plant.extras {
@@ -134,43 +144,48 @@ macro_rules! with_field {
 }
 
 impl Plant {
-    /// The plant of `device`.
+    /// Creates the ideal plant of `device`, without phenomena.
     ///
     /// # Errors
-    /// Where the inertias of a wheel contradict each other.
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn new(device: &Device) -> Result<Self, ImpossibleInertia> {
         Self::with(device, &Phenomena::default())
     }
 
-    /// The plant of `device` with those `phenomena` that leave it smooth: a sphere out of centre, the weight of the wheels'
-    /// modules, and the viscous part of joint friction. Of the others it knows nothing.
+    /// Creates the plant of `device` with those of `phenomena` that keep it smooth.
+    ///
+    /// These are an eccentric sphere, the weight of the wheel modules, and the viscous part of
+    /// joint friction. Other phenomena are ignored here; [`Dynamics`] handles them.
     ///
     /// # Errors
-    /// Where the inertias of a wheel contradict each other.
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn with(device: &Device, phenomena: &Phenomena) -> Result<Self, ImpossibleInertia> {
         let model = Model::new(device).map_err(|wheel| ImpossibleInertia { wheel })?;
         let extras = Extras::new(device, phenomena).map(Box::new);
         Ok(Self { model, wheels: device.wheels().len(), extras })
     }
 
-    /// How many wheels.
+    /// Returns the number of wheels.
     #[must_use]
     pub fn wheels(&self) -> usize {
         self.wheels
     }
 
-    /// The inertia of the sphere and of what is held to it, about any axis, kg m²; the wheels' is not in it.
+    /// Returns the inertia of the sphere and of anything attached to it, about any axis, kg m². The
+    /// wheels' inertia is not included.
     #[must_use]
     pub fn sphere_inertia(&self) -> f64 {
         self.model.inertia
     }
 
-    /// Sets the inertia of the sphere and of what is held to it, kg m² (positive): a hand that takes hold adds to it.
+    /// Sets the inertia of the sphere and of anything attached to it, kg m². It must be positive. A
+    /// hand that takes hold adds its inertia here.
     pub fn set_sphere_inertia(&mut self, inertia: f64) {
         self.model.inertia = inertia;
     }
 
-    /// dw/dt in N, rad/s², under the torque `external` on the sphere (in N, N m) and the joint torques `tau`.
+    /// Returns the angular acceleration dw/dt of the sphere in frame N, rad/s². `external` is the
+    /// torque on the sphere (frame N, N m) in addition to the joint torques `tau`.
     #[must_use]
     pub fn acceleration(&self, state: &State, external: Vec3, tau: &JointTorques) -> Vec3 {
         with_field!(self, tau, &external, P, field => {
@@ -179,7 +194,8 @@ impl Plant {
         })
     }
 
-    /// Joint rates in the order steer, drive of each wheel, rad/s: zd = G w.
+    /// Returns the rates of all joints in the order steer, drive of each wheel, rad/s. They follow
+    /// from the sphere's angular velocity w, because the wheels do not slip: zd = G w.
     #[must_use]
     pub fn joint_rates(&self, state: &State) -> [f64; MAX_JOINTS] {
         with_field!(self, &[0.0; MAX_JOINTS], &Vec3::ZERO, P, field => {
@@ -196,14 +212,18 @@ impl Plant {
         })
     }
 
-    /// Kinetic energy 1/2 wᵀ (I_s I + Gᵀ J_q G) w and that of weights out of place, J; constant where no torque acts.
+    /// Returns the energy of the plant, J: the kinetic energy of sphere and wheels, 1/2 wᵀ (I_s I +
+    /// Gᵀ J_q G) w, plus the potential energy of off-centre masses.
+    ///
+    /// It is constant if no load, joint torque or viscous friction acts.
     #[must_use]
     pub fn energy(&self, state: &State) -> f64 {
         let kinetic = 0.5 * state.omega.dot(self.apparent_inertia(state) * state.omega);
         kinetic + self.extras.as_ref().map_or(0.0, |extras| extras.energy(state.q, &state.steer))
     }
 
-    /// The apparent inertia I_s I + Gᵀ J_q G of the turning sphere in N, kg m².
+    /// Returns the apparent inertia of the sphere in frame N, kg m². It includes the inertia of the
+    /// wheels that turn with it: I_s I + Gᵀ J_q G.
     #[must_use]
     pub fn apparent_inertia(&self, state: &State) -> Mat3 {
         let Symmetric { xx, yy, zz, xy, xz, yz } = match &self.extras {
@@ -216,8 +236,8 @@ impl Plant {
         Mat3::from_cols(Vec3::new(xx, xy, xz), Vec3::new(xy, yy, yz), Vec3::new(xz, yz, zz))
     }
 
-    /// Moves `state` on by one step of `h` seconds from the time `t` (s), with the joint torques `tau` held and
-    /// `load` acting on the sphere.
+    /// Advances `state` by one step of `h` seconds from time `t` (s). The joint torques `tau` stay
+    /// constant and `load` acts on the sphere.
     #[inline]
     pub fn step<L: Load>(
         &self,
@@ -232,13 +252,14 @@ impl Plant {
     }
 }
 
-/// One number a wheel, as pairs.
+/// Groups one number per wheel into pairs.
 #[inline(always)]
 fn gather<const P: usize>(wheels: &[f64; MAX_WHEELS]) -> [Pair; P] {
     core::array::from_fn(|p| Pair([wheels[2 * p], wheels[2 * p + 1]]))
 }
 
-/// Pairs, as one number a wheel. The lane of a wheel that does not exist is written too: its rate is zero.
+/// Writes pairs back to one number per wheel. An absent wheel of the last pair is written too; its
+/// rate is zero.
 #[inline(always)]
 fn scatter<const P: usize>(pairs: &[Pair; P], wheels: &mut [f64; MAX_WHEELS]) {
     for p in 0..P {

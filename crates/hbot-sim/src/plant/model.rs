@@ -1,14 +1,18 @@
-//! The plant's constants and what they give at one instant: physics notes, section 5, arranged for few operations.
+//! The plant's constants, and the accelerations that follow from them (physics notes, section 5).
 //!
-//! With l a wheel's steering axis, rows g_th and g_ph of G, J_th, J_ph and J_c its inertias, let
-//! x = g_th + (J_c / J_th) g_ph and y = g_ph. Then
+//! The equations are arranged for few operations. With l the steering axis of a wheel, g_th and
+//! g_ph its rows of G, and J_th, J_ph and J_c its inertias, let x = g_th + (J_c / J_th) g_ph and
+//! y = g_ph. Then
 //!
-//! - g_th = l + (a vector that turns about l with th), and g_ph turns about l with th, so that six numbers times
-//!   sine and cosine give each row;
-//! - Gᵀ J_q G is the sum of J_x x xᵀ + J_y y yᵀ with J_x = J_th and J_y = J_ph - J_c² / J_th: no mixed terms;
-//! - both rows turn rigidly about l, so (dx/dt).w = (dth/dt) x.(w x l), and no derivative of a row is ever formed.
+//! - g_th is l plus a vector that turns about l with th, and g_ph turns about l with th. Six
+//!   numbers times sine and cosine therefore give each row.
+//! - Gᵀ J_q G is the sum of J_x x xᵀ + J_y y yᵀ with J_x = J_th and J_y = J_ph - J_c² / J_th. It
+//!   has no mixed terms.
+//! - Both rows turn rigidly about l, so (dx/dt).w = (dth/dt) x.(w x l). No derivative of a row is
+//!   computed.
 //!
-//! Wheels go in pairs (see [`Pair`]). An odd last one is paired with nothing: all its constants are zero.
+//! Wheels are computed in pairs (see [`Pair`]). If the number of wheels is odd, the last wheel's
+//! partner has zeros for all its constants.
 
 use hbot_core::device::{Device, MAX_WHEELS, Wheel};
 use hbot_core::kinematics::ContactFrame;
@@ -17,31 +21,33 @@ use hbot_core::{Quat, Vec3};
 use super::pair::Pair;
 use super::trig::sincos;
 
-/// The most pairs of wheels.
+/// Largest number of wheel pairs.
 pub(crate) const MAX_PAIRS: usize = MAX_WHEELS / 2;
 
-/// A vector for each of two wheels.
+/// One vector for each of the two wheels of a pair.
 type Vectors = [Pair; 3];
 
-/// The constants of two wheels.
+/// The constants of a pair of wheels. x and y are defined in the module documentation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelPair {
-    /// x = `x_cos` cos th + `x_sin` sin th + `axis`.
+    /// Coefficient vectors of x = `x_cos` cos th + `x_sin` sin th + `axis`, with th the steer
+    /// angle.
     x_cos: Vectors,
     x_sin: Vectors,
     axis: Vectors,
-    /// y = `y_cos` cos th + `y_sin` sin th.
+    /// Coefficient vectors of y = `y_cos` cos th + `y_sin` sin th, with th the steer angle.
     y_cos: Vectors,
     y_sin: Vectors,
-    /// J_c / J_th: dth/dt = x.w - mix y.w.
+    /// Ratio J_c / J_th of the coupling to the steer inertia. The steer rate is dth/dt = x.w - mix
+    /// y.w.
     mix: Pair,
-    /// J_th, kg m².
+    /// Steer inertia J_th, which acts along x, kg m².
     x_inertia: Pair,
-    /// J_ph - J_c² / J_th, kg m².
+    /// Drive inertia less the coupled part, J_ph - J_c² / J_th, which acts along y, kg m².
     y_inertia: Pair,
 }
 
-/// The constants of one wheel that does not exist.
+/// Constants of a pair in which neither wheel exists.
 const NO_WHEEL: WheelPair = WheelPair {
     x_cos: [Pair::ZERO; 3],
     x_sin: [Pair::ZERO; 3],
@@ -53,41 +59,42 @@ const NO_WHEEL: WheelPair = WheelPair {
     y_inertia: Pair::ZERO,
 };
 
-/// Joint torques of `P` pairs of wheels along x and y rather than g_th and g_ph, N m.
+/// Joint torques of `P` wheel pairs along x and y instead of g_th and g_ph, N m.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Push<const P: usize> {
     x: [Pair; P],
     y: [Pair; P],
 }
 
-/// The rows of `P` pairs of wheels.
+/// The vectors x and y of `P` wheel pairs at one posture.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rows<const P: usize> {
     x: [Vectors; P],
     y: [Vectors; P],
 }
 
-/// Where everything is heading.
+/// The time derivatives of a plant's speeds and joint angles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Flow<const P: usize> {
-    /// dw/dt in N, rad/s².
+    /// Angular acceleration dw/dt of the sphere in frame N, rad/s².
     pub(crate) acceleration: Vec3,
-    /// dth/dt, rad/s.
+    /// Steer rates dth/dt, rad/s.
     pub(crate) steer: [Pair; P],
-    /// dph/dt, rad/s.
+    /// Drive rates dph/dt, rad/s.
     pub(crate) drive: [Pair; P],
 }
 
-/// All wheels, and the sphere's own inertia.
+/// The constants of all wheels, and the inertia of the sphere.
 #[derive(Debug, Clone)]
 pub(crate) struct Model {
-    /// I_s and what is held to the sphere, kg m².
+    /// Inertia of the sphere (I_s) and of anything attached to it, kg m².
     pub(crate) inertia: f64,
     pub(crate) pairs: [WheelPair; MAX_PAIRS],
 }
 
 impl Model {
-    /// The constants of `device`, or the first wheel whose inertias are no positive semidefinite matrix.
+    /// Computes the constants of `device`. Fails with the index of the first wheel whose inertia
+    /// matrix is not positive semidefinite.
     pub(crate) fn new(device: &Device) -> Result<Self, usize> {
         let mut pairs = [NO_WHEEL; MAX_PAIRS];
         for (i, wheel) in device.wheels().iter().enumerate() {
@@ -96,7 +103,8 @@ impl Model {
         Ok(Self { inertia: device.sphere_inertia(), pairs })
     }
 
-    /// The rows at steering angles `steer`, rad.
+    /// Returns the vectors x and y (see the module documentation) of every wheel at the steer
+    /// angles `steer`, rad.
     #[inline(always)]
     pub(crate) fn rows<const P: usize>(&self, steer: &[Pair; P]) -> Rows<P> {
         let mut rows = Rows { x: [[Pair::ZERO; 3]; P], y: [[Pair::ZERO; 3]; P] };
@@ -111,7 +119,7 @@ impl Model {
         rows
     }
 
-    /// Joint rates (dth/dt, dph/dt) of a sphere turning with `omega`, rad/s.
+    /// Returns the joint rates (dth/dt, dph/dt) while the sphere turns at `omega`, rad/s.
     #[inline(always)]
     pub(crate) fn rates<const P: usize>(&self, rows: &Rows<P>, omega: Vec3) -> ([Pair; P], [Pair; P]) {
         let w = splat(omega);
@@ -123,7 +131,8 @@ impl Model {
         (steer, drive)
     }
 
-    /// Torques at the joints in the order steer, drive of each wheel, N m, made ready for [`Model::flow`].
+    /// Converts joint torques (N m, in the order steer, drive of each wheel) to the form that
+    /// [`Model::flow`] takes.
     #[inline(always)]
     pub(crate) fn push<const P: usize>(&self, tau: &[f64; 2 * MAX_WHEELS]) -> Push<P> {
         let mut push = Push { x: [Pair::ZERO; P], y: [Pair::ZERO; P] };
@@ -134,8 +143,8 @@ impl Model {
         push
     }
 
-    /// Accelerations and rates at `rows` of a sphere turning with `omega` under the joint torques `push` and the
-    /// torque `external` on the sphere (in N, N m).
+    /// Returns accelerations and joint rates at `rows` while the sphere turns at `omega`. The joint
+    /// torques `push` and the torque `external` on the sphere (frame N, N m) act.
     #[inline(always)]
     pub(crate) fn flow<const P: usize>(
         &self,
@@ -160,7 +169,7 @@ impl Model {
         Flow { acceleration: self.apparent(rows).solve(b), steer, drive }
     }
 
-    /// The apparent inertia I_s I + Gᵀ J_q G.
+    /// Returns the apparent inertia I_s I + Gᵀ J_q G in frame N, kg m².
     #[inline(always)]
     pub(crate) fn apparent<const P: usize>(&self, rows: &Rows<P>) -> Symmetric {
         let mut m = [Pair::ZERO; 6];
@@ -178,7 +187,7 @@ impl Model {
 }
 
 impl WheelPair {
-    /// Sets one of the two wheels; `None` where J_c² > J_th J_ph.
+    /// Sets the constants of one wheel of the pair. Returns `None` if J_c² > J_th J_ph.
     fn set(&mut self, lane: usize, device: &Device, wheel: &Wheel) -> Option<()> {
         let spec = wheel.spec();
         let (l1, l2) = (wheel.axis_along_axle(), wheel.axis_along_roll());
@@ -188,11 +197,12 @@ impl WheelPair {
         if !(rest >= 0.0) {
             return None;
         }
-        // At th = 0 the rows are axis + x_cos and y_cos; what turns about an axis is a quarter turn on the axis cross it.
+        // At th = 0 the rows are axis + x_cos and y_cos. The sine vectors are these turned about
+        // the axis by a quarter turn, which is the axis cross the vector.
         let frame = ContactFrame::at(wheel, 0.0);
         let steer = frame.c2 / l2;
         let drive = (steer * l1 - frame.c1) * (device.sphere_radius() / spec.radius);
-        // l.g_th = 1 and l.g_ph = 0 whatever th is: made exact here.
+        // l.g_th = 1 and l.g_ph = 0 at any th. This removes their rounding error.
         let drive = drive - spec.axis * drive.dot(spec.axis);
         let x = steer - spec.axis * steer.dot(spec.axis) + drive * mix;
         let vectors = [
@@ -214,7 +224,7 @@ impl WheelPair {
     }
 }
 
-/// A symmetric 3 x 3 matrix in N.
+/// A symmetric 3 x 3 matrix in frame N.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Symmetric {
     pub(crate) xx: f64,
@@ -226,7 +236,8 @@ pub(crate) struct Symmetric {
 }
 
 impl Symmetric {
-    /// v with A v = b for a positive definite A, by cofactors: one division.
+    /// Returns the vector v with A v = b, for a positive definite A. It uses cofactors and only one
+    /// division.
     #[inline(always)]
     pub(crate) fn solve(&self, b: Vec3) -> Vec3 {
         let &Self { xx, yy, zz, xy, xz, yz } = self;
@@ -241,7 +252,7 @@ impl Symmetric {
     }
 }
 
-/// dq/dt of a sphere turning with `omega` in N: 1/2 (0, w) q.
+/// Returns dq/dt = 1/2 (0, w) q of a sphere that turns at `omega`, in frame N.
 #[inline(always)]
 pub(crate) fn quaternion_rate(q: Quat, omega: Vec3) -> Quat {
     let w = omega * 0.5;

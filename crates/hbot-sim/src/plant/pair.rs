@@ -1,8 +1,8 @@
-//! Two numbers side by side: one for each wheel of a pair.
+//! A pair of numbers, one for each of two wheels.
 //!
-//! The same operations in the same order on two wheels at once is what a compiler turns into instructions for two
-//! numbers by itself (SSE2, NEON). Every operation rounds on its own and none are fused, so with them or without
-//! them the bits are the same.
+//! Both wheels go through equal operations in equal order. A compiler can therefore use
+//! instructions that work on two numbers at once (SSE2, NEON). Every operation rounds separately
+//! and none are fused, so the bits do not depend on these instructions.
 
 use core::ops::{Add, Mul, Sub};
 
@@ -11,16 +11,16 @@ use core::ops::{Add, Mul, Sub};
 pub(crate) struct Pair(pub(crate) [f64; 2]);
 
 impl Pair {
-    /// Zero in both.
+    /// Zero for both wheels.
     pub(crate) const ZERO: Self = Self([0.0; 2]);
 
-    /// The same number in both.
+    /// Returns a pair with `a` for both wheels.
     #[inline(always)]
     pub(crate) fn splat(a: f64) -> Self {
         Self([a; 2])
     }
 
-    /// The sum of the two.
+    /// Returns the sum of the two numbers.
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
         self.0[0] + self.0[1]

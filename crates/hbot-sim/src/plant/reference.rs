@@ -1,6 +1,8 @@
-//! The reference: adaptive steps of order 5 with an error estimate of order 4 (Dormand and Prince 1980), orientation in
-//! the coordinates of the exponential map (Munthe-Kaas 1999). Slow and exact; studies and tests hold the fixed steps
-//! against it.
+//! The adaptive reference integrator, slow and exact. Studies and tests compare the fixed-step
+//! methods with it.
+//!
+//! It takes steps of order 5 with an error estimate of order 4 (Dormand and Prince 1980). The
+//! orientation is integrated in the coordinates of the exponential map (Munthe-Kaas 1999).
 
 use core::fmt;
 
@@ -9,14 +11,16 @@ use hbot_core::{Vec3, rotation};
 
 use super::{JointTorques, Load, Plant, State};
 
-/// Turn since the step's start, angular velocity, steering angles, drive angles.
+/// Number of coordinates: the turn since the start of the step, the angular velocity, the steer
+/// angles and the drive angles.
 const SIZE: usize = 6 + 2 * MAX_WHEELS;
 type Coordinates = [f64; SIZE];
 
-/// Where the stages look, as parts of the step.
+/// Times of the stages, as fractions of the step.
 const AT: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 
-/// What each stage takes of those before it; the last row is the result of order 5.
+/// Weights with which each stage uses the stages before it. The last row gives the result of order
+/// 5.
 const FROM: [&[f64]; 7] = [
     &[],
     &[1.0 / 5.0],
@@ -27,14 +31,16 @@ const FROM: [&[f64]; 7] = [
     &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
 
-/// The result of order 5 less that of order 4.
+/// Weights of the error estimate: the result of order 5 minus that of order 4.
 const ERROR: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
-/// The reference could not go on: the tolerance is below what rounding allows, or the load is not smooth or not finite.
+/// Error: the adaptive reference integrator found no step small enough.
+///
+/// The tolerance is below what rounding allows, or the load is not smooth or not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepTooSmall {
-    /// When, s.
+    /// Time at which the integration stopped, s.
     pub t: f64,
 }
 
@@ -52,12 +58,15 @@ impl fmt::Display for StepTooSmall {
 impl core::error::Error for StepTooSmall {}
 
 impl Plant {
-    /// Moves `state` on by `duration` seconds (positive) from the time `t` (s) in steps chosen so that each one's
-    /// estimated error is below `tolerance` times 1 + the size of what it is an error of. 1e-13 is about the least
-    /// that rounding allows. `load` must be smooth on the way: five times differentiable.
+    /// Advances `state` by `duration` seconds (positive) from time `t` (s), with an error bounded
+    /// by `tolerance`.
+    ///
+    /// Steps are chosen so that the estimated error of each coordinate in each step is below
+    /// `tolerance` times 1 + the coordinate's magnitude. The smallest tolerance that rounding
+    /// allows is about 1e-13. `load` must be smooth over the interval: five times differentiable.
     ///
     /// # Errors
-    /// Where no step is small enough. `state` is then left at that time.
+    /// Fails if no step is small enough. `state` then holds the state at the time of the failure.
     pub fn advance_exactly<L: Load>(
         &self,
         state: &mut State,
@@ -81,13 +90,14 @@ impl Plant {
             } else if !(h > 1.0e-9) {
                 return Err(StepTooSmall { t: t + done });
             }
-            // The error of a step goes with h^5. A load that is no number gives no estimate: shrink.
+            // The error of a step is proportional to h^5. A NaN load gives no estimate, so the step
+            // shrinks.
             h *= if error.is_nan() { 0.2 } else { (0.9 * libm::pow(error, -0.2)).clamp(0.2, 5.0) };
         }
         Ok(())
     }
 
-    /// The state after one step, and its estimated error in units of the tolerance.
+    /// Returns the state after one step and its estimated error, in units of the tolerance.
     fn try_step<L: Load>(
         &self,
         state: &State,
@@ -110,7 +120,7 @@ impl Plant {
         for i in 0..SIZE {
             let error = h * ERROR.iter().zip(&k).map(|(e, k)| e * k[i]).sum::<f64>();
             let share = error.abs() / (tolerance * (1.0 + y[i].abs()));
-            // What is no number stays.
+            // A NaN stays the worst error.
             if share > worst || share.is_nan() {
                 worst = share;
             }
@@ -140,10 +150,13 @@ impl Plant {
     }
 }
 
-/// du/dt for q = exp(u) q0 and the angular velocity w in N: w - 1/2 u x w + (1/t²)(1 - (t/2) cot(t/2)) u x (u x w).
+/// Returns the rate du/dt of the rotation vector u, for the orientation q = exp(u) q0 and the
+/// angular velocity w in frame N.
+///
+/// With t = |u|, du/dt = w - 1/2 u x w + (1/t²)(1 - (t/2) cot(t/2)) u x (u x w).
 fn turn_rate(u: Vec3, omega: Vec3) -> Vec3 {
     let t2 = u.length_squared();
-    // The series is exact to rounding below: its next term is t^6 / 1,209,600.
+    // Below this limit the series is exact to rounding: its next term is t^6 / 1,209,600.
     let c = if t2 < 1.0e-4 {
         1.0 / 12.0 + t2 * (1.0 / 720.0 + t2 * (1.0 / 30240.0))
     } else {

@@ -1,25 +1,28 @@
-//! Sine and cosine of two angles at once.
+//! Sine and cosine of two angles at once, equal to those of `libm` within rounding.
 //!
-//! `libm` is the measure; this is the same reduction and the same polynomials (fdlibm's, each good to half an ulp on
-//! an eighth of a turn), written without branches so that both wheels of a pair go through together. The test holds
-//! it against `libm`.
+//! The range reduction and the polynomials are those of `libm` (fdlibm's polynomials, each accurate
+//! to half an ulp on an eighth of a turn). They are written without branches so that both wheels of
+//! a pair are computed together. A test compares them with `libm`.
 
 use super::pair::Pair;
 
-/// Above this the reduction below loses digits, and `libm` takes over, rad: about 160,000 turns.
+/// Angle from which on `libm` is used, rad: about 160,000 turns. Beyond it the reduction below
+/// loses digits.
 const FAR: f64 = 1.0e6;
 
-/// Adding and taking away 1.5 * 2^52 rounds to the nearest integer and leaves that in the low bits.
+/// Adding and subtracting 1.5 * 2^52 rounds a number to the nearest integer. After the addition the
+/// low bits hold that integer.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// A quarter turn in three parts; the first two have 33 bits, so that their products with a quadrant are exact.
+/// A quarter turn as the sum of three parts. The first two have 33 bits, so that their products
+/// with a quadrant number are exact.
 const QUARTER: [f64; 3] = [
     f64::from_bits(0x3FF9_21FB_5440_0000),
     f64::from_bits(0x3DD0_B461_1A60_0000),
     f64::from_bits(0x3BA3_198A_2E03_7073),
 ];
 
-/// (sin, cos) of two angles, rad, within an ulp or so of 1.
+/// Returns (sin, cos) of two angles in rad, with an error of about one ulp of 1.
 #[inline(always)]
 pub(crate) fn sincos(angle: Pair) -> (Pair, Pair) {
     let [a, b] = angle.0;
@@ -60,7 +63,7 @@ fn near(angle: Pair) -> (Pair, Pair) {
     (Pair(sin), Pair(cos))
 }
 
-/// (sin y - y) / y³ in powers of y², highest first.
+/// Coefficients of (sin y - y) / y³ in powers of y², highest first.
 const SIN: [f64; 6] = [
     1.58969099521155e-10,
     -2.5050760253406863e-8,
@@ -70,7 +73,7 @@ const SIN: [f64; 6] = [
     -0.16666666666666632,
 ];
 
-/// (cos y - 1 + y²/2) / y⁴ in powers of y², highest first.
+/// Coefficients of (cos y - 1 + y²/2) / y⁴ in powers of y², highest first.
 const COS: [f64; 6] = [
     -1.1359647557788195e-11,
     2.087572321298175e-9,
@@ -90,7 +93,8 @@ mod tests {
         let mut angle = -1.0e6;
         while angle < 1.0e6 {
             for near in [angle, angle * 1e-3, angle * 1e-6] {
-                // A multiple of a quarter turn as near as f64 comes, where the reduction cancels most.
+                // The f64 nearest to a multiple of a quarter turn, at which the reduction cancels
+                // most.
                 let quarter = (near * core::f64::consts::FRAC_2_PI).round() * core::f64::consts::FRAC_PI_2;
                 let (s, c) = sincos(Pair([near, quarter]));
                 for (i, x) in [near, quarter].into_iter().enumerate() {

@@ -1,43 +1,45 @@
-//! Weights and springs: their energies, torques, and torques over a whole step.
+//! Weights and springs: their energies, their torques, and their mean torques over a whole step.
 //!
-//! The last are discrete gradients: their work over a step is exactly what the potential loses.
-//! With phi the turn of the step and V a potential, T . phi = V(before) - V(after) to rounding, however long the step
-//! (Gonzalez 1996 has the idea; for these potentials closed forms exist, since a turn by phi moves a vector u by
-//! 2 tan(|phi|/2) / |phi| phi x (u + u')/2, and a quaternion likewise with half the angle).
+//! The torques over a step are discrete gradients: their work over the step is exactly the loss of
+//! potential energy. With phi the turn of the step and V the potential,
+//! T . phi = V(before) - V(after) to rounding, for any length of step. The idea is from Gonzalez
+//! 1996. Closed forms exist for these potentials: a turn by phi moves a vector u by 2 tan(|phi|/2)
+//! / |phi| phi x (u + u')/2, and a quaternion likewise with half the angle.
 
 use hbot_core::device::{Device, MAX_WHEELS};
 use hbot_core::kinematics::ContactFrame;
 use hbot_core::{Quat, Vec3, rotation};
 
-/// Standard gravity, m/s², along -n3.
+/// Standard gravity, m/s². It acts along -n3.
 pub(crate) const GRAVITY: f64 = 9.806_65;
 
-/// A weight off the sphere's centre.
+/// A weight that is not at the centre of the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Weight {
-    /// Where it is in the sphere, m.
+    /// Position in sphere axes, m.
     pub(crate) offset: Vec3,
-    /// Its weight m g, N.
+    /// Weight m g, N.
     pub(crate) weight: f64,
 }
 
 impl Weight {
-    /// Potential energy, J.
+    /// Returns the potential energy at the orientation `q`, J.
     pub(crate) fn energy(&self, q: Quat) -> f64 {
         self.weight * (q * self.offset).z
     }
 
-    /// The torque on the sphere in N at the orientation `q`, N m.
+    /// Returns the torque on the sphere at the orientation `q`, in frame N, N m.
     pub(crate) fn torque(&self, q: Quat) -> Vec3 {
         (q * self.offset).cross(Vec3::NEG_Z * self.weight)
     }
 
-    /// The most that the energy can curve along any turn, N m.
+    /// Returns the largest second derivative of the energy along any turn, N m.
     pub(crate) fn curvature(&self) -> f64 {
         self.weight * self.offset.length()
     }
 
-    /// The torque over a turn by `phi` (rad, N) from `q`.
+    /// Returns the discrete-gradient torque for the turn by `phi` (rad, frame N) from the
+    /// orientation `q`, N m.
     pub(crate) fn torque_over(&self, q: Quat, phi: Vec3) -> Vec3 {
         let before = q * self.offset;
         let after = rotation::exp(phi) * before;
@@ -45,7 +47,7 @@ impl Weight {
     }
 }
 
-/// The isotropic quaternion spring: V = 2 K |e|², with (eta, e) = q q_d⁻¹.
+/// An isotropic quaternion spring with the energy V = 2 K |e|², where (eta, e) = q q_d⁻¹.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Spring {
     pub(crate) stiffness: f64,
@@ -60,16 +62,17 @@ impl Spring {
     }
 }
 
-/// A weight at the centre of one wheel, off its steering axis: V = height cos(th - lowest) and a constant.
+/// The weight of one wheel's module, at the wheel's centre off the steering axis. Its energy is a
+/// cosine of the steer angle th, plus a constant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Module {
-    /// Weight times lift: coefficients of cos th and sin th, J.
+    /// Coefficients of cos th and sin th in the energy, J, with th the steer angle.
     cos: f64,
     sin: f64,
 }
 
 impl Module {
-    /// The module of wheel `index`, of `mass` kg at the wheel's centre (R + r) c3.
+    /// Creates the module of wheel `index`, with `mass` kg at the wheel's centre (R + r) c3.
     fn new(device: &Device, index: usize, mass: f64) -> Self {
         let wheel = &device.wheels()[index];
         let lever = mass * GRAVITY * (device.sphere_radius() + wheel.spec().radius);
@@ -78,7 +81,7 @@ impl Module {
         Self { cos: 0.5 * (lift(0.0) - lift(2.0 * half)), sin: 0.5 * (lift(half) - lift(-half)) }
     }
 
-    /// The modules of all wheels of `device`, each of `mass` kg.
+    /// Creates the modules of all wheels of `device`, with `mass` kg each.
     pub(crate) fn all(device: &Device, mass: f64) -> [Self; MAX_WHEELS] {
         let mut modules = [Self::default(); MAX_WHEELS];
         for (i, place) in modules[..device.wheels().len()].iter_mut().enumerate() {
@@ -87,33 +90,34 @@ impl Module {
         modules
     }
 
-    /// Potential energy, J, but for a constant.
+    /// Returns the potential energy up to a constant, J.
     pub(crate) fn energy(&self, th: f64) -> f64 {
         self.cos * libm::cos(th) + self.sin * libm::sin(th)
     }
 
-    /// The torque on the steering joint, N m.
+    /// Returns the torque on the steer joint at the steer angle `th`, N m.
     pub(crate) fn torque(&self, th: f64) -> f64 {
         self.cos * libm::sin(th) - self.sin * libm::cos(th)
     }
 
-    /// The most that the energy can curve, N m.
+    /// Returns the largest second derivative of the energy over the steer angle, N m.
     pub(crate) fn curvature(&self) -> f64 {
         libm::sqrt(self.cos * self.cos + self.sin * self.sin)
     }
 
-    /// The torque over a turn of the joint by `delta` rad from `th`.
+    /// Returns the discrete-gradient torque for a turn of the steer joint by `delta` rad from `th`,
+    /// N m.
     pub(crate) fn torque_over(&self, th: f64, delta: f64) -> f64 {
         self.torque(th + 0.5 * delta) * sin_ratio(0.5 * delta)
     }
 }
 
-/// tan x / x.
+/// Returns tan x / x.
 fn tan_ratio(x: f64) -> f64 {
     if x < 1.0e-4 { 1.0 + x * x / 3.0 } else { libm::tan(x) / x }
 }
 
-/// sin x / x.
+/// Returns sin x / x.
 fn sin_ratio(x: f64) -> f64 {
     if x.abs() < 1.0e-4 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
 }
@@ -123,7 +127,8 @@ mod tests {
     use super::*;
     use hbot_core::device::WheelSpec;
 
-    /// What a discrete gradient is: its work is the potential's loss, to the rounding of energies of about 5 J.
+    /// The work of a discrete gradient is the loss of potential energy. The tolerance is the
+    /// rounding of energies of about 5 J.
     #[test]
     fn the_work_over_a_turn_is_what_the_potential_loses() {
         let spring = Spring { stiffness: 3.0, target: rotation::exp(Vec3::new(0.4, -1.0, 0.3)) };
@@ -155,7 +160,7 @@ mod tests {
         for (th, delta) in [(0.3, 1e-7), (-2.0, 0.02), (5.0, 1.5), (100.0, -3.0)] {
             let loss = module.energy(th) - module.energy(th + delta);
             assert!((module.torque_over(th, delta) * delta - loss).abs() < 1e-15);
-            // The energy is the weight's height.
+            // The energy is the weight times its height.
             let height = |th: f64| 0.05 * GRAVITY * 0.115 * ContactFrame::at(&device.wheels()[0], th).c3.z;
             assert!((height(th) - height(th + delta) - loss).abs() < 1e-15);
         }

@@ -1,4 +1,4 @@
-//! The pseudo-terminal itself.
+//! Opens, reads and writes a pseudo-terminal.
 
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
@@ -8,8 +8,8 @@ use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
 
-/// Both ends of a pseudo-terminal. The far one is kept open so that the near one hears no hang-up while nobody else
-/// has it open.
+/// Both ends of a pseudo-terminal. The far end is kept open so that the near end gets no hang-up
+/// while no other program has the far end open.
 pub(super) struct Line {
     pub(super) near: OwnedFd,
     pub(super) far: OwnedFd,
@@ -22,7 +22,8 @@ impl Line {
         unlockpt(&near)?;
         let path = ptsname(&near, Vec::new())?.into_string().map_err(|_| Errno::ILSEQ)?;
         let far = rustix::fs::open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
-        // Bytes as they are: no echo, no lines, no signals, whether or not the one who opens it says so.
+        // Raw mode: no echo, no line buffering, no signals, even if the program that opens the port
+        // does not ask for it.
         let mut settings = tcgetattr(&far)?;
         settings.make_raw();
         tcsetattr(&far, OptionalActions::Now, &settings)?;
@@ -30,17 +31,19 @@ impl Line {
         Ok((Self { near, far }, path.into()))
     }
 
-    /// Some bytes, if any have arrived.
+    /// Reads the bytes that have arrived into `buffer`, without waiting. Returns their number, 0 if
+    /// there are none.
     pub(super) fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
         match rustix::io::read(&self.near, buffer) {
             Ok(count) => Ok(count),
-            // Hung up (EIO): as good as silent until someone opens it again.
+            // EIO means hung up. The line is then silent until a program opens it again.
             Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(0),
             Err(errno) => Err(errno),
         }
     }
 
-    /// All bytes in one call, or as many as there is room for: a line that nobody reads loses bytes.
+    /// Writes `bytes` in one call. If the buffer is full because no program reads, the rest is
+    /// lost.
     pub(super) fn write(&self, bytes: &[u8]) -> Result<(), Errno> {
         match rustix::io::write(&self.near, bytes) {
             Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(()),
@@ -48,10 +51,12 @@ impl Line {
         }
     }
 
-    /// Lets others open the far end again. A program that opens a serial port for itself alone and then closes it
-    /// leaves it barred for as long as anyone has it open, which here is always.
+    /// Ends exclusive use of the far end, so that other programs can open it again.
+    ///
+    /// Exclusive use outlasts the program that asked for it, as long as any program has the port
+    /// open. This process always has it open.
     pub(super) fn unbar(&self) {
-        // Where it does not work, nothing was barred.
+        // If this fails, the port was not locked.
         let _ = ioctl_tiocnxcl(&self.far);
     }
 }

@@ -1,8 +1,9 @@
-//! The simulated rig at the far end of a pseudo-terminal: a serial port like any other, in wall time.
+//! Serves a simulated rig over a pseudo-terminal, like a serial port, in wall time.
 //!
-//! A thread of its own owns the rig and one end of the line, answers as soon as bytes arrive, and moves the plant on
-//! between them. The other end is a path that a server opens like a real port. What else is to be done with the rig
-//! (set the hand, make trouble, read the truth) goes in as a closure and is run between two steps.
+//! A separate thread owns the rig and one end of the line. It answers as soon as bytes arrive and
+//! simulates the plant in between. The other end is a path that a server opens like a real port. To
+//! do anything else with the rig (set the hand, inject a fault, read the true state), pass a
+//! closure, which the thread runs between two steps.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -22,11 +23,12 @@ mod line;
 
 use line::Line;
 
-/// How the thread behaves.
+/// Options of the thread that serves a simulated rig.
 pub struct PtyOptions {
-    /// The longest that the plant stands still while no bytes arrive; default 2 ms.
+    /// Longest time between two updates of the plant while no bytes arrive. The default is 2 ms.
     pub idle: Duration,
-    /// What the thread does first, such as to set its scheduling priority; default nothing.
+    /// Function that the thread calls first, for example to set its scheduling priority. The
+    /// default does nothing.
     pub on_start: Box<dyn FnOnce() + Send>,
 }
 
@@ -42,14 +44,14 @@ impl std::fmt::Debug for PtyOptions {
     }
 }
 
-/// Why the simulated line does not work, or no longer.
+/// Why the simulated line could not be opened, or has stopped.
 #[derive(Debug)]
 pub enum PtyError {
-    /// This machine gives no pseudo-terminal.
+    /// This machine provides no pseudo-terminal.
     NoPty(io::Error),
     /// The thread could not be started.
     Thread(io::Error),
-    /// The line broke while the thread served it.
+    /// The line failed while the thread served it.
     Line(io::Error),
     /// The thread has ended, or a closure that it ran panicked.
     Stopped,
@@ -84,7 +86,7 @@ enum Message {
     Stop,
 }
 
-/// A simulated rig behind a pseudo-terminal. Dropping it stops its thread and takes the port away.
+/// A simulated rig behind a pseudo-terminal. Dropping it stops its thread and removes the port.
 #[derive(Debug)]
 pub struct PtyRig {
     path: PathBuf,
@@ -93,10 +95,11 @@ pub struct PtyRig {
     thread: Option<JoinHandle<Result<SimulatedRig, PtyError>>>,
 }
 
-/// Puts `rig` behind a new pseudo-terminal and serves it from a thread named `hbot-sim` until told to stop.
+/// Serves `rig` on a new pseudo-terminal, from a thread named `hbot-sim`, until the returned
+/// [`PtyRig`] is stopped or dropped.
 ///
 /// # Errors
-/// Where the machine gives no pseudo-terminal or no thread.
+/// Fails if the machine provides no pseudo-terminal or the thread cannot be started.
 pub fn spawn_pty(rig: SimulatedRig, options: PtyOptions) -> Result<PtyRig, PtyError> {
     let (line, path) = Line::open().map_err(|errno| PtyError::NoPty(errno.into()))?;
     serve(rig, line, path, options)
@@ -119,52 +122,54 @@ fn serve(rig: SimulatedRig, line: Line, path: PathBuf, options: PtyOptions) -> R
 }
 
 impl PtyRig {
-    /// The device to open, such as `/dev/pts/3`. It may be closed and opened again.
+    /// Returns the path of the port to open, such as `/dev/pts/3`. The port can be closed and
+    /// opened again.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Runs `call` on the rig between two steps, and waits for its result.
+    /// Runs `call` on the rig between two steps and returns its result.
     ///
     /// # Errors
-    /// [`PtyError::Stopped`] where the thread has ended; [`stop`](Self::stop) says why.
+    /// Fails with [`PtyError::Stopped`] if the thread has ended. [`stop`](Self::stop) then returns
+    /// the reason.
     pub fn call<R: Send + 'static>(
         &self,
         call: impl FnOnce(&mut SimulatedRig) -> R + Send + 'static,
     ) -> Result<R, PtyError> {
         let (result, answer): (SyncSender<R>, Receiver<R>) = sync_channel(1);
         self.post(move |rig| {
-            // Nobody may be waiting any more.
+            // The caller can have stopped waiting.
             let _ = result.send(call(rig));
         })?;
         answer.recv().map_err(|_| PtyError::Stopped)
     }
 
-    /// Runs `call` on the rig between two steps, soon, without waiting.
+    /// Runs `call` on the rig between two steps, without waiting for it.
     ///
     /// # Errors
-    /// [`PtyError::Stopped`] where the thread has ended.
+    /// Fails with [`PtyError::Stopped`] if the thread has ended.
     pub fn post(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) -> Result<(), PtyError> {
         self.send(Message::Call(Box::new(call)))
     }
 
-    /// Whether the thread still serves the line.
+    /// Returns whether the thread still serves the line.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Stops the thread and gives the rig back as it was last.
+    /// Stops the thread and returns the rig in its last state.
     ///
     /// # Errors
-    /// What ended the thread before.
+    /// Fails with the error that ended the thread earlier, if any.
     pub fn stop(mut self) -> Result<SimulatedRig, PtyError> {
         self.join()
     }
 
     fn join(&mut self) -> Result<SimulatedRig, PtyError> {
-        // A thread that has ended by itself hears nothing; its result says why.
+        // A thread that has already ended does not receive this. Its result gives the reason.
         let _ = self.send(Message::Stop);
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(result)) => result,
@@ -174,7 +179,7 @@ impl PtyRig {
 
     fn send(&self, message: Message) -> Result<(), PtyError> {
         self.messages.send(message).map_err(|_| PtyError::Stopped)?;
-        // It fails only where 2^64 wakes are pending: the thread wakes all the same.
+        // The write fails only while 2^64 wake-ups are pending. The thread then wakes anyway.
         let _ = rustix::io::write(&self.wake, &1u64.to_ne_bytes());
         Ok(())
     }
@@ -183,7 +188,7 @@ impl PtyRig {
 impl Drop for PtyRig {
     fn drop(&mut self) {
         if self.thread.is_some() {
-            // Whoever wants to know what ended the thread calls `stop`.
+            // The error is dropped here. Call `stop` to get it.
             let _ = self.join();
         }
     }
@@ -212,7 +217,7 @@ impl Server {
             let woken = self.wait(&mut hung_up)?;
             let now_ns = monotonic_ns();
             let count = self.line.read(&mut bytes)?;
-            // With no bytes too: what an impaired line has held back may have arrived.
+            // Call it without bytes too: frames delayed by an impaired line can be due.
             self.rig.receive(now_ns, &bytes[..count], &mut reply);
             if !reply.is_empty() {
                 self.line.write(&reply)?;
@@ -232,9 +237,11 @@ impl Server {
         }
     }
 
-    /// Waits for bytes, for a message (then true), for what an impaired line has held back, or until it is time to move the
-    /// plant on. A line that is hung up is
-    /// always ready, so it is left out of one wait after each time that it says so.
+    /// Waits for bytes, a message, a delayed frame, or the next update of the plant. Returns
+    /// whether a message is waiting.
+    ///
+    /// A line that is hung up is always ready. Therefore, after each hang-up, one wait leaves the
+    /// line out.
     fn wait(&self, hung_up: &mut bool) -> Result<bool, Errno> {
         let mut fds = [
             PollFd::from_borrowed_fd(self.wake.as_fd(), PollFlags::IN),
@@ -303,8 +310,8 @@ mod tests {
         SimulatedRig::new(&config).unwrap()
     }
 
-    /// With the far end not kept open the line hangs up whenever nobody has it open: the thread neither ends nor spins,
-    /// and whoever opens it again is served.
+    /// If the far end is not kept open, the line hangs up whenever no program has it open. The
+    /// thread then neither ends nor spins, and it serves the next program that opens the port.
     #[test]
     fn a_line_that_hangs_up_is_served_again() {
         let (mut line, path) = Line::open().unwrap();
@@ -318,7 +325,7 @@ mod tests {
             assert!(spent.tv_sec == 0 && spent.tv_nsec < 50_000_000, "{spent:?} of 100 ms");
 
             let far = rustix::fs::open(rig.path(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap();
-            // Two zeros and a byte: an empty frame, and one that is refused.
+            // Two zeros and a byte: an empty frame, and a frame that is refused.
             rustix::io::write(&far, &[0, 1, 0]).unwrap();
             let start = std::time::Instant::now();
             while rig.call(|rig| rig.refused_frames()).unwrap() == opened {

@@ -1,4 +1,4 @@
-//! What a simulated rig is made of, and why there may be none.
+//! The configuration of a simulated rig, and why it can be rejected.
 
 use core::fmt;
 
@@ -10,31 +10,36 @@ use crate::controller::SimulatedJoint;
 use crate::phenomena::Phenomena;
 use crate::plant::{ImpossibleInertia, Method, State};
 
-/// What a simulated rig is made of.
+/// The configuration of a [`SimulatedRig`](crate::rig::SimulatedRig).
 #[derive(Debug, Clone)]
 pub struct RigConfig {
     /// What its controllers speak.
     pub protocol: Protocol,
-    /// Geometry and masses.
+    /// Geometry and masses of the sphere and its wheels.
     pub device: Device,
-    /// One a joint, in the order steer, drive of each wheel.
+    /// Motor and encoder of each joint, in the order steer, drive of each wheel.
     pub joints: Vec<SimulatedJoint>,
-    /// Where the plant starts; incremental encoders count from the angle zero nevertheless.
+    /// State in which the plant starts. Incremental encoders still start counting at angle zero.
     pub start: State,
-    /// What it shows of a real rig.
+    /// Phenomena that are switched on.
     pub phenomena: Phenomena,
-    /// How the plant is moved on.
+    /// Integration method of the plant.
     pub method: Method,
-    /// The longest step of the plant, ns; a longer interval is divided into equal steps. 0 counts as 1.
+    /// Longest step of the plant, ns. A longer interval is divided into equal steps. 0 counts as 1.
     pub max_step_ns: u64,
-    /// The most that is simulated at once, ns. Where more time has passed (a process stopped, a machine asleep) the
-    /// rest is left out: the controllers' clock jumps, the plant's does not.
+    /// Longest interval that is simulated at once, ns.
+    ///
+    /// If more time has passed (the process was stopped, or the machine slept), the rest is
+    /// skipped: the motor controllers' clock jumps, the plant's clock does not.
     pub max_jump_ns: u64,
 }
 
 impl RigConfig {
-    /// The rig as the controller knows it, with controllers of hbot's own protocol: at rest at zero, without phenomena, [`Method::Rk4`] in steps of at most
-    /// 1 ms, at most 100 ms at once.
+    /// Returns the configuration of an ideal rig that fits `rig`, the description that the core
+    /// uses.
+    ///
+    /// The plant starts at rest with all angles at zero and without phenomena. It is integrated by
+    /// [`Method::Rk4`] in steps of at most 1 ms, and by at most 100 ms at once.
     #[must_use]
     pub fn new(rig: &Rig) -> Self {
         Self {
@@ -50,18 +55,18 @@ impl RigConfig {
     }
 }
 
-/// Why there is no such rig.
+/// Why a [`RigConfig`] was rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RigError {
     /// No virtual controller speaks this protocol yet.
     Protocol(Protocol),
-    /// The device's inertias contradict each other.
+    /// The inertias of a wheel are physically impossible.
     Inertia(ImpossibleInertia),
-    /// The joints are not as many as the device's.
+    /// The number of joints does not fit the device.
     Joints {
-        /// How many there are.
+        /// Number of joints in the configuration.
         given: usize,
-        /// How many the device has: two a wheel.
+        /// Number of joints of the device: two for each wheel.
         wanted: usize,
     },
 }

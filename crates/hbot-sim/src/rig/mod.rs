@@ -1,8 +1,9 @@
-//! The simulated rig: a plant, controllers on a serial line, and perhaps a hand.
+//! The simulated rig: a plant, motor controllers on a serial line, and optionally a hand.
 //!
-//! It has no clock and no thread. Whoever owns it says what time it is and hands it the bytes that have arrived; it
-//! moves the plant up to that time under the torques that were held, and gives back the bytes of the answers. In
-//! virtual time a server calls [`SimulatedRig::receive`] once a tick; in wall time [`crate::pty`] does.
+//! It has no clock and no thread. The owner passes the time and the bytes that have arrived. The
+//! rig simulates the plant up to that time under the torques held so far and returns the bytes of
+//! the answers. In virtual time a server calls [`SimulatedRig::receive`] once a tick; in wall time
+//! [`crate::pty`] calls it.
 
 mod config;
 
@@ -17,18 +18,21 @@ pub use crate::impairment::Traffic;
 use crate::phenomena::{Hand, Link, Phenomena, of_plant};
 use crate::plant::{Dynamics, JointTorques, State};
 
-/// The longest step of a plant where something sticks, slips or has play, ns. It is stable at any, and of order 1: this one is a
-/// quarter of a tick's error for four times its cost, which still leaves time for a tick at 4 kHz (`docs/simulator.md`).
+/// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
+///
+/// The method is stable at any step and has order 1. Compared with a step of 1 ms, this one has a
+/// quarter of the error at four times the cost, and still leaves time for ticks at 4 kHz
+/// (`docs/simulator.md`).
 const MAX_NONSMOOTH_STEP_NS: u64 = 250_000;
 
 /// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it nothing more is kept.
 const UNASKED: usize = 64 * 1024;
 
-/// A rig that exists in memory alone.
+/// A rig that is simulated in memory: plant, motor controllers, line and optionally a hand.
 #[derive(Debug, Clone)]
 pub struct SimulatedRig {
     dynamics: Dynamics,
-    /// The sphere's own inertia, kg m².
+    /// Inertia of the sphere alone, kg m².
     sphere_inertia: f64,
     state: State,
     phenomena: Phenomena,
@@ -42,17 +46,18 @@ pub struct SimulatedRig {
     unasked: Vec<u8>,
     max_step_ns: u64,
     max_jump_ns: u64,
-    /// What the owner's clock said last.
+    /// Last time given by the owner's clock, ns.
     now_ns: u64,
-    /// How long the plant has moved.
+    /// Total time over which the plant has been simulated, ns.
     simulated_ns: u64,
 }
 
 impl SimulatedRig {
-    /// A rig that has just powered up; its clock stands at 0.
+    /// Creates a rig that has just powered up, with its clock at 0.
     ///
     /// # Errors
-    /// Where joints and device do not fit, or the device's inertias contradict each other.
+    /// Fails if the number of joints does not fit the device, or if the inertias of a wheel are
+    /// physically impossible.
     pub fn new(config: &RigConfig) -> Result<Self, RigError> {
         let wanted = config.device.joints();
         if config.joints.len() != wanted {
@@ -85,11 +90,12 @@ impl SimulatedRig {
         Ok(rig)
     }
 
-    /// Takes in `bytes` that the host sent at `now_ns` and appends to `reply` what has reached it by then.
+    /// Receives `bytes` that the host sent at `now_ns`, and appends to `reply` the answers that
+    /// have reached the host by then.
     ///
-    /// The plant is first moved on to `now_ns` under the torques held so far; new ones act from when they arrive, which
-    /// on a line that is not impaired is now. Nothing is allocated where `reply` has room for what comes:
-    /// [`MAX_FEEDBACK_FRAME`] bytes a message.
+    /// The plant is first simulated up to `now_ns` under the torques held so far. New torques act
+    /// when they arrive: at once, unless the line is impaired. Nothing is allocated if `reply` has
+    /// room for [`MAX_FEEDBACK_FRAME`] bytes a message.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -100,11 +106,13 @@ impl SimulatedRig {
         self.line = Some(line);
     }
 
-    /// Moves the plant on to `now_ns` and appends to `reply` what reached the host before then. Only on an impaired line, or
-    /// from controllers that speak unasked ([`next_arrival_ns`](Self::next_arrival_ns)), there is any.
+    /// Simulates the plant up to `now_ns` and appends to `reply` the answers that reached the host
+    /// before that time.
     ///
-    /// For an owner that reads first and then writes at the same instant, as a loop in virtual time does: what is late by
-    /// less than a period is read in the next one, as from a real line.
+    /// Only an impaired line delivers such late answers (see
+    /// [`next_arrival_ns`](Self::next_arrival_ns)). Use this function if you first read and then
+    /// write at one instant, as a loop in virtual time does. An answer delayed by less than a
+    /// period is then read one tick later, as on a real line.
     pub fn deliver(&mut self, now_ns: u64, reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -113,7 +121,10 @@ impl SimulatedRig {
         }
     }
 
-    /// When the next frame arrives at either end of an impaired line, or a controller speaks unasked, ns of the owner's clock.
+    /// Returns when the next frame arrives at either end of an impaired line, ns of the owner's
+    /// clock.
+    ///
+    /// Returns `None` if the line is not impaired or no frame is in flight.
     #[must_use]
     pub fn next_arrival_ns(&self) -> Option<u64> {
         if !self.unasked.is_empty() {
@@ -124,7 +135,7 @@ impl SimulatedRig {
         line.map_or(own, |line| Some(own.map_or(line, |own| own.min(line))))
     }
 
-    /// The controllers hear `bytes` now; their answers are appended to `reply`.
+    /// Passes `bytes` to the motor controllers now and appends their answers to `reply`.
     fn hear(&mut self, bytes: &[u8], reply: &mut Vec<u8>) {
         if bytes.is_empty() {
             return;
@@ -134,7 +145,8 @@ impl SimulatedRig {
         controllers.hear(*now_ns, bytes, &Truth { angles: &angles, rates: &rates }, reply);
     }
 
-    /// Lets the controllers hear what reaches them by `now_ns`, each frame at its very time.
+    /// Delivers to the motor controllers every frame that reaches them by `now_ns`, each at its
+    /// exact time.
     fn arrivals(&mut self, line: &mut Impairment, now_ns: u64) {
         while let Some(due_ns) = line.commands.next_ns().filter(|due_ns| *due_ns <= now_ns) {
             self.move_to(due_ns, Some(line));
@@ -144,8 +156,10 @@ impl SimulatedRig {
         }
     }
 
-    /// Moves the plant on to `now_ns` under the torques held. What arrives on the way, and a watchdog that expires, act at
-    /// their very time. A time before the last one is ignored.
+    /// Simulates the plant up to `now_ns` under the torques held so far.
+    ///
+    /// Frames that arrive on the way, and a watchdog that expires, act at their exact times. A time
+    /// before the last one given is ignored.
     pub fn advance_to(&mut self, now_ns: u64) {
         let mut line = self.line.take();
         if let Some(line) = &mut line {
@@ -187,7 +201,8 @@ impl SimulatedRig {
         }
     }
 
-    /// Sets the clock without moving the plant: the time from which the next interval counts, ns.
+    /// Sets the clock to `now_ns` without simulating the plant. The next interval starts at this
+    /// time.
     pub fn set_clock(&mut self, now_ns: u64) {
         self.now_ns = now_ns;
     }
@@ -209,57 +224,62 @@ impl SimulatedRig {
         self.controllers.sense(&self.dynamics.encoder_angles(&self.state));
     }
 
-    /// How long the plant has moved, s: the time of its loads.
+    /// Returns the total time over which the plant has been simulated, s. Loads such as the hand
+    /// use this time.
     #[must_use]
     pub fn simulated_s(&self) -> f64 {
         self.simulated_ns as f64 / 1.0e9
     }
 
-    /// The truth: orientation, angular velocity, joint angles.
+    /// Returns the true state of the plant: orientation, angular velocity and joint angles.
     #[must_use]
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// Puts the plant where a test wants it; counts follow, as if it had been moved there by hand.
+    /// Replaces the plant's state, for tests. The encoders count the change as if the rig had been
+    /// moved there.
     pub fn set_state(&mut self, state: State) {
         self.state = state;
         self.dynamics.adopt(&state);
         self.controllers.sense(&self.dynamics.encoder_angles(&state));
     }
 
-    /// True rates of what the encoders sit on, in the order steer, drive of each wheel, rad/s.
+    /// Returns the true rates that the encoders measure, rad/s, in the order steer, drive of each
+    /// wheel. With the gear phenomenon a drive's encoder sits on its motor.
     #[must_use]
     pub fn joint_rates(&self) -> [f64; MAX_JOINTS] {
         self.dynamics.encoder_rates(&self.state)
     }
 
-    /// The torques that the motors give at this moment, in the joints' own sense, N m.
+    /// Returns the torques that the motors give now, in each joint's own positive sense, N m.
     #[must_use]
     pub fn joint_torque(&self) -> &JointTorques {
         self.controllers.torque()
     }
 
-    /// The plant, with the inertia of the hand where there is one.
+    /// Returns the plant, including the hand's inertia if a hand holds the sphere.
     #[must_use]
     pub fn dynamics(&self) -> &Dynamics {
         &self.dynamics
     }
 
-    /// The hand that holds the sphere, and its target.
+    /// Returns the hand that holds the sphere, or `None`.
     #[must_use]
     pub fn grip(&self) -> Option<&Grip> {
         self.grip.as_ref()
     }
 
-    /// The phenomena that are there.
+    /// Returns the phenomena that are switched on.
     #[must_use]
     pub fn phenomena(&self) -> &Phenomena {
         &self.phenomena
     }
 
-    /// Has all phenomena replaced from now on. Orientation and angular velocity are kept, counts go on from where they
-    /// are, motors that stay keep current and heat; a hand takes hold anew.
+    /// Replaces all phenomena from now on.
+    ///
+    /// Orientation and angular velocity are kept. Encoder counts continue from their present
+    /// values. Motors that stay simulated keep their current and heat. A hand takes hold anew.
     pub fn set_phenomena(&mut self, phenomena: Phenomena) {
         let old = core::mem::replace(&mut self.phenomena, phenomena);
         if phenomena.encoder != old.encoder {
@@ -274,8 +294,10 @@ impl SimulatedRig {
         self.set_hand(phenomena.hand);
     }
 
-    /// Impairs the line from now on, or no longer. With other figures what is on its way arrives when it was to; of a line
-    /// that is mended it is lost.
+    /// Impairs the line from now on; `None` ends the impairment.
+    ///
+    /// If only the parameters change, frames in flight arrive at the times already set. If the
+    /// impairment ends, frames in flight are lost.
     pub fn set_link(&mut self, link: Option<Link>) {
         self.phenomena.link = link;
         self.line = link.map(|link| match self.line.take() {
@@ -287,30 +309,33 @@ impl SimulatedRig {
         });
     }
 
-    /// What became of the frames on an impaired line, to the controllers and to the host.
+    /// Returns the frame counts of an impaired line: first to the motor controllers, then to the
+    /// host. `None` if the line is not impaired.
     #[must_use]
     pub fn traffic(&self) -> Option<[Traffic; 2]> {
         self.line.as_ref().map(|line| [line.commands.traffic, line.answers.traffic])
     }
 
-    /// Lets a hand take hold of the sphere as it is now, or let go. Orientation and angular velocity are kept.
+    /// Makes a hand take hold of the sphere at its present orientation, or let go (`None`).
+    /// Orientation and angular velocity are kept.
     pub fn set_hand(&mut self, hand: Option<Hand>) {
         self.phenomena.hand = hand;
         self.grip = hand.map(|hand| Grip::new(hand, self.simulated_s(), self.state.q));
         self.dynamics.set_sphere_inertia(self.sphere_inertia + hand.map_or(0.0, |hand| hand.inertia));
     }
 
-    /// Sets a constant torque on the sphere in N, N m, besides wheels and hand.
+    /// Sets a constant torque on the sphere, in frame N, N m. It is added to the torques of wheels
+    /// and hand.
     pub fn set_external(&mut self, torque: Vec3) {
         self.external = torque;
     }
 
-    /// Makes trouble at the controllers, or ends it.
+    /// Applies a fault to the motor controllers, such as a reboot, or switches one off.
     pub fn inject(&mut self, fault: Fault) {
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));
     }
 
-    /// How many frames were refused since power-up: damaged, or of no meaning.
+    /// Returns the number of frames refused since power-up because they were damaged or invalid.
     #[must_use]
     pub fn refused_frames(&self) -> u64 {
         self.controllers.refused()

@@ -1,11 +1,12 @@
-//! The devices that the tests use, and what acts on them.
+//! The devices, rigs and loads that several tests use.
 
 use hbot_core::device::{Device, WheelSpec};
 use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use hbot_core::{Quat, Vec3};
 use hbot_sim::plant::{Load, Plant, Sine, SpringDamper, State, Sum};
 
-/// The prototype's geometry (physics notes, section 12) with these wheels.
+/// Returns the prototype's geometry (physics notes, section 12) with the given wheel radius and
+/// inertias.
 pub(crate) fn prototype(radius: f64, steer_inertia: f64, drive_inertia: f64) -> Device {
     let s = core::f64::consts::FRAC_1_SQRT_2;
     let wheel = |x: f64| WheelSpec {
@@ -20,7 +21,7 @@ pub(crate) fn prototype(radius: f64, steer_inertia: f64, drive_inertia: f64) -> 
     Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).unwrap()
 }
 
-/// Wheels with toe and with inertias that couple their joints; `count` of them.
+/// Returns a device with `count` wheels that have toe and inertias that couple their joints.
 pub(crate) fn toed(count: usize) -> Device {
     let wheel = |i: usize| {
         let turn = 2.4 * i as f64;
@@ -37,7 +38,8 @@ pub(crate) fn toed(count: usize) -> Device {
     Device::new(0.1, 0.4, &(0..count).map(wheel).collect::<Vec<_>>()).unwrap()
 }
 
-/// The task of the speed comparison: a spring, a damper and two swinging torques on the prototype from rest.
+/// Returns the task of the speed comparison: the prototype, a spring with damper, and two
+/// sinusoidal torques.
 pub(crate) fn task() -> (Plant, impl Load) {
     let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
     let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
@@ -45,7 +47,7 @@ pub(crate) fn task() -> (Plant, impl Load) {
     (plant, Sum(spring, Sum(swing(Vec3::X * 0.5, 2.0), swing(Vec3::Y * 0.3, 3.0))))
 }
 
-/// A state with everything in motion.
+/// Returns a state in which every coordinate is in motion.
 pub(crate) fn brisk() -> State {
     State {
         q: hbot_core::rotation::exp(Vec3::new(0.4, -1.1, 0.7)),
@@ -55,7 +57,8 @@ pub(crate) fn brisk() -> State {
     }
 }
 
-/// The prototype as a controller knows it: absolute steering, a gear and a reversed motor on each drive.
+/// Returns the prototype as the core describes it: absolute steer encoders, and a gear and a
+/// reversed motor on each drive.
 pub(crate) fn rig() -> Rig {
     let steer = Joint { zero: Zero::Absolute, continuous: 0.073, ..Joint::new(16384, 0.93) };
     let drive = Joint {

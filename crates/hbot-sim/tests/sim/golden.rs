@@ -1,4 +1,4 @@
-//! The plant against vectors that an independent program computed from the physics notes.
+//! Compares the plant with vectors that an independent program computed from the physics notes.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
 use serde_json::Value;
 
-/// The cases of one file of the golden folder.
+/// Reads the cases of one file in the golden folder.
 fn cases(name: &str) -> Vec<Value> {
     let folder = std::env::var_os("HBOT_GOLDEN")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden"), PathBuf::from);
@@ -51,7 +51,8 @@ fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
     core::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 
-/// The vectors are good to about 1e-12 relative; the torques that a case adds up are larger than what is left.
+/// The vectors are accurate to about 1e-12 relative. The torques summed in a case are larger than
+/// their sum, which costs digits.
 #[test]
 fn dynamics() {
     let (mut worst_acceleration, mut worst_energy): (f64, f64) = (0.0, 0.0);
@@ -125,13 +126,14 @@ impl Trajectory {
     }
 }
 
-/// The largest difference between two states: rad, rad/s.
+/// Returns the largest difference between two states, in rad or rad/s.
 fn distance(a: &State, b: &State) -> f64 {
     let joints = a.joints().iter().zip(b.joints()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
     rotation::angle_between(a.q, b.q).max((a.omega - b.omega).length()).max(joints)
 }
 
-/// The vectors are good to 1e-10 of an integrator at tolerance 1e-13; steering grows errors (caster), hence 1e-9.
+/// The vectors come from an integrator with tolerance 1e-13 and are accurate to 1e-10. Wheels act
+/// as casters and amplify errors, hence 1e-9.
 #[test]
 fn trajectories_by_the_reference() {
     let mut worst: f64 = 0.0;
@@ -155,7 +157,7 @@ fn trajectories_by_the_reference() {
     println!("reference within {worst:.1e}");
 }
 
-/// Each method nears the golden end with its order: steps twice as short, 2^order nearer.
+/// Each method approaches the golden end state with its order: half the step, 2^order less error.
 #[test]
 fn trajectories_by_each_method() {
     for method in Method::ALL {
@@ -187,7 +189,7 @@ fn trajectories_by_each_method() {
                     off[1]
                 );
             }
-            // Nearer than this the vectors' own error shows.
+            // Below this the error of the vectors themselves matters.
             if off[1] > 2e-10 {
                 ratios.push((off[0] / off[1]).log2());
             }

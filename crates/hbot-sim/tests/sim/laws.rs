@@ -1,4 +1,4 @@
-//! What holds of every motion: energy, power, unit norm, no slip.
+//! Laws that hold for every motion: energy, power, unit norm, no slip.
 
 use hbot_core::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
@@ -15,7 +15,8 @@ fn outer(a: Vec3, b: Vec3) -> Mat3 {
     Mat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// The plant's own arrangement against the definition, with rows of G from the kinematics of the core.
+/// The plant's rearranged equations equal the definition, with the rows of G from the core's
+/// kinematics.
 #[test]
 fn apparent_inertia_and_rates_are_those_of_the_definition() {
     for (plant, device) in plants() {
@@ -39,7 +40,8 @@ fn apparent_inertia_and_rates_are_those_of_the_definition() {
     }
 }
 
-/// Without torque the energy stays: the reference keeps it to its tolerance, a method of order p to h^p.
+/// Without torque the energy is constant: to the tolerance for the reference, to h^p for a method
+/// of order p.
 #[test]
 fn energy_stays_without_torque() {
     for (plant, _) in plants() {
@@ -58,7 +60,8 @@ fn energy_stays_without_torque() {
                 }
                 worst
             };
-            // Steering turns at up to 50 rad/s, so (50 h)^p with h = 0.5 ms: 2.5e-2, 6e-4, 4e-7.
+            // Wheels steer at up to 50 rad/s. The bound is (50 h)^p with h = 0.5 ms: 2.5e-2, 6e-4,
+            // 4e-7.
             let off = drift(0.0005);
             assert!(
                 off < (50.0f64 * 0.0005).powi(method.order() as i32),
@@ -69,7 +72,7 @@ fn energy_stays_without_torque() {
     }
 }
 
-/// dE/dt = T.w + tau.zd, by central differences of the reference.
+/// The energy gained equals the power supplied, dE/dt = T.w + tau.zd, by central differences.
 #[test]
 fn power_in_is_energy_gained() {
     for (plant, device) in plants() {
@@ -90,7 +93,8 @@ fn power_in_is_energy_gained() {
         };
         let h = 1e-5;
         let gained = (after(h) - after(-h)) / (2.0 * h);
-        // h² times a third derivative of about (50 rad/s)² times the power; rounding 1e-16 E / h.
+        // h² times a third derivative of about (50 rad/s)² times the power. Rounding is 1e-16 E /
+        // h.
         assert!(
             (gained - power).abs() < 1e-5 * power.abs().max(0.1),
             "{} wheels: {gained} {power}",
@@ -99,7 +103,7 @@ fn power_in_is_energy_gained() {
     }
 }
 
-/// Every method keeps the quaternion unit, and each wheel's drive angle is what its rate adds up to.
+/// Every method keeps the quaternion at unit norm.
 #[test]
 fn the_quaternion_stays_unit() {
     let (plant, _) = plants().remove(0);
@@ -116,7 +120,8 @@ fn the_quaternion_stays_unit() {
     }
 }
 
-/// A second of motion, in bits: a machine that rounds otherwise, or operations in another order, show here.
+/// The hash of one second of motion equals the recorded one. It changes if a machine rounds
+/// differently or operations run in another order.
 #[test]
 fn the_same_bits_everywhere() {
     let (plant, load) = crate::devices::task();

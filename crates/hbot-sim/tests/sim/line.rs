@@ -1,4 +1,4 @@
-//! The controllers as a host sees them: through bytes.
+//! The simulated motor controllers as a host sees them, through bytes.
 
 use core::f64::consts::TAU;
 
@@ -14,26 +14,26 @@ use crate::devices::rig;
 
 pub(crate) const MS: u64 = 1_000_000;
 
-/// The bytes of a message.
+/// Returns the bytes of a message.
 pub(crate) fn frame(message: &ToController) -> Vec<u8> {
     let mut buffer = [0; MAX_COMMAND_FRAME];
     let length = encode(message, &mut buffer).unwrap();
     buffer[..length].to_vec()
 }
 
-/// A command with a watchdog of 20 ms.
+/// Returns a command with a watchdog time of 20 ms.
 pub(crate) fn command(sequence: u32, enable: bool, torque: &[f32]) -> Command {
     Command { sequence, enable, watchdog_ms: 20, torque: torque.iter().copied().collect() }
 }
 
-/// All messages in `bytes`.
+/// Decodes all messages in `bytes`.
 pub(crate) fn messages(bytes: &[u8]) -> Vec<FromController> {
     let mut all = Vec::new();
     Decoder::default().feed(bytes, |result| all.push(result.unwrap()));
     all
 }
 
-/// A host with a rig at the other end of its line.
+/// A host that has a simulated rig at the other end of its line.
 struct Host {
     rig: SimulatedRig,
 }
@@ -91,13 +91,13 @@ fn torque_acts_in_the_controller_s_sense_up_to_the_peak() {
     assert!(feedback.flags.contains(ControllerFlags::ENABLED));
     let flags: Vec<_> = feedback.joints.iter().map(|j| j.flags).collect();
     assert_eq!(flags, [none, none, JointFlags::OVERCURRENT, JointFlags::OVERCURRENT]);
-    // Drives are reversed: a push towards greater counts is one against the joint.
+    // Drives are reversed: a torque towards greater counts turns the joint in its negative sense.
     let wanted = [0.5, f64::from(-0.1f32), f64::from(-0.93f32), f64::from(0.14f32)];
     assert_eq!(host.rig.joint_torque()[..4], wanted);
     // Exactly the peak, as the line carries it, is no overcurrent.
     let feedback = host.command(MS, true, &[0.93, 0.0, 0.0, 0.0]).unwrap();
     assert_eq!(feedback.joints[0].flags, none);
-    // Not enabled: free of torque whatever is asked.
+    // While disabled there is no torque, whatever the command asks for.
     let feedback = host.command(2 * MS, false, &[9.0; 4]).unwrap();
     assert_eq!((feedback.flags, feedback.joints[0].flags), (ControllerFlags::UNDESCRIBED, none));
     assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
@@ -115,7 +115,7 @@ fn counts_are_the_floor_of_the_angle_with_gear_and_sign_and_wrap() {
         assert_eq!(feedback.joints[0].count, wrapped(steer * cpt));
         assert_eq!(feedback.joints[1].count, wrapped(drive * geared), "{drive}");
     }
-    // Rates are those of the joints, in the controller's sense.
+    // Rates are those of the joints, with the motor controller's sign.
     let state = crate::devices::brisk();
     host.rig.set_state(state);
     let rates = host.rig.joint_rates();
@@ -134,7 +134,8 @@ fn a_silent_host_loses_its_torque_at_the_watchdog_s_time_until_it_disables() {
     let held = host.rig.clone();
     host.rig.advance_to(25 * MS);
     assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
-    // Torque stops there to the nanosecond, wherever the next look falls: energy is kept from then on.
+    // Torque stops exactly at the watchdog's time, even if the rig is advanced later. Energy is
+    // constant from then on.
     let mut late = held.clone();
     late.advance_to(60 * MS);
     let energy = |rig: &SimulatedRig| rig.dynamics().energy(rig.state());
@@ -174,7 +175,7 @@ fn commands_that_are_not_valid_are_neither_answered_nor_heard() {
     }
     host.rig.advance_to(20 * MS);
     assert_eq!(host.rig.joint_torque(), &[0.0; 16], "the watchdog was not fed");
-    // A damaged frame is refused and counted; the next one is whole.
+    // A damaged frame is refused and counted, and the next frame is received whole.
     let mut bytes = frame(&ToController::Command(command(1, false, &[0.0; 4])));
     bytes[4] ^= 0x40;
     bytes.extend(frame(&ToController::Describe));
@@ -217,7 +218,8 @@ fn faults_show_and_end() {
     assert_eq!(host.command(31 * MS, false, &torque).unwrap().joints[0].count, 4096);
 }
 
-/// After a reboot absolute counts stay, incremental ones begin anew, and an index makes them right once it is passed.
+/// After a reboot absolute counts stay, incremental counts restart, and indexed counts become right
+/// when the index is passed.
 #[test]
 fn counts_after_a_reboot() {
     let mut config = prototype();

@@ -1,4 +1,4 @@
-//! Behaviour of the simulated rig: against goldens, by conservation laws, over the line, in wall time.
+//! Tests of the simulated rig: golden vectors, conservation laws, the line, and wall time.
 
 mod devices;
 mod golden;

@@ -1,11 +1,13 @@
-//! Orders of the methods, and the figures that the physics notes and another program give.
+//! Orders of the integration methods, and comparison with numbers of the physics notes and of
+//! another program.
 
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Method, Plant, State};
 
 use crate::devices::{brisk, prototype, task, toed};
 
-/// Another program's end of the comparison task at 2 s, to its 11 digits of J_th.
+/// The state of the comparison task at 2 s equals that of another program, with the steer inertia
+/// J_th given to 11 digits.
 #[test]
 fn the_task_of_the_speed_comparison_ends_where_it_should() {
     let (plant, load) = task();
@@ -14,7 +16,7 @@ fn the_task_of_the_speed_comparison_ends_where_it_should() {
     let q =
         Quat::from_xyzw(-0.011_088_770_246_2, -0.023_327_731_080_3, 0.002_250_636_229_4, 0.999_663_838_884_7);
     let omega = Vec3::new(1.780_737_097_989_3, 1.978_626_463_011_1, -0.047_745_379_529_5);
-    // Both come of tolerances of 1e-13 a step, over some thousand steps.
+    // Both results have tolerances of 1e-13 a step and some thousand steps.
     assert!(rotation::angle_between(state.q, q) < 1e-11, "{:?}", state.q);
     assert!((state.omega - omega).length() < 2e-11, "{}", state.omega);
     for (th, wanted) in state.steer.iter().zip([-0.503_341_296_753_1, -0.280_281_238_430_9]) {
@@ -22,7 +24,7 @@ fn the_task_of_the_speed_comparison_ends_where_it_should() {
     }
 }
 
-/// Error at 0.5 s against the reference falls with the step as each method's order says.
+/// The error at 0.5 s falls with the step according to the order of each method.
 #[test]
 fn errors_fall_with_the_order() {
     let (plant, load) = task();
@@ -39,7 +41,8 @@ fn errors_fall_with_the_order() {
         };
         let (coarse, fine) = (error(250), error(500));
         let order = (coarse / fine).log2();
-        // Steps of 1 and 2 ms are short enough for the leading term to be within some per cent.
+        // Steps of 1 and 2 ms are short enough that the leading term dominates to within some per
+        // cent.
         assert!(
             (order - f64::from(method.order())).abs() < 0.25,
             "{method:?}: {coarse:e}, {fine:e}, order {order:.2}"
@@ -47,7 +50,7 @@ fn errors_fall_with_the_order() {
     }
 }
 
-/// Physics notes, section 5: joint rates to the ten digits printed.
+/// Joint rates equal those of the physics notes, section 5, to the ten digits printed there.
 #[test]
 fn check_numbers_of_the_physics_notes() {
     let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
@@ -57,7 +60,8 @@ fn check_numbers_of_the_physics_notes() {
     }
 }
 
-/// A motion forwards and then back in time ends where it began: the reference's own consistency, toe and all.
+/// A motion forwards and then back in time ends where it began. This tests the reference integrator
+/// itself, with toe.
 #[test]
 fn the_reference_runs_back() {
     let plant = Plant::new(&toed(3)).unwrap();
@@ -67,7 +71,8 @@ fn the_reference_runs_back() {
     plant.advance_exactly(&mut state, 0.0, 0.1, &[0.0; 16], &load, 1e-13).unwrap();
     state.omega = -state.omega;
     plant.advance_exactly(&mut state, 0.1, 0.1, &[0.0; 16], &load, 1e-13).unwrap();
-    // Rolling back multiplies the error of a steering angle by exp(cot a x angle): 0.4 rad here, 5 times.
+    // Rolling back multiplies the error of a steer angle by exp(cot a x angle): 5 times for 0.4 rad
+    // here.
     let (turn, rate) = (rotation::angle_between(state.q, start.q), (state.omega + start.omega).length());
     assert!(turn < 1e-10 && rate < 1e-9, "{turn:e} {rate:e}");
 }

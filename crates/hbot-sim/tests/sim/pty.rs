@@ -1,4 +1,4 @@
-//! The rig behind a pseudo-terminal, in wall time.
+//! The simulated rig behind a pseudo-terminal, in wall time.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -17,7 +17,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use crate::devices::rig;
 use crate::line::{command, frame};
 
-/// A busy machine may take long to wake a thread: no test fails for lateness below this.
+/// Longest delay that the tests accept. A busy machine can take long to wake a thread.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn spawn() -> PtyRig {
@@ -25,7 +25,7 @@ fn spawn() -> PtyRig {
     spawn_pty(rig, PtyOptions::default()).unwrap()
 }
 
-/// The host's end, opened like any port.
+/// The host's end of the line, opened like any serial port.
 struct Port {
     file: File,
     decoder: Decoder<FromController>,
@@ -37,7 +37,7 @@ impl Port {
         Self { file, decoder: Decoder::default() }
     }
 
-    /// The next message, or none within a time.
+    /// Returns the next message, or `None` if none arrives within the given time.
     fn next(&mut self, within: Duration) -> Option<FromController> {
         let mut answer = None;
         while answer.is_none() {
@@ -155,8 +155,8 @@ fn a_panic_in_a_call_is_told_as_stopped() {
     assert!(matches!(rig.stop(), Err(PtyError::Stopped)));
 }
 
-/// What an impaired line holds back comes by itself when it is due, not before, with nobody writing meanwhile and a thread
-/// that sleeps otherwise.
+/// A delayed answer arrives by itself when it is due and not before, while the host writes nothing
+/// and the thread would otherwise sleep.
 #[test]
 fn a_late_answer_comes_by_itself() {
     let options = PtyOptions { idle: Duration::from_secs(3600), ..PtyOptions::default() };

@@ -1,4 +1,4 @@
-//! The rig as a whole: what it does with time, with a hand, and how it does it.
+//! The simulated rig as a whole: its time, its hand, and repeatability.
 
 use hbot_core::Vec3;
 use hbot_link::ToController;
@@ -22,7 +22,8 @@ fn joints_and_device_must_fit() {
     assert!(error.to_string().contains("3 joints"), "{error}");
 }
 
-/// In virtual time ticks of 1 ms are steps of 1 ms, and the rig does what the plant alone does, bit by bit.
+/// In virtual time a tick of 1 ms is one step of 1 ms. The rig's state equals that of the plant
+/// alone, bit by bit.
 #[test]
 fn a_tick_is_a_step() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
@@ -39,7 +40,8 @@ fn a_tick_is_a_step() {
     }
 }
 
-/// However the time is cut into looks, the motion is the same to the method's accuracy.
+/// The motion does not depend on the times at which the rig is advanced, to the accuracy of the
+/// method.
 #[test]
 fn looks_do_not_matter() {
     let mut config = config();
@@ -75,7 +77,8 @@ fn a_clock_that_jumps_moves_the_plant_by_a_tenth_of_a_second_and_one_that_goes_b
     assert_eq!(rig.simulated_s(), 0.102);
 }
 
-/// A hand takes hold of a turning sphere and lets it go: no jump of orientation or rate, its inertia comes and goes.
+/// A hand takes hold of a turning sphere and lets go. Orientation and rate do not jump, and its
+/// inertia is added and removed.
 #[test]
 fn a_hand_takes_hold_and_lets_go() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
@@ -88,7 +91,8 @@ fn a_hand_takes_hold_and_lets_go() {
     assert_eq!(rig.dynamics().sphere_inertia(), bare + 2e-3);
     let grip = *rig.grip().unwrap();
     assert_eq!(grip.target(rig.simulated_s()).q, before.q);
-    // It stops the sphere (damping ratio 0.05 / 2 / sqrt(3 x 5.5e-3), time constant 0.2 s), then leads it about.
+    // The hand stops the sphere (damping ratio 0.05 / 2 / sqrt(3 x 5.5e-3), time constant 0.2 s),
+    // then moves it.
     let mut widest: f64 = 0.0;
     for k in 100..20_000 {
         rig.advance_to(k * MS);
@@ -97,7 +101,8 @@ fn a_hand_takes_hold_and_lets_go() {
             widest = widest.max(hbot_core::rotation::angle_between(rig.state().q, target.q));
         }
     }
-    // The wheels' inertia makes it lag: M d²q/dt² / K, 6e-3 x 0.25 x (2 pi 0.25)² / 3, some mrad about each axis.
+    // The inertia makes the sphere lag: M d²q/dt² / K, 6e-3 x 0.25 x (2 pi 0.25)² / 3, some mrad
+    // about each axis.
     assert!(widest > 1e-4 && widest < 0.02, "{widest}");
     let before = *rig.state();
     rig.set_hand(None);
@@ -117,7 +122,7 @@ fn an_external_torque_acts() {
     assert!(energy > 0.0 && (energy / work - 1.0).abs() < 1e-3, "{energy} {work}");
 }
 
-/// The same ticks give the same bytes.
+/// Two runs with equal ticks give equal bytes.
 #[test]
 fn runs_repeat_bit_by_bit() {
     let mut config = config();

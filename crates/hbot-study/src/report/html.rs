@@ -1,10 +1,10 @@
-//! The report as one HTML file that needs no other: its plots are in it.
+//! The report as one HTML file that contains its plots and needs no other file.
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
 use super::Report;
 
-/// How it looks: the colours of the reader's system, wide tables that scroll by themselves.
+/// Style sheet of the page. It follows the reader's light or dark colours, and wide tables scroll.
 const STYLE: &str = "\
 :root { color-scheme: light dark }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem }
@@ -16,12 +16,12 @@ svg { max-width: 100%; height: auto; background: white }
 ";
 
 impl Report {
-    /// The text for people, as one page with all plots in it.
+    /// Returns the report as one HTML page that contains all plots.
     #[must_use]
     pub fn html(&self) -> String {
         let markdown = self.markdown();
         let mut within_image = false;
-        // The caption stands below each plot as well, so what an image says instead of itself is left out.
+        // The alternative text of an image is left out: the caption below the plot says it too.
         let events = Parser::new_ext(&markdown, Options::ENABLE_TABLES).filter_map(|event| match event {
             Event::Start(Tag::Image { dest_url, .. }) => {
                 within_image = true;
@@ -43,7 +43,8 @@ impl Report {
         )
     }
 
-    /// The plot in the file `name`, without the declaration that only a file of its own may have, scalable.
+    /// Returns the SVG of the plot in file `name`, without the XML declaration, which is only
+    /// allowed at the start of a file.
     fn inline(&self, name: &str) -> String {
         let plot = self.plots.iter().find(|(plot, _)| name.strip_suffix(".svg") == Some(plot));
         let Some((_, svg)) = plot else {

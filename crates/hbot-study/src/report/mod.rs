@@ -1,4 +1,5 @@
-//! What a study has to say: text with tables and plots, a flat list of figures, and checks with their bounds.
+//! The report of a study: text with tables and plots, a flat list of figures, and checks with their
+//! bounds.
 
 mod html;
 mod write;
@@ -10,31 +11,32 @@ use crate::machine::Machine;
 use crate::names;
 use crate::timing::Time;
 
-/// One figure of summary.json.
+/// A number that a study found. `summary.json` lists all figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// Its name: unique, the same in every run, lower_snake_case.
+    /// Id of the figure in lower_snake_case. It is unique and does not change between runs.
     pub id: String,
-    /// What it is.
+    /// The number, in the unit [`unit`](Self::unit).
     pub value: f64,
-    /// Its unit; `1` for a ratio.
+    /// Unit of the value; `1` for a ratio.
     pub unit: &'static str,
-    /// What else there is to say of it, such as its spread.
+    /// Further properties of the figure, such as its quartiles.
     pub more: Map<String, Value>,
 }
 
-/// Something that must hold.
+/// A condition that must hold, and what the study found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// What must hold, with its bound.
+    /// The condition, with its bound.
     pub what: String,
-    /// What was found.
+    /// The value that was found.
     pub found: String,
-    /// Whether it holds.
+    /// Whether the condition holds.
     pub holds: bool,
 }
 
-/// A family of ids and what they mean; `{...}` stands for what varies.
+/// A family of ids with one unit and one meaning. Each `{...}` in its pattern stands for a part of
+/// the id that varies.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Family {
     pub(crate) pattern: &'static str,
@@ -42,11 +44,11 @@ pub(crate) struct Family {
     pub(crate) meaning: &'static str,
 }
 
-/// A place in a report's text: an offset that stands between two of its blocks.
+/// A place in the text of a report: a byte offset between two of its blocks.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place(usize);
 
-/// What a study found.
+/// The results of a study: text, plots, figures and checks.
 #[derive(Debug, Clone)]
 pub struct Report {
     study: &'static str,
@@ -55,7 +57,7 @@ pub struct Report {
     machine: Machine,
     body: String,
     plots: Vec<(String, String)>,
-    /// Other files, by name.
+    /// Further files that are written with the report: name and content.
     files: Vec<(String, String)>,
     figures: Vec<Figure>,
     checks: Vec<Check>,
@@ -78,19 +80,19 @@ impl Report {
         }
     }
 
-    /// Every figure, in the order of the report.
+    /// Returns all figures, in the order of the report.
     #[must_use]
     pub fn figures(&self) -> &[Figure] {
         &self.figures
     }
 
-    /// Every check, in the order of the report.
+    /// Returns all checks, in the order of the report.
     #[must_use]
     pub fn checks(&self) -> &[Check] {
         &self.checks
     }
 
-    /// Whether all checks held.
+    /// Returns whether all checks hold.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.checks.iter().all(|check| check.holds)
@@ -105,38 +107,40 @@ impl Report {
         self.body.push_str("\n\n");
     }
 
-    /// A table; the first row is its head.
+    /// Appends a table. The first row is its header.
     pub(crate) fn table(&mut self, rows: &[Vec<String>]) {
         self.body.push_str(&tabled(rows));
     }
 
-    /// Where the text has come to, for what is only known once more of it is there.
+    /// Returns the current end of the text. A table can be inserted at this place later, when its
+    /// content is known.
     pub(crate) fn place(&self) -> Place {
         Place(self.body.len())
     }
 
-    /// A table where the text had come to at `place`.
+    /// Inserts a table at `place`.
     pub(crate) fn table_at(&mut self, place: Place, rows: &[Vec<String>]) {
         self.body.insert_str(place.0, &tabled(rows));
     }
 
-    /// A plot in a file of its own, `name.svg`.
+    /// Appends a plot, which is stored in the file `name.svg`.
     pub(crate) fn plot(&mut self, name: &str, caption: &str, svg: String) {
         self.body.push_str(&format!("![{caption}]({name}.svg)\n\n*{caption}*\n\n"));
         self.plots.push((name.to_owned(), svg));
     }
 
-    /// Another file beside the report.
+    /// Adds a file that is written into the folder of the report.
     pub(crate) fn file(&mut self, name: &str, text: String) {
         self.files.push((name.to_owned(), text));
     }
 
-    /// What the ids of a family mean.
+    /// Declares a family of ids with its unit and its meaning. A figure gets its unit from its
+    /// family.
     pub(crate) fn family(&mut self, pattern: &'static str, unit: &'static str, meaning: &'static str) {
         self.families.push(Family { pattern, unit, meaning });
     }
 
-    /// A figure of a family that was said.
+    /// Adds a figure. Its family must have been declared with [`family`](Self::family).
     pub(crate) fn figure(&mut self, id: String, value: f64) -> &mut Figure {
         debug_assert!(names::is_id(&id), "{id}");
         let unit = self.families.iter().find(|f| names::matches(f.pattern, &id)).map_or("", |f| f.unit);
@@ -145,7 +149,8 @@ impl Report {
         &mut self.figures[last]
     }
 
-    /// A time, with its quartiles; marked where the program was not compiled for speed.
+    /// Adds a measured time with its quartiles. The figure is marked if the program was not
+    /// compiled for speed.
     pub(crate) fn time(&mut self, id: String, time: Time) {
         let marked = self.machine.warning().is_some();
         let figure = self.figure(id, time.median);
@@ -161,7 +166,7 @@ impl Report {
 }
 
 impl Figure {
-    /// Something else to say of the figure.
+    /// Adds a property to the figure and returns the figure.
     pub(crate) fn note(&mut self, key: &str, value: impl Into<Value>) -> &mut Self {
         self.more.insert(key.to_owned(), value.into());
         self
@@ -180,12 +185,12 @@ fn tabled(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A time with its quartiles, for a table.
+/// Returns a time with its quartiles as the text of a table cell.
 pub(crate) fn spread(time: Time) -> String {
     format!("{} ({} to {})", short(time.median), short(time.q1), short(time.q3))
 }
 
-/// A row of a table.
+/// Returns the cells as a row of a table.
 pub(crate) fn row<S: AsRef<str>>(cells: impl IntoIterator<Item = S>) -> Vec<String> {
     cells.into_iter().map(|cell| cell.as_ref().to_owned()).collect()
 }

@@ -1,4 +1,4 @@
-//! Into a folder, all or nothing.
+//! Writing a report into a folder: all of its files or none.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::{Figure, Report};
 
 impl Report {
-    /// The text for people.
+    /// Returns the report as Markdown text.
     #[must_use]
     pub fn markdown(&self) -> String {
         let mut text = format!("# `hbot-study {}`\n\n", self.study);
@@ -33,7 +33,7 @@ impl Report {
         text
     }
 
-    /// summary.json.
+    /// Returns the content of `summary.json`.
     #[must_use]
     pub fn summary(&self) -> Value {
         json!({
@@ -49,13 +49,14 @@ impl Report {
         })
     }
 
-    /// Writes all files into `out`: first beside their places, then, when all are there, into them.
+    /// Writes all files into the folder `out`. Each file is first written under a temporary name.
+    /// When all are written, each is renamed to its final name.
     pub(crate) fn write(&self, out: &Path) -> Result<(), (PathBuf, std::io::Error)> {
         let mut files =
             vec![("report.md".to_owned(), self.markdown()), ("report.html".to_owned(), self.html())];
         files.extend(self.plots.iter().map(|(name, svg)| (format!("{name}.svg"), svg.clone())));
         files.extend(self.files.iter().cloned());
-        // Last, so that it is only there where all else is.
+        // summary.json is last, so that it exists only if all other files do.
         files.push(("summary.json".to_owned(), format!("{:#}\n", self.summary())));
         std::fs::create_dir_all(out).map_err(|error| (out.to_owned(), error))?;
         let partial = |name: &str| out.join(format!(".{name}.partial"));
@@ -73,7 +74,7 @@ impl Figure {
     fn to_json(&self) -> Value {
         let mut all = Map::new();
         all.insert("id".to_owned(), self.id.clone().into());
-        // What is not finite has no number in JSON.
+        // A number that is not finite becomes `null`, as JSON cannot represent it.
         all.insert("value".to_owned(), self.value.into());
         all.insert("unit".to_owned(), self.unit.into());
         all.extend(self.more.clone());

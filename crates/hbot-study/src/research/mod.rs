@@ -1,4 +1,4 @@
-//! Research on the device: what its paper reports, and which dimensions a better one would have.
+//! Research on the rig: reproduction of the paper's results, and a search for better dimensions.
 
 pub(crate) mod design;
 pub(crate) mod paper;

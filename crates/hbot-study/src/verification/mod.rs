@@ -1,6 +1,8 @@
-//! Verification of this program: how far off its methods are, what its effects and phenomena cost, where stability ends.
+//! Verification of this program: the errors of its methods, the cost of its effects and phenomena,
+//! and the limits of stability.
 //!
-//! `stages` are the stages under study, compiled once with each width of the core.
+//! The module `stages` holds the stages under study. It is compiled twice, with the f64 and with
+//! the f32 version of the core.
 
 pub(crate) mod accuracy;
 pub(crate) mod effects;

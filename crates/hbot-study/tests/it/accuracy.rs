@@ -1,4 +1,5 @@
-//! `accuracy`: its ids, its orders, and that errors are of the size that docs/physics.md gives.
+//! The study `accuracy`: its ids, the orders of its methods, and errors of the size given in
+//! docs/physics.md.
 
 use hbot_study::Study;
 
@@ -7,7 +8,7 @@ use crate::{assert_documented, assert_holds, measure, value};
 
 const PATHS: [&str; 3] = ["straight", "quadratic", "cubic"];
 
-/// Others read these ids.
+/// Returns the ids of figures that other programs and pages use.
 fn promised() -> Vec<String> {
     let rates = [500, 1000, 2000, 4000, 8000];
     let mut ids = Vec::new();
@@ -39,7 +40,7 @@ fn promised() -> Vec<String> {
     ids
 }
 
-/// The orders of all methods are among its checks, within 0.1 of theory.
+/// The checks of the study include that the order of every method is within 0.1 of theory.
 #[test]
 fn every_figure_that_was_promised_is_there_and_every_check_holds() {
     let report = measure(Study::Accuracy);
@@ -49,30 +50,36 @@ fn every_figure_that_was_promised_is_there_and_every_check_holds() {
         assert!(value(&report, &id) >= 0.0);
     }
     let orders = report.checks().iter().filter(|check| check.what.contains("order within")).count();
-    // Three methods at constant rates, three on three paths in each of three motions but the one that is on the floor (gentle, the
-    // best on the best), four of the plant and one of the plant that slips.
+    // Three methods at constant rates; three methods on three paths in each of three motions,
+    // except the best method on the best path of the gentle motion, which is at the floor; four
+    // methods of the plant; one of the plant that slips.
     assert_eq!(orders, 3 + 27 - 1 + 4 + 1, "orders that were told");
 
-    // docs/physics.md, section 4, medians of brisk turns in 0.6 s at 1 kHz: other turns, so within a factor of 3.
+    // docs/physics.md, section 4: medians of brisk turns in 0.6 s at 1 kHz. The turns there are
+    // other ones, hence the factor of 3.
     for (method, drift) in [("euler", 2.5e-3), ("midpoint", 2.4e-6), ("magnus4", 4e-12)] {
         let measured = value(&report, &format!("odometry_segments_{method}_f64_1000hz_drift_rad"));
         assert!(measured / drift < 3.0 && drift / measured < 3.0, "{method}: {measured:e} against {drift:e}");
     }
-    // On a straight path a better method buys nothing, on a curved one it does, and quantising costs more than either.
+    // On a straight path a better method gains nothing, and on a curved one it does. Quantisation
+    // costs more than either.
     let brisk = |choice: &str| value(&report, &format!("odometry_brisk_{choice}_1000hz_drift_rad"));
     assert!(brisk("magnus4_straight_f64") > 0.5 * brisk("midpoint_straight_f64"));
     assert!(brisk("magnus4_quadratic_f64") < 0.1 * brisk("magnus4_straight_f64"));
     assert!(brisk("magnus4_cubic_f64") < 0.1 * brisk("magnus4_quadratic_f64"));
     assert!(brisk("magnus4_straight_counts") > brisk("magnus4_straight_f64"));
 
-    // The task's best error, and its order-4 methods at 1 ms, far below what a loop needs.
+    // The best error of the task, and the error of the methods of order 4 at 1 ms, which is far
+    // below what a loop needs.
     assert!(value(&report, "plant_rk4_50us_error_rad") < 1e-12);
     assert!(value(&report, "plant_rk4_1000us_error_rad") < 1e-7);
-    // The report that the documents quote was written by this study: the same sections, tables and families of figures.
+    // The report that the pages quote has the sections, tables and families of figures that this
+    // study writes.
     assert_eq!(outline(&report.markdown()), outline(REPORT));
 }
 
-/// The parts of a report that are the same in every run: its title, headings, heads of tables, and what its ids mean.
+/// Returns the lines of a report that do not change between runs: title, headings, table headers
+/// and the meanings of ids.
 fn outline(report: &str) -> Vec<&str> {
     let lines: Vec<&str> = report.lines().collect();
     let fixed = |(k, line): (usize, &&str)| {

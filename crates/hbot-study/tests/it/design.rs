@@ -1,4 +1,5 @@
-//! `design`: its ids, the prototype's figures, what more wheels bring, fronts that hold, rig files that are what was measured.
+//! The study `design`: its ids, the prototype's figures, the gain of more wheels, the fronts, and
+//! rig files that match the measured designs.
 
 use std::sync::OnceLock;
 
@@ -11,7 +12,7 @@ use crate::{assert_documented, assert_holds, measure, options, value};
 
 const WHEELS: [u32; 3] = [2, 3, 4];
 
-/// One quick run with its folder, for all tests.
+/// Returns one quick run with its folder, which all tests share.
 fn study() -> &'static (Report, tempfile::TempDir) {
     static RUN: OnceLock<(Report, tempfile::TempDir)> = OnceLock::new();
     RUN.get_or_init(|| {
@@ -22,7 +23,7 @@ fn study() -> &'static (Report, tempfile::TempDir) {
     })
 }
 
-/// The rig files of the run: `<wheels>w_<which>`, and what they say.
+/// Returns the rig files of the run: their names `<wheels>w_<which>`, and their contents.
 fn rigs() -> Vec<(String, RigConfig)> {
     let entries = std::fs::read_dir(study().1.path()).expect("a folder");
     let mut all: Vec<(String, RigConfig)> = entries
@@ -54,17 +55,18 @@ fn every_figure_is_documented_and_every_check_holds() {
     }
 }
 
-/// docs/physics.md, sections 3, 7, 11, 12; two of its wheels are the prototype.
+/// docs/physics.md, sections 3, 7, 11, 12. The prototype is also the design with two of its wheels.
 #[test]
 fn the_prototype_is_what_the_notes_say() {
     let (report, _) = study();
     let p = |what: &str| value(report, &format!("design_prototype_{what}"));
-    // To the digits that stand there.
+    // The tolerances are the digits given there.
     assert!((p("gci") - 0.646).abs() < 0.5e-3, "{}", p("gci"));
     assert!((p("conditioning_least") - 0.50).abs() < 0.5e-2);
     assert!((p("steering_speed") - 5.76).abs() < 0.5e-2 && (p("drive_speed") - 102.0 / 15.5).abs() < 1e-9);
     assert!((p("contact_force") - 10.4).abs() < 0.05 && (p("slip_torque") - 0.77).abs() < 0.5e-2);
-    // Worst in any direction, so below the least about n1, n2, n3; above what one drive alone makes, 0.14 R/r sin 70 deg.
+    // The torque in the worst direction is below the smallest one about n1, n2 and n3. It is above
+    // the torque of one drive alone, 0.14 R/r sin 70 deg.
     assert!(p("torque") < 0.94 && p("torque") > 0.14 * 102.0 / 15.5 * 0.93, "{}", p("torque"));
     for what in ["gci", "torque", "inertia", "contact_force"] {
         let two = value(report, &format!("design_wheels_2_{what}"));
@@ -79,7 +81,7 @@ fn more_wheels_bring_what_is_claimed_at_the_price_of_inertia() {
     for wheels in WHEELS {
         let dof = f64::from(2 * wheels - 3);
         assert_eq!(of(wheels, "residual_dof"), dof);
-        // 20,000 draws; the study's own check has the bound.
+        // The share is an estimate from 20,000 samples. The study's own check derives the bound.
         assert!((of(wheels, "slip_seen") - dof / f64::from(2 * wheels)).abs() < 0.012);
     }
     for [fewer, more] in [[2, 3], [3, 4]] {
@@ -94,7 +96,8 @@ fn more_wheels_bring_what_is_claimed_at_the_price_of_inertia() {
     }
 }
 
-/// No best design of a figure is beaten in it by another one that is told of, and margins are kept.
+/// The best design for a figure is not beaten in it by another reported design, and all margins are
+/// kept.
 #[test]
 fn the_best_are_the_best_and_keep_their_margins() {
     let (report, _) = study();
@@ -116,12 +119,13 @@ fn the_best_are_the_best_and_keep_their_margins() {
             }
             assert!(of(which, "steering_speed") <= 10.0 && of(which, "drive_speed") <= 10.0 + 1e-9);
         }
-        // Two wheels can never be conditioned better than 0.71, three and four can.
+        // Two wheels can never be conditioned better than 0.71; three and four can.
         assert_eq!(of("conditioning", "gci") > core::f64::consts::FRAC_1_SQRT_2, wheels > 2);
     }
 }
 
-/// The figures of a rig file's device by the core's own functions are those that the study tells of the design.
+/// The figures of a rig file's device, computed with the core's functions, are those that the study
+/// reports of the design.
 #[test]
 fn rig_files_are_the_designs_that_were_measured() {
     let (report, _) = study();
@@ -136,7 +140,7 @@ fn rig_files_are_the_designs_that_were_measured() {
         let mut mean = 0.0;
         let n = 2000;
         for k in 0..n {
-            // Another even walk over the torus than the study's: square roots of primes.
+            // Another even sequence over the torus than the study's: square roots of primes.
             let roots = [2.0_f64, 3.0, 5.0, 7.0];
             let th: Vec<f64> = device
                 .wheels()
@@ -148,12 +152,12 @@ fn rig_files_are_the_designs_that_were_measured() {
             assert!(index > of("conditioning_least") - 1e-9, "{name}: {index} at {th:?}");
             mean += index / f64::from(n);
         }
-        // Two samples of a smooth function.
+        // The two means come from different samples of a smooth function.
         assert!((mean / of("gci") - 1.0).abs() < 0.01, "{name}: {mean}");
     }
 }
 
-/// Two runs say the same, to the last digit of every figure, plot and rig file.
+/// Two runs give identical figures, plots and rig files, to the last digit.
 #[test]
 fn another_run_says_the_same() {
     let (first, folder) = study();

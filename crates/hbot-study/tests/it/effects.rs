@@ -1,4 +1,4 @@
-//! `effects`: everything that a scene can name is in it.
+//! The study `effects`: it contains everything that a scene can name.
 
 use hbot_config::scene::{kinds, phenomena};
 use hbot_study::{Study, count_worker};
@@ -12,7 +12,7 @@ fn every_kind_and_phenomenon_has_its_cost() {
     for listed in kinds().iter().chain(&phenomena()) {
         let text = report.markdown();
         assert!(text.contains(&format!("| {} |", listed.name)), "{} has no row", listed.name);
-        // What it adds may be less than the noise, and is a number.
+        // The added cost can be lost in noise, but it is always a number.
         assert!(value(&report, &format!("effects_{}_added_ns", listed.name)).is_finite());
     }
     assert!(value(&report, "effects_none_ns") > 0.0);

@@ -1,4 +1,4 @@
-//! What a study leaves in its folder: all of it, or nothing.
+//! The files that a study leaves in its folder: all of them or none.
 
 use hbot_study::{Interrupt, Options, Study, StudyError, run};
 use serde_json::Value;
@@ -35,7 +35,7 @@ fn a_study_leaves_a_report_plots_and_a_summary() {
             "{result}"
         );
     }
-    // Times of a program that was not compiled for speed say so.
+    // Times are marked if the program was not compiled for speed.
     let time = results.iter().find(|r| r["id"] == "effects_none_ns").expect("a time");
     assert_eq!(time["marked"].is_null(), !cfg!(debug_assertions), "{time}");
     for file in std::fs::read_dir(&out).expect("a folder") {

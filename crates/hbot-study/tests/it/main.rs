@@ -1,6 +1,7 @@
-//! Studies as their callers see them: figures with the ids that others rely on, checks that hold, files that are whole.
+//! Tests of the studies through their public interface: ids of figures, checks, and written files.
 
 mod accuracy;
+mod allocation_page;
 mod design;
 mod effects;
 mod files;
@@ -14,7 +15,7 @@ use std::collections::HashSet;
 
 use hbot_study::{Interrupt, Options, Report, Study};
 
-/// A quick run, without counting instructions.
+/// Returns the options of a quick run that counts no instructions.
 fn options() -> Options {
     Options { out: None, quick: true, counter: None }
 }
@@ -23,7 +24,8 @@ fn measure(study: Study) -> Report {
     hbot_study::measure(study, &options(), &Interrupt::default()).expect("nobody stops it")
 }
 
-/// Every figure has a unique id in lower_snake_case, a finite value, and a family in the report that says what it is.
+/// Asserts that every figure has a unique id in lower_snake_case, a finite value, and a family that
+/// explains it in the report.
 fn assert_documented(report: &Report) {
     let mut seen = HashSet::new();
     for figure in report.figures() {
@@ -43,7 +45,7 @@ fn assert_holds(report: &Report) {
     assert!(!report.checks().is_empty());
 }
 
-/// The figure of an id.
+/// Returns the value of the figure `id`.
 fn value(report: &Report, id: &str) -> f64 {
     let figure = report.figures().iter().find(|figure| figure.id == id);
     figure.unwrap_or_else(|| panic!("no figure {id}")).value

@@ -1,5 +1,5 @@
-//! `paper`: what is computed from the geometry, beside what the paper gives and what an independent program found (docs/physics.md,
-//! sections 3, 10 and 11).
+//! The study `paper`, figures computed from the geometry: they are compared with the paper and with
+//! the results of an independent program (docs/physics.md, sections 3, 10 and 11).
 
 use std::sync::OnceLock;
 
@@ -7,7 +7,7 @@ use hbot_study::{Report, Study};
 
 use crate::{assert_documented, assert_holds, measure, value};
 
-/// One quick run for all tests.
+/// Returns one quick run, which all tests share.
 pub(crate) fn report() -> &'static Report {
     static REPORT: OnceLock<Report> = OnceLock::new();
     REPORT.get_or_init(|| measure(Study::Paper))
@@ -18,7 +18,7 @@ fn assert_near(id: &str, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{id} is {found}, not {expected} +- {tolerance}");
 }
 
-/// Others read these ids.
+/// Returns the ids of figures that other programs and pages use.
 fn promised() -> Vec<String> {
     let mut ids = Vec::new();
     for motors in ["three_motors", "four_motors", "without_steer_1", "without_drive_1", "without_steer_2"] {
@@ -63,15 +63,16 @@ fn two_runs_say_the_same() {
 #[test]
 fn margins_are_those_of_the_notes() {
     let (sin, cos) = 0.1745_f64.sin_cos();
-    // r R sin a, and the nearest that the contacts come: 90 deg less two cones.
+    // r R sin a, and the smallest angle between the contacts: 90 deg minus two cone angles.
     assert_near("boundary_determinant_m2", 0.0155 * 0.102 * sin, 1e-15);
     let nearest: f64 = 2.0 * sin * cos;
     assert_near("interior_margin_least", (1.0 - nearest).sqrt(), 1e-9);
-    // The notes' least index with all four motors, to the digits that they give.
+    // The smallest index with all four motors, to the digits given in the notes.
     assert_near("actuation_least_four_motors", 0.50, 0.005);
     for motors in ["three_motors", "without_steer_1", "without_drive_1", "without_steer_2"] {
         assert_near(&format!("actuation_least_{motors}"), 0.0, 1e-6);
-        // The index grows evenly from zero across both sides of a curve, so twice the bound takes about twice the part.
+        // The index grows linearly from zero on both sides of a curve, so twice the bound covers
+        // about twice the area.
         let part = |percent| value(report(), &format!("actuation_below_{percent}pct_{motors}_fraction"));
         let ratio = part(20) / part(10);
         assert!((1.9..2.1).contains(&ratio), "{motors}: {ratio}");
@@ -82,10 +83,11 @@ fn margins_are_those_of_the_notes() {
 
 #[test]
 fn torques_are_what_the_motors_come_to() {
-    // About n2 the drives' own: where both axles lie along it nothing else helps, and nowhere is there less.
+    // About n2 only the drives act where both axles lie along n2, and no posture has a smaller
+    // torque.
     for (limit, drive) in [("peak", 0.14), ("continuous", 0.023)] {
         assert_near(&format!("{limit}_torque_n2_nm"), 2.0 * drive * 0.102 / 0.0155, 1e-6);
-        // The prototype is the same seen from n1 and from n3; 1e-3 is what the search leaves.
+        // The prototype is symmetric between n1 and n3. The search leaves an error of 1e-3.
         let [one, three] = ["n1", "n3"].map(|axis| value(report(), &format!("{limit}_torque_{axis}_nm")));
         assert!((one / three - 1.0).abs() < 1e-3, "{limit}: {one} and {three}");
         for axis in ["n1", "n2", "n3"] {
@@ -94,16 +96,17 @@ fn torques_are_what_the_motors_come_to() {
             assert!(of("grip") <= of("free") * (1.0 + 1e-6), "{limit} {axis}");
         }
     }
-    // What `hbot rig check` finds with 4096 postures, and the notes' 0.94 N m from which on wheels slip.
+    // The value that `hbot rig check` finds with 4096 postures, and 0.94 N m from the notes, at
+    // which wheels begin to slip.
     assert_near("peak_torque_n1_nm", 1.109, 0.005);
     assert_near("peak_torque_n1_four_motors_grip_least_nm", 0.94, 0.005);
-    // The notes' 1.46.
+    // 1.46 is the value in the notes.
     assert_near("table2_both_three_alone_off", 1.46, 0.005);
 }
 
 #[test]
 fn global_indices_are_those_of_the_notes() {
-    // Independent estimates, with the digits that they are good to.
+    // Independent estimates, with tolerances of their last reliable digit.
     assert_near("gci_three_motors_spectral_torus", 0.405, 0.005);
     assert_near("gci_four_motors_spectral_torus", 0.646, 0.005);
     assert_near("gci_three_motors_spectral_so3", 0.42, 0.01);
@@ -113,7 +116,8 @@ fn global_indices_are_those_of_the_notes() {
     assert_near("gci_three_motors_frobenius_torus", 0.66, 0.005);
     for workspace in ["torus", "so3"] {
         for norm in ["spectral", "frobenius"] {
-            // The wheels are mirrored, and so are the choices of motors, the grids, and the start: rounding is what is left.
+            // The wheels, the choices of motors, the grids and the start are mirror images. Only
+            // rounding differs.
             for joint in ["drive", "steer"] {
                 let id = |motors: &str| format!("gci_{motors}_{norm}_{workspace}");
                 let first = id(&format!("without_{joint}_1"));
@@ -135,7 +139,7 @@ fn the_report_begins_with_the_paper_s_figures_beside_ours() {
         assert!(table.iter().any(|line| line.contains(what)), "no row on {what}");
     }
     assert!(text[..start].matches("\n## ").count() == 1, "it is the first section");
-    // A bar within a cell would make one more of it, in this table and in all others.
+    // A `|` inside a cell would add a cell, in this table or in any other.
     for block in text.split("\n\n").filter(|block| block.starts_with('|')) {
         let cells: Vec<usize> = block.lines().map(|line| line.matches('|').count()).collect();
         assert!(cells.iter().all(|count| *count == cells[0]), "{block}");

@@ -1,11 +1,12 @@
-//! `paper`, the experiments on the simulated rig: their ids, and bounds that a change of the physics would break.
+//! The study `paper`, experiments on the simulated rig: their ids, and bounds that a change of the
+//! physics would break.
 
 use hbot_study::Report;
 
 use crate::paper::report;
 use crate::value;
 
-/// What stands beside a figure.
+/// Returns the property `key` of a figure.
 fn noted(report: &Report, id: &str, key: &str) -> f64 {
     let figure =
         report.figures().iter().find(|figure| figure.id == id).unwrap_or_else(|| panic!("no figure {id}"));
@@ -19,7 +20,8 @@ fn near(found: f64, wanted: f64, within: f64, what: &str) {
 #[test]
 fn back_drive_torques_are_those_of_friction() {
     let report = report();
-    // docs/physics.md, section 8, to what its figures are rounded to; the mean of 55 postures is 0.5 % from that of all.
+    // docs/physics.md, section 8, to the rounding of its figures. The mean of 55 postures is within
+    // 0.5 % of the mean over all.
     for (axis, milli) in [("n1", 4.2), ("n2", 5.0), ("n3", 4.1)] {
         let id = format!("backdrive_{axis}_nm");
         near(1.0e3 * value(report, &id), milli, 0.15, &id);
@@ -45,7 +47,7 @@ fn the_bandwidth_is_that_of_the_stated_loop() {
         let ratio = value(report, &format!("bandwidth_about_{axis}_hz")) / value(report, "bandwidth_hz");
         near(ratio, 1.0, 0.05, axis);
     }
-    // A large swing runs out of torque, a small one does not.
+    // A large swing reaches the torque limit and a small one does not.
     let [small, large] = [100, 450].map(|a| value(report, &format!("bandwidth_gain100_amplitude{a}_hz")));
     assert!(large < 0.5 * small, "{large} Hz against {small} Hz");
 }
@@ -54,13 +56,13 @@ fn the_bandwidth_is_that_of_the_stated_loop() {
 fn inverse_kinematics_control_leaves_what_gain_and_time_do() {
     let report = report();
     for (axis, paper) in [("n1", 0.0354), ("n2", 0.0368), ("n3", 0.0312)] {
-        // Even samples know no axis: the mean of the paper's three within 2 %.
+        // Even samples prefer no axis, so each value is the mean of the paper's three, within 2 %.
         let id = format!("ik_rms_{axis}_rad");
         near(value(report, &id), 0.0346, 0.02 * 0.0346, &id);
         assert_eq!(noted(report, &id, "paper"), paper);
         assert!(value(report, &format!("ik_better_rms_{axis}_rad")) < 1.0e-3, "{axis}");
     }
-    // The long way round takes longer: ln of the mean of what tan(p/4) adds.
+    // The long way round takes longer: the logarithm of the mean growth of tan(p/4).
     let [printed, nearest] = ["printed", "nearest"].map(|sign| value(report, &format!("ik_product_{sign}")));
     near(printed, 8.0, 0.2, "as printed");
     near(nearest, 6.2, 0.2, "the nearer quaternion");
@@ -72,9 +74,10 @@ fn the_chirp_is_followed_at_the_joints_and_by_camera() {
     let of = |what: &str| value(report, &format!("chirp_{what}_rms_percent"));
     assert!(of("joint") <= 1.0 && of("joint_ideal") <= 1.0);
     assert!(of("camera") <= 8.0 && of("camera_ideal") <= 8.0);
-    // Without any effect encoders tell the truth.
+    // Without any effect the encoders show the true orientation.
     near(of("joint_ideal"), of("camera_ideal"), 0.01, "joints and camera");
-    // What the camera sees and the joints do not: a late line, a sphere out of centre, wheels that slip.
+    // Errors that the camera sees and the joints do not: a late line, a sphere out of centre,
+    // wheels that slip.
     assert!(of("camera_link") > 1.2 * of("joint_link"));
     assert!(of("camera_offset8000") > 3.0 * of("camera_offset500"));
     assert!(of("camera_force3000") > 2.0 * of("camera_force10000"));
@@ -89,10 +92,10 @@ fn stiffnesses_are_those_of_table_iii() {
         [("n1_4", 4.0, 3.80), ("n1_6", 6.0, 5.72), ("n2_2", 2.0, 1.89), ("n2_5", 5.0, 4.74)]
     {
         let of = |law: &str, rig: &str| value(report, &format!("stiffness_{row}_{law}_{rig}"));
-        // A count is 1e-4 of the deflections.
+        // One count is 1e-4 of the deflections.
         near(of("geodesic", "ideal") / asked, 1.0, 1.0e-3, row);
         assert!(of("quaternion", "ideal") < of("geodesic", "ideal"), "{row}: the sine is softer");
-        // Table III's errors are 4.7 to 5.5 %; gears give back up to 2.5 % of it here.
+        // The errors in table III are 4.7 to 5.5 %. Here the gears compensate up to 2.5 % of that.
         for law in ["geodesic", "quaternion"] {
             near(of(law, "real") / paper, 1.0, 0.035, row);
             let id = format!("stiffness_{row}_{law}_real");
@@ -103,7 +106,8 @@ fn stiffnesses_are_those_of_table_iii() {
         }
         let alone = |effect: &str| value(report, &format!("stiffness_{row}_effect_{effect}_percent"));
         near(alone("torque_scale"), -5.0, 0.1, row);
-        // Nothing else explains 5 %: the modules' weight comes to 1 %, gears make it stiffer.
+        // No other effect explains 5 %: the weight of the modules causes 1 %, and gears make the
+        // spring stiffer.
         for effect in [
             "motor_lag",
             "joint_friction",
@@ -119,6 +123,7 @@ fn stiffnesses_are_those_of_table_iii() {
         near(alone("wheel_modules"), 0.0, 1.5, row);
         assert!(alone("gear") > 0.0, "{row}: losses stiffen");
     }
-    // K sin(angle) over loads up to 1.4 N m at 6 N m/rad (docs/physics.md, section 11: 0.55 % for the chord).
+    // K sin(angle) for loads up to 1.4 N m at 6 N m/rad (docs/physics.md, section 11: 0.55 % for
+    // the chord).
     near(value(report, "stiffness_peak_quaternion_percent"), -0.55, 0.1, "the sine");
 }

@@ -1,4 +1,4 @@
-//! The program `hbot-study`: exit codes, and what Ctrl-C leaves.
+//! The program `hbot-study`: its exit codes, and the files left after Ctrl-C.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
 
-/// The program under test.
+/// Returns the program under test.
 fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot-study"))
 }
@@ -34,12 +34,13 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
         .args(["stability", "--out"])
         .arg(&out)
         .stdout(Stdio::null())
-        // Nobody reads how far it is, which hinders it in nothing.
+        // Nobody reads the progress lines, which must not hinder the study.
         .stderr(std::io::pipe().expect("a pipe").1)
         .spawn()
         .expect("it starts");
     let pid = Pid::from_child(&child);
-    // It hears the signal from here on; then long enough for it to be at work: the whole takes more than ten times as long.
+    // Waits until the signal has a handler, and then until the study is at work. The whole study
+    // takes more than ten times as long.
     while !catches_interrupt(child.id()) {
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -48,12 +49,12 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
     let asked = Instant::now();
     let status = child.wait().expect("it ends");
     assert_eq!(status.code(), Some(130));
-    // It looks between two steps of a second at most, on a busy machine.
+    // The study checks for the signal at least once a second. The bound allows for a busy machine.
     assert!(asked.elapsed() < Duration::from_secs(20));
     assert!(!out.exists());
 }
 
-/// Whether a process has a handler for SIGINT, by the bits of its status in /proc.
+/// Returns whether a process has a handler for SIGINT, from the signal mask in /proc.
 fn catches_interrupt(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).expect("it runs");
     let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("a mask of signals");

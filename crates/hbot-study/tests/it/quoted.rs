@@ -1,11 +1,11 @@
-//! The figures that docs/accuracy.md quotes are those of the report beside it, docs/accuracy/report.md.
+//! The figures quoted in docs/accuracy.md are those of its report, docs/accuracy/report.md.
 
 const PAGE: &str = include_str!("../../../../docs/accuracy.md");
-/// What a run of `hbot-study accuracy` without `--quick` has written.
+/// The report that a run of `hbot-study accuracy` without `--quick` has written.
 pub(crate) const REPORT: &str = include_str!("../../../../docs/accuracy/report.md");
 
-/// The cell of the report's section `section` in the row that begins with `row` and the column `column`, as it stands there
-/// but for quartiles.
+/// Returns a cell of the report's table in `section`: the row that begins with `row`, and the
+/// column `column`. Quartiles are left out.
 fn cell(section: &str, row: &[&str], column: &str) -> String {
     let body = REPORT.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
     let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
@@ -29,18 +29,19 @@ fn cell(section: &str, row: &[&str], column: &str) -> String {
     found[0].split(' ').next().unwrap_or_default().to_owned()
 }
 
-/// A number of the report as a part of a hundred.
+/// Converts a share from the report to per cent.
 fn percent(share: &str) -> String {
     format!("{:.0}", 100.0 * share.parse::<f64>().expect("a number"))
 }
 
-/// `text` with each `{}` in its turn replaced by a figure.
+/// Replaces each `{}` in `text` by the next of `figures`.
 fn filled(text: &str, figures: &[String]) -> String {
     assert_eq!(text.matches("{}").count(), figures.len(), "{text}");
     figures.iter().fold(text.to_owned(), |text, figure| text.replacen("{}", figure, 1))
 }
 
-/// What the page says of orientation, with the report's figures.
+/// Returns the sentences about orientation that the page must contain, with the figures of the
+/// report.
 fn orientation() -> Vec<String> {
     let method = |row: &[&str], rate: &str| cell("Odometry: the method's error", row, rate);
     let motion = |motion: &str, method: &str, path: &str, column: &str| {
@@ -99,7 +100,8 @@ fn orientation() -> Vec<String> {
     said
 }
 
-/// What the page says of everything else, with the report's figures.
+/// Returns all other sentences with figures that the page must contain, with the figures of the
+/// report.
 fn the_rest() -> Vec<String> {
     let plant = |step: &str| cell("The plant", &["rk4", step], "error, rad");
     let slips = |step: &str| cell("The plant that slips", &[step], "error, rad");
@@ -141,7 +143,7 @@ fn the_rest() -> Vec<String> {
     ]
 }
 
-/// Numbers with an exponent on the page that are round ones by choice, and no figures of the report.
+/// Sentences on the page with rounded numbers that are not figures of the report.
 const ROUND: [&str; 4] = [
     "nothing gets much better than 1e-6",
     "errors of 1e-3 rad will do",
@@ -149,14 +151,14 @@ const ROUND: [&str; 4] = [
     "1e-4 rad at 4 N m/rad is 0.4 mN m",
 ];
 
-/// What the server says at its start, which tests/server/accuracy.rs looks up.
+/// Statements about the server's output at start, which tests/server/accuracy.rs checks.
 const OF_THE_SERVER: [&str; 3] = [
     "errs by 7.4e-5 rad in 10 s of brisk motion",
     "`hbot server --accuracy-target 1e-3`",
     "Euler down to 7e-3 rad, midpoint down to 7.4e-5, and nothing below",
 ];
 
-/// Numbers with an exponent, such as 2.0e-6.
+/// Returns the numbers with an exponent in `text`, such as 2.0e-6.
 fn numbers(text: &str) -> Vec<&str> {
     text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '.' || c == '-'))
         .filter(|word| word.contains("e-") && word.trim_end_matches('.').parse::<f64>().is_ok())

@@ -1,4 +1,4 @@
-//! `stability`: borders beside theory, and what is conserved.
+//! The study `stability`: borders compared with theory, and conserved quantities.
 
 use hbot_study::Study;
 
@@ -17,7 +17,7 @@ fn borders_stand_beside_theory_and_every_check_holds() {
             panic!("{} says not what was measured and what was predicted", figure.id);
         };
         assert_eq!(measured, figure.value, "{}", figure.id);
-        // The bounds that the issue of the study asks for: 5 % and 10 %.
+        // The required bounds are 5 % and 10 %.
         let off = (measured / predicted - 1.0).abs();
         if figure.id.starts_with("border_linear_") {
             assert!(off < 0.05, "{}: {off}", figure.id);

@@ -1,4 +1,5 @@
-//! Angles from nothing to a half turn, either sign of a quaternion, and quaternions that are none.
+//! Angles from zero to a half turn, both signs of a quaternion, and quaternions that are not
+//! rotations.
 
 use super::super::core::effects::{Anchor, Spring, SpringLaw, Target};
 use super::super::core::impedance::{first_order_law, geodesic_law, quaternion_law};
@@ -9,7 +10,8 @@ use super::machine::Machine;
 
 const PI: f64 = core::f64::consts::PI;
 
-/// From nothing to exactly a half turn. In 32 bits the first ones round to zero and the last three to the same number.
+/// Angles from zero to exactly a half turn, rad. In 32 bits the first ones round to zero, and the
+/// last three to one number.
 const ANGLES: [f64; 13] =
     [0.0, 1e-300, 1e-160, 1e-38, 1e-20, 1e-8, 1e-4, 0.0312, 0.0313, 1.0, PI - 1e-8, PI - 1e-15, PI];
 
@@ -25,12 +27,13 @@ fn all() -> impl Iterator<Item = (Real, Quat)> {
     })
 }
 
-/// Whether a rotation by `t` may, to the rounding of `t`, as well be one the other way.
+/// Returns whether a rotation by `t` equals, to the rounding of `t`, a rotation in the other
+/// direction.
 fn a_half_turn(t: Real) -> bool {
     t > (PI as Real) * (1.0 - 4.0 * Real::EPSILON)
 }
 
-/// Nothing, or what of a number below the smallest normal one its rounding leaves.
+/// Rounding of numbers below the smallest normal one.
 const DENORMAL: Real = 4.0 * Real::MIN_POSITIVE;
 
 #[test]
@@ -39,7 +42,8 @@ fn logarithm_undoes_exponential() {
         let (back, v) = (rotation::log(q), axis() * t);
         let off =
             Real::min((back - v).length(), if a_half_turn(t) { (back + v).length() } else { Real::MAX });
-        // A few roundings of the angle; a sum of squares this small has its length from the largest component.
+        // The tolerance is a few roundings of the angle. For tiny angles the sum of squares
+        // underflows, so the largest component is compared.
         assert!(
             (back - v).abs().max_element() <= 4.0 * Real::EPSILON * t + DENORMAL
                 || off <= 8.0 * Real::EPSILON * t,
@@ -105,7 +109,7 @@ fn what_comes_in_as_an_orientation_is_a_rotation_or_refused() {
         let spring = Spring::new(SpringLaw::Geodesic, Mat3::IDENTITY, Mat3::ZERO, q, Anchor::Absolute);
         assert_eq!(spring, None, "{q}");
     }
-    // What reads files takes any quaternion that has a direction, and no other.
+    // The reader of files accepts every quaternion that has a direction, and no other.
     for scale in [Real::MIN_POSITIVE, 1e-30, 1.0, 1e30, Real::MAX] {
         let q = rotation::from_wxyz([scale, -scale, scale, -scale]).unwrap();
         assert!(

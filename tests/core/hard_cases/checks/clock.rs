@@ -1,4 +1,4 @@
-//! Ticks that are late, doubled, of the past or far ahead, and feedback that stays away.
+//! Ticks that are late, repeated, in the past or far ahead, and feedback that stops.
 
 use super::super::core::mode::{Cause, Mode};
 use super::super::core::{Real, Vec3};
@@ -6,7 +6,7 @@ use super::machine::Machine;
 
 #[test]
 fn a_tick_ten_periods_late_rides_through_and_one_too_late_is_a_fault() {
-    // 10 ms late again and again, with the nine ticks between skipped.
+    // Each tick is 10 ms late, and the nine ticks in between are skipped.
     let mut machine = Machine::active();
     let before = machine.step(|_| {}).state;
     for k in 0..50 {
@@ -38,11 +38,12 @@ fn a_clock_that_stands_or_goes_back_moves_nothing() {
             machine.tick = now - back;
             let state = machine.step(|_| {}).state;
             assert_eq!(state.mode, Mode::Enabling, "{back}");
-            // A ramp that went on would be done long ago.
+            // A ramp that continued would have ended long ago.
             let moved = (state.torque - before.torque).length();
             assert!(moved <= 8.0 * Real::EPSILON, "{back}: {moved:e}");
         }
-        // Back to where it was: what is missing counts as skipped, and more than nine of that are a fault.
+        // The clock returns to its old value. The missing ticks count as skipped, and more than
+        // nine of them are a fault.
         machine.tick = now + 1;
         let state = machine.step(|_| {}).state;
         if back < 10 {

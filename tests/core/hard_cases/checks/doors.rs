@@ -1,4 +1,5 @@
-//! Numbers that are none, too large or too small: refused at the door, or without effect, and nothing remembers them.
+//! Numbers that are NaN, infinite, too large or too small. They are refused at the input or have no
+//! effect, and leave no trace.
 
 use super::super::core::effects::{Anchor, Spring, SpringLaw};
 use super::super::core::inputs::{Command, Stamp};
@@ -10,7 +11,8 @@ use super::machine::{Machine, wheels};
 const NONE: [Real; 3] = [Real::NAN, Real::INFINITY, Real::NEG_INFINITY];
 const HUGE: [Real; 4] = [Real::MAX, Real::MIN, 1e38, -1e38];
 
-/// Below the smallest normal number, and a tiny one whose square is nothing.
+/// Returns numbers below the smallest normal one, and that number itself, whose square underflows
+/// to zero.
 fn tiny() -> [Real; 4] {
     [Real::from_bits(1), -Real::from_bits(1), Real::MIN_POSITIVE * 0.5, Real::MIN_POSITIVE]
 }
@@ -74,7 +76,7 @@ fn what_is_huge_is_limited_or_a_fault() {
         let command = Command::Stream { torque: Vec3::Y * huge, valid_ticks: 50, stamp: Stamp::default() };
         assert_eq!(machine.command(command), Reply::Done);
         for _ in 0..200 {
-            // What leaves is checked against the motors' peaks at every step.
+            // Torques are checked against the motors' peak torques in every tick.
             let state = machine.step(|_| {}).state;
             assert!(state.torque.length() <= 0.5 * (1.0 + 8.0 * Real::EPSILON), "{}", state.torque);
             assert!(matches!(state.cause, None | Some(Cause::NonFinite)), "{:?}", state.cause);

@@ -1,4 +1,4 @@
-//! Half turns crossed under both spring laws, and walls and notches at exactly their edges.
+//! Crossing half turns with both spring laws, and walls and notches exactly at their edges.
 
 use super::super::core::effects::{
     Anchor, Detents, Effect, EndStop, Kind, Motion, Span, Spring, SpringLaw, Target,
@@ -7,7 +7,8 @@ use super::super::core::render::Renderer;
 use super::super::core::{CompiledScene, Mat3, Quat, Real, Vec3, rotation};
 use super::machine::rig;
 
-/// Torque of one effect at rest at each orientation in turn.
+/// Returns the torques (N m in N) of one effect with the sphere at rest at each orientation in
+/// turn.
 fn felt(kind: Kind, figures: &[Real], way: &[Quat]) -> Vec<Vec3> {
     let span = Span { start: 0, len: figures.len() as u16 };
     let effect = Effect { figures: span, ..Effect::new(0, 1, kind) };
@@ -25,7 +26,7 @@ fn felt(kind: Kind, figures: &[Real], way: &[Quat]) -> Vec<Vec3> {
         .collect()
 }
 
-/// Across a half turn about n1 and back, by way of exactly a half turn.
+/// Returns a path across a half turn about n1 and back, through exactly a half turn.
 fn across() -> Vec<Quat> {
     let turn = |k: i32| match k {
         0 => rotation::from_parts(0.0, Vec3::X),
@@ -47,14 +48,14 @@ fn a_half_turn_is_crossed_by_both_laws() {
             let step = (pair[1] - pair[0]).length();
             assert!(pair[0].length() <= largest + 64.0 * Real::EPSILON, "{law:?}: {}", pair[0]);
             if pair[0].x * pair[1].x < 0.0 && step > 1.0 {
-                // The side that it pulls to changes, and nothing else does.
+                // Only the side to which the spring pulls changes.
                 assert!((pair[0] + pair[1]).length() <= 0.02, "{law:?}: {} to {}", pair[0], pair[1]);
                 flips += 1;
             } else {
                 assert!(step <= 0.02, "{law:?}: {} to {}", pair[0], pair[1]);
             }
         }
-        // At exactly a half turn it stays on the side that it came from.
+        // At exactly a half turn the spring stays on the side it came from.
         for k in [20, 61] {
             assert!(
                 (torques[k] - torques[k - 1]).length() <= 0.02,
@@ -63,7 +64,7 @@ fn a_half_turn_is_crossed_by_both_laws() {
                 torques[k]
             );
         }
-        // Once on the way there, once on the way back.
+        // The side changes once on the way there and once on the way back.
         assert_eq!(flips, if law == SpringLaw::Geodesic { 2 } else { 0 }, "{law:?}");
     }
 }
@@ -89,7 +90,7 @@ fn walls_and_notches_at_exactly_their_edges() {
             assert!(torque.length() <= small, "{kind:?}: {torque}");
         }
     }
-    // 1 mrad in and out: 1 N m, inwards, and nothing.
+    // 1 mrad inside the wall gives 1 N m inwards. 1 mrad before it gives no torque.
     let torques = felt(stop(false, [-0.5, 0.5]), &[], &[at(0.499), at(0.501), at(-0.501)]);
     assert_eq!(torques[0], Vec3::ZERO);
     assert!((torques[1].z + 1.0).abs() <= small && (torques[2].z - 1.0).abs() <= small, "{torques:?}");
@@ -104,7 +105,8 @@ fn walls_and_notches_at_exactly_their_edges() {
             damping: 0.0,
         })
     };
-    // A notch's rim and its middle; where two notches meet; the first and the last of given places; a half turn.
+    // The rim and the centre of a notch, the border between two notches, the first and last given
+    // position, and a half turn.
     let places = [-0.3, 0.25, 0.45];
     let slope = 0.2 * core::f64::consts::PI as Real / 0.1;
     for t in [-0.3, -0.2, 0.15, 0.25, 0.35, 0.45, 0.55] {
@@ -116,7 +118,7 @@ fn walls_and_notches_at_exactly_their_edges() {
         let step = (core::f64::consts::TAU / f64::from(count)) as Real;
         for k in [0.0, 0.5, 1.0] {
             let torque = felt(dial(count), &[], &[at(step * k), -at(step * k)]);
-            // A notch of 1/1000 turn is as much steeper as it is narrower.
+            // A notch of 1/1000 turn is steeper as it is narrower.
             let steep = slope.max(0.2 * core::f64::consts::TAU as Real / step) * step.max(1.0);
             assert!(
                 torque.iter().all(|t| t.length() <= 64.0 * steep * Real::EPSILON),

@@ -1,4 +1,4 @@
-//! A prototype whose sphere rests and whose encoders read what a check says, with its controller.
+//! A prototype with its controller. The sphere rests, and the encoders read what a check sets.
 
 use super::super::core::allocation::JointLimits;
 use super::super::core::device::MAX_JOINTS;
@@ -9,10 +9,10 @@ use super::super::core::outputs::{Outputs, Reply};
 use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use super::super::core::{CompiledScene, Controller, Device, Mat3, Quat, Real, Vec3, WheelSpec, rotation};
 
-/// The largest torque of steer and drive in [`rig`], N m.
+/// Peak torques of steer and drive in [`rig`], N m.
 pub const PEAK: [Real; 2] = [0.93, 0.14];
 
-/// Wheels of the prototype.
+/// Returns the wheels of the prototype.
 pub fn wheels() -> [WheelSpec; 2] {
     [1.0, -1.0].map(|side| WheelSpec {
         axis: Vec3::new(side, 0.0, -1.0),
@@ -38,12 +38,13 @@ pub fn rig() -> Rig {
     Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
 }
 
-/// Limits and default weights of a device with the prototype's motors.
+/// Returns the joint torque limits and default weights of a device with the prototype's motors.
 pub fn limits(device: &Device) -> JointLimits {
     JointLimits::of_device(device, |joint| PEAK[joint % 2])
 }
 
-/// A geodesic spring of 2 N m/rad whose reference is `turn` away from the identity.
+/// Returns a scene with a geodesic spring of 2 N m/rad, whose reference is `turn` (rotation vector,
+/// rad).
 pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
     let stiffness = Mat3::from_diagonal(Vec3::splat(2.0));
     let reference = rotation::exp(turn);
@@ -55,14 +56,14 @@ pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
 pub struct Machine {
     pub controller: Controller,
     pub scene: CompiledScene,
-    /// The next tick.
+    /// Number of the next tick.
     pub tick: u64,
     pub counts: [i32; MAX_JOINTS],
     pub rates: [Real; MAX_JOINTS],
 }
 
 impl Machine {
-    /// Idle, with a spring that pulls by 0.2 N m about n1.
+    /// Creates an idle machine with a spring that pulls with 0.2 N m about n1.
     pub fn idle() -> Self {
         let mut machine = Self {
             controller: Controller::new(rig()),
@@ -75,7 +76,7 @@ impl Machine {
         machine
     }
 
-    /// The same, at full torque.
+    /// Creates a machine like [`idle`](Self::idle) and runs it until it is active at full torque.
     pub fn active() -> Self {
         let mut machine = Self::idle();
         assert_eq!(machine.command(Command::Enable), Reply::Done);
@@ -84,7 +85,7 @@ impl Machine {
         machine
     }
 
-    /// A tick whose inputs `alter` changes.
+    /// Runs a tick whose inputs `alter` changes.
     pub fn step(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
         let feedback = JointFeedback {
             sequence: (self.tick as u32).wrapping_sub(1),
@@ -126,7 +127,7 @@ impl Machine {
         self.step(|inputs| inputs.commands.push(command).unwrap()).replies[0].unwrap()
     }
 
-    /// Out of a fault and back to full torque: the machine does what it did before.
+    /// Asserts that the machine recovers from a fault to full torque and behaves as before.
     pub fn works_again(mut self, what: &str) {
         let before = Self::active().step(|_| {}).state;
         self.rates = [0.0; MAX_JOINTS];

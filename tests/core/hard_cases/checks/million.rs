@@ -7,14 +7,15 @@ use super::machine::{device, wheels};
 
 const RATES: [f64; 4] = [5.0, 20.0, -7.0, -13.0];
 
-/// The orientation after `ticks` of `period` seconds at constant joint rates, and how far |q|² ever was from 1.
+/// Returns the orientation after `ticks` ticks of `period` seconds at constant joint rates, and the
+/// largest deviation of |q|² from 1.
 fn after(method: OdometryMethod, ticks: u32, period: f64) -> (Quat, Real) {
     let device = device(&wheels());
     let delta = RATES.map(|rate| (rate * period) as Real);
     let mut worst: Real = 0.0;
     let mut q = Quat::IDENTITY;
     for k in 0..ticks {
-        // Steering angles within a turn, as the encoders keep them.
+        // Steer angles are kept within a turn, as in the encoders.
         let at = |rate: f64| ((rate * period * f64::from(k)) % core::f64::consts::TAU) as Real;
         q = advance(q, turn(&device, method, &[at(RATES[0]), at(RATES[2])], &delta));
         worst = worst.max((q.length_squared() - 1.0).abs());
@@ -35,17 +36,17 @@ fn a_million_ticks_stay_unit_and_drift_by_their_method() {
     let unit = if Real::EPSILON < 1e-10 { 1e-12 } else { 8.0 * Real::EPSILON };
     assert!(worst.max(worst_magnus) < unit, "{worst:e} {worst_magnus:e}");
     if Real::EPSILON < 1e-10 {
-        // Order 2: steps of half the length leave a quarter of the drift.
+        // The method has order 2: steps of half the length leave a quarter of the drift.
         assert!((coarse / fine - 4.0).abs() < 0.04, "{fine:e}, {coarse:e}");
     } else {
-        // A rounding a tick is all that there is, were they all to the same side.
+        // The only error is one rounding per tick. The bound assumes that all have one sign.
         assert!(fine < TICKS as Real * Real::EPSILON, "{fine:e}");
     }
 }
 
 #[test]
 fn turns_about_one_axis_add_up_over_a_million_ticks() {
-    // A turn that no binary fraction is: what is left after a million of them is rounding alone.
+    // The turn is not a binary fraction. After a million of them the error is rounding alone.
     let step = Vec3::new(0.6, -0.48, 0.64) * (1e-3 as Real);
     let q = (0..1_000_000).fold(Quat::IDENTITY, |q, _| advance(q, step));
     let axis = Vec3::new(0.6, -0.48, 0.64);

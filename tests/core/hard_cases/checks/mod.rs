@@ -1,4 +1,4 @@
-//! The checks, in the width of the module around them.
+//! The checks, in the floating-point width of the module that includes them.
 
 #![allow(
     clippy::useless_conversion,

@@ -1,4 +1,4 @@
-//! Designs a hair from singular, and three motors where they lose a direction.
+//! Designs very close to singular, and three motors where they lose a direction of torque.
 
 use super::super::core::allocation::{Allocation, JointLimits, allocate};
 use super::super::core::device::DeviceError;
@@ -10,7 +10,8 @@ use super::super::core::{Device, Real, Vec3, WheelSpec};
 use super::machine::{device, limits, wheels};
 use crate::rng::Rng;
 
-/// Cone of 1e-3, toe of 89.9 degrees, contact points that come within 0.1 degree: with the least interior margin of each.
+/// Returns nearly singular designs with a name and their smallest interior margin: a cone of 1e-3,
+/// a toe of 89.9 degrees, and contacts that come within 0.1 degree of each other.
 fn hairs() -> [(&'static str, [WheelSpec; 2], f64); 3] {
     let right_angle = core::f64::consts::FRAC_PI_2;
     let with = |alter: fn(&mut WheelSpec)| {
@@ -18,7 +19,8 @@ fn hairs() -> [(&'static str, [WheelSpec; 2], f64); 3] {
         wheels.iter_mut().for_each(alter);
         wheels
     };
-    // The axes are a right angle apart; the margin between contact points is sqrt(1 - cos g), sqrt 2 sin(g/2).
+    // The axes are a right angle apart. The margin between contacts is sqrt(1 - cos g) = sqrt 2
+    // sin(g/2).
     let margin = |gap: f64| core::f64::consts::SQRT_2 * (0.5 * gap).sin();
     let close = 0.1_f64.to_radians();
     [
@@ -32,20 +34,23 @@ fn hairs() -> [(&'static str, [WheelSpec; 2], f64); 3] {
     ]
 }
 
-/// What is made of the torque wanted: within the limits, never against it, and where nothing is said to be left out, along it.
-/// Returns how far off it is, beside the torque wanted and beside the bound.
+/// Asserts that an allocated torque is within the limits, is never opposed to the wanted torque,
+/// and has its direction unless a deficiency is reported. Returns the deviation relative to the
+/// wanted torque, and relative to its bound.
 fn check(name: &str, posture: &Posture, limits: &JointLimits, wanted: Vec3, found: &Allocation) -> [Real; 2] {
     let torque = made(posture, found);
     for (tau, peak) in found.torque.iter().zip(limits.peak) {
         assert!(tau.abs() <= peak, "{name}: {found:?}");
     }
     assert!((0.0..=1.0).contains(&found.scale), "{name}: {found:?}");
-    // Motors that pull against each other make a torque of a difference: it has the rounding of its terms, some for each of sixteen.
+    // If motors oppose each other, the torque is a difference and has the rounding of its terms,
+    // some for each of sixteen joints.
     let terms: Real = posture.rows().iter().zip(found.torque).map(|(g, tau)| g.length() * tau.abs()).sum();
     let rounding = 128.0 * Real::EPSILON * terms;
     let size = wanted.length();
     assert!(torque.dot(wanted) >= -rounding * size, "{name}: {torque} against {wanted}, {found:?}");
-    // No part of T is more than it is; what strays is below 1 % for each of two axes (see `allocate`).
+    // No part of the torque exceeds the wanted one. The error is below 1 % for each of two axes
+    // (see `allocate`).
     assert!(
         torque.length() <= 1.02 * found.scale * size + rounding,
         "{name}: {torque} for {wanted}, {found:?}"
@@ -53,8 +58,8 @@ fn check(name: &str, posture: &Posture, limits: &JointLimits, wanted: Vec3, foun
     if found.deficient {
         return [0.0; 2];
     }
-    // What is left out or strays up to 1024 roundings is not said; and moments of unlike rows and costs are solved the quick way as long as
-    // that is good to the first figure.
+    // Deviations of up to 1024 roundings are not reported. Moments of very different rows and costs
+    // are solved by the fast method if it is accurate to one digit.
     let off = (torque - wanted * found.scale).length();
     let quick = if Real::EPSILON < 1e-10 { 1e-9 } else { 1e-3 };
     let unsaid = quick * found.scale * size + 1024.0 * Real::EPSILON * terms;
@@ -90,7 +95,8 @@ fn a_hair_from_singular_torque_is_bounded_and_the_margin_known() {
         let limits = limits(&device);
         let (mut least, mut lost, mut deficient): (Real, Real, u32) = (Real::MAX, 0.0, 0);
         for k in 0..4000 {
-            // Steering at random, and about where the contact points come nearest: each wheel's towards the other.
+            // Half of the steer angles are random. The others are where the contacts are nearest,
+            // with each wheel turned towards the other.
             let near = [core::f64::consts::FRAC_PI_2, -core::f64::consts::FRAC_PI_2];
             let th =
                 near.map(
@@ -104,7 +110,8 @@ fn a_hair_from_singular_torque_is_bounded_and_the_margin_known() {
                 "{name}"
             );
             least = least.min(interior_margin(&posture));
-            // A turn of the sphere is read from the rates of its joints to rounding over the margin's square.
+            // The sphere's turn is computed from joint rates, with an error of rounding over the
+            // square of the margin.
             let omega = random(&mut rng, 3.0);
             let rates = posture.inverse(omega);
             let steepest = rates.iter().fold(1.0, |m: Real, rate| m.max(rate.abs()));
@@ -119,13 +126,15 @@ fn a_hair_from_singular_torque_is_bounded_and_the_margin_known() {
         println!(
             "{name}: interior margin {least:e} met ({margin:e} by design), {deficient} of 4000 deficient, off {lost:e}"
         );
-        // Close to the boundary the steering is some thousand times as strong as the drives, but these can do what they always can.
+        // Near the boundary singularity steering is some thousand times as strong as driving, but
+        // the drives can make what they always can.
         let expected = if name == "0.1 deg apart" { 1..4000 } else { 0..1 };
         assert!(expected.contains(&deficient), "{name}: {deficient}");
     }
 }
 
-/// Two to eight wheels of any make: cones down to 1e-3, toes up to 89.9 degrees, strong motors beside feeble ones and dead ones.
+/// Returns a random design of two to eight wheels, or `None` if it is not legal. Cones go down to
+/// 1e-3 and toes up to 89.9 degrees. Motors are strong, weak or dead.
 fn any_design(rng: &mut Rng) -> Option<(Device, JointLimits)> {
     let count = rng.between(2.0, 9.0) as usize;
     let mut specs = wheels().into_iter().cycle().take(count).collect::<Vec<_>>();
@@ -185,7 +194,8 @@ fn beyond_a_hair_a_design_is_refused() {
 fn three_motors_lose_a_direction_gracefully() {
     let device = device(&wheels());
     let mut limits = limits(&device);
-    // The drive of the second wheel is dead: singular where c3 of the first is at right angles to c2 of the second.
+    // The drive of wheel 2 is dead. The rig is then singular where c3 of wheel 1 is perpendicular
+    // to c2 of wheel 2.
     limits.peak[3] = 0.0;
     let driven = [true, true, true, false];
     let mut rng = Rng(301);
@@ -205,7 +215,7 @@ fn three_motors_lose_a_direction_gracefully() {
             assert!(found.torque[3] == 0.0 && torque.is_finite());
             assert!(torque.length() <= wanted.length() * (1.0 + 1e-3), "{torque} for {wanted}");
             if let Some((before, torque_before)) = last {
-                // 1.6e-4 rad of steering a step.
+                // Each step is 1.6e-4 rad of steering.
                 let jump = (torque - torque_before).length() / wanted.length();
                 steepest = steepest.max(jump);
                 let joints = found.torque.iter().zip(before.torque).map(|(a, b)| (a - b).abs());

@@ -1,4 +1,5 @@
-//! Steering at 1,000 rad/s, counts that wrap, and turns too far to know which way they went.
+//! Steering at 1,000 rad/s, counts that wrap, and turns between readings so large that their
+//! direction is unknown.
 
 use super::super::core::inputs::Command;
 use super::super::core::kinematics::Posture;
@@ -8,7 +9,7 @@ use super::super::core::rig::OdometryMethod::Magnus4;
 use super::super::core::{Quat, Real, rotation};
 use super::machine::{Machine, device, rig, wheels};
 
-/// Radians of a joint a count.
+/// Returns the joint angle of one count, rad.
 fn unit(joint: usize) -> f64 {
     core::f64::consts::TAU / rig().joints[joint].counts()
 }
@@ -21,7 +22,8 @@ fn steering_at_a_thousand_rad_per_s_is_followed() {
     for (rate, of) in machine.rates.iter_mut().zip(RATES) {
         *rate = of as Real;
     }
-    // The same path of the joints in steps of 1/64 tick, by counts as they are read, so that only the method is compared.
+    // The reference follows the path of the joints in steps of 1/64 tick. It uses the rounded
+    // counts, so that only the method is compared.
     let device = device(&wheels());
     let mut fine = Quat::IDENTITY;
     let mut worst: Real = 0.0;
@@ -43,15 +45,15 @@ fn steering_at_a_thousand_rad_per_s_is_followed() {
         }
         last = angles;
         worst = worst.max(rotation::angle_between(state.q, fine));
-        // The steering angle is that of the counts, whatever number of turns went before.
+        // The steer angle is that of the counts, for any number of turns before.
         let turned = f64::from(machine.counts[0] % 16384) * unit(0);
         let off = rotation::wrap_angle(state.angle[0] - turned as Real);
         assert!(off.abs() <= 16.0 * Real::EPSILON, "tick {k}: {off:e}");
     }
     println!("1000 ticks of 1 rad: {worst:e} rad off");
-    // Magnus 4 in steps of 1 rad.
+    // The bound is the error of Magnus 4 with steps of 1 rad.
     assert!(worst < 0.1, "{worst:e}");
-    // With power it is too fast, and torque ends in the same tick.
+    // With torque enabled this is too fast, and torque ends in the tick in which it is measured.
     let mut machine = Machine::active();
     let omega = super::super::core::Vec3::Y * 172.0;
     machine.rates = Posture::new(&device, &[0.0; 2]).inverse(omega);
@@ -65,7 +67,7 @@ fn steering_at_a_thousand_rad_per_s_is_followed() {
 fn counts_that_wrap_change_no_bit() {
     for sign in [1, -1_i32] {
         let [mut plain, mut wrapping] = [0, 1].map(|_| Machine::idle());
-        // As many whole turns as fit, then beyond.
+        // As many whole turns as fit into the counter; the test then goes beyond.
         let start: [i32; 4] = core::array::from_fn(|j| {
             let turn = if j % 2 == 0 { 16384 } else { 278_528 };
             sign * (i32::MAX / turn * turn)
@@ -102,7 +104,7 @@ fn half_a_turn_in_a_tick_is_a_fault_and_no_guess() {
             (i32::MIN, true),
         ] {
             for by in [by, by.wrapping_neg()] {
-                // Without power: under power the limit of speed is a narrower bound.
+                // The test runs without torque, because with torque the speed limit is narrower.
                 let mut machine = Machine::idle();
                 let before = machine.step(|_| {}).state;
                 machine.counts[joint] = by;

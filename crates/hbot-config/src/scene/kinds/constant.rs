@@ -1,4 +1,4 @@
-//! Parameters of a constant torque.
+//! Parameters of the effect `constant`: a constant torque.
 
 use hbot_core::Vec3;
 use hbot_core::effects::{self, Kind};
@@ -8,24 +8,25 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// A torque that does not change, as of a wound-up string. Turned along it, it gives energy without end.
+/// A torque that does not change, like the pull of a wound-up string. It delivers energy for as
+/// long as the sphere turns along it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Constant {
-    /// The torque on the sphere.
+    /// Torque on the sphere.
     #[schemars(inner(range(min = -100.0, max = 100.0)), extend("unit" = "N m"))]
     torque: [f64; 3],
-    /// Which axes it is given in.
+    /// Axes in which `torque` is given: those of frame N, or those of the sphere.
     frame: Frame,
 }
 
-/// Which axes it is given in.
+/// The axes in which a constant torque is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Frame {
-    /// The frame N.
+    /// Frame N, which is fixed in space.
     World,
-    /// The sphere's own axes, turning with it.
+    /// The sphere's axes, which turn with it.
     Sphere,
 }
 

@@ -1,4 +1,4 @@
-//! Parameters of a damper.
+//! Parameters of the effect `damper`: viscous damping.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,21 +8,22 @@ use super::EffectKind;
 use super::impedance::{self, Impedance};
 use crate::document::{Report, join};
 
-/// Viscous resistance against turning, as in honey. It only takes energy out.
+/// Viscous resistance to rotation, as in honey. It only absorbs energy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Damper {
-    /// Torque against the sphere's rate: a number, or a symmetric 3x3 matrix in N.
+    /// Torque per angular rate, against the sphere's rotation: a number, or a symmetric 3x3 matrix
+    /// in frame N.
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
-    /// No torque below this rate; above it the rate counts from there.
+    /// Rate below which there is no torque. Above it, only the excess rate counts.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "rad/s"))]
     deadband: f64,
 }
 
 impl Default for Damper {
     fn default() -> Self {
-        // Felt clearly in the hand, and far from the stability border at 1 kHz.
+        // Felt clearly in the hand, and far from the stability limit at 1 kHz.
         Self { damping: Impedance::Number(0.02), deadband: 0.0 }
     }
 }

@@ -1,4 +1,4 @@
-//! Parameters of detents.
+//! Parameters of the effect `detents`: the notches of a dial.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,48 +8,50 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Notches of a dial about an axis: evenly around, or at given angles.
+/// Notches of a dial about an axis, evenly spaced or at given angles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Detents {
-    /// The dial's axis in the frame of the reference, of any length but zero.
+    /// Axis of the dial in the frame of the reference. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// The largest torque of a notch: what it takes to leave it.
+    /// Largest torque of a notch: the torque needed to leave it.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// Half width of a notch; its torque is largest half way. Notches nearer than twice this meet half way.
+    /// Half width of a notch. The torque is largest halfway to the edge. Notches closer than twice
+    /// this width meet halfway.
     #[schemars(range(min = 0.001, max = 3.2), extend("unit" = "rad"))]
     width: f64,
-    /// How many notches evenly around a turn, the first at the reference.
+    /// Number of notches in one turn, evenly spaced. The first is at the reference.
     #[schemars(range(min = 1, max = 720))]
     count: u16,
-    /// Angles of the notches, ascending and 0.002 rad apart or more, over as many turns as one likes; where there are any, they
-    /// stand in place of `count`.
+    /// Angles of the notches, ascending and at least 0.002 rad apart. They can cover several turns.
+    /// If given, they replace `count`.
     #[schemars(length(max = 64), inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
     positions: Vec<f64>,
-    /// What is beyond the outermost of `positions`.
+    /// What lies beyond the outermost of `positions`: no torque, or walls.
     ends: Ends,
     /// Stiffness of the walls at closed ends.
     #[schemars(range(min = 0.01, max = 1000.0), extend("unit" = "N m/rad"))]
     end_stiffness: f64,
-    /// Damping of the dial.
+    /// Damping of the dial's rotation about its axis.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// Where the dial is at zero, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation at which the dial is at zero, as a quaternion [w, x, y, z]. Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
-/// What is beyond the outermost notches.
+/// What lies beyond the outermost notches of a dial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Ends {
-    /// Level ground.
+    /// No torque: the dial turns freely.
     Open,
-    /// Walls that rise from the outermost notches themselves.
+    /// Walls that begin at the outermost notches.
     Closed,
 }
 
@@ -74,7 +76,7 @@ impl EffectKind for Detents {
     const NAME: &'static str = "detents";
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
-        /// Nearer ones are one.
+        /// Least angle between two notches, rad. Closer ones would act as one.
         const APART: f64 = 0.002;
         let axis = unit_vector(self.axis, &join(path, "axis"), report);
         let target = target(self.reference, self.anchor, path, report);

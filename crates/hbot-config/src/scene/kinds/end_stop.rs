@@ -1,4 +1,4 @@
-//! Parameters of end stops.
+//! Parameters of the effect `end_stop`: walls that limit the rotation.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,43 +8,46 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Walls that only push: about a cone that an axis of the sphere has to stay in, about a range of twist, or both.
+/// Walls that keep an axis of the sphere inside a cone, its twist inside a range, or both. Walls
+/// only push back.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct EndStop {
-    /// Which walls there are.
+    /// Which walls exist: those of the cone, of the twist, or both.
     walls: Walls,
-    /// The axis in the frame of the reference, fixed in the sphere; twist is about it. Of any length but zero.
+    /// Axis fixed in the sphere, given in the frame of the reference. The cone limits its
+    /// direction, and the twist is about it. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
     /// Half angle of the cone.
     #[schemars(range(min = 0.0, max = 2.7), extend("unit" = "rad"))]
     cone: f64,
-    /// The range of twist, [from, to], over as many turns as one likes.
+    /// Allowed range of the twist, [from, to]. It can cover several turns.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
     twist: [f64; 2],
     /// Stiffness of the walls.
     #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Damping of the walls, on the way in alone.
+    /// Damping of the walls. It acts only while the sphere moves further into a wall.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// What both are measured from, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation from which cone and twist are measured, as a quaternion [w, x, y, z]. Any length
+    /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
-/// Which walls there are.
+/// The walls of an end stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Walls {
-    /// About the cone.
+    /// Only the wall around the cone.
     Cone,
-    /// About the range of twist.
+    /// Only the walls at the ends of the twist's range.
     Twist,
-    /// About both.
+    /// Both the cone's wall and the twist's walls.
     Both,
 }
 

@@ -1,4 +1,4 @@
-//! Parameters of dry friction.
+//! Parameters of the effect `friction`: dry friction.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -7,24 +7,25 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// Dry friction that truly sticks: below its torque the sphere stays where it is. It only takes energy out.
+/// Dry friction that truly sticks: the sphere does not slide until the limit `torque` is reached.
+/// It only absorbs energy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Friction {
-    /// The torque at which it slides.
+    /// Torque at which the sphere slides.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     torque: f64,
-    /// Stiffness while it sticks.
+    /// Stiffness while the sphere sticks.
     #[schemars(range(min = 0.1, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Damping, sticking and sliding alike.
+    /// Damping, both while the sphere sticks and while it slides.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
 }
 
 impl Default for Friction {
     fn default() -> Self {
-        // Sticks within 6 mrad.
+        // While it sticks, the sphere gives way by at most 6 mrad (torque over stiffness).
         Self { torque: 0.03, stiffness: 5.0, damping: 0.005 }
     }
 }

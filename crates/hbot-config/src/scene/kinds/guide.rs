@@ -1,4 +1,4 @@
-//! Parameters of a guide.
+//! Parameters of the effect `guide`: it holds some rotations and leaves others free.
 
 use hbot_core::effects::{self, Freedom, Kind};
 use schemars::JsonSchema;
@@ -8,43 +8,47 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Holds some directions of turning and leaves others free, as a hinge does.
+/// Holds the sphere against some rotations and leaves others free, as a hinge does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Guide {
-    /// What is free.
+    /// Which rotations are free: about the axis, all others, or those that keep the pointer in a
+    /// plane.
     free: Free,
-    /// The axis in the frame of the reference, of any length but zero; with `free = "plane"` the plane's normal.
+    /// Axis in the frame of the reference. With `free = "plane"`, the normal of the plane. Any
+    /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// With `free = "plane"` the axis, fixed in the sphere, that stays in the plane; of any length but zero.
+    /// With `free = "plane"`: the axis fixed in the sphere that stays in the plane. Any length
+    /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pointer: [f64; 3],
-    /// Stiffness of what is held.
+    /// Stiffness against the rotations that are held.
     #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Damping of what is held.
+    /// Damping of the rotations that are held.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// Play to either side.
+    /// Play to either side, within which there is no spring torque.
     #[schemars(range(min = 0.0, max = 1.5), extend("unit" = "rad"))]
     deadband: f64,
-    /// What it is measured from, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation from which the held rotations are measured, as a quaternion [w, x, y, z]. Any
+    /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
-/// What is free.
+/// The rotations that a guide leaves free.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Free {
-    /// Turning about the axis alone: a hinge.
+    /// Rotation about the axis only, as with a hinge.
     Axis,
-    /// Everything but turning about the axis.
+    /// Every rotation except the one about the axis.
     Swing,
-    /// Everything that keeps the pointer in the plane.
+    /// Every rotation that keeps the pointer in the plane.
     Plane,
 }
 

@@ -1,4 +1,4 @@
-//! Stiffnesses, dampings and masses: a number for every direction alike, or a matrix.
+//! Stiffness, damping and virtual mass in a scene file: one number for all directions, or a matrix.
 
 use hbot_core::Mat3;
 use hbot_core::impedance::is_impedance;
@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::Report;
 
-/// A number, or the rows of a symmetric positive semidefinite 3x3 matrix.
+/// A stiffness, damping or virtual mass: one number for all directions, or the rows of a symmetric
+/// positive semidefinite 3x3 matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Impedance {
@@ -16,19 +17,20 @@ pub(super) enum Impedance {
 }
 
 impl Impedance {
-    /// The matrix; `None` where the report says why it is not legal.
+    /// Returns the 3x3 matrix. Returns `None` and adds a mistake to the report if it is not
+    /// symmetric and positive semidefinite.
     pub(super) fn matrix(&self, path: &str, report: &mut Report) -> Option<Mat3> {
         let rows = match self {
             Self::Number(x) => return Some(Mat3::from_diagonal(hbot_core::Vec3::splat(*x))),
             Self::Rows(rows) => rows,
         };
-        // Symmetric, so rows do for columns.
+        // The matrix is symmetric, so its rows can stand for its columns.
         let matrix = Mat3::from_cols_array_2d(rows);
         if is_impedance(&matrix) {
             return Some(matrix);
         }
         let pairs = [(0, 1), (0, 2), (1, 2)];
-        // To the rounding that the core grants.
+        // The same tolerance for rounding as `is_impedance` of the core.
         let largest = rows.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
         let uneven =
             |&(i, j): &(usize, usize)| (rows[i][j] - rows[j][i]).abs() > 64.0 * f64::EPSILON * largest;
@@ -51,7 +53,7 @@ impl Impedance {
     }
 }
 
-/// The schema of a stiffness or damping up to `most`, in `unit`.
+/// Returns the schema of a number from 0 to `most`, or of a matrix of such numbers, in `unit`.
 fn schema(most: f64, unit: &str) -> Schema {
     json_schema!({
         "anyOf": [
@@ -69,17 +71,17 @@ fn schema(most: f64, unit: &str) -> Schema {
     })
 }
 
-/// The schema of a stiffness.
+/// Returns the schema of a stiffness, up to 1000 N m/rad.
 pub(super) fn stiffness(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(1000.0, "N m/rad")
 }
 
-/// The schema of a damping.
+/// Returns the schema of a damping, up to 100 N m s/rad.
 pub(super) fn damping(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(100.0, "N m s/rad")
 }
 
-/// The schema of a virtual mass.
+/// Returns the schema of a virtual mass, up to 1 kg m².
 pub(super) fn mass(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(1.0, "kg m²")
 }

@@ -1,4 +1,4 @@
-//! Parameters of a virtual mass.
+//! Parameters of the effect `inertia`: a virtual mass.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,22 +8,24 @@ use super::EffectKind;
 use super::impedance::{self, Impedance};
 use crate::document::{Report, join};
 
-/// A virtual mass: resistance against being sped up or slowed down. The acceleration is measured late, so no rig renders more
-/// than a part of its own inertia, more of it the smoother; what a scene asks beyond that is left out (docs/effects.md).
+/// A virtual mass that resists acceleration. The acceleration is measured late, so only a limited
+/// mass is stable: more smoothing allows more mass. Mass beyond that limit is left out
+/// (docs/effects.md).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Inertia {
-    /// The mass: a number, or a symmetric 3x3 matrix in N.
+    /// Virtual mass: a number, or a symmetric 3x3 matrix in frame N.
     #[schemars(schema_with = "impedance::mass")]
     mass: Impedance,
-    /// Time constant of the acceleration's smoothing; quicker motion feels a damper instead.
+    /// Time constant of the low-pass filter on the acceleration. Faster motion feels a damper
+    /// instead of a mass.
     #[schemars(range(min = 0.001, max = 1.0), extend("unit" = "s"))]
     smoothing_s: f64,
 }
 
 impl Default for Inertia {
     fn default() -> Self {
-        // As much again as the prototype's own sphere.
+        // About the inertia of the prototype's own sphere.
         Self { mass: Impedance::Number(0.003), smoothing_s: 0.01 }
     }
 }

@@ -1,4 +1,4 @@
-//! Parameters of a magnet.
+//! Parameters of the effect `magnet`: attraction near an orientation.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,20 +8,22 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target};
 use crate::document::Report;
 
-/// Attraction near an orientation, and nothing far from it.
+/// Attraction towards an orientation when the sphere is near it, and almost none far from it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Magnet {
-    /// The largest torque.
+    /// Largest torque.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// The angle at which it is largest; at three times that little is left.
+    /// Angle from the reference at which the torque is largest. At three times this angle, little
+    /// torque is left.
     #[schemars(range(min = 0.01, max = 2.0), extend("unit" = "rad"))]
     width: f64,
-    /// Where it pulls to, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation that the magnet pulls towards, as a quaternion [w, x, y, z]. Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 

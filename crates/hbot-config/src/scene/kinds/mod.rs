@@ -1,4 +1,5 @@
-//! The kinds of effects as files write them: one file a kind, and one list, [`KINDS`].
+//! The kinds of effects as scene files write them. Each kind has a file here and a line in the list
+//! [`KINDS`].
 
 mod constant;
 mod damper;
@@ -32,7 +33,8 @@ use crate::schema;
 
 pub(in crate::scene) use track::MAX_POINTS;
 
-/// Every kind that a scene can name. A new one: a file here, and its line in this list.
+/// Every kind of effect that a scene can name. To add a kind, add a file in this folder and a line
+/// in this list.
 pub(super) static KINDS: LazyLock<Vec<KindEntry>> = LazyLock::new(|| {
     vec![
         KindEntry::of::<constant::Constant>(),
@@ -53,33 +55,36 @@ pub(super) static KINDS: LazyLock<Vec<KindEntry>> = LazyLock::new(|| {
     ]
 });
 
-/// A kind's own parameters. Its doc comment describes the kind, its fields' doc comments, ranges and units the parameters.
-/// `id`, `op`, `effect`, `kind`, `gain`, `fade_s` and `fade_out_s` are not free as names of parameters.
+/// The parameters of one kind of effect. The type's doc comment describes the kind to users. The
+/// doc comments, ranges and units of its fields describe the parameters. No parameter can be called
+/// `id`, `op`, `effect`, `kind`, `gain`, `fade_s` or `fade_out_s`.
 pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
-    /// What files call it.
+    /// Name of the kind in files.
     const NAME: &'static str;
 
-    /// Checks what the schema cannot say, and compiles. `path` is the effect's; `None` where the report says why.
+    /// Checks what the schema cannot express, and makes the core's effect. `path` is the path of
+    /// the effect. Returns `None` and adds mistakes to the report if the parameters are not legal.
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind>;
 
-    /// What goes into the scene's table of figures for it; asked only after [`compile`](Self::compile).
+    /// Returns the numbers that the effect puts into the scene's table of figures. Called only
+    /// after [`compile`](Self::compile) has succeeded.
     fn figures(&self) -> Vec<f64> {
         Vec::new()
     }
 }
 
-/// Parameters that every effect has.
+/// The parameters that every effect has.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub(super) struct Common {
     /// Factor on the effect's torque.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) gain: f64,
-    /// How long the effect takes to fade in.
+    /// Time that the effect takes to fade in.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     pub(super) fade_s: f64,
-    /// How long the effect takes to fade out once another scene is loaded; 0 leaves it to the 50 ms in which any scene becomes
-    /// another.
+    /// Time that the effect takes to fade out after another scene is loaded. 0: it ends with the
+    /// blend of 50 ms between the scenes.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     pub(super) fade_out_s: f64,
 }
@@ -90,24 +95,25 @@ impl Default for Common {
     }
 }
 
-/// What is made of an effect's own parameters.
+/// The result of compiling the parameters of one effect.
 pub(super) struct Compiled {
-    /// They themselves, with their defaults written out.
+    /// The parameters, with all defaults written out.
     pub(super) parameters: Map<String, Value>,
-    /// What the core runs.
+    /// The effect as the core computes it.
     pub(super) kind: Kind,
-    /// What it finds in the scene's table.
+    /// The numbers that the effect puts into the scene's table of figures.
     pub(super) figures: Vec<f64>,
 }
 
-/// A kind as the list holds it.
+/// One entry of the list of kinds: the name, schemas and compile function of a kind.
 pub(super) struct KindEntry {
     pub(super) name: &'static str,
-    /// Of what `set` takes: the common parameters and the kind's own.
+    /// Schema of what the op `set` accepts: the common parameters and those of the kind.
     pub(super) schema: Value,
-    /// Of an effect in a scene: these, `id` and `kind`.
+    /// Schema of an effect in a scene: what `set` accepts, and `id` and `kind`.
     pub(super) effect_schema: Value,
-    /// From values that the schema allows; `None` where the report says what is wrong yet.
+    /// Compiles values that the schema allows. Returns `None` and adds mistakes to the report if
+    /// they are not legal together.
     pub(super) compile: fn(&Value, &str, &mut Report) -> Option<Compiled>,
 }
 
@@ -132,7 +138,7 @@ impl KindEntry {
         Self { name: K::NAME, schema, effect_schema, compile: compile::<K> }
     }
 
-    /// The kind of a name.
+    /// Returns the kind with this name, if there is one.
     pub(super) fn named(name: &str) -> Option<&'static Self> {
         KINDS.iter().find(|k| k.name == name)
     }
@@ -152,10 +158,10 @@ fn compile<K: EffectKind>(value: &Value, path: &str, report: &mut Report) -> Opt
     Some(Compiled { parameters: written, kind, figures: parameters.figures() })
 }
 
-/// The most characters of an effect's id.
+/// Largest number of characters in an effect's id.
 const ID_CHARS: usize = 64;
 
-/// `id` and `kind`, without the list of kinds.
+/// The schema of the keys `id` and `kind`, without the names of the kinds.
 static HEADER_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
     json!({
         "type": "object",
@@ -170,7 +176,8 @@ static HEADER_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
     })
 });
 
-/// What an effect of an unknown kind is held against: everything but the kind's own parameters.
+/// The schema for an effect whose kind is unknown: `id`, `kind` and the parameters that every
+/// effect has.
 pub(super) static EFFECT_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
     let mut schema = HEADER_SCHEMA.clone();
     schema["properties"]["kind"]["enum"] = KINDS.iter().map(|k| k.name).collect();

@@ -1,4 +1,4 @@
-//! Parameters of a pendulum.
+//! Parameters of the effect `pendulum`: an off-centre mass under gravity.
 
 use hbot_core::Vec3;
 use hbot_core::effects::{self, Kind};
@@ -8,17 +8,18 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// A mass off the centre of the sphere, under gravity. It has weight but no inertia of its own.
+/// A mass away from the sphere's centre, under gravity. It has weight but no inertia.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Pendulum {
-    /// Where the mass is, in the sphere's axes, from its centre.
+    /// Position of the mass relative to the sphere's centre, in the sphere's axes.
     #[schemars(inner(range(min = -10.0, max = 10.0)), extend("unit" = "m"))]
     centre: [f64; 3],
-    /// The mass.
+    /// Mass at the position `centre`.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "kg"))]
     mass: f64,
-    /// Gravity, downwards in N; negative for a balloon.
+    /// Gravity, positive downwards in frame N. A negative value makes the mass rise, like a
+    /// balloon.
     #[schemars(range(min = -100.0, max = 100.0), extend("unit" = "m/s²"))]
     gravity: f64,
 }

@@ -1,4 +1,4 @@
-//! Parameters of a pulse.
+//! Parameters of the effect `pulse`: clicks.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,33 +8,36 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Clicks: a short push and its opposite about an axis. One comes whenever `fire` is set to another number, at every
-/// `period_s`, and whenever the dial about the axis passes from one of `count` notches to the next.
+/// Clicks about an axis: a short torque, then its opposite. A click comes when `fire` changes,
+/// every `period_s`, and when the dial about the axis reaches the next of `count` notches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Pulse {
-    /// The axis in the frame of the reference, of any length but zero.
+    /// Axis of the clicks and of the dial, in the frame of the reference. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// Torque at the crest of a click.
+    /// Peak torque of a click.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// How long a click lasts.
+    /// Duration of a click.
     #[schemars(range(min = 0.002, max = 1.0), extend("unit" = "s"))]
     duration_s: f64,
-    /// Setting another number clicks once; other than 0 it clicks at load too.
+    /// Every change of this number makes one click. A number other than 0 also makes a click at
+    /// load.
     #[schemars(range(min = 0, max = 4_000_000_000_u32))]
     fire: u32,
-    /// Time from click to click; 0 for none.
+    /// Time from one click to the next. 0: no periodic clicks.
     #[schemars(range(min = 0.0, max = 3600.0), extend("unit" = "s"))]
     period_s: f64,
-    /// Notches around a turn that click when the next is reached, as `detents` has them; 0 for none.
+    /// Number of notches in one turn, placed as in `detents`. Reaching the next notch makes a
+    /// click. 0: no notches.
     #[schemars(range(min = 0, max = 720))]
     count: u16,
-    /// Where the dial is at zero, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation at which the dial is at zero, as a quaternion [w, x, y, z]. Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 

@@ -1,4 +1,4 @@
-//! Parameters of snaps.
+//! Parameters of the effect `snaps`: orientations that attract the sphere.
 
 use hbot_core::Quat;
 use hbot_core::effects::{self, Kind, MAX_OWN, SnapSet};
@@ -10,46 +10,51 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target, unit_quaternion};
 use crate::document::{Report, join};
 
-/// Orientations that the sphere snaps into: those of a rotation group, or some of one's own. It goes to the nearest.
+/// Orientations that the sphere snaps into: those of a rotation group, or a given list. The nearest
+/// attracts the sphere.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Snaps {
-    /// Which orientations.
+    /// Which set of orientations attracts the sphere: those of a solid's symmetry, or
+    /// `orientations`.
     set: Set,
-    /// Orientations of one's own, from the reference, with `set = "own"`: quaternions of any length but zero, 0.2 rad apart or more.
+    /// With `set = "own"`: the orientations relative to the reference, as quaternions. Any length
+    /// except zero, and at least 0.2 rad apart.
     #[schemars(
         length(max = MAX_OWN),
         inner(inner(range(min = -1000.0, max = 1000.0))),
         extend("legal" = "up to 16 quaternions [w, x, y, z]")
     )]
     orientations: Vec<[f64; 4]>,
-    /// The torque that it takes at most to leave one.
+    /// Largest torque needed to leave an orientation.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// How soon the torque rises: `strength` over `width` is the stiffness of a snap.
+    /// Angle over which the torque rises. `strength` divided by `width` is the stiffness at an
+    /// orientation.
     #[schemars(range(min = 0.01, max = 3.0), extend("unit" = "rad"))]
     width: f64,
-    /// Damping.
+    /// Damping of the sphere's rotation.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// What the orientations turn from, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation to which the set is relative, as a quaternion [w, x, y, z]. Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
-/// Which orientations.
+/// The set of orientations that the sphere snaps into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Set {
-    /// The 12 turns of a tetrahedron on itself.
+    /// The 12 rotations that map a tetrahedron onto itself.
     Tetrahedron,
-    /// The 24 turns of a cube on itself.
+    /// The 24 rotations that map a cube onto itself.
     Cube,
-    /// The 60 turns of an icosahedron on itself.
+    /// The 60 rotations that map an icosahedron onto itself.
     Icosahedron,
-    /// Those of `orientations`.
+    /// The orientations listed in `orientations`.
     Own,
 }
 
@@ -82,7 +87,7 @@ impl EffectKind for Snaps {
     const NAME: &'static str = "snaps";
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
-        /// Nearer ones would melt into one.
+        /// Least angle between two orientations, rad. Closer ones would merge into one.
         const APART: f64 = 0.2;
         let target = target(self.reference, self.anchor, path, report);
         let at = join(path, "orientations");

@@ -1,4 +1,4 @@
-//! Parameters of a spring.
+//! Parameters of the effect `spring`: a spring with a damper.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -9,35 +9,38 @@ use super::impedance::{self, Impedance};
 use super::target::{Anchor, IDENTITY, unit_quaternion};
 use crate::document::{Report, join};
 
-/// A spring towards a reference orientation, with a damper on the rate relative to it.
+/// A spring towards a reference orientation, with a damper on the rate relative to the reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Spring {
-    /// How torque grows with the angle.
+    /// How the torque grows with the angle from the reference: in proportion to it, or to its sine.
     law: Law,
-    /// Torque for the angle: a number, or a symmetric 3x3 matrix in the axes of the reference.
+    /// Torque per angle: a number, or a symmetric 3x3 matrix in the axes of the reference.
     #[schemars(schema_with = "impedance::stiffness")]
     stiffness: Impedance,
-    /// Torque against the rate: a number, or a symmetric 3x3 matrix in the axes of the reference.
+    /// Torque per angular rate, against the rotation: a number, or a symmetric 3x3 matrix in the
+    /// axes of the reference.
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
-    /// No spring torque within this angle of the reference; beyond it the angle counts from there.
+    /// Angle from the reference within which there is no spring torque. Beyond it, only the excess
+    /// angle counts.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     deadband: f64,
-    /// Where it pulls to, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation that the spring pulls towards, as a quaternion [w, x, y, z]. Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
-/// How torque grows with the angle.
+/// How the torque of a spring grows with the angle from the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Law {
-    /// In proportion, up to a half turn.
+    /// In proportion to the angle, up to a half turn.
     Geodesic,
-    /// With its sine: soft beyond a quarter turn, zero at a half turn.
+    /// In proportion to the sine of the angle: weaker beyond a quarter turn, zero at a half turn.
     Quaternion,
 }
 

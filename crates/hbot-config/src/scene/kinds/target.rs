@@ -1,4 +1,4 @@
-//! References, anchors and axes, as several kinds have them.
+//! References, anchors and axes, which several kinds of effects have as parameters.
 
 use hbot_core::effects::{self, Target};
 use hbot_core::{Quat, Vec3};
@@ -7,21 +7,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::{Report, join};
 
-/// The default reference.
+/// The default of the key `reference`: the identity, as [w, x, y, z].
 pub(super) const IDENTITY: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-/// The default axis: up.
+/// The default axis: up, the third axis of frame N.
 pub(super) const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// Shorter ones are noise, not a direction.
+/// Least length of a vector or quaternion that has a usable direction.
 const LEAST_LENGTH: f64 = 1.0e-6;
 
-/// What a reference is measured from.
+/// What a reference orientation is measured from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Anchor {
-    /// The frame N.
+    /// Frame N, which is fixed in space.
     Absolute,
-    /// The orientation at enable, or at load where the rig is active already.
+    /// The sphere's orientation at enable, or at load if the rig is already active.
     Here,
 }
 
@@ -34,13 +34,15 @@ impl From<Anchor> for effects::Anchor {
     }
 }
 
-/// The target of the keys `reference` and `anchor` of the effect at `path`; `None` where the report says why there is none.
+/// Makes a target from the parameters `reference` and `anchor` of the effect at `path`. Returns
+/// `None` and adds a mistake to the report if the reference has no direction.
 pub(super) fn target(reference: [f64; 4], anchor: Anchor, path: &str, report: &mut Report) -> Option<Target> {
     let reference = unit_quaternion(reference, &join(path, "reference"), report)?;
     Target::new(reference, anchor.into())
 }
 
-/// The quaternion [w, x, y, z] scaled to unit length; `None` where the report says that it has no direction.
+/// Scales the quaternion [w, x, y, z] at `path` to unit length. Returns `None` and adds a mistake
+/// to the report if it is too short to have a direction.
 pub(super) fn unit_quaternion(wxyz: [f64; 4], path: &str, report: &mut Report) -> Option<Quat> {
     let [w, x, y, z] = wxyz;
     let q = Quat::from_xyzw(x, y, z, w);
@@ -51,7 +53,8 @@ pub(super) fn unit_quaternion(wxyz: [f64; 4], path: &str, report: &mut Report) -
     Some(q.normalize())
 }
 
-/// The vector scaled to unit length; `None` where the report says that it has no direction.
+/// Scales the vector at `path` to unit length. Returns `None` and adds a mistake to the report if
+/// it is too short to have a direction.
 pub(super) fn unit_vector(xyz: [f64; 3], path: &str, report: &mut Report) -> Option<Vec3> {
     let v = Vec3::from_array(xyz);
     if v.length() < LEAST_LENGTH {

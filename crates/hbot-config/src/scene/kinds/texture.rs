@@ -1,4 +1,4 @@
-//! Parameters of a texture.
+//! Parameters of the effect `texture`: a bumpy surface.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,17 +8,17 @@ use super::EffectKind;
 use super::target::{UP, unit_vector};
 use crate::document::{Report, join};
 
-/// Bumps on the sphere's surface, felt as it turns past a point that stands still.
+/// Bumps on the sphere's surface, felt as it turns past a fixed point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Texture {
-    /// Where it is felt, a direction in N of any length but zero.
+    /// Direction of the fixed point from the sphere's centre, in frame N. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     at: [f64; 3],
-    /// How many bumps a turn passes.
+    /// Number of bumps that pass in one turn.
     #[schemars(range(min = 1.0, max = 500.0))]
     waves: f64,
-    /// The torque of the bumps of each of the sphere's three axes.
+    /// Torque amplitude of the bumps along each of the sphere's three axes.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     depth: f64,
 }

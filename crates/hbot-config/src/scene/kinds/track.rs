@@ -1,4 +1,4 @@
-//! Parameters of a track.
+//! Parameters of the effect `track`: a spring towards a moving reference.
 
 use hbot_core::Quat;
 use hbot_core::effects::{self, Kind};
@@ -10,68 +10,73 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_quaternion, unit_vector};
 use crate::document::{Report, join};
 
-/// The most points of a track.
+/// Largest number of points in a track.
 pub(in crate::scene) const MAX_POINTS: usize = 800;
 
-/// A spring to a reference that moves by itself: along a sine, a chirp, way-points or a record.
+/// A spring towards a reference that moves by itself: along a sine, a chirp, waypoints or a
+/// recorded path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Track {
-    /// How the reference moves.
+    /// How the reference moves: in a sine or chirp, or along the points of `waypoints` or `record`.
     path: Path,
-    /// The axis of a sine or chirp in N, of any length but zero.
+    /// Axis of a sine or chirp, in frame N. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// How far a sine or chirp goes to either side.
+    /// Largest angle of a sine or chirp to either side.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     amplitude: f64,
-    /// Frequency of a sine, and of a chirp at its start.
+    /// Frequency of a sine, or of a chirp at its start.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency: f64,
     /// Frequency of a chirp at its end.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency_end: f64,
-    /// How long a chirp takes from one to the other.
+    /// Time that a chirp takes from `frequency` to `frequency_end`.
     #[schemars(range(min = 0.001, max = 3600.0), extend("unit" = "s"))]
     sweep_s: f64,
-    /// Points of way-points or a record, each [t, w, x, y, z]: time in s, ascending from 0, and where to turn to from the reference.
+    /// Points of `waypoints` or `record`, each [t, w, x, y, z]: the time in s, ascending from 0,
+    /// and an orientation relative to the reference.
     #[schemars(
         length(max = MAX_POINTS),
         inner(inner(range(min = -100_000.0, max = 100_000.0))),
         extend("legal" = "up to 800 points [t, w, x, y, z]")
     )]
     points: Vec<[f64; 5]>,
-    /// In a scene file alone, in place of `points`: a CSV file with the columns t, w, x, y, z, relative to the scene file.
+    /// Only in a scene file, in place of `points`: a CSV file with the columns t, w, x, y, z. Its
+    /// path is relative to the scene file.
     file: String,
-    /// Whether it goes on for ever: a chirp up and down, points from the last, which is the first then, on.
+    /// Whether the motion repeats for ever. A chirp then goes up and down in frequency. Points then
+    /// start again after the last one, which must equal the first.
     repeat: bool,
-    /// Torque for the angle to the reference.
+    /// Torque per angle from the moving reference.
     #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Torque against the rate relative to the reference's.
+    /// Torque per angular rate relative to the moving reference, against the rotation.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// No spring torque within this angle of the reference.
+    /// Angle from the moving reference within which there is no spring torque.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     deadband: f64,
-    /// What the path starts from, a quaternion [w, x, y, z] of any length but zero.
+    /// Orientation to which the path is relative, as a quaternion [w, x, y, z]. Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What the reference is measured from.
+    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
     anchor: Anchor,
 }
 
-/// How the reference moves.
+/// How the reference of a track moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Path {
-    /// To and fro about the axis.
+    /// Turns to and fro about the axis in a sine.
     Sine,
-    /// The same, faster and faster.
+    /// Turns to and fro about the axis in a sine whose frequency changes over time.
     Chirp,
-    /// From point to point with least jerk, resting at each.
+    /// Goes from point to point with minimum jerk, and rests at each.
     Waypoints,
-    /// From point to point at constant rates.
+    /// Goes from point to point at constant rates, without resting.
     Record,
 }
 
@@ -97,7 +102,8 @@ impl Default for Track {
 }
 
 impl Track {
-    /// Checks the points of a path that has some.
+    /// Checks the points of a path that consists of points. Returns `None` and adds a mistake to
+    /// the report if they are not legal.
     fn check_points(&self, path: &str, report: &mut Report) -> Option<()> {
         let at = join(path, "points");
         if self.points.len() < 2 {
@@ -121,7 +127,8 @@ impl Track {
             last = Some(*t);
         }
         let ends = [self.points.first(), self.points.last()].map(|p| p.map_or(Quat::IDENTITY, orientation));
-        /// As much as its reference moves in a tick or two.
+        /// Largest angle between the ends of a closed path, rad. A reference can move this far in a
+        /// few ticks.
         const CLOSED: f64 = 0.01;
         if self.repeat && angle_between(ends[0], ends[1]) > CLOSED {
             let legal = "a last point that is the first one again".to_owned();
@@ -140,7 +147,7 @@ impl EffectKind for Track {
     const NAME: &'static str = "track";
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
-        // Whatever the path: one that is not used yet may be by a later `set`.
+        // Checked for every path, because a later `set` can choose one that has points.
         if !self.file.is_empty() {
             let legal = "points here, or a scene file that names the file".to_owned();
             report.push(&join(path, "file"), "a file is read with a scene file alone", legal);

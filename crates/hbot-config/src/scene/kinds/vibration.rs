@@ -1,4 +1,4 @@
-//! Parameters of a vibration.
+//! Parameters of the effect `vibration`.
 
 use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
@@ -8,44 +8,47 @@ use super::EffectKind;
 use super::target::{UP, unit_vector};
 use crate::document::{Report, join};
 
-/// Shaking about an axis, for ever, once, or again and again. It gives energy, at most its amplitude times the path turned.
+/// Vibration about an axis: continuous, once, or repeated. It delivers energy, at most its
+/// amplitude times the angle turned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Vibration {
-    /// The axis in N, of any length but zero.
+    /// Axis of the vibration in frame N. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// Torque at the crest of the wave.
+    /// Peak torque of the wave.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     amplitude: f64,
-    /// Frequency; the loop can make waves up to half its own rate, and good ones up to a tenth.
+    /// Frequency of the wave. The loop can render up to half its own rate, and renders well up to a
+    /// tenth.
     #[schemars(range(min = 0.0, max = 500.0), extend("unit" = "Hz"))]
     frequency: f64,
-    /// The shape of the wave.
+    /// Shape of the wave.
     wave: Wave,
-    /// How long it takes to rise.
+    /// Time that the vibration takes to rise to its full amplitude.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     attack_s: f64,
-    /// How long it lasts from its start, rise included, until it dies away; 0 for ever.
+    /// Time from the start, including the rise, until the vibration begins to fall. 0: it lasts for
+    /// ever.
     #[schemars(range(min = 0.0, max = 3600.0), extend("unit" = "s"))]
     hold_s: f64,
-    /// How long it takes to die away.
+    /// Time that the vibration takes to fall to zero.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     release_s: f64,
-    /// When it starts again, from its start; 0 never.
+    /// Time from one start of the vibration to the next. 0: it does not repeat.
     #[schemars(range(min = 0.0, max = 3600.0), extend("unit" = "s"))]
     repeat_s: f64,
 }
 
-/// The shape of the wave.
+/// The shape of a vibration's wave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Wave {
-    /// A sine.
+    /// A sine wave.
     Sine,
-    /// To and fro at once.
+    /// A square wave: it switches between full torque in one direction and in the other.
     Square,
-    /// Slowly up and down at once.
+    /// A sawtooth wave: it rises slowly and falls at once.
     Saw,
 }
 

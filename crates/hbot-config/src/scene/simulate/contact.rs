@@ -1,45 +1,45 @@
-//! What the contacts between wheels and sphere hold.
+//! Simulated friction at the contacts between wheels and sphere.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Contacts that hold no more than Coulomb friction: beyond it wheels slip.
+/// Contacts that transmit at most the Coulomb friction force. Beyond it, the wheels slip.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Slip {
-    /// Friction coefficient.
+    /// Friction coefficient of the contacts.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub mu: f64,
-    /// Normal force of each wheel, N.
+    /// Normal force of each wheel on the sphere, N.
     #[schemars(range(min = 0.0, max = 10_000.0), extend("unit" = "N"))]
     pub normal_force: f64,
 }
 
 impl Default for Slip {
     fn default() -> Self {
-        // Usual for rubber on plastic; the force is assumed.
+        // A usual coefficient for rubber on plastic. The force is assumed.
         Self { mu: 0.8, normal_force: 10.0 }
     }
 }
 
-/// Friction of the contact patches against pivoting about their normal.
+/// Friction that opposes the pivoting of each contact patch about its normal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Pivoting {
-    /// Friction coefficient.
+    /// Friction coefficient of the contact patches.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub mu: f64,
-    /// Normal force of each wheel, N.
+    /// Normal force of each wheel on the sphere, N.
     #[schemars(range(min = 0.0, max = 10_000.0), extend("unit" = "N"))]
     pub normal_force: f64,
-    /// Radius of the contact patch, m; pressure is taken as even.
+    /// Radius of each contact patch, m. The pressure in it is assumed to be uniform.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "m"))]
     pub patch_radius: f64,
 }
 
 impl Default for Pivoting {
     fn default() -> Self {
-        // As for slip; the patch of a hard tyre, assumed.
+        // Coefficient and force as for `Slip`. The patch is that of a hard tyre, assumed.
         Self { mu: 0.8, normal_force: 10.0, patch_radius: 1.0e-4 }
     }
 }

@@ -1,22 +1,23 @@
-//! Friction at the joints and in the cage.
+//! Simulated friction at the joints and in the cage.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Friction at every joint: Coulomb with a Stribeck peak, and viscous. A joint at rest truly sticks.
+/// Friction at every joint: Coulomb friction with a Stribeck peak, and viscous friction. A joint at
+/// rest truly sticks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointFriction {
-    /// Coulomb torque of a moving joint, N m.
+    /// Coulomb friction torque of a moving joint, N m.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m"))]
     pub coulomb: f64,
-    /// Viscous friction, N m s/rad.
+    /// Viscous friction coefficient, N m s/rad.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m s/rad"))]
     pub viscous: f64,
-    /// Torque that a joint at rest withstands, N m; below `coulomb` it counts as that.
+    /// Largest friction torque of a joint at rest, N m. Values below `coulomb` count as `coulomb`.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m"))]
     pub breakaway: f64,
-    /// Rate over which it falls to Coulomb, rad/s.
+    /// Rate over which the friction falls from `breakaway` to `coulomb`, rad/s.
     #[schemars(range(min = 1.0e-3, max = 100.0), extend("unit" = "rad/s"))]
     pub stribeck_rate: f64,
 }
@@ -24,14 +25,14 @@ pub struct JointFriction {
 impl Default for JointFriction {
     fn default() -> Self {
         Self {
-            // Of small bearings, assumed: with the cage's it gives back-drive torques like the paper's
-            // table II.
+            // Small bearings, assumed. Together with the cage's friction it gives back-drive
+            // torques like those in the paper's table II.
             coulomb: 2.0e-4,
             // Assumed.
             viscous: 1.0e-5,
-            // That of `coulomb`: no Stribeck peak.
+            // Equal to `coulomb`, so there is no Stribeck peak.
             breakaway: 2.0e-4,
-            // Assumed; without meaning where breakaway and coulomb are equal.
+            // Assumed. It has no effect while `breakaway` equals `coulomb`.
             stribeck_rate: 0.5,
         }
     }
@@ -41,15 +42,15 @@ impl Default for JointFriction {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CageFriction {
-    /// Largest torque, N m.
+    /// Largest friction torque, N m.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m"))]
     pub torque: f64,
 }
 
 impl Default for CageFriction {
     fn default() -> Self {
-        // With that of the joints back-drive torques are about 4.2, 5.0, 4.1 mN m about n1, n2, n3;
-        // the paper's are 5, 4, 4.
+        // Together with the joints' friction it gives back-drive torques of about 4.2, 5.0 and 4.1
+        // mN m about n1, n2 and n3. The paper's are 5, 4 and 4 mN m.
         Self { torque: 2.0e-3 }
     }
 }

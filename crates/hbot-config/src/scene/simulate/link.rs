@@ -1,28 +1,29 @@
-//! A serial line that is not quite right.
+//! Simulated errors of the serial line.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A serial line that is late and loses or spoils frames, each way, from the first tick on. Frames never overtake one another.
+/// A serial line that delays, loses and corrupts frames in both directions, from the first tick on.
+/// Frames in one direction keep their order.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Link {
-    /// How long a frame to the host is on its way, s.
+    /// Delay of a frame from the motor controllers to the PC, s.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub latency_s: f64,
-    /// How long a frame to the controllers is on its way, s.
+    /// Delay of a frame from the PC to the motor controllers, s.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub command_latency_s: f64,
-    /// How much longer at most either takes, evenly distributed, s.
+    /// Largest extra delay in either direction, s. It is uniformly distributed.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub jitter_s: f64,
-    /// How probable it is that a frame is lost.
+    /// Probability that a frame is lost.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub loss: f64,
-    /// How probable it is that a frame arrives with a flipped byte.
+    /// Probability that a frame arrives with one wrong byte.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub corrupt: f64,
-    /// Seed of all that is random.
+    /// Seed of all random numbers of the line.
     #[schemars(range(min = 0, max = u32::MAX))]
     pub seed: u32,
 }
@@ -30,7 +31,7 @@ pub struct Link {
 impl Default for Link {
     fn default() -> Self {
         Self {
-            // A tick of 1 kHz in all (physics notes, section 8).
+            // One tick at 1 kHz, for both directions together (physics notes, section 8).
             latency_s: 1.0e-3,
             command_latency_s: 0.0,
             jitter_s: 1.0e-4,

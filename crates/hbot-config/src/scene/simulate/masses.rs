@@ -1,36 +1,36 @@
-//! Masses and centres that are not where they should be.
+//! Simulated masses and centres that are not where an ideal rig has them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A sphere that is out of centre: gravity turns it, and wheels roll on a radius that changes.
+/// A sphere that is off centre. Gravity turns it, and the wheels roll on a varying radius.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Eccentric {
-    /// Where its centre is, in sphere axes, m.
+    /// Position of the sphere's true centre relative to the nominal one, in the sphere's axes, m.
     #[schemars(inner(range(min = -0.1, max = 0.1)), extend("unit" = "m"))]
     pub offset: [f64; 3],
 }
 
 impl Default for Eccentric {
     fn default() -> Self {
-        // The tolerance of a good printed or turned shell, assumed.
+        // The tolerance of a good printed or turned shell; assumed.
         Self { offset: [5.0e-4, 0.0, 0.0] }
     }
 }
 
-/// The weight of each wheel's module on its steering joint.
+/// The weight of each wheel's module, which acts on its steer joint.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WheelModules {
-    /// Mass of each at the wheel's centre, kg.
+    /// Mass of each module, placed at the wheel's centre, kg.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "kg"))]
     pub mass: f64,
 }
 
 impl Default for WheelModules {
     fn default() -> Self {
-        // Wheel, drive motor and gear, assumed.
+        // Wheel, drive motor and gear together; assumed.
         Self { mass: 0.05 }
     }
 }

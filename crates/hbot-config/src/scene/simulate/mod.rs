@@ -1,7 +1,8 @@
-//! What the simulated rig shows of a real one, on request of the scene.
+//! The imperfections of a real rig that a scene can switch on in the simulated rig.
 //!
-//! Each phenomenon is a table, defined here alone: hbot-sim computes with the same types. Where a
-//! default comes from stands beside it; equations, sources and validation are in docs/simulator.md.
+//! Each phenomenon is a table, defined only here. The crate hbot-sim computes with the same types.
+//! Comments at the defaults name their sources. Equations, sources and validation are in
+//! docs/simulator.md.
 
 mod contact;
 mod encoder;
@@ -28,11 +29,12 @@ pub use self::masses::{Eccentric, WheelModules};
 pub use self::motor::Motor;
 use crate::schema;
 
-/// The table `[simulate]`: the phenomena that are there. What is not named is not.
+/// The table `[simulate]` of a scene file. Only the phenomena that it names are simulated.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Simulate {
-    /// Friction at every joint: Coulomb with a Stribeck peak, and viscous. A joint at rest truly sticks.
+    /// Friction at every joint: Coulomb friction with a Stribeck peak, and viscous friction. A
+    /// joint at rest truly sticks.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "JointFriction")]
     pub joint_friction: Option<JointFriction>,
@@ -40,39 +42,42 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "CageFriction")]
     pub cage_friction: Option<CageFriction>,
-    /// Contacts that hold no more than Coulomb friction: beyond it wheels slip.
+    /// Contacts that transmit at most the Coulomb friction force. Beyond it, the wheels slip.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Slip")]
     pub slip: Option<Slip>,
-    /// Friction of the contact patches against pivoting about their normal.
+    /// Friction that opposes the pivoting of each contact patch about its normal.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Pivoting")]
     pub pivoting: Option<Pivoting>,
-    /// A sphere that is out of centre: gravity turns it, and wheels roll on a radius that changes.
+    /// A sphere that is off centre. Gravity turns it, and the wheels roll on a varying radius.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Eccentric")]
     pub eccentric: Option<Eccentric>,
-    /// The weight of each wheel's module on its steering joint.
+    /// The weight of each wheel's module, which acts on its steer joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "WheelModules")]
     pub wheel_modules: Option<WheelModules>,
-    /// Play and losses of the gears on the drive joints, with the encoder on the motor's side.
+    /// Play and losses of the gears on the drive joints. The encoder is on the motor's side.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Gear")]
     pub gear: Option<Gear>,
-    /// Encoders that are coarse, run out of centre, or are wrongly zeroed. Whole counts, `counts_per_turn` a turn, are there without it.
+    /// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts
+    /// (`counts_per_turn`) is simulated even without this table.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Encoder")]
     pub encoder: Option<Encoder>,
-    /// Motors that are weak, lag, slow down and get hot. Peak and continuous torque are those of the rig file.
+    /// Motors that are weak, respond late, lose torque at speed and get hot. Their peak and
+    /// continuous torques are those of the rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Motor")]
     pub motor: Option<Motor>,
-    /// A serial line that is late and loses or spoils frames, each way, from the first tick on. Frames never overtake one another.
+    /// A serial line that delays, loses and corrupts frames in both directions, from the first tick
+    /// on. Frames in one direction keep their order.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Link")]
     pub link: Option<Link>,
-    /// A person's hand that holds the sphere and turns it about.
+    /// A person's hand that holds the sphere and moves it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Hand")]
     pub hand: Option<Hand>,

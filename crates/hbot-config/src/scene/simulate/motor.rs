@@ -1,25 +1,28 @@
-//! Motors that are not quite what is asked of them.
+//! Simulated imperfections of the motors.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Motors that are weak, lag, slow down and get hot. Peak and continuous torque are those of the rig file.
+/// Motors that are weak, respond late, lose torque at speed and get hot. Their peak and continuous
+/// torques are those of the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Motor {
-    /// Torque that there is over the torque asked for.
+    /// Actual torque divided by the commanded torque.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub torque_scale: f64,
     /// Time constant of the current loop, s.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub lag_s: f64,
-    /// Rate of a steering joint at which back-EMF leaves no torque to drive it on, rad/s.
+    /// Rate of a steer joint at which back-EMF leaves no torque in the direction of motion, rad/s.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
     pub steer_no_load_rate: f64,
-    /// The same of a drive joint, after the gear, rad/s.
+    /// Rate of a drive joint, after the gear, at which back-EMF leaves no torque in the direction
+    /// of motion, rad/s.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
     pub drive_no_load_rate: f64,
-    /// Time constant with which windings warm, s; a hot motor gives its continuous torque.
+    /// Time constant with which the windings warm up, s. A hot motor gives only its continuous
+    /// torque.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "s"))]
     pub thermal_time_s: f64,
 }
@@ -27,16 +30,16 @@ pub struct Motor {
 impl Default for Motor {
     fn default() -> Self {
         Self {
-            // Explains the paper's table III, 5 % too soft whatever the stiffness.
+            // Explains the paper's table III, where all stiffnesses are 5 % too soft.
             torque_scale: 0.95,
-            // Physics notes, section 8.
+            // From the physics notes, section 8.
             lag_s: 5.0e-4,
-            // About 5000 turns a minute, usual of flat brushless motors that stall at near 1 N m, at
-            // the joint without a gear; assumed.
+            // About 5000 turns per minute, without a gear. Usual for flat brushless motors with a
+            // stall torque near 1 N m; assumed.
             steer_no_load_rate: 500.0,
-            // About 10,000 turns a minute, usual of 3 W motors, through 17:1; assumed.
+            // About 10,000 turns per minute, through a gear of 17:1. Usual for 3 W motors; assumed.
             drive_no_load_rate: 60.0,
-            // Usual of windings of this size (the housing's is of minutes); assumed.
+            // Usual for windings of this size; assumed. The housing takes minutes.
             thermal_time_s: 10.0,
         }
     }

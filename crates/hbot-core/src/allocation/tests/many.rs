@@ -1,4 +1,5 @@
-//! Eight wheels, sixteen joints: as many as there may be, with null spaces of 13 dimensions and more.
+//! Tests with eight wheels, that is 16 joints: the largest number allowed, with null spaces of 13
+//! dimensions and more.
 
 use super::*;
 
@@ -11,7 +12,8 @@ fn reference(rows: &[Vec3], limits: &JointLimits) -> Reference {
     }
 }
 
-/// Against the reference: the largest size along `axis`, and the least cost of a `part` of that.
+/// Compares with the reference: the largest torque along `axis`, and the least cost of the fraction
+/// `part` of it.
 fn check_against_reference(
     rows: &[Vec3],
     limits: &JointLimits,
@@ -33,7 +35,8 @@ fn check_against_reference(
     let cost: f64 =
         (0..rows.len()).map(|k| 0.5 * wide(limits.weight[k]) * wide(found.torque[k]).powi(2)).sum();
     let least = reference.cost_by_barrier(wide3(wanted));
-    // The barrier's own cost: its last weight times two for each joint, beside costs of about 1.
+    // The barrier itself adds a cost: twice its last weight for each joint, where costs are about
+    // 1.
     let doubt = 4.0 * wide(ROUNDING) * least + 1e-11;
     prop_assert!((cost - least).abs() <= doubt, "{cost}, not {least}: {found:?}");
     Ok(())
@@ -55,7 +58,8 @@ proptest! {
 
     #[test]
     fn so_do_sixteen_that_are_alike_in_a_few_directions((rows, limits, axis) in lattice(), part in 0.05..0.95 as Real) {
-        // Rows that are parallel by threes and fours, equal limits and costs: facets of many rows, ties of all sorts.
+        // Rows that are parallel in groups of three and four, with equal limits and costs. They
+        // give facets of many rows and ties of all kinds.
         prop_assume!(axis != Vec3::ZERO && margin(&rows, &limits) > 0.05);
         let rows: Vec<Vec3> = rows.iter().copied().cycle().take(MAX_JOINTS).collect();
         prop_assume!(limits.peak[0] > 0.0);
@@ -71,7 +75,7 @@ proptest! {
         (rows, limits) in joints(MAX_JOINTS),
         wanted in [-9.0..9.0 as Real, -9.0..9.0, -9.0..9.0],
     ) {
-        // Every corner of the linear program, two million of them.
+        // The reference tries every corner of the linear program, about two million.
         let wanted = Vec3::from_array(wanted);
         let scale = reference(&rows, &limits).scale(DVec3::new(wide(wanted.x), wide(wanted.y), wide(wanted.z)));
         let found = allocate(&rows, &limits, wanted);

@@ -1,16 +1,17 @@
-//! Zeros, radii and cones together, by damped least squares (Levenberg and Marquardt), in which radii and cones are held to
-//! what the file says as loosely as a caliper knows them.
+//! Fits zeros, radii and cones together by damped least squares (Levenberg and Marquardt). Radii
+//! and cones are tied to the values of the rig file, as loosely as a caliper measures them.
 
 use super::{Fit, Guess, PARAMETERS};
 
-/// How well a step is known, as a share of how far wheels roll in the root mean square.
+/// Standard deviation of the slip in one step, as a share of the root mean square rolling distance.
 const STEP: f64 = 0.01;
-/// How well the file knows radii (share) and cones (rad).
+/// Standard deviations of the rig file's radii (as a share) and of its cones (rad).
 const RADIUS: f64 = 0.05;
 const CONE: f64 = 0.05;
 
 impl Fit<'_> {
-    /// Residuals of the fit, in standard deviations: slips, and how far radii and cones are from the file.
+    /// Returns the residuals of a guess in standard deviations: the slips, and the differences of
+    /// radii and cones from the rig file.
     fn residuals(&self, guess: &Guess) -> Option<Vec<f64>> {
         let n = self.rig.device.wheels().len();
         let device = self.device(guess, n)?;
@@ -24,7 +25,8 @@ impl Fit<'_> {
         Some(all)
     }
 
-    /// Fits zeros, radii and cones; gives each zero's standard deviation.
+    /// Improves the zeros, radii and cones of `guess`. Returns the standard deviation of each zero,
+    /// rad.
     pub(super) fn refine(&self, guess: &mut Guess) -> Vec<f64> {
         const H: f64 = 1.0e-5;
         let n = self.rig.device.wheels().len();
@@ -74,7 +76,8 @@ impl Fit<'_> {
     }
 }
 
-/// Solves a symmetric positive system, its diagonal made larger by a share, by elimination.
+/// Solves a symmetric positive definite system by elimination. Each diagonal element is increased
+/// by the share `damping` first. Returns `None` if the matrix is not positive definite.
 fn solve(matrix: &[Vec<f64>], right: &[f64], damping: f64) -> Option<Vec<f64>> {
     let n = right.len();
     let mut rows: Vec<Vec<f64>> = matrix
@@ -88,7 +91,8 @@ fn solve(matrix: &[Vec<f64>], right: &[f64], damping: f64) -> Option<Vec<f64>> {
         })
         .collect();
     for k in 0..n {
-        // Positive definite: the diagonal is a good pivot, and one that is not positive says that it was not.
+        // In a positive definite matrix every diagonal element is a good pivot. A pivot that is not
+        // positive shows that the matrix is not.
         if !(rows[k][k] > 1.0e-12 * matrix[k][k].max(f64::MIN_POSITIVE)) {
             return None;
         }

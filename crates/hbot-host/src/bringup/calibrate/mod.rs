@@ -1,8 +1,10 @@
-//! Signs, steering zeros, wheel radii and cone angles from what the joints say of each other.
+//! Finds signs, steering zeros, wheel radii and cone angles by comparing the joints with each
+//! other.
 //!
-//! A sphere that turns without slip moves 2n joints by 3 numbers: what is left over, the slip that the encoders see, is zero only where
-//! the rig is as its file says. First all signs are tried with zeros on a grid, wheel by wheel (`search`); then zeros, radii and cones
-//! are fitted together (`fit`). What that cannot explain may be wired otherwise (`wiring`).
+//! If the sphere turns without slip, its three speeds determine the rates of all 2n joints. The
+//! encoders then show zero slip only if the rig is as its file states. First all signs are tried
+//! with zeros on a grid, wheel by wheel (`search`). Then zeros, radii and cones are fitted together
+//! (`fit`). If this leaves slip unexplained, the wiring can be wrong (`wiring`).
 
 mod fit;
 mod search;
@@ -14,58 +16,60 @@ use hbot_core::kinematics::Posture;
 
 pub use wiring::{exchanged, explains, still};
 
-/// Zeros known worse than this are not known, rad.
+/// Standard deviation from which a zero counts as unknown, rad.
 const KNOWN: f64 = 0.05;
-/// Of one wheel: zero, logarithm of the radius, cone.
+/// Number of parameters per wheel: zero, logarithm of the radius, cone.
 const PARAMETERS: usize = 3;
 
-/// The counts of all joints at one moment, in the order of the rig, in the controllers' own sense.
+/// The counts of all joints at one moment, in the order of the rig and with the controllers' own
+/// signs.
 pub type Counts = [i32; MAX_JOINTS];
 
-/// What was found.
+/// The result of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// One a wheel.
+    /// The parameters of each wheel.
     pub wheels: Vec<WheelFound>,
-    /// Slip over rolling as the file has the rig, root mean square.
+    /// Ratio of slip to rolling with the values of the rig file, root mean square.
     pub before: f64,
-    /// The same as found.
+    /// Ratio of slip to rolling with the values found, root mean square.
     pub after: f64,
-    /// The zeros are told by the motion well enough to be believed.
+    /// True if the motion was sufficient to determine the zeros.
     pub known: bool,
 }
 
-/// What was found of one wheel.
+/// The parameters found for one wheel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelFound {
-    /// The file's sign of steer and drive is wrong.
+    /// True if the rig file's sign of the steer joint or of the drive joint is wrong.
     pub wrong_sign: [bool; 2],
-    /// The steering angle where the file has it zero, rad, -pi to pi.
+    /// True steer angle at the zero of the rig file, rad, from -pi to pi. It is the error of that
+    /// zero.
     pub zero: f64,
-    /// How well that is known (one standard deviation), rad.
+    /// Standard deviation of the zero, rad.
     pub zero_deviation: f64,
-    /// Wheel radius, m.
+    /// Radius of the wheel, m.
     pub radius: f64,
-    /// Cone angle, rad.
+    /// Cone angle of the wheel, rad.
     pub cone: f64,
 }
 
-/// One step of all joints, as the file has them.
+/// The motion of all joints between two readings, with the values of the rig file.
 struct Step {
-    /// Steering angles in the middle of it, rad.
+    /// Steer angles in the middle of the step, rad.
     angle: [f64; MAX_WHEELS],
-    /// Turns, rad.
+    /// Turns of the joints during the step, rad.
     turn: [f64; MAX_JOINTS],
 }
 
-/// One explanation of what was seen.
+/// One possible set of signs and parameters that could explain the readings.
 #[derive(Clone, Copy)]
 struct Guess {
     flipped: [bool; MAX_JOINTS],
     wheels: [[f64; PARAMETERS]; MAX_WHEELS],
 }
 
-/// An angle as one from -pi to pi.
+/// Wraps an angle to the range from -pi to pi.
 fn within(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
 }
@@ -73,11 +77,12 @@ fn within(angle: f64) -> f64 {
 struct Fit<'a> {
     rig: &'a Rig,
     steps: Vec<Step>,
-    /// Root mean square of how far the wheels roll in a step, m.
+    /// Root mean square of the distance that the wheels roll in a step, m.
     rolled: f64,
 }
 
-/// Finds what explains the counts best. `None` where nothing has moved.
+/// Finds the signs, zeros, radii and cones that explain the counts best. Returns `None` if the
+/// drive joints have not moved.
 #[must_use]
 pub fn calibrate(rig: &Rig, counts: &[Counts]) -> Option<Calibration> {
     let fit = Fit::new(rig, counts)?;
@@ -127,7 +132,7 @@ impl<'a> Fit<'a> {
             .map(|x| x * x)
             .sum();
         let rolled = (rolled / steps.len().max(1) as f64).sqrt();
-        // A count of each drive joint a step would be as much.
+        // This is about one count of each drive joint per step.
         (rolled > 1.0e-6).then_some(Self { rig, steps, rolled })
     }
 
@@ -139,7 +144,8 @@ impl<'a> Fit<'a> {
         guess
     }
 
-    /// The device of a guess, of its first `count` wheels; `None` where there is none such.
+    /// Returns the device of a guess, with its first `count` wheels. Returns `None` if no legal
+    /// device has these values.
     fn device(&self, guess: &Guess, count: usize) -> Option<Device> {
         let filed = &self.rig.device;
         let specs: Vec<_> = filed.wheels()[..count]
@@ -154,7 +160,8 @@ impl<'a> Fit<'a> {
         Device::new(filed.sphere_radius(), filed.sphere_mass(), &specs).ok()
     }
 
-    /// The slip of the first `count` wheels in every `every`th step, as shares of what wheels roll.
+    /// Appends the slip of the wheels of `device` to `out`, divided by the rolling distance. It
+    /// uses every `every`th step.
     fn slips(&self, guess: &Guess, device: &Device, every: usize, out: &mut Vec<f64>) {
         let count = device.wheels().len();
         for step in self.steps.iter().step_by(every.max(1)) {
@@ -170,7 +177,7 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Root mean square of slip over rolling.
+    /// Returns the ratio of slip to rolling of a guess, root mean square.
     fn share(&self, guess: &Guess) -> f64 {
         let Some(device) = self.device(guess, self.rig.device.wheels().len()) else { return f64::INFINITY };
         let mut slips = Vec::new();

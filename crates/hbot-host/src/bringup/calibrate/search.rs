@@ -1,22 +1,27 @@
-//! Signs and rough zeros: every one of them, and of what explains the counts well the one in which least is wrong.
+//! Finds signs and rough zeros by trying all of them. Among those that explain the counts well, it
+//! chooses the one with the fewest errors in the rig file.
 
 use super::{Fit, Guess, within};
 
-/// Zeros tried on a turn.
+/// Number of zeros that are tried per turn.
 const GRID: usize = 36;
-/// Steps used to find signs and zeros; all are used for the fit.
+/// Number of steps that are used to find signs and zeros. The fit uses all steps.
 const COARSE: usize = 60;
-/// Of each set of signs so many zeros are looked at closely, so far apart, rad.
+/// For each set of signs, this many zeros are refined. They are at least `APART` rad apart.
 const LOOKED_AT: usize = 6;
 const APART: f64 = 0.4;
-/// A zero that is off by less is called right where explanations are weighed, rad.
+/// Error of a zero that still counts as correct when explanations are compared, rad.
 const RIGHT: f64 = 0.02;
-/// An explanation in which less is wrong is believed unless another leaves less than this share of its residual.
+/// An explanation with fewer errors is chosen unless another one leaves less than this share of its
+/// residual.
 const BELIEVED: f64 = 0.3;
 
 impl Guess {
-    /// How much of the file it calls wrong: signs, zeros, and a little for how far off a zero is, since nobody overlooks half a
-    /// turn. Where wheels stand opposite each other, a steering sign and another wheel's zero off by half a turn look the same.
+    /// Returns how wrong the rig file would be under this guess: the number of wrong signs and
+    /// zeros, plus a small penalty for the size of each zero's error, because nobody overlooks half
+    /// a turn. The penalty decides between guesses that explain the counts equally well. If wheels
+    /// are opposite each other, a steering sign cannot be distinguished from another wheel's zero
+    /// that is off by half a turn.
     fn wrong(&self, count: usize) -> f64 {
         let flips = self.flipped.iter().filter(|flipped| **flipped).count() as f64;
         let zeros = self.wheels[..count].iter().map(|wheel| {
@@ -28,7 +33,8 @@ impl Guess {
 }
 
 impl Fit<'_> {
-    /// Signs and rough zeros: of the first two wheels together, then of each further one beside those before it.
+    /// Finds signs and rough zeros: first those of two wheels together, then those of each further
+    /// wheel relative to the wheels before it.
     pub(super) fn coarse(&self) -> Guess {
         let mut found = self.as_filed();
         let first: Vec<Guess> =
@@ -40,7 +46,7 @@ impl Fit<'_> {
         found
     }
 
-    /// A guess with all signs and zeros of one wheel.
+    /// Returns `guess` with all combinations of signs and zeros of one wheel.
     fn variants<'b>(&'b self, guess: &Guess, wheel: usize) -> impl Iterator<Item = Guess> + 'b {
         let guess = *guess;
         (0..4 * GRID).map(move |k| {
@@ -51,8 +57,9 @@ impl Fit<'_> {
         })
     }
 
-    /// The likeliest of several guesses about the first `count` wheels. Of each set of signs the best zeros, some way apart from each
-    /// other, are looked at more closely; of all that explain what was seen the one is taken in which least is wrong.
+    /// Returns the most plausible of `guesses` about the first `count` wheels. For each set of
+    /// signs, the best zeros that are some distance apart are refined. Among all guesses that
+    /// explain the readings, the one with the fewest errors in the rig file is chosen.
     fn best(&self, filed: &Guess, guesses: Vec<Guess>, count: usize) -> Guess {
         let Some(device) = self.device(filed, count) else { return *filed };
         let every = self.steps.len().div_ceil(COARSE);

@@ -1,22 +1,26 @@
-//! What signs and zeros do not explain: encoders that are dead, joints that are exchanged.
+//! Finds wiring errors that signs and zeros cannot explain: dead encoders and exchanged joints.
 
 use hbot_core::Rig;
 
 use super::{Calibration, Counts, calibrate};
 
-/// Slip that bearings, rubber and encoders leave of a rig that is as its file says, as a share of rolling.
+/// Largest ratio of slip to rolling that bearings, rubber and encoders cause in a rig that is as
+/// its file states.
 const ORDINARY: f64 = 0.05;
-/// A cone angle that is off by more is no mistake of a workshop, rad.
+/// Error of a cone angle that is too large for a mistake of a workshop, rad.
 const MISBUILT: f64 = 0.15;
 
-/// The joints whose counts have not moved, but for one that an encoder may tremble by.
+/// Returns the joints whose counts have not moved. A change by one count is ignored, because an
+/// encoder at rest can jitter by one.
 #[must_use]
 pub fn still(rig: &Rig, counts: &[Counts]) -> Vec<usize> {
     let moved = |j: usize| counts.iter().any(|now| now[j].wrapping_sub(counts[0][j]).unsigned_abs() > 1);
     (0..rig.device.joints()).filter(|j| !moved(*j)).collect()
 }
 
-/// Whether this is a rig that somebody can have built: one of wheels without radius or cone slips little as well, whatever turns.
+/// Returns whether the calibration describes a rig that can exist, with little slip. The radii and
+/// cones are checked too: wheels with a very small radius or cone would show little slip in any
+/// motion.
 #[must_use]
 pub fn explains(rig: &Rig, found: &Calibration) -> bool {
     let like = found.wheels.iter().zip(rig.device.wheels()).all(|(wheel, filed)| {
@@ -26,7 +30,8 @@ pub fn explains(rig: &Rig, found: &Calibration) -> bool {
     like && found.after <= ORDINARY
 }
 
-/// Two joints that explain what was seen if each has the other's counts.
+/// Returns two joints that explain the readings if their counts are exchanged, or `None` if there
+/// are no such joints.
 #[must_use]
 pub fn exchanged(rig: &Rig, counts: &[Counts]) -> Option<(usize, usize)> {
     let n = rig.device.joints();

@@ -1,10 +1,10 @@
-//! Pushes that are stopped, and that panic: motors are off.
+//! Tests that the motors are off after a test that was stopped or that panicked.
 
 use std::sync::{Arc, Mutex};
 
 use super::*;
 
-/// A line that keeps what it carried, and stops whoever asks for it after so many commands with torque.
+/// A line that records the commands, and sets `stop` after `after` commands with torque.
 struct Recorded {
     line: Memory,
     decoder: hbot_link::Decoder<ToController>,
@@ -32,7 +32,8 @@ impl Line for Recorded {
     }
 }
 
-/// A bench that is to be stopped in the midst of its 50th push, and what its controllers hear.
+/// Returns a bench that is stopped at its 50th command with torque, and a record of the commands
+/// that its controllers receive.
 fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
     let rig = RigConfig::prototype().rig;
     let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap();
@@ -49,7 +50,8 @@ fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
     (bench, heard)
 }
 
-/// How many commands pushed; the last three are held to be motors off.
+/// Returns the number of commands that switched the motors on. Checks that the last three switched
+/// them off.
 fn pushes(heard: &Mutex<Vec<hbot_link::Command>>) -> usize {
     let heard = heard.lock().unwrap();
     for last in &heard[heard.len() - 3..] {

@@ -1,28 +1,28 @@
-//! Rigs that are wired wrongly: what somebody is told who brings them up.
+//! Tests with rigs that are wired wrongly: the message must name the error.
 
 use hbot_link::{Command, Decoder, Feedback, FromController, encode};
 
 use super::super::joint::Outcome;
 use super::*;
 
-/// What is wrong between the controllers and their motors and encoders.
+/// Wiring errors between the controllers and their motors and encoders.
 #[derive(Default, Clone)]
 struct Wiring {
-    /// Two leads of this motor are exchanged.
+    /// The motor of which two leads are exchanged.
     leads: Option<usize>,
-    /// The motor of the first hangs on the controller of the second, and the other way round.
+    /// Two joints whose motors are connected to each other's controllers.
     motors: Option<(usize, usize)>,
-    /// The same of encoders.
+    /// Two joints whose encoders are connected to each other's controllers.
     encoders: Option<(usize, usize)>,
-    /// This motor has no lead at all.
+    /// The motor that is not connected.
     dead_motor: Option<usize>,
-    /// This encoder counts nothing.
+    /// The encoder whose count does not change.
     dead_encoder: Option<usize>,
-    /// And yet its controller reports rates.
+    /// True if the controller of the dead encoder still reports rates.
     rates_stay: bool,
 }
 
-/// A line to controllers that are wired so.
+/// A line to controllers with wiring errors.
 struct Miswired {
     line: Memory,
     wiring: Wiring,
@@ -108,7 +108,7 @@ fn two_leads_exchanged_are_named_on_every_joint_and_on_no_other() {
             let expected = if joint == leads { Verdict::Reversed } else { Verdict::Good };
             assert_eq!(tested(wiring.clone(), joint, 0.01, 50.0).verdict, expected, "{joint} of {leads}");
         }
-        // That it was stopped for its speed is the lesser news.
+        // The reversed sign is more important than the stop for speed.
         let outcome = tested(wiring, leads, 0.01, 1.5);
         assert!(outcome.fastest > 1.5 && outcome.verdict == Verdict::Reversed, "{outcome:?}");
     }
@@ -121,7 +121,7 @@ fn a_joint_that_stands_may_have_a_dead_encoder_and_nobody_is_told_to_push_harder
         assert_eq!(outcome.verdict, Verdict::Stands, "{outcome:?}");
         let told = outcome.verdict.to_string();
         assert!(told.contains("its encoder is dead") && told.contains("do not raise --torque"), "{told}");
-        // The sphere takes other joints along, which gives it away.
+        // The sphere turns other joints, which reveals the error.
         let wiring = Wiring { dead_encoder: Some(joint), ..Wiring::default() };
         let outcome = tested(wiring.clone(), joint, 0.01, 50.0);
         let Verdict::Another(other) = outcome.verdict else { panic!("{outcome:?}") };
@@ -135,7 +135,7 @@ fn a_joint_that_stands_may_have_a_dead_encoder_and_nobody_is_told_to_push_harder
 
 #[test]
 fn whichever_joint_turns_too_fast_ends_the_push() {
-    // The pushed one's own encoder says nothing: the others must be watched as well.
+    // The encoder of the tested joint is dead, so the other joints must be watched as well.
     let outcome = tested(Wiring { dead_encoder: Some(1), ..Wiring::default() }, 1, 0.05, 0.5);
     let Verdict::TooFast(other) = outcome.verdict else { panic!("{outcome:?}") };
     assert!(other != 1 && outcome.verdict.to_string().contains("--torque"), "{outcome:?}");

@@ -1,4 +1,4 @@
-//! The thread that opens a lost line anew.
+//! The thread that reopens a lost line.
 
 use std::io;
 use std::path::PathBuf;
@@ -12,13 +12,14 @@ use super::{Held, LOOK, Peer, Serial, open, unguarded};
 use crate::last_word::{LastWord, Program, Watched};
 use crate::line::Renewed;
 
-/// How long after a line was lost it is first looked for, and the longest pause between two looks.
+/// Pause before the first attempt to reopen a lost line, and the longest pause between two
+/// attempts.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
-/// Stack of the thread, bytes.
+/// Stack size of the thread, bytes.
 const STACK: usize = 256 * 1024;
 
-/// The loop's end of a line that is kept open.
+/// The loop's end of a line that is reopened if it is lost.
 #[derive(Debug)]
 pub(super) struct Reopening {
     pub(super) lost: Producer<Held>,
@@ -32,7 +33,7 @@ impl Drop for Reopening {
     }
 }
 
-/// What a line is and who must be on it.
+/// Everything that is needed to reopen a line.
 #[derive(Debug, Clone)]
 pub(super) struct Kept {
     pub(super) path: PathBuf,
@@ -41,17 +42,17 @@ pub(super) struct Kept {
     pub(super) helper: Option<Program>,
 }
 
-/// The other end.
+/// The thread's end of a line that is reopened if it is lost.
 struct Keeper {
     kept: Kept,
-    /// The helper of the line that is open.
+    /// The helper process of the line while it is open.
     watched: Option<Watched>,
     lost: Consumer<Held>,
     back: Producer<(Held, Renewed)>,
     over: Arc<AtomicBool>,
 }
 
-/// Starts the thread for a line that is open now; `watched` is its helper.
+/// Starts the thread for a line that is open now. `watched` is the helper process of the line.
 pub(super) fn keep(kept: Kept, watched: Option<Watched>) -> io::Result<Reopening> {
     let (lost, to_reopen) = RingBuffer::new(1);
     let (into, back) = RingBuffer::new(1);
@@ -74,21 +75,21 @@ impl Keeper {
             };
             tracing::warn!(port = %self.kept.path.display(), "the serial line is gone; looking for it");
             if let Some(last_word) = &mut port.last_word {
-                // The helper has the line open as well.
+                // The helper has the port open as well, so it must end first.
                 last_word.all_said();
             }
-            // Some drivers wait for bytes that nobody takes any more.
+            // Closing can wait: some drivers wait until all written bytes have been sent.
             drop(port);
             if let Some(found) = self.find() {
                 self.watched = found.0.last_word.as_ref().map(LastWord::watched);
                 tracing::warn!(port = %self.kept.path.display(), rebooted = found.1.rebooted, "the serial line is back");
-                // There is a place: the loop has none of its own.
+                // This cannot fail: the loop has no port now, so the ring is empty.
                 let _ = self.back.push(found);
             }
         }
     }
 
-    /// Looks for the line until it is there, or nobody wants it any more.
+    /// Tries to reopen the line until it succeeds. Returns `None` if the line is no longer wanted.
     fn find(&self) -> Option<(Held, Renewed)> {
         let mut told = String::new();
         let mut rebooted = false;
@@ -111,13 +112,14 @@ impl Keeper {
         None
     }
 
-    /// Notes in `rebooted` whether the controllers have lost power, even where the line is not to be had yet: they say so only until they
-    /// are asked who they are, and the next try would not hear of it.
+    /// Makes one attempt to reopen the line. Sets `rebooted` if the controllers have lost power,
+    /// even if the attempt fails later: controllers report the loss only until they are asked to
+    /// describe themselves, so the next attempt would miss it.
     fn try_once(&self, rebooted: &mut bool) -> Result<Held, String> {
         let Kept { path, baud, peer: Peer { protocol, expected }, helper } = &self.kept;
         let port = open(path, *baud).map_err(|errno| errno.to_string())?;
         let mut line = Serial::of(port);
-        // Off first.
+        // The motors are switched off before anything else.
         *rebooted |= protocol.switch_off(&mut line, expected).map_err(|error| error.to_string())?;
         protocol.meet(&mut line, expected).map_err(|error| error.to_string())?;
         let off = protocol.off_bytes(expected);
@@ -128,7 +130,7 @@ impl Keeper {
     }
 }
 
-/// How long to wait before each look for a line that is lost, for ever.
+/// Returns an endless sequence of the pauses before each attempt to reopen a lost line.
 fn pauses() -> impl Iterator<Item = Duration> {
     std::iter::successors(Some(FIRST_PAUSE), |pause| Some((2 * *pause).min(LONGEST_PAUSE)))
 }
@@ -162,7 +164,8 @@ mod tests {
         let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
         let over = Arc::new(AtomicBool::new(false));
         let stop = Arc::clone(&over);
-        // Fresh from power-on, and what it says of itself is lost on the line until after the first try (1 s).
+        // The controllers have just powered on. Their descriptions are lost on the line until after
+        // the first attempt (1 s).
         let far_side = std::thread::spawn(move || {
             let _far = far;
             let (mut buffer, mut reply, mut decoder) =

@@ -1,22 +1,23 @@
-//! The timer by which a USB serial chip holds bytes back.
+//! The latency timer of a USB serial chip, which holds received bytes back.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The time that an FTDI chip is asked to wait for more bytes, ms. Its own default of 16 is 16 ticks.
+/// The latency that is set on FTDI chips, ms. Their default of 16 ms would be 16 ticks.
 const LATENCY_MS: u32 = 1;
 
-/// How long a USB serial chip waits for more bytes before it hands on what it has; FTDI's have such a timer.
+/// The latency timer of a USB serial chip: how long the chip waits for more bytes before it passes
+/// on what it has received. FTDI chips have one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LatencyTimer {
-    /// The file that sets it.
+    /// The system file that sets the timer.
     pub path: PathBuf,
-    /// What it says, ms.
+    /// The current latency, ms.
     pub ms: u32,
 }
 
 impl LatencyTimer {
-    /// The timer of the device behind `port`; `None` where its driver has none.
+    /// Returns the latency timer of the device behind `port`, or `None` if its driver has none.
     #[must_use]
     pub fn of(port: &Path) -> Option<Self> {
         Self::listed(Path::new("/sys/class/tty"), port)
@@ -29,7 +30,8 @@ impl LatencyTimer {
         Some(Self { path, ms })
     }
 
-    /// Sets it to the least. Where it may not be written it stays as it is, and `hbot doctor` says so.
+    /// Sets the timer to the shortest latency. If its file must not be written, the timer stays as
+    /// it is, and `hbot doctor` reports it.
     pub(super) fn shorten(&self) {
         if self.ms > LATENCY_MS {
             let _ = fs::write(&self.path, LATENCY_MS.to_string());
@@ -47,7 +49,7 @@ mod tests {
         let (devices, port) = (folder.path().join("tty"), folder.path().join("ttyUSB7"));
         fs::create_dir_all(devices.join("ttyUSB7/device")).unwrap();
         fs::write(&port, "").unwrap();
-        // By the name of the device, whatever link leads to it.
+        // The device is found by its real name, even if `port` is a symbolic link to it.
         let link = folder.path().join("hbot");
         std::os::unix::fs::symlink(&port, &link).unwrap();
         assert_eq!(LatencyTimer::listed(&devices, &link), None, "a driver that has none");

@@ -1,4 +1,4 @@
-//! The first message of a connection: who is there, and whether it may be.
+//! The first message of a connection: identifies and authorizes the client.
 
 use hbot_api::{
     ErrorBody, ErrorCode, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Request, RequestRefusal, Response,
@@ -9,7 +9,7 @@ use super::First;
 use super::Hub;
 
 impl Hub {
-    /// Takes the first message of a connection: how it goes on, if it does.
+    /// Handles the first message of a connection and returns how the connection continues.
     pub(in crate::service) fn first(
         &mut self,
         session: u64,
@@ -38,7 +38,7 @@ impl Hub {
         First::Refused
     }
 
-    /// Refuses the first message of a connection, which ends once the answer has left.
+    /// Refuses the first message of a connection. The connection ends after the answer is sent.
     pub(in crate::service) fn refuse_first(
         &mut self,
         session: u64,
@@ -70,7 +70,7 @@ impl Hub {
     fn authorize(&self, hello: &Hello) -> Result<(), ErrorBody> {
         let Some(secret) = &self.token else { return Ok(()) };
         let shown = hello.token.as_ref().map_or("", |token| token.reveal());
-        // How long it takes tells the token's length at most.
+        // The time of this comparison reveals at most the length of the token.
         if bool::from(secret.as_bytes().ct_eq(shown.as_bytes())) {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! What each request does.
+//! The execution of requests.
 
 use hbot_api::{
     Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
@@ -13,7 +13,7 @@ use super::Hub;
 use hbot_host::bridge::CONFIRMED;
 
 impl Hub {
-    /// Takes a later message; false where the client is none any more.
+    /// Handles a message after the first. Returns false if the client is no longer known.
     pub(in crate::service) fn message(
         &mut self,
         session: u64,
@@ -37,7 +37,8 @@ impl Hub {
         true
     }
 
-    /// Takes an `estop` whose bytes have stopped the loop already; false if the client is none any more.
+    /// Handles an `estop` that already stopped the loop when its bytes arrived. Returns false if
+    /// the client is no longer known.
     pub(in crate::service) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
         let there = self.publisher.knows(session);
         if there {
@@ -47,10 +48,11 @@ impl Hub {
         there
     }
 
-    /// Whether a message longer than ordinary ones may be read. It is looked at and not parsed.
+    /// Checks whether a message of more than 2 KiB may be parsed. Scans its bytes without parsing
+    /// them.
     ///
     /// # Errors
-    /// Its client does not hold the lease, or it is none that may be long.
+    /// Fails if the op may not be that long, or if the client does not hold the lease.
     pub(in crate::service) fn may_send(&self, session: u64, message: &[u8]) -> Result<(), ErrorBody> {
         if !may_be_long(message) {
             let message = format!(
@@ -66,7 +68,7 @@ impl Hub {
         self.lease.require(session, &format!("{} of this length", long_ops().join(" or ")))
     }
 
-    /// Notes who stops the rig, for what is told of it.
+    /// Records which client stops the rig, for the `fault` event.
     pub(in crate::service) fn stopped_by(&mut self, session: u64) {
         let name = self.publisher.name(session);
         self.incidents.stopped_by(name.map(|name| format!("client {name:?} (session {session})")));
@@ -82,8 +84,8 @@ impl Hub {
         }
     }
 
-    /// Does what is asked and answers, or has it answered later. What takes much room on the stack is apart from it: it would be touched
-    /// for each request.
+    /// Executes a request. It is answered now, or later when the loop has answered. Code that needs
+    /// much stack is in separate functions, so that ordinary requests do not touch that memory.
     fn obey(&mut self, session: u64, id: Option<Id>, op: Op) -> Result<(), ErrorBody> {
         let name = op.name();
         match op {
@@ -150,7 +152,7 @@ impl Hub {
         self.answer(session, id, summary);
     }
 
-    /// Stops the rig for a client whose stop was not found in its bytes.
+    /// Stops the rig for an `estop` that was not found in the incoming bytes.
     #[inline(never)]
     fn estop(&mut self, session: u64, id: Option<Id>) {
         self.end.emergency_stop().stop();
@@ -158,11 +160,12 @@ impl Hub {
         self.confirm_estop(session, id);
     }
 
-    /// Answers an `estop`: the loop was stopped when its bytes came, and is not stopped a second time.
+    /// Answers an `estop`. The loop was stopped already, so it is not stopped a second time.
     fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
         tracing::warn!(session, name = self.publisher.name(session), "estop");
         if self.order(session, id.clone(), OpName::Estop, CONFIRMED).is_err() {
-            // There is no place for it among those that are answered, but the loop does it in its next tick.
+            // No further order can wait for an answer now, but the loop executes the stop in its
+            // next tick.
             self.answer(session, id, ModeOk { mode: Mode::Estop });
         }
     }
@@ -212,21 +215,22 @@ impl Hub {
     fn align(&self, align: &Align) -> Command {
         let period_ns = self.rig.rig.timing.period_ns;
         let tick = match align.t {
-            // To the nearest tick; what is beyond all ticks ends up at the last one and is not in the history.
+            // Round to the nearest tick. A time beyond all ticks becomes the largest tick, which is
+            // not in the history and is refused.
             Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
             None => self.end.tick(),
         };
         Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
     }
 
-    /// A time in ticks, at least one.
+    /// Converts milliseconds to ticks, rounded up, at least one.
     fn ticks(&self, ms: u64) -> u32 {
         let ticks = (ms * u64::from(self.rig.rate_hz)).div_ceil(1000).max(1);
         u32::try_from(ticks).unwrap_or(u32::MAX)
     }
 }
 
-/// The names of the ops that may be long.
+/// Returns the names of the ops whose requests may be longer than 2 KiB.
 fn long_ops() -> Vec<&'static str> {
     OpName::ALL.into_iter().filter(|op| op.row().long).map(OpName::as_str).collect()
 }

@@ -1,4 +1,4 @@
-//! What samples of the loop, and works on other threads, set off.
+//! The hub's reaction to samples of the loop and to finished work on other threads.
 
 use std::task::{Context, Poll};
 
@@ -14,11 +14,12 @@ use super::super::scenes::{Loaded, Measured};
 use super::Hub;
 use hbot_host::sample::Sample;
 
-/// Samples taken before others have their turn again.
+/// Largest number of samples that are taken before other tasks get a turn.
 const SAMPLES_A_TURN: usize = 512;
 
 impl Hub {
-    /// Takes the samples that are there, at most so many a turn.
+    /// Takes the waiting samples, at most [`SAMPLES_A_TURN`], and retries orders that found no
+    /// place.
     pub(in crate::service) fn drain(&mut self) {
         for _ in 0..SAMPLES_A_TURN {
             let Some(sample) = self.end.try_sample() else { break };
@@ -27,7 +28,7 @@ impl Hub {
         self.orders.retry(&mut self.end);
     }
 
-    /// Takes a sample in. This runs for every tick, and in virtual time as fast as the loop goes.
+    /// Processes one sample. This runs for every tick, in virtual time as fast as the loop runs.
     #[inline]
     fn take(&mut self, sample: &Sample) {
         self.stats.record(sample);
@@ -49,7 +50,7 @@ impl Hub {
         }
     }
 
-    /// Passes on the answers that a sample brings.
+    /// Passes on the answers that a sample carries.
     fn answered(&mut self, sample: &Sample) {
         for answer in sample.answers.iter().flatten() {
             while let Some((asker, reply)) = self.orders.answered(answer) {
@@ -58,7 +59,8 @@ impl Hub {
         }
     }
 
-    /// Answers one order; `None` where its answer was in a sample that found no place.
+    /// Passes the loop's answer to one order on to its asker. `reply` is `None` if the answer was
+    /// in a sample that was dropped.
     fn pass_on(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
         let (session, id, op) = match asker {
             Asker::Client { session, id, op } => (session, id, op),
@@ -80,7 +82,7 @@ impl Hub {
                 let error = refusal(op.as_str(), refused, &self.rig.rig, effect);
                 self.refuse(session, id, Some(op), error);
             }
-            // A stream without an id is not answered.
+            // A stream message without an id gets no answer.
             _ if op.row().stream && id.is_none() => {}
             Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle }),
             Some(Reply::Done) if op.row().stream => self.respond(session, &Response::done(id)),
@@ -97,7 +99,7 @@ impl Hub {
         self.publisher.paid(session);
     }
 
-    /// The end of the next measurement of a scene; pending while there is none.
+    /// Polls for the next finished measurement of a scene. Stays pending while none is running.
     pub(in crate::service) fn poll_measured(
         &mut self,
         context: &mut Context<'_>,
@@ -105,13 +107,13 @@ impl Hub {
         self.scenes.poll_measured(context)
     }
 
-    /// Notes what effects cost.
+    /// Records the measured cost of a scene's effects.
     pub(in crate::service) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         self.scenes.measured(measured);
         self.loaded();
     }
 
-    /// Answers the loads that are complete, in their order.
+    /// Answers the `load_scene` requests that are complete, in the order of the requests.
     fn loaded(&mut self) {
         while let Some(Loaded { session, id, answer, event }) = self.scenes.next_loaded() {
             self.answer(session, id, answer);
@@ -120,12 +122,13 @@ impl Hub {
         }
     }
 
-    /// The end of the next flight log that is being written; pending while there is none.
+    /// Polls for the next flight log whose writing has ended. Stays pending while no log is being
+    /// written.
     pub(in crate::service) fn poll_written(&mut self, context: &mut Context<'_>) -> Poll<Written> {
         self.flights.poll_written(context)
     }
 
-    /// Notes how writing a flight log went.
+    /// Records the outcome of writing a flight log.
     pub(in crate::service) fn written(&mut self, written: Written) {
         self.flights.written(written);
     }

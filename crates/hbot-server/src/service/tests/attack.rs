@@ -1,11 +1,12 @@
-//! Those who mean no good: the service stands, the loop's samples all come, and everything refused is counted.
+//! Hostile and careless clients: the service keeps working, no sample of the loop is lost, and
+//! every refusal is counted.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use super::super::reader::READ_AHEAD;
 use super::*;
 
-/// A watcher's round trips while others do their worst: the hub serves it all the same.
+/// Asserts that the hub still answers a well-behaved client while others attack.
 fn still_served(client: &mut Client) {
     for _ in 0..20 {
         client.call(Op::Ping { data: Value::Null }).unwrap();
@@ -14,17 +15,18 @@ fn still_served(client: &mut Client) {
 
 #[test]
 fn a_thousand_connections_are_turned_away_and_the_first_are_served() {
-    // Both ends of each are in this process.
+    // Both ends of every connection are in this process, so it needs many descriptors.
     let limit = getrlimit(Resource::Nofile);
     setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }).unwrap();
     let room = limit.maximum.is_none_or(|most| most >= 2500);
     let many = if room { 1000 } else { 300 };
-    // None of those that were taken is let go for its silence, so nobody gets its place.
+    // The hello time of these bounds is long, so no accepted connection gives its place up during
+    // the test.
     let bench = bench();
     let mut watcher = bench.client("watcher");
     let mut held = Vec::new();
     for _ in 0..many {
-        // One that the system itself refuses has been turned away as well.
+        // A connection that the operating system refuses counts as turned away as well.
         held.extend(TcpStream::connect(bench.address));
     }
     still_served(&mut watcher);
@@ -44,7 +46,7 @@ fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
     let mut writer = slow.stream.try_clone().unwrap();
     let trickle = std::thread::spawn(move || {
         let line = b"{\"id\": 1, \"op\": \"hello\", \"version\": 1, \"name\": \"so slow that it never gets to its end\"}";
-        // Until the server has closed.
+        // Sends bytes until the server has closed the connection.
         for byte in line.iter().cycle() {
             if writer.write_all(&[*byte]).is_err() {
                 return;
@@ -89,7 +91,7 @@ fn garbage_is_answered_once_before_hello_and_counted_after_it() {
                         break;
                     }
                 }
-                // One that has said hello stays and gets an answer to each line.
+                // A client that has said hello stays connected and gets an answer to each line.
                 raw.stream.shutdown(std::net::Shutdown::Write).ok();
                 let mut rest = Vec::new();
                 let _ = raw.reader.read_to_end(&mut rest);
@@ -111,7 +113,8 @@ fn one_that_connects_again_and_again_is_served_and_counted_each_time() {
     for k in 0..300 {
         let stream = TcpStream::connect(bench.address).unwrap();
         if k % 3 == 0 {
-            // Gone without a word, after a word, and by a reset.
+            // Connections end here in three ways: without a message, after a message, and by a
+            // reset.
             drop(stream);
         } else {
             let mut stream = stream;
@@ -127,7 +130,7 @@ fn one_that_connects_again_and_again_is_served_and_counted_each_time() {
 
 #[test]
 fn an_estop_is_never_refused_however_many_come() {
-    // A loop so slow that they find no place in the ring.
+    // The loop is slowed down, so that the stops find no place in the ring.
     let bounds = Bounds { outgoing: 4096, ..TestOptions::default().bounds };
     let bench = TestService::start(TestOptions {
         bounds,
@@ -152,7 +155,8 @@ fn the_system_looks_whether_clients_are_still_there() {
         SocketAddr::V6(_) => panic!("bound to 127.0.0.1"),
     };
     let (server, client) = (hex(bench.address), hex(raw.stream.local_addr().unwrap()));
-    // sl, local, remote, state, queues, timer: 02 is that of keepalive.
+    // Columns of the table: sl, local, remote, state, queues, timer. A timer that starts with 02 is
+    // the keepalive timer.
     eventually("a timer of keepalive", || {
         let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
         table.lines().any(|line| {
@@ -162,7 +166,7 @@ fn the_system_looks_whether_clients_are_still_there() {
     });
 }
 
-/// The limits of the page are those of the service.
+/// Checks that the limits in docs/api.md are those of the service.
 #[test]
 fn the_page_has_the_bounds() {
     let page = include_str!("../../../../../docs/api.md");

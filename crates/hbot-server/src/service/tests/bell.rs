@@ -1,4 +1,5 @@
-//! What wakes the service: every sample where somebody watches, and else what is notable.
+//! Tests of the bell: it rings at every sample if a client is subscribed, and otherwise only at
+//! notable samples.
 
 use hbot_core::outputs::Reply;
 
@@ -7,7 +8,7 @@ use crate::service::bell::Ringing;
 use hbot_host::bridge::{LoopEnd, ServiceEnd};
 use hbot_host::sample::{Answer, Sample};
 
-/// Both ends, the first sample fetched, and the bell.
+/// Returns both ends of a bridge whose first sample has been taken, and its bell.
 fn ends() -> (LoopEnd, ServiceEnd, Ringing) {
     let (mut inner, mut outer) = bridge().unwrap();
     assert!(inner.publish(crate::still::still(0)));
@@ -17,7 +18,7 @@ fn ends() -> (LoopEnd, ServiceEnd, Ringing) {
 }
 
 async fn rings(bell: &Ringing) -> bool {
-    // What rings has been written before.
+    // The event is written before this call, so a short time-out suffices.
     tokio::time::timeout(Duration::from_millis(20), bell.rung()).await.is_ok()
 }
 

@@ -1,4 +1,5 @@
-//! What each op does and to whom it is allowed; the table of states, over the wire.
+//! Tests of each op: its effect, which clients may use it, and the table of modes, over the
+//! network.
 
 use hbot_api::{Align, ErrorCode, LeaseInfo, OpName, ReferenceCommand, TorqueCommand, TractionInfo, Who};
 
@@ -21,7 +22,7 @@ fn mode(result: Result<Value, ClientError>) -> String {
     result.unwrap()["mode"].as_str().unwrap().to_owned()
 }
 
-/// One state that satisfies `found`.
+/// Returns the first state for which `found` holds.
 fn state(
     client: &mut Client,
     what: &str,
@@ -86,7 +87,7 @@ fn a_rig_without_its_zeros_cannot_be_enabled() {
 fn a_rig_that_is_to_be_enabled_at_the_start_is() {
     let bench = TestService::start(TestOptions { enable_at_start: true, ..TestOptions::default() });
     bench.wait_for(Mode::Active);
-    // Once: who disables it finds it idle.
+    // It is enabled only once. After a disable it stays idle.
     let mut client = bench.client("anybody");
     assert_eq!(mode(client.call(Op::Disable)), "idle");
     bench.wait_ticks(100);
@@ -114,7 +115,7 @@ fn others_than_clients_can_ask_how_it_goes() {
     assert!(summary.ticks >= 10 && summary.compute_us.count == summary.ticks);
 }
 
-/// A legal request of each op.
+/// Returns a legal request for an op.
 fn request(op: OpName) -> Op {
     match op {
         OpName::Hello => unreachable!("the client has said hello"),
@@ -157,7 +158,7 @@ fn what_moves_the_rig_needs_the_lease_and_what_stops_it_does_not() {
             answer => drop(answer.unwrap_or_else(|error| panic!("{op}: {error}"))),
         }
     }
-    // The release of one who does not hold it takes nothing from the holder.
+    // A release by another client does not take the lease from its holder.
     assert_eq!(mode(holder.call(Op::Reset)), "idle");
     let summary = bench.finish();
     assert_eq!(summary.refused_streams, 3);
@@ -174,7 +175,7 @@ fn ping_repeats_and_tells_the_time() {
     let answer = client.call(Op::Ping { data: data.clone() }).unwrap();
     assert_eq!(answer["data"], data);
     let (tick, t) = (answer["tick"].as_u64().unwrap(), answer["t"].as_f64().unwrap());
-    // The period is a whole number of nanoseconds: exact but for the rounding of t itself.
+    // The period is a whole number of nanoseconds, so the only error is the rounding of t.
     assert!(tick >= 10 && (t - tick as f64 * 1e-3).abs() < 1e-9);
 }
 
@@ -203,7 +204,8 @@ fn a_torque_is_rendered_and_ends() {
     client.call(Op::Torque(command)).unwrap();
     let seen = state(&mut client, "torque", |state| state.torque[0] > 0.02);
     assert_eq!(seen.client.unwrap().seq, Some(42));
-    // 20 ticks, and 20 ms of ramp; a spring of 1 N m/rad about the sphere then turns it back.
+    // The torque lasts 20 ticks and ramps down in 20 ms. Then a spring of 1 N m/rad on the sphere
+    // turns it back.
     state(&mut client, "end of the torque", |state| state.tick > seen.tick + 40 && state.torque[0] < 0.02);
 }
 
@@ -214,7 +216,8 @@ fn a_stream_that_is_refused_is_counted_and_told_once_a_second() {
     for _ in 0..50 {
         client.send(Op::Torque(torque([0.1, 0.0, 0.0], 10))).unwrap();
     }
-    // All are told of, the first at once, the others together (or in as many events as sending them takes seconds).
+    // All refusals are reported. The first comes at once and the others together, or in one event
+    // for each second that the sending takes.
     let (mut told, mut first) = (0, true);
     while told < 50 {
         let refused = event(&mut client, "refused event", |event| match event {
@@ -229,7 +232,8 @@ fn a_stream_that_is_refused_is_counted_and_told_once_a_second() {
         assert!(refused.count == 1 || !first);
         first = false;
     }
-    // A stream message that cannot be read is one of a stream still; with an id it is answered.
+    // A stream message that cannot be parsed still counts as one of a stream. With an id it gets an
+    // answer.
     let mut raw = Raw::greeted(&bench);
     raw.send(r#"{"op": "torque", "torque": [1, 2], "valid_ms": 10}"#);
     let told = raw.line();
@@ -275,7 +279,7 @@ fn align_records_corrects_and_refuses() {
     let half = 0.1_f64;
     let turned = [half.cos(), half.sin(), 0.0, 0.0];
     let angle = |answer: Value| answer["angle"].as_f64().unwrap();
-    // The sphere stands still in nobody's hand, so the angle is that of the quaternion, to its rounding.
+    // No hand moves the sphere, so the angle is that of the quaternion, to rounding.
     for _ in 0..2 {
         let seen = angle(client.call(align(turned, 0.0, None)).unwrap());
         assert!((seen - 0.2).abs() < 1e-9, "recorded only: {seen}");
@@ -321,7 +325,9 @@ fn info_and_stats_have_their_shape() {
     assert_eq!((info.rig.simulated, info.accuracy.as_str()), (false, "balanced"));
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
-    // 0.02 N m s/rad over 1.5 ticks of 1 ms, and the quarter of the least apparent inertia over a tick squared.
+    // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms.
+    // `stiffness_most` is a quarter of the smallest apparent inertia divided by the square of a
+    // tick.
     let render = info.render.unwrap();
     assert!((render.stiffness_stable - render.damping / 1.5e-3).abs() < 1e-9, "{render:?}");
     assert!((render.stiffness_most - 0.25e6 * render.inertia).abs() < 1e-9, "{render:?}");

@@ -1,4 +1,4 @@
-//! Connections over pipes in memory, with a hub that no loop runs behind.
+//! Tests of connections over pipes in memory, with a hub and no loop.
 
 use hbot_api::{Encoding, Request};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
@@ -14,7 +14,7 @@ use super::super::peer::Peer;
 use super::*;
 use hbot_host::bridge::LoopEnd;
 
-/// What a pipe takes.
+/// Capacity of a pipe, bytes.
 const PIPE: usize = 128 * 1024;
 
 pub(super) fn still() -> (LoopEnd, Desk) {
@@ -34,13 +34,14 @@ pub(super) fn still() -> (LoopEnd, Desk) {
     (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))
 }
 
-/// A client's end, after a hello that asks for MessagePack, and its session.
+/// Connects a client with MessagePack. Returns its end of the pipe, after the hello, and its
+/// session.
 async fn greeted(desk: &Desk) -> (DuplexStream, u64) {
     let (client, session) = connected(desk, PIPE, b", \"encoding\": \"msgpack\"").await;
     (client, session)
 }
 
-/// A client's end of a pipe that takes so many bytes, after a hello.
+/// Connects a client with JSON over a pipe of `pipe` bytes. Returns its end, after the hello.
 pub(super) async fn greeted_in_json(desk: &Desk, pipe: usize) -> DuplexStream {
     connected(desk, pipe, b"").await.0
 }
@@ -61,12 +62,12 @@ async fn connected(desk: &Desk, pipe: usize, fields: &[u8]) -> (DuplexStream, u6
     tokio::spawn(converse(server, deadline, session, desk.clone(), inbox, bounds));
     let hello = [b"{\"op\": \"hello\", \"version\": 1, \"name\": \"x\"", fields, b"}\n"].concat();
     client.write_all(&hello).await.unwrap();
-    // The answer is JSON in any case.
+    // The answer to a hello is always JSON.
     while client.read_u8().await.unwrap() != b'\n' {}
     (client, session)
 }
 
-/// A request that takes 200 times its bytes once it is read.
+/// Returns a request that takes 200 times its size in memory when it is parsed.
 fn swelling() -> Vec<u8> {
     let mut map = b"\x82\xa2op\xa4ping\xa4data\xdc\x50\x00".to_vec();
     map.extend(b"\x81\xa0\x00".repeat(0x5000));
@@ -75,7 +76,7 @@ fn swelling() -> Vec<u8> {
     frame
 }
 
-/// And of most clients not even parsed.
+/// These requests are longer than a ping may be, so they are refused without being parsed.
 #[test]
 fn requests_that_swell_are_read_one_after_the_other() {
     const CLIENTS: usize = 24;
@@ -102,13 +103,14 @@ fn requests_that_swell_are_read_one_after_the_other() {
             }
         });
     });
-    // For each client its pipes and buffers, which is less than one such request takes once it is parsed.
+    // The limit allows pipes and buffers for every client. This is less than one such request takes
+    // when parsed.
     let most = (CLIENTS * (2 * PIPE + 128 * 1024)) as u64;
     assert!(swollen.bytes_max > most, "{} bytes", swollen.bytes_max);
     assert!(used.bytes_max < most, "{} KiB of {}", used.bytes_max >> 10, most >> 10);
 }
 
-/// A request takes no memory but that of its answer.
+/// A request allocates memory only for its answer.
 #[tokio::test]
 async fn a_ping_is_answered_without_an_allocation() {
     const PINGS: usize = 100;
@@ -120,7 +122,7 @@ async fn a_ping_is_answered_without_an_allocation() {
     let hello = br#"{"op": "hello", "version": 1, "name": "x", "encoding": "msgpack"}"#;
     assert_eq!(desk.first(session, Request::read_first(hello)), First::Greeted(Encoding::Msgpack));
     let context = std::task::Context::from_waker(std::task::Waker::noop());
-    // The room for answers to come.
+    // Room for the answers, allocated before the measurement.
     let mut bytes = Vec::with_capacity(64 * 1024);
     assert!(inbox.poll_take(&context, &mut bytes).is_ready());
     let mut pings: Vec<_> =
@@ -139,7 +141,7 @@ async fn a_ping_is_answered_without_an_allocation() {
 async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
     let (_loop_end, desk) = still();
     let (mut client, session) = greeted(&desk).await;
-    // Answers that are more than the pipe takes.
+    // The answers are larger than the capacity of the pipe.
     let ping = Request { id: None, op: Op::Ping { data: json!("x".repeat(1900)) } };
     let mut pings = Vec::new();
     while pings.len() < 4 * PIPE {
@@ -174,7 +176,7 @@ async fn one_that_asks_without_end_leaves_the_others_their_turn() {
     let done = || desk.hub().summary().requests;
     let (mut most, mut before) = (0, done());
     while !reading.is_finished() {
-        // Every other task has its turn meanwhile.
+        // Every other task gets a turn meanwhile.
         yield_now().await;
         let now = done();
         most = most.max(now - before);

@@ -1,4 +1,4 @@
-//! Faults, the flight log, and the end.
+//! Tests of faults, of the flight log, and of the end of the service.
 
 use hbot_sim::controller::Fault as Trouble;
 
@@ -52,7 +52,7 @@ fn a_log_that_is_not_complete_is_written_at_the_end() {
     let dir = tempfile::tempdir().unwrap();
     let bench = TestService::start(TestOptions {
         flight_dir: Some(dir.path().to_owned()),
-        // So slow that the end comes before 100 ticks have passed.
+        // The loop is slowed down, so that the service ends before 100 ticks have passed.
         breath: Duration::from_millis(5),
         ..TestOptions::default()
     });
@@ -115,7 +115,7 @@ fn the_service_ends_with_the_loop() {
         ..TestOptions::default()
     });
     let mut bench = bench;
-    // Nobody asks for it.
+    // Nothing asks the service to stop.
     let shutdown = bench.shutdown.take();
     let summary = bench.end().unwrap();
     assert_eq!((summary.ticks, summary.dropped_samples), (5000, 0));

@@ -1,4 +1,4 @@
-//! Bytes in whatever pieces, and bytes that are no messages.
+//! Tests with messages split in any way, and with bytes that are no messages.
 
 use super::*;
 
@@ -36,7 +36,7 @@ fn bad_lines_are_answered_and_the_connection_goes_on() {
         let answer = raw.answer();
         assert_eq!((&answer["id"], &answer["error"]["code"]), (&id, &json!("bad_request")), "{line:?}");
     }
-    // Without an id the answer has none either.
+    // A request without an id gets an answer without an id.
     assert_eq!(raw.ask(r#"{"op": "ping"}"#)["id"], Value::Null);
     assert_eq!(bench.finish().refused.total(), 9);
 }
@@ -50,7 +50,7 @@ fn a_line_too_long_is_refused_and_skipped() {
     let answer = raw.answer();
     assert_eq!((&answer["id"], &answer["error"]["code"]), (&Value::Null, &json!("too_large")));
     assert_eq!(raw.answer()["id"], 2, "what follows its newline is read");
-    // The longest that is not too long.
+    // A message of the maximum length is accepted.
     let data = "x".repeat(hbot_api::MAX_SHORT_REQUEST_BYTES - r#"{"id":3,"op":"ping","data":""}"#.len() - 1);
     assert_eq!(raw.ask(&format!(r#"{{"id":3,"op":"ping","data":"{data}"}}"#))["ok"]["data"], data);
     let answer = raw.ask(&format!(r#"{{"id":4,"op":"ping","data":"{data}x"}}"#));
@@ -70,7 +70,7 @@ fn scenes_and_parameters_of_the_holder_may_be_long() {
         let answer = raw.ask(&load);
         assert_eq!(answer["ok"]["effects"].as_array().map(Vec::len), Some(32), "{answer}");
     }
-    // What follows a long one is done after it.
+    // A message after a long one is executed after it.
     raw.send(&load);
     raw.send(r#"{"id": 3, "op": "ping"}"#);
     let ids = [raw.answer()["id"].clone(), raw.answer()["id"].clone()];

@@ -1,4 +1,4 @@
-//! What comes before anything else.
+//! Tests of the hello and of everything that can come in its place.
 
 use hbot_api::{Encoding, ErrorCode, Token};
 use std::time::Duration;
@@ -62,7 +62,7 @@ fn silence_is_not_waited_for() {
     let bounds = Bounds { hello: Duration::from_millis(50), ..Bounds::default() };
     let bench = TestService::start(TestOptions { bounds, ..TestOptions::default() });
     let mut raw = bench.raw();
-    // Half a line is no hello either.
+    // Half a line is not a hello.
     raw.bytes(b"{\"id\": 1, \"op\": \"hel");
     assert_eq!(raw.line()["error"]["code"], "bad_request");
     assert_eq!(raw.rest(), "");
@@ -102,7 +102,7 @@ fn both_encodings_say_the_same() {
     let mut plain = bench.client("plain");
     let mut one = packed.info().unwrap();
     let mut other = plain.info().unwrap();
-    // The posture may have moved between the two.
+    // The posture can have changed between the two requests.
     (one.capability, other.capability) = (None, None);
     assert_eq!(one, other);
     for client in [&mut packed, &mut plain] {
@@ -128,7 +128,7 @@ fn too_many_connections_are_turned_away() {
     for client in &mut clients {
         client.call(Op::Ping { data: Value::Null }).unwrap();
     }
-    // A place that becomes free can be had.
+    // A place that becomes free is given to the next client.
     clients.pop();
     eventually("a free place", || match Client::connect(&bench.address.to_string(), "d") {
         Ok(_) => true,
@@ -136,7 +136,7 @@ fn too_many_connections_are_turned_away() {
             assert_eq!(error.code, ErrorCode::Busy);
             false
         }
-        // Turned away before hello was read.
+        // The connection was turned away before the hello was read.
         Err(_) => false,
     });
     assert!(bench.finish().connections_turned_away >= 1);

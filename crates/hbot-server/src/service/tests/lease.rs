@@ -1,4 +1,4 @@
-//! Who commands, and what becomes of the rig when that one is gone.
+//! Tests of the lease, and of what the rig does when the lease holder disconnects.
 
 use hbot_api::{ErrorCode, Fault, LeaseCause, LeaseEvent, TorqueCommand};
 use hbot_core::inputs::OnClientLost;
@@ -43,7 +43,8 @@ fn the_lease_has_one_holder_and_everybody_knows() {
     bench.wait_until("a free lease", |status| status.holder.is_none());
 }
 
-/// A rig under a holder's torque of a second, whose holder is then lost: the client that watches.
+/// Starts a rig whose lease holder commands a torque for one second and then disconnects. Returns
+/// the service and a client that watches.
 fn lost(policy: OnClientLost) -> (TestService, Client) {
     let mut rig = RigConfig::prototype();
     rig.api.on_client_lost = policy;

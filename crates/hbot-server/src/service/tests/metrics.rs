@@ -1,4 +1,4 @@
-//! The page of metrics, asked by those who may not, cannot, or do not go on.
+//! Tests of the metrics page with scrapes that are unauthorized, wrong, or incomplete.
 
 use hbot_api::ErrorCode;
 
@@ -7,7 +7,7 @@ use super::*;
 fn served(bench: &TestService, token: &str) -> SocketAddr {
     let (control, token) = (bench.control.clone(), token.to_owned());
     let (ready, started) = blocking::channel();
-    // It ends with the test.
+    // The thread ends with the test process.
     std::thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async move {
@@ -33,7 +33,7 @@ fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
     let mut client = bench.client("c");
     let refused = |client: &mut Client| client.stats().unwrap().refused;
     assert_eq!(refused(&mut client).of(ErrorCode::Unauthorized), 0);
-    // More than may be served at a time, one after another.
+    // More requests, one after another, than can be served at the same time.
     for _ in 0..20 {
         assert!(ask(&get("open says me")).starts_with("HTTP/1.1 401"));
     }
@@ -44,7 +44,7 @@ fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
         [ErrorCode::Unauthorized, ErrorCode::BadRequest, ErrorCode::TooLarge].map(|code| counts.of(code)),
         [20, 1, 1]
     );
-    // One that begins a request and does not go on.
+    // A client that begins a request and does not finish it.
     let mut slow = Raw::new(address);
     slow.bytes(b"GET /met");
     assert_eq!(slow.rest(), "");

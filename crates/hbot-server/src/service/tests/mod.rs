@@ -1,4 +1,5 @@
-//! The service over real sockets, with the real loop and the simulated rig in virtual time.
+//! Tests of the service over real sockets, with the real loop and the simulated rig in virtual
+//! time.
 
 mod attack;
 mod bell;
@@ -40,10 +41,10 @@ use hbot_host::line::{Line, Memory, SimulatorCall};
 use hbot_host::motors::Motors;
 use hbot_host::run_loop::{StopFlag, lockstep};
 
-/// How long a test waits for what must come. It never says how fast anything is.
+/// Longest time that a test waits for an expected event. It does not say how fast anything is.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// What a test asks of its service.
+/// The settings of a test's service.
 struct TestOptions {
     rig: RigConfig,
     scene: SceneFile,
@@ -53,9 +54,9 @@ struct TestOptions {
     flight_dir: Option<std::path::PathBuf>,
     phenomena: Option<SetPhenomena>,
     bounds: Bounds,
-    /// The loop ends after so many ticks.
+    /// Number of ticks after which the loop ends.
     ticks: Option<u64>,
-    /// How long a tick takes; zero for as fast as it goes.
+    /// Wall-clock time of a tick. With zero the loop runs as fast as possible.
     breath: Duration,
 }
 
@@ -69,7 +70,8 @@ impl Default for TestOptions {
             enable_at_start: false,
             flight_dir: None,
             phenomena: None,
-            // However slow the machine, nobody is sent away for being so; who tests that says how long it takes.
+            // The hello time is long, so that a slow machine refuses no client. Tests of that time
+            // set their own.
             bounds: Bounds { hello: Duration::from_secs(600), ..Bounds::default() },
             ticks: None,
             breath: Duration::from_micros(50),
@@ -77,7 +79,7 @@ impl Default for TestOptions {
     }
 }
 
-/// A service with its loop and its simulated rig.
+/// A service with a loop and a simulated rig.
 struct TestService {
     address: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,
@@ -89,7 +91,7 @@ struct TestService {
     threads: Option<(JoinHandle<Summary>, JoinHandle<()>)>,
 }
 
-/// A line that leaves the other threads some of the machine.
+/// A line that sleeps for this time at each write, to leave processor time to the other threads.
 struct Breathing(Memory, Duration);
 
 impl Line for Breathing {
@@ -169,14 +171,14 @@ impl TestService {
         Client::connect_with(&self.address.to_string(), &options).unwrap()
     }
 
-    /// A client that holds the lease.
+    /// Returns a client that holds the lease.
     fn holder(&self) -> Client {
         let mut client = self.client("holder");
         client.call(Op::Acquire { steal: false }).unwrap();
         client
     }
 
-    /// A client that holds the lease of an active rig.
+    /// Returns a client that holds the lease of a rig in mode `active`.
     fn active(&self) -> Client {
         let mut client = self.holder();
         self.wait_for(Mode::Idle);
@@ -189,7 +191,7 @@ impl TestService {
         Raw::new(self.address)
     }
 
-    /// Does something with the simulated rig.
+    /// Calls a function with the simulated rig.
     fn with_rig(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) {
         self.rig.send(Box::new(call)).unwrap();
     }
@@ -204,7 +206,7 @@ impl TestService {
         eventually(what, || condition(&self.status.borrow()));
     }
 
-    /// Waits until the loop has gone on by so many ticks.
+    /// Waits until the loop has advanced by `ticks` ticks.
     fn wait_ticks(&self, ticks: u64) {
         let now = |status: &Status| status.sample.map_or(0, |sample| sample.state.tick);
         let until = now(&self.status.borrow()) + ticks;
@@ -217,7 +219,7 @@ impl TestService {
 
     fn end(&mut self) -> Option<Summary> {
         if let Some(shutdown) = self.shutdown.take() {
-            // One that has ended by itself does not hear it.
+            // A service that has ended by itself has dropped the receiver.
             let _ = shutdown.send(());
         }
         let (service, ticking) = self.threads.take()?;
@@ -242,7 +244,7 @@ fn eventually(what: &str, condition: impl Fn() -> bool) {
     }
 }
 
-/// A connection without the client library: lines of text.
+/// A connection that sends and receives lines of text without the client library.
 struct Raw {
     stream: TcpStream,
     reader: BufReader<TcpStream>,
@@ -257,7 +259,7 @@ impl Raw {
         Self { stream, reader }
     }
 
-    /// A connection that has said hello.
+    /// Returns a connection that has said hello.
     fn greeted(bench: &TestService) -> Self {
         let mut raw = bench.raw();
         raw.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "raw"}"#);
@@ -279,7 +281,7 @@ impl Raw {
         serde_json::from_str(&line).unwrap_or_else(|error| panic!("{line:?}: {error}"))
     }
 
-    /// The next answer; events are passed over.
+    /// Returns the next answer and skips events.
     fn answer(&mut self) -> Value {
         loop {
             let line = self.line();
@@ -294,10 +296,10 @@ impl Raw {
         self.answer()
     }
 
-    /// Everything until the server closes.
+    /// Reads everything until the server closes the connection.
     fn rest(&mut self) -> String {
         let mut rest = Vec::new();
-        // A reset is an end as well.
+        // A reset ends the connection as well.
         let _ = self.reader.read_to_end(&mut rest);
         String::from_utf8(rest).unwrap()
     }
@@ -310,7 +312,7 @@ fn refused(result: Result<Value, ClientError>) -> ErrorBody {
     }
 }
 
-/// The first event for which `pick` gives something.
+/// Returns the first result of `pick` that is `Some`, over the events of a client.
 fn event<T>(client: &mut Client, what: &str, pick: impl Fn(&Event) -> Option<T>) -> T {
     let deadline = Instant::now() + PATIENCE;
     loop {

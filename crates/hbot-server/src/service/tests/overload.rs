@@ -1,4 +1,4 @@
-//! Clients that read too slowly, or ask too much.
+//! Tests with clients that read too slowly or ask too much.
 
 use hbot_api::DroppedEvent;
 
@@ -19,12 +19,14 @@ fn a_slow_reader_loses_states_and_is_told_how_many() {
     slow.send(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     let mut other = bench.client("other");
     let dropped = |client: &mut Client| client.stats().unwrap().dropped_states;
-    // States fill what the system buffers, then the queue, and are then lost. The other client goes on meanwhile.
+    // States fill the buffers of the operating system, then the queue, and then they are dropped.
+    // The other client is served meanwhile.
     let deadline = Instant::now() + PATIENCE;
     while dropped(&mut other) < 1000 {
         assert!(Instant::now() < deadline);
     }
-    // It reads again: whatever it gets, states seen and states lost are one run of ticks without a hole.
+    // When the client reads again, the received and the dropped states together are consecutive
+    // ticks without a gap.
     let mut last = None;
     let (mut hole, mut told) = (0, None);
     while told.is_none() {
@@ -41,7 +43,7 @@ fn a_slow_reader_loses_states_and_is_told_how_many() {
     }
     let told = told.unwrap();
     assert_eq!((hole, told.count), (0, told.total));
-    // The next state is the first after those.
+    // The next state is the first after the dropped ones.
     let next = loop {
         let line = slow.line();
         if line["event"] == "state" {
@@ -61,7 +63,8 @@ fn one_that_reads_no_answers_is_cut_and_others_are_not() {
     let mut deaf = Raw::greeted(&bench);
     deaf.stream.set_write_timeout(Some(PATIENCE)).unwrap();
     let ask = format!("{{\"id\": 1, \"op\": \"ping\", \"data\": \"{}\"}}\n", "x".repeat(2000));
-    // Answers fill what the system buffers, then the queue; then it is over.
+    // Answers fill the buffers of the operating system and then the queue. Then the connection is
+    // cut.
     while deaf.stream.write_all(ask.as_bytes()).is_ok() {}
     bench.wait_until("one client", |status| status.clients == 1);
     other.call(Op::Ping { data: Value::Null }).unwrap();
@@ -91,7 +94,7 @@ fn a_flood_of_commands_does_not_keep_an_estop_back() {
     let writing = {
         let mut stream = flood.stream.try_clone().unwrap();
         std::thread::spawn(move || {
-            // Until the server is gone.
+            // Writes until the server has ended.
             while stream.write_all(line.as_bytes()).is_ok() {}
         })
     };

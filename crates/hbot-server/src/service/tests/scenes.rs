@@ -1,4 +1,4 @@
-//! Loading and changing scenes.
+//! Tests of loading and changing scenes.
 
 use std::sync::{Arc, Mutex};
 

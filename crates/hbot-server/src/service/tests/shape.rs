@@ -1,9 +1,11 @@
-//! What `info` and `stats` look like on the wire: names, their order, and whether a number is whole.
+//! Tests of the form of `info` and `stats` on the wire: names, their order, and which numbers are
+//! integers.
 
 use super::*;
 
-/// The shape of a message: names in their order, of a list its first entry, of everything else its type. Schemas and scenes, which
-/// have their own tests, are not looked into.
+/// Describes the form of a message: for a map its names in order, for a list the form of its first
+/// entry, for any other value its type. Schemas and scenes are not examined, because they have
+/// their own tests.
 fn shape(name: &str, value: &Value) -> String {
     match value {
         Value::Null => "null".to_owned(),
@@ -28,7 +30,7 @@ fn ask(bench: &TestService, op: &str) -> String {
     shape("", &raw.ask(&format!(r#"{{"id": 1, "op": "{op}"}}"#))["ok"])
 }
 
-/// The shape that a text over several lines says.
+/// Joins a description of a form that is written over several lines into one line.
 fn said(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ").replace("{ ", "{").replace(" }", "}")
 }

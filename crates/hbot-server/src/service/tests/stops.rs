@@ -1,4 +1,5 @@
-//! A stop waits for nothing: not for other clients, not for its own client's requests, not for a message that can be read.
+//! Tests that a stop does not wait: not for other clients, not for requests of its own client, and
+//! not for a message that can be parsed.
 
 use hbot_api::{Event, TorqueCommand};
 use hbot_core::inputs::Command;
@@ -13,12 +14,12 @@ use hbot_host::bridge::LoopEnd;
 const SET: &str = "{\"op\":\"set\",\"effect\":\"spring\",\"stiffness\":1}\n";
 const ESTOP: &[u8] = b"{\"id\":\"stop\",\"op\":\"estop\"}\n";
 
-/// A request of 64 KiB that took milliseconds to parse.
+/// Returns a request of about 64 KiB that would take milliseconds to parse.
 fn long_ping() -> Vec<u8> {
     format!("{{\"op\":\"ping\",\"data\":[{}]}}\n", vec!["{\"a\":0}"; 8000].join(",")).into_bytes()
 }
 
-/// Reads all that comes and lets it go.
+/// Reads and discards everything that arrives.
 fn swallow(mut from: tokio::io::ReadHalf<DuplexStream>) {
     tokio::spawn(async move {
         let mut piece = vec![0; 64 * 1024];
@@ -30,7 +31,7 @@ fn requests(desk: &Desk) -> u64 {
     desk.hub().summary().requests
 }
 
-/// Times that other tasks run until the loop is told to stop.
+/// Waits until the loop is asked to stop. Returns how many times other tasks ran before that.
 async fn turns_to_a_stop(loop_end: &LoopEnd) -> u32 {
     for turn in 0..100_000 {
         if loop_end.take_estop() {
@@ -62,9 +63,10 @@ async fn clients_that_flood_keep_no_stop_from_the_loop() {
         stopper.write_all(ESTOP).await.unwrap();
         let turns = turns_to_a_stop(&loop_end).await;
         let others = requests(&desk) - before;
-        // Three tasks a client, of which the scheduler runs 61 between two looks of this test.
+        // There are three tasks per client. The scheduler runs 61 of them between two checks of
+        // this test.
         assert!(turns <= 6, "{turns} times 61 tasks");
-        // A piece of 16 KiB ends a turn, so there are fewer than one of these requests a client.
+        // A read of 16 KiB ends a turn, so each client completes less than one of these requests.
         assert!(others <= FLOODS, "{others} requests of others");
     }
 }
@@ -74,7 +76,8 @@ async fn what_is_read_in_one_turn_is_bounded_whatever_the_pieces() {
     let (_loop_end, desk) = still();
     let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
     swallow(from);
-    // Short enough to be parsed, and more of them than a turn may have in what the pipe holds.
+    // Each message is short enough to be parsed. The pipe holds more of them than one turn may
+    // process.
     let ping = format!("{{\"op\":\"ping\",\"data\":\"{}\"}}\n", "x".repeat(2000));
     to.write_all(ping.repeat(500).as_bytes()).await.unwrap();
     let (mut most, mut before) = (0, requests(&desk));
@@ -107,7 +110,7 @@ async fn what_comes_before_a_stop_in_the_queue_gives_no_torque_after_it() {
     let (loop_end, desk) = still();
     let mut client = greeted_in_json(&desk, 1 << 20).await;
     client.write_all(b"{\"op\":\"acquire\"}\n").await.unwrap();
-    // More than come at once, so that `enable` waits.
+    // These are more bytes than are read at once, so that `enable` has to wait.
     let text = format!("{}{{\"id\":1,\"op\":\"enable\"}}\n{}", SET.repeat(150), SET.repeat(400));
     client.write_all(text.as_bytes()).await.unwrap();
     client.write_all(ESTOP).await.unwrap();
@@ -146,7 +149,7 @@ async fn a_disable_behind_requests_that_wait_is_done_before_them() {
 async fn a_signal_needs_nothing_of_the_service() {
     let (loop_end, desk) = still();
     let stop = desk.hub().emergency_stop();
-    // As in the midst of a turn that never ends.
+    // Holding the hub simulates a turn that never ends.
     let busy = desk.hub();
     std::thread::spawn(move || stop.stop_by_signal()).join().unwrap();
     assert!(loop_end.take_estop() && !loop_end.take_estop());
@@ -192,7 +195,7 @@ fn an_estop_in_any_shape_stops_the_rig() {
             assert_eq!(answer["ok"]["mode"], "estop", "{answer}");
         }
     }
-    // With an id that can be read, it is repeated.
+    // If the id can be parsed, the answer repeats it.
     holder.call(Op::Reset).unwrap();
     assert_eq!(raw.ask(r#"{"op":"estop","why":[1],"id":7}"#)["id"], 7);
 }
@@ -251,6 +254,6 @@ fn a_release_ends_the_stream() {
     let begun = next("torque", &pushes);
     other.call(Op::Release).unwrap();
     let ended = next("end of the torque", &|state| state.tick > begun && !pushes(state));
-    // It would have held for 1000 ticks; it ramps out in 20, from wherever the release finds it.
+    // The stream would last for 1000 ticks. After the release it ramps down in 20 ticks.
     assert!(ended < begun + 900, "{} ticks", ended - begun);
 }

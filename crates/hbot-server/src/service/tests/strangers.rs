@@ -1,4 +1,4 @@
-//! Those who have not said hello take little.
+//! Tests that clients without a hello use few resources.
 
 use super::*;
 
@@ -76,7 +76,7 @@ fn who_shows_a_wrong_token_waits_for_the_answer_and_nobody_else_does() {
 
 #[test]
 fn those_who_guess_tokens_take_no_place_from_those_who_know_one() {
-    // None of the guesses is answered in the time of the test.
+    // The delay is longer than the test, so none of the wrong tokens is answered during it.
     let bounds =
         Bounds { strangers: 3, wrong_token: Duration::from_secs(600), ..TestOptions::default().bounds };
     let token = Some("open sesame".to_owned());
@@ -90,7 +90,8 @@ fn those_who_guess_tokens_take_no_place_from_those_who_know_one() {
             raw.send(guess);
             guesses.push(raw);
         }
-        // So that all have been read: where one still was, its place would be its own.
+        // This waits until all wrong tokens have been read. A connection that has not been read yet
+        // keeps its place.
         eventually("the right one", || Client::connect_with(&bench.address.to_string(), &options).is_ok());
     }
     drop(guesses);

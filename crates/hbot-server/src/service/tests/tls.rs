@@ -1,4 +1,5 @@
-//! An encrypted service lets in who trusts it and whom it may, and nobody else.
+//! Tests that an encrypted service serves exactly the clients that trust its certificate and show
+//! its token.
 
 use hbot_api::{Encoding, ErrorCode, Trust};
 use hbot_config::rig::TlsFiles;
@@ -7,14 +8,14 @@ use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, 
 use super::*;
 use crate::tls::Encryption;
 
-/// A certificate with its key, in PEM.
+/// A certificate with its private key, in PEM.
 struct Made {
     certificate: String,
     key: String,
 }
 
 impl Made {
-    /// Signs itself; for the address that tests connect to.
+    /// Returns a self-signed certificate for the address that the tests connect to.
     fn by_itself() -> Self {
         let made = rcgen::generate_simple_self_signed(["127.0.0.1".to_owned()]).unwrap();
         Self { certificate: made.cert.pem(), key: made.signing_key.serialize_pem() }
@@ -33,7 +34,7 @@ impl Made {
     }
 }
 
-/// An authority, and the PEM of its certificate.
+/// Returns a certificate authority and its certificate in PEM.
 fn authority(called: &str) -> (CertifiedIssuer<'static, KeyPair>, String) {
     let mut params = CertificateParams::new([]).unwrap();
     params.distinguished_name.push(DnType::CommonName, called);
@@ -43,7 +44,7 @@ fn authority(called: &str) -> (CertifiedIssuer<'static, KeyPair>, String) {
     (authority, pem)
 }
 
-/// A certificate for `name` by an authority.
+/// Returns a certificate for `name`, signed by an authority.
 fn signed(authority: &CertifiedIssuer<'static, KeyPair>, name: &str) -> Made {
     let key = KeyPair::generate().unwrap();
     let certificate = CertificateParams::new([name.to_owned()]).unwrap().signed_by(&key, authority).unwrap();
@@ -62,7 +63,7 @@ fn connect(bench: &TestService, options: &ConnectOptions) -> Result<Client, Clie
     Client::connect_with(&bench.address.to_string(), options)
 }
 
-/// Why a client is not let in, in words.
+/// Returns the reason why a connection fails, as text.
 fn refusal(bench: &TestService, options: &ConnectOptions) -> String {
     match connect(bench, options) {
         Err(ClientError::Tls(why)) => why,
@@ -88,13 +89,13 @@ fn who_trusts_the_authority_or_the_certificate_itself_is_served_in_both_encoding
             }
             let data = json!("x".repeat(2000));
             assert_eq!(client.ping(data.clone()).unwrap().data, data);
-            // Longer than a record.
+            // This answer is longer than a TLS record.
             assert!(serde_json::to_string(&client.info().unwrap()).unwrap().len() > 16 * 1024);
             client.unsubscribe().unwrap();
             while client.next_event(Duration::ZERO).unwrap().is_some() {}
             assert_eq!(client.next_event(Duration::from_millis(1)).unwrap(), None, "a wait that ends");
             client.acquire(false).unwrap();
-            // And the other way.
+            // A long message in the other direction.
             let scene = json!({"name": "x", "y": "x".repeat(60_000)});
             assert!(client.load_scene(scene).unwrap_err().to_string().contains("y"));
             assert_eq!(client.estop().unwrap(), Mode::Estop);
@@ -116,7 +117,7 @@ fn a_server_that_is_not_the_one_trusted_gets_no_hello() {
     }
     let why = refusal(&bench, &trusting(&Made::by_itself().certificate));
     assert!(why.contains("not trusted"), "{why}");
-    // Signed by the right one, for another place.
+    // The trusted authority signed this certificate, but for another host.
     let elsewhere = signed(&authority, "rig.example").bench();
     let why = refusal(&elsewhere, &trusting(&pem));
     assert!(why.contains("not trusted") && why.contains("a name that it is for"), "{why}");
@@ -135,14 +136,14 @@ fn nothing_else_than_encryption_is_spoken_on_its_port() {
     raw.send(r#"{"id": 1, "op": "hello", "version": 1, "name": "raw"}"#);
     raw.send(r#"{"id": 2, "op": "estop"}"#);
     let mut said = Vec::new();
-    // A reset is an end as well.
+    // A reset ends the connection as well.
     let _ = raw.reader.read_to_end(&mut said);
     assert!(!said.contains(&b'{') && said.len() < 10, "an alert at most: {said:?}");
     let mut client = connect(&bench, &trusting(&made.certificate)).unwrap();
     assert_eq!(client.stats().unwrap().handshakes_failed, 2);
     let summary = bench.finish();
     assert_eq!((summary.estops, summary.handshakes_failed), (0, 2));
-    // And the other way round.
+    // The reverse case: an encrypting client at a server without encryption.
     let plain = self::bench();
     let why = refusal(&plain, &trusting(&made.certificate));
     assert!(why.contains("does not encrypt"), "{why}");
@@ -151,12 +152,13 @@ fn nothing_else_than_encryption_is_spoken_on_its_port() {
 #[test]
 fn handshakes_that_hang_or_are_garbage_are_counted_and_hold_nobody_up() {
     let made = Made::by_itself();
-    // Time for the one who does shake hands; those who hang keep it to its end.
+    // Time enough for the client that completes its handshake. The stalled connections keep their
+    // places until this time is over.
     let bounds = Bounds { hello: Duration::from_secs(5), ..TestOptions::default().bounds };
     let bench =
         TestService::start(TestOptions { encryption: made.encryption(), bounds, ..TestOptions::default() });
     let silent: Vec<_> = (0..10).map(|_| TcpStream::connect(bench.address).unwrap()).collect();
-    // The first bytes of a handshake, and no more.
+    // The first bytes of a handshake, and nothing after them.
     let halting: Vec<_> = (0..10)
         .map(|_| {
             let mut stream = TcpStream::connect(bench.address).unwrap();
@@ -168,10 +170,10 @@ fn handshakes_that_hang_or_are_garbage_are_counted_and_hold_nobody_up() {
         let mut stream = TcpStream::connect(bench.address).unwrap();
         let garbage: Vec<u8> =
             (0..20_000_u32).map(|i| (i.wrapping_add(k).wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-        // It may be cut before all is out.
+        // The server can close the connection before all bytes are sent.
         let _ = stream.write_all(&garbage);
     }
-    // However many hang, the next one is served.
+    // The next client is served although many handshakes stall.
     let tried = std::cell::Cell::new(0);
     eventually("a client", || {
         tried.set(tried.get() + 1);
@@ -187,7 +189,8 @@ fn handshakes_that_hang_or_are_garbage_are_counted_and_hold_nobody_up() {
     assert!(ticks(&bench) > before);
     drop((silent, halting));
     let summary = bench.finish();
-    // Nothing of it was a request; a slow machine may have refused one of us for coming late.
+    // None of these connections made a request. On a slow machine, attempts of the good client can
+    // be refused for a late hello.
     assert!(summary.refused.total() < tried.get(), "{:?}", summary);
     assert_eq!(summary.dropped_samples, 0);
 }

@@ -1,4 +1,5 @@
-//! One step's problem: masses, momenta, and what stands between the speeds and free motion.
+//! Builds the problem of one step for the solver: masses, momenta, and the laws of friction, slip
+//! and play.
 
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
 use hbot_core::kinematics::ContactFrame;
@@ -10,48 +11,51 @@ use super::solver::Problem;
 use super::{JointTorques, MAX_SPEEDS, Motor, State, Vector};
 use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
-/// A loss of a gear off by less than this part of what stops its motor is as good as right.
+/// Error of a gear's loss that is negligible, relative to the torque that would stop its motor in
+/// one step.
 const SMALL_LOSS: f64 = 1.0e-9;
 
-/// The inertia of a joint that has none, as a part of the sphere's: a thousandth of a real one. Much less costs the
-/// solver digits.
+/// Inertia given to a joint without one, relative to the sphere's inertia. It is a thousandth of a
+/// real joint's. A much smaller value would cost the solver digits.
 const LEAST_MASS: f64 = 1.0e-6;
 
-/// What holds during one step.
+/// The geometry at the middle of a step. It is held constant during the step.
 pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
-    /// Distance of each contact from O, m.
+    /// Distance of each contact from the centre O of rotation, m.
     radius: [f64; MAX_WHEELS],
-    /// Rows of G: what a wheel that does not slip does.
+    /// Rows of G (steer, drive) of each wheel: the joint rates of a wheel that does not slip.
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
 }
 
-/// What acts during one step, where the speeds at its end are thought to be `guess`.
+/// Torques and impulses that act during one step, for a guess of the speeds at its end.
 pub(super) struct Given<'a> {
     pub(super) h: f64,
     pub(super) tau: &'a JointTorques,
-    /// Of the torques on the sphere, N m s.
+    /// Impulse of the torques on the sphere, N m s.
     pub(super) impulse: Vec3,
-    /// What stands in the sphere's mass for torques that fall with its speed, kg m².
+    /// Inertia added to the sphere for torques that fall with its speed, kg m².
     pub(super) implicit: f64,
-    /// The modules' torques are those over the way that this makes.
+    /// Guess of the speeds at the end. The torques of the wheel modules are taken over the motion
+    /// that it makes.
     pub(super) guess: &'a Vector,
-    /// With the stiffness against the step that makes a guess of no speeds one that never gives energy.
+    /// Whether to add a stiffness that keeps a guess of zero speeds from adding energy.
     pub(super) bounded: bool,
 }
 
-/// What moves, and how fast its joints do.
+/// The moving parts of the nonsmooth plant, with the rates of its joints and motors.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
     pub(super) device: Device,
     pub(super) phenomena: Phenomena,
-    /// I_s and what is held to the sphere, kg m².
+    /// Inertia of the sphere (I_s) and of anything attached to it, kg m².
     pub(super) inertia: f64,
     pub(super) modules: Option<[Module; MAX_WHEELS]>,
-    /// Rates of the joints, at the wheel's side of a gear, rad/s.
+    /// Joint rates, on the wheel's side of a gear, rad/s.
     pub(super) rates: [f64; MAX_JOINTS],
     pub(super) motors: [Motor; MAX_WHEELS],
-    /// The axis that the sphere is held to turn about, a unit vector in N.
+    /// The only axis about which the sphere can turn, a unit vector in frame N. `None` if it can
+    /// turn freely.
     pub(super) hinge: Option<Vec3>,
 }
 
@@ -60,25 +64,28 @@ impl Body {
         self.device.wheels().len()
     }
 
-    /// Where the rates of a joint stand among the speeds; `None` where they follow from the sphere's.
+    /// Returns the index of a joint's rate among the speeds (`k` is 0 for steer, 1 for drive).
+    /// `None` if the wheels cannot slip, because the rate then follows from the sphere's.
     pub(super) fn joint_at(&self, wheel: usize, k: usize) -> Option<usize> {
         self.phenomena.slip.map(|_| 3 + 2 * wheel + k)
     }
 
-    /// Where the rate of a drive's motor stands, behind a gear with play.
+    /// Returns the index of the rate of a drive's motor among the speeds, or `None` if gears have
+    /// no play.
     pub(super) fn motor_at(&self, wheel: usize) -> Option<usize> {
         let first = if self.phenomena.slip.is_some() { 3 + 2 * self.wheels() } else { 3 };
         self.phenomena.gear.map(|_| first + wheel)
     }
 
-    /// How many speeds there are.
+    /// Returns the number of speeds.
     fn size(&self) -> usize {
         let joints = if self.phenomena.slip.is_some() { 2 } else { 0 };
         let motors = if self.phenomena.gear.is_some() { 1 } else { 0 };
         3 + self.wheels() * (joints + motors)
     }
 
-    /// Inertias of a wheel's two joints, without the motor behind a gear: steer, coupling, drive, kg m².
+    /// Returns the inertias of a wheel's joints without the motor behind a gear: steer, coupling,
+    /// drive, kg m².
     pub(super) fn wheel_mass(&self, wheel: &Wheel) -> [f64; 3] {
         let spec = wheel.spec();
         let coupling = spec.axial_inertia * wheel.axis_along_axle();
@@ -88,22 +95,25 @@ impl Body {
         [spec.steer_inertia.max(least), coupling, drive.max(least)]
     }
 
-    /// Inertia of a drive's motor behind its gear, in the joint's measure, kg m²: a share of what the coupling of the joints
-    /// leaves free, so that the rest is an inertia that a wheel can have.
+    /// Returns the inertia of a drive's motor behind its gear, scaled to the joint, kg m².
+    ///
+    /// It is a share of the inertia that the coupling of the joints leaves free, so that the
+    /// inertia left to the wheel stays physically possible.
     pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
         self.phenomena
             .gear
             .map_or(0.0, |gear| (gear.rotor_share * free_inertia(wheel)).max(self.least_mass()))
     }
 
-    /// A device may have joints without inertia, which nothing but the no-slip condition moves. Where they stand by
-    /// themselves they get some of their own.
+    /// Returns the smallest inertia of a joint, kg m². A device can have joints without inertia,
+    /// which only the no-slip condition moves. If their rates are separate speeds, they need some
+    /// inertia.
     fn least_mass(&self) -> f64 {
         let apart = self.phenomena.slip.is_some() || self.phenomena.gear.is_some();
         if apart { LEAST_MASS * self.device.sphere_inertia() } else { 0.0 }
     }
 
-    /// The geometry at `ahead` seconds after `state`, by the rates as they are.
+    /// Returns the geometry at `ahead` seconds after `state`, extrapolated with the present rates.
     pub(super) fn instant(&self, state: &State, ahead: f64) -> Instant {
         let mut now = Instant {
             frames: [ContactFrame::default(); MAX_WHEELS],
@@ -126,7 +136,8 @@ impl Body {
         now
     }
 
-    /// All speeds as they are.
+    /// Returns the present speeds: those of the sphere, then those of joints and motors that move
+    /// separately.
     pub(super) fn speeds(&self, state: &State) -> Vector {
         let mut speeds = [0.0; MAX_SPEEDS];
         speeds[..3].copy_from_slice(&state.omega.to_array());
@@ -143,7 +154,7 @@ impl Body {
         speeds
     }
 
-    /// The rate of a joint (at the wheel's side of a gear) as a combination of the speeds.
+    /// Returns the rate of a joint, on the wheel's side of a gear, as a combination of the speeds.
     fn joint_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
         match self.joint_at(wheel, k) {
             Some(at) => Row::EMPTY.and(at, 1.0),
@@ -151,7 +162,8 @@ impl Body {
         }
     }
 
-    /// The rate of what a joint's motor, encoder and friction sit on.
+    /// Returns the rate of the shaft on which a joint's motor, encoder and friction act, as a
+    /// combination of the speeds.
     fn driven_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
         match self.motor_at(wheel).filter(|_| k == 1) {
             Some(at) => Row::EMPTY.and(at, 1.0),
@@ -159,7 +171,8 @@ impl Body {
         }
     }
 
-    /// Slip of a contact along its c1 and c2, wheel minus sphere, m/s: H zd + Z w.
+    /// Returns the slip of a contact along the wheel's axle (c1) and rolling direction (c2), wheel
+    /// minus sphere, m/s: H zd + Z w.
     pub(super) fn slip_rows(&self, now: &Instant, i: usize) -> [Row; 2] {
         let (wheel, frame, radius) = (&self.device.wheels()[i], &now.frames[i], now.radius[i]);
         let (Some(steer), Some(drive)) = (self.joint_at(i, 0), self.joint_at(i, 1)) else {
@@ -173,7 +186,8 @@ impl Body {
         ]
     }
 
-    /// Puts the laws of this step in place; impulses go on from those of the last step, `share` times as large.
+    /// Sets up the laws of this step. Impulses of the last step are kept, multiplied by `share`, as
+    /// the solver's start.
     pub(super) fn lay_out(
         &self,
         elements: &mut Vec<Element>,
@@ -196,7 +210,7 @@ impl Body {
             count += 1;
         };
         if let Some(axis) = self.hinge {
-            // Two directions in which nothing turns, whatever it takes.
+            // Two directions across the axis in which friction of infinite limit prevents any turn.
             let across = axis.any_orthonormal_pair();
             put(
                 Law::Friction { limit: f64::INFINITY },
@@ -238,7 +252,8 @@ impl Body {
             if let (Some(gear), Some(motor)) = (self.phenomena.gear, self.motor_at(i)) {
                 let behind = self.motors[i].angle - state.drive[i];
                 let half = 0.5 * gear.backlash;
-                // What rounding of the angles leaves to either side is neither a way to go nor a reason to be thrown back.
+                // A distance within the rounding of the angles counts as no room. It neither allows
+                // motion nor pushes the gear back.
                 let rounding = 16.0 * f64::EPSILON * (1.0 + state.drive[i].abs());
                 let room = |way: f64| if way > rounding { way / h } else { 0.0 };
                 let law = Law::Gap { low: -room(half + behind), high: room(half - behind) };
@@ -251,7 +266,8 @@ impl Body {
         }
     }
 
-    /// The spin of a contact about its normal, wheel minus sphere, rad/s: (dth/dt) cos a - w.c3.
+    /// Returns the spin of a contact about its normal c3, wheel minus sphere, rad/s: (dth/dt) cos a
+    /// - w.c3, with a the cone angle.
     fn spin_row(&self, now: &Instant, i: usize, cone: f64) -> Row {
         let normal = now.frames[i].c3;
         match self.joint_at(i, 0) {
@@ -260,9 +276,12 @@ impl Body {
         }
     }
 
-    /// Friction of the gears under load, at their motors' sides: what makes the other side get `efficiency` of the power.
-    /// It depends on the very impulse that it takes from, so it is found by sweeps: this one brings each limit nearer to
-    /// what the last solution's impulses would have, and says whether all were within `tolerance` of that.
+    /// Updates the friction of gears under load, at the motor's side. It is the loss that leaves
+    /// the other side `efficiency` of the power.
+    ///
+    /// The loss depends on the impulse from which it is taken, so it is found by repeated calls.
+    /// Each call moves the friction limits closer to those that follow from the last solution.
+    /// Returns whether all of them were within `tolerance` already.
     pub(super) fn mesh(&mut self, elements: &mut [Element], speeds: &Vector, h: f64, tolerance: f64) -> bool {
         let Some(gear) = self.phenomena.gear else { return true };
         let mut stands = true;
@@ -278,14 +297,16 @@ impl Body {
             let mass = self.motor_mass(&self.device.wheels()[i]);
             let (motor, wanted) = (&mut self.motors[i], share * passed.abs());
             let off = wanted - motor.loss;
-            // What would stop the motor within a step, to the digits that matter.
+            // A negligible part of the torque that would stop the motor within a step.
             let small = SMALL_LOSS * mass * motor.rate.abs().max(rate.abs()) / h;
-            // The friction of a geared drive stands before its gap. A motor that it holds with either limit is held.
+            // The friction of a geared drive is the element before its gap. If both limits hold the
+            // motor, the loss need not be exact.
             let friction = &mut elements[at - 1];
             let Law::Friction { limit } = &mut friction.law else { continue };
             let held = friction.impulse[0].abs() < limit.min(*limit + h * off);
             stands &= held || off.abs() <= tolerance * wanted.max(motor.loss) + small;
-            // What is passed on falls by no more than the loss grows: from below, this never goes too far.
+            // The torque passed on falls by at most the growth of the loss. From below, this update
+            // cannot overshoot.
             let change = off / (1.0 + share);
             motor.loss += change;
             *limit = (*limit + h * change).max(0.0);
@@ -294,7 +315,7 @@ impl Body {
         stands
     }
 
-    /// Masses and momenta of this step.
+    /// Computes the masses and momenta of this step.
     pub(super) fn assemble(&self, problem: &mut Problem, state: &State, now: &Instant, given: &Given<'_>) {
         let Given { h, tau, impulse, implicit, guess, bounded } = *given;
         let n = self.size();
@@ -340,14 +361,16 @@ impl Body {
     }
 }
 
-/// What the coupling of a wheel's joints leaves of the drive's inertia to be anywhere else, kg m².
+/// Returns the drive inertia that can belong to the motor instead of the wheel, J_ph - J_c² / J_th,
+/// kg m². The coupling J_c of the wheel's joints needs the rest.
 fn free_inertia(wheel: &Wheel) -> f64 {
     let spec = wheel.spec();
     let coupling = spec.axial_inertia * wheel.axis_along_axle();
     spec.drive_inertia - if coupling == 0.0 { 0.0 } else { coupling * coupling / spec.steer_inertia }
 }
 
-/// A component of the sphere's angular velocity.
+/// Returns the component of the sphere's angular velocity along `v`, as a combination of the
+/// speeds.
 fn on_sphere(v: Vec3) -> Row {
     Row::EMPTY.and(0, v.x).and(1, v.y).and(2, v.z)
 }

@@ -1,34 +1,37 @@
 //! Set-valued laws between a velocity and an impulse, in the form that the solver needs.
 //!
-//! Each law is the subdifferential of a convex function g: the impulse against a velocity u is p in dg(u). What the solver
-//! works with is its augmented Lagrangian (Rockafellar 1976; Alart and Curnier 1991): with the last multiplier p0 and a
-//! penalty rho, p = rho (y - prox(y)) where y = u + p0 / rho. That is a continuous function of u, and where p = p0 it is
-//! the law itself, whatever rho is: what sticks, sticks.
+//! Each law is the subdifferential of a convex function g: the impulse p against a velocity u is in
+//! dg(u). The solver works with the law's augmented Lagrangian (Rockafellar 1976; Alart and Curnier
+//! 1991). With the last multiplier p0 and a penalty rho, the impulse is p = rho (y - prox(y)) with
+//! y = u + p0 / rho. This is a continuous function of u. At p = p0 it equals the law itself for any
+//! rho, so a sticking contact truly sticks.
 
 use super::{MAX_SPEEDS, Vector};
 
-/// The most components of one element.
+/// Largest number of components of an element's velocity.
 pub(super) const MAX_DIMENSION: usize = 3;
 
-/// A law of one element.
+/// The law of one element: the relation between its velocity and its impulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// Coulomb: an impulse of at most `limit` against the velocity, of that size where there is any. g = limit |u|.
+    /// Coulomb friction. The impulse acts against the velocity u. Its size is `limit` if there is
+    /// motion, and at most `limit` at rest. Its convex function is g = limit |u|.
     Friction {
-        /// N s or N m s; infinite where nothing ever slides.
+        /// Largest impulse, N s or N m s. Infinite for a direction in which nothing ever slides.
         limit: f64,
     },
-    /// A stop: no impulse while the velocity is within the bounds, none of them passed. g is the bounds' indicator.
-    /// Zero is within.
+    /// A stop. There is no impulse while the velocity is within the bounds, and the bounds are
+    /// never exceeded. Its convex function g is the indicator function of the bounds, which include
+    /// zero.
     Gap {
-        /// Not above 0.
+        /// Lower bound of the velocity, at most 0.
         low: f64,
-        /// Not below 0.
+        /// Upper bound of the velocity, at least 0.
         high: f64,
     },
 }
 
-/// One component of an element's velocity as a sparse combination of the speeds.
+/// One component of an element's velocity, as a sparse linear combination of the speeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Row {
     at: [u8; 5],
@@ -39,7 +42,7 @@ pub(super) struct Row {
 impl Row {
     pub(super) const EMPTY: Self = Self { at: [0; 5], by: [0.0; 5], len: 0 };
 
-    /// Adds `by` times the speed `at`.
+    /// Adds `by` times the speed of index `at`.
     #[inline]
     pub(super) fn and(mut self, at: usize, by: f64) -> Self {
         self.at[usize::from(self.len)] = at as u8;
@@ -48,14 +51,14 @@ impl Row {
         self
     }
 
-    /// Which speeds, and how much of each.
+    /// Returns the index and the factor of each speed in the combination.
     #[inline]
     pub(super) fn terms(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
         let n = usize::from(self.len);
         self.at[..n].iter().zip(&self.by[..n]).map(|(at, by)| (usize::from(*at) % MAX_SPEEDS, *by))
     }
 
-    /// The component at `speeds`.
+    /// Returns the value of the component at `speeds`.
     #[inline]
     pub(super) fn dot(&self, speeds: &Vector) -> f64 {
         self.terms().map(|(at, by)| by * speeds[at]).sum()
@@ -71,17 +74,19 @@ impl Row {
     }
 }
 
-/// A law and the velocity that it is about.
+/// A law of friction or play together with the velocity to which it applies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Element {
     pub(super) law: Law,
     pub(super) dimension: usize,
     pub(super) rows: [Row; MAX_DIMENSION],
-    /// The impulse on the speeds' negative side: rows' transpose times it is taken from the momentum.
+    /// Impulse against the speeds: the transpose of `rows` times it is subtracted from the
+    /// momentum.
     pub(super) impulse: [f64; MAX_DIMENSION],
 }
 
-/// The impulse at one velocity, and how it changes with it: dp/du = along I + across d dᵀ.
+/// The impulse at one velocity and its derivative dp/du = along I + across d dᵀ, with d the
+/// `direction`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Response {
     pub(super) impulse: [f64; MAX_DIMENSION],
@@ -91,7 +96,7 @@ pub(super) struct Response {
 }
 
 impl Element {
-    /// What answers the velocity `u` with the penalty `rho`, from the multiplier `last`.
+    /// Returns the impulse at the velocity `u`, with the penalty `rho` and the multiplier `last`.
     #[inline]
     pub(super) fn response(
         &self,
@@ -139,7 +144,7 @@ mod tests {
         assert_eq!(answer(Law::Friction { limit: 0.0 }, 0.0).impulse[0], 0.0);
         assert_eq!(answer(Law::Friction { limit: f64::INFINITY }, -1e300).impulse[0], -1e300);
         assert_eq!(answer(Law::Friction { limit: 2.0 }, -3.0).impulse[0], -2.0);
-        // At the limit itself it still sticks.
+        // Exactly at the limit it still sticks.
         assert_eq!(answer(Law::Friction { limit: 2.0 }, 2.0).along, 10.0);
     }
 

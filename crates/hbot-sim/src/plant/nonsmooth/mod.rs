@@ -1,18 +1,20 @@
-//! The plant with friction that sticks, contacts that slip and gears with play: set-valued laws, stable at any step.
+//! The nonsmooth plant: friction that sticks, contacts that slip, and gears with play. It is stable
+//! at any step.
 //!
-//! A time-stepping scheme (Moreau 1988; Jean 1999): the laws hold between the impulse of a step and the speeds at its
-//! end. Normal forces and friction limits are given, not found, so each law is the gradient of a convex function and the
-//! speeds at the end are the unique minimum of another ([`solver`]). From that follow
+//! It uses a time-stepping scheme (Moreau 1988; Jean 1999): the set-valued laws hold between the
+//! impulse of a step and the speeds at its end. Normal forces and friction limits are parameters,
+//! not unknowns. Each law is therefore the gradient of a convex function, and the speeds at the end
+//! of a step are the unique minimum of another convex function ([`solver`]). It follows that
 //!
-//! - stability at any step and any ratio of masses, without a time constant of contact;
-//! - sticking that does not creep: the impulse of the last step is where the next one starts;
-//! - energy that no step can raise: implicit Euler against laws that only take, and potentials as discrete gradients
-//!   ([`weights`](super::weights));
-//! - order 1 in the step, like every scheme that looks for no event.
+//! - the scheme is stable at any step and any ratio of masses, without a time constant of contact;
+//! - sticking does not creep, because each step starts from the impulses of the step before;
+//! - no step can raise the energy: implicit Euler meets laws that only take energy, and potentials
+//!   are discrete gradients ([`weights`](super::weights));
+//! - the order is 1, as for every scheme that does not locate events.
 //!
-//! Speeds are the sphere's angular velocity, the joint rates where contacts may slip (else they follow from the sphere),
-//! and the rates of motors behind a gear with play. In these the masses are constant: no force of inertia but those of the
-//! constraints.
+//! The speeds are the sphere's angular velocity, the joint rates if contacts can slip (otherwise
+//! they follow from the sphere), and the rates of motors behind a gear with play. In these speeds
+//! the masses are constant, so the only inertial forces are those of the constraints.
 
 mod body;
 mod law;
@@ -30,45 +32,51 @@ use super::{JointTorques, State};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
-/// The sphere, two joints a wheel, a motor behind each drive's gear.
+/// Largest number of speeds: 3 of the sphere, 2 joints per wheel, 1 motor behind each drive's gear.
 const MAX_SPEEDS: usize = 3 + 3 * MAX_WHEELS;
 type Vector = [f64; MAX_SPEEDS];
 
-/// How often discrete gradients and losses of gears are taken anew within a step, at most; each time gains a digit or more.
+/// Largest number of sweeps in a step. Each sweep recomputes discrete gradients and gear losses,
+/// and gains at least a digit.
 const MAX_SWEEPS: usize = 12;
-/// They stand when the speeds change by no more than this part: the torque is then off by a step's turn less.
+/// Relative change of the speeds below which the sweeps have settled. The error of the torque is
+/// then smaller still, by the turn in a step.
 const SETTLED: f64 = 1.0e-10;
-/// Speeds below this settle as if they were it, rad/s: to 1e-12, about what the solver leaves of those that stick.
+/// Smallest speed used for the relative change in the settling test, rad/s. Slower speeds settle to
+/// 1e-12, about the remaining velocity of a sticking element.
 const RESTING: f64 = 1.0e-2;
-/// A gear's loss may be that of the step before where the two are this near, for then it changes slowly: of the
-/// scheme's order. Where gears meet it does not.
+/// Relative difference up to which a gear can keep the loss of the step before.
+///
+/// Such a loss changes slowly, so the error is of the scheme's order. When the gear teeth meet, the
+/// loss changes fast, and it is recomputed.
 const LAG: f64 = 0.05;
-/// Else it is found anew, to this part.
+/// Relative tolerance of a gear's loss that is recomputed.
 const SETTLED_LOSS: f64 = 1.0e-6;
 
-/// A device whose friction sticks, contacts slip, or gears have play.
+/// A plant with friction that sticks, contacts that slip, or gears that have play.
 #[derive(Debug, Clone)]
 pub(crate) struct Nonsmooth {
     body: Body,
     elements: Vec<Element>,
-    /// The step that the elements' impulses are of, s.
+    /// Length of the step to which the elements' impulses belong, s.
     last_step: f64,
     problem: Problem,
     workspace: Workspace,
     effort: Effort,
 }
 
-/// A drive's motor behind its gear, in the joint's measure.
+/// A drive's motor behind its gear. Angle and rate are scaled to the joint, as if the gear ratio
+/// were 1.
 #[derive(Debug, Clone, Copy, Default)]
 struct Motor {
     angle: f64,
     rate: f64,
-    /// What the gear lost in the last step by passing torque on, N m at the motor.
+    /// Torque that the gear lost by friction under load in the last step, at the motor's side, N m.
     loss: f64,
 }
 
 impl Nonsmooth {
-    /// The plant of `device` with what `phenomena` name, at `state`.
+    /// Creates the plant of `device` with the given phenomena, at `state`.
     pub(super) fn new(device: &Device, phenomena: Phenomena, state: &State) -> Self {
         let capacity = 2 + 5 * device.wheels().len();
         let mut plant = Self {
@@ -91,8 +99,8 @@ impl Nonsmooth {
         plant
     }
 
-    /// Takes over a state that something else has made: joints roll without slip, motors in the middle of their play,
-    /// nothing held yet.
+    /// Adopts a state that was set from outside: joints roll without slip, motors stand in the
+    /// middle of their play, and all friction impulses are cleared.
     pub(super) fn adopt(&mut self, state: &State) {
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
@@ -118,12 +126,13 @@ impl Nonsmooth {
         self.elements.clear();
     }
 
-    /// How hard the last step was.
+    /// Returns the solver's work in the last step.
     pub(super) fn effort(&self) -> Effort {
         self.effort
     }
 
-    /// What the encoders sit on: joint angles, at the motor's side of a gear, rad.
+    /// Returns the angles that the encoders measure, rad. If gears have play, the drive angles are
+    /// those of the motors.
     pub(super) fn encoder_angles(&self, state: &State) -> [f64; MAX_JOINTS] {
         let mut angles = state.joints();
         if self.body.phenomena.gear.is_some() {
@@ -134,7 +143,7 @@ impl Nonsmooth {
         angles
     }
 
-    /// Rates of what the encoders sit on, rad/s.
+    /// Returns the rates that the encoders measure, rad/s.
     pub(super) fn encoder_rates(&self) -> [f64; MAX_JOINTS] {
         let mut rates = self.body.rates;
         if self.body.phenomena.gear.is_some() {
@@ -145,7 +154,8 @@ impl Nonsmooth {
         rates
     }
 
-    /// Slip velocity of each wheel along its c1 and c2, wheel minus sphere, m/s.
+    /// Returns the slip velocity of each wheel along its axle (c1) and its rolling direction (c2),
+    /// wheel minus sphere, m/s.
     pub(super) fn slip(&self, state: &State) -> [[f64; 2]; MAX_WHEELS] {
         let (now, speeds) = (self.body.instant(state, 0.0), self.body.speeds(state));
         core::array::from_fn(|i| {
@@ -156,7 +166,8 @@ impl Nonsmooth {
         })
     }
 
-    /// Kinetic and potential energy, J; a hand's spring is not in it.
+    /// Returns the kinetic and potential energy of the plant, J. The energy of a hand's spring is
+    /// not included.
     pub(super) fn energy(&self, state: &State) -> f64 {
         let mut energy = 0.5 * self.body.inertia * state.omega.length_squared();
         for (i, wheel) in self.body.device.wheels().iter().enumerate() {
@@ -171,8 +182,8 @@ impl Nonsmooth {
         energy + self.weight().map_or(0.0, |weight| weight.energy(state.q))
     }
 
-    /// Moves `state` on by `h` seconds to the time `end` (s), with `tau` held at the motors, `external` on the sphere
-    /// (in N, N m), and a hand.
+    /// Advances `state` by `h` seconds to the time `end` (s). The torques `tau` act at the motors,
+    /// `external` acts on the sphere (frame N, N m), and a hand can hold it.
     pub(super) fn step(
         &mut self,
         state: &mut State,
@@ -201,10 +212,12 @@ impl Nonsmooth {
         let mut settled = !potentials;
         for sweep in 0..=MAX_SWEEPS {
             let last = sweep == MAX_SWEEPS;
-            // What depends on the speeds at the end: torques of potentials, by the last guess.
+            // The torques of potentials depend on the speeds at the end of the step. The last guess
+            // of these is used.
             let (guess, implicit) = if last {
-                // Sweeps that do not settle give way to what takes energy at any step: torques as they are now, and half
-                // the most that a potential can curve as a stiffness against the step.
+                // If the sweeps do not settle, the last one is made so that it cannot add energy.
+                // It takes the torques at the start, and adds half the largest curvature of the
+                // potentials as a stiffness against the step.
                 ([0.0; MAX_SPEEDS], implicit + 0.5 * h * h * weight.map_or(0.0, |weight| weight.curvature()))
             } else {
                 (speeds, implicit)
@@ -218,7 +231,8 @@ impl Nonsmooth {
             let mut given = Vec3::ZERO;
             if let Some((spring, damping, target)) = &hold {
                 torque += spring.torque_over(state.q, phi);
-                // The spring's change with the speed stands in the mass; taken out here, it is exact at the end.
+                // The mass contains the change of the spring's torque with the speed. Subtracting
+                // that of the guess here makes the torque exact after the sweeps have settled.
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
             let impulse = torque * h + given;
@@ -241,7 +255,7 @@ impl Nonsmooth {
         self.take(state, &now, &speeds, h);
     }
 
-    /// The speeds after the step become the plant's, and everything moves by them.
+    /// Stores the speeds at the end of the step, and moves all angles by them.
     fn take(&mut self, state: &mut State, now: &Instant, speeds: &Vector, h: f64) {
         state.omega = Vec3::from_slice(&speeds[..3]);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
@@ -262,7 +276,7 @@ impl Nonsmooth {
         }
     }
 
-    /// The sphere's own weight, where it is out of centre.
+    /// Returns the weight of the sphere if its centre of mass is off centre.
     fn weight(&self) -> Option<Weight> {
         self.body.phenomena.eccentric.map(|eccentric| Weight {
             offset: Vec3::from_array(eccentric.offset),

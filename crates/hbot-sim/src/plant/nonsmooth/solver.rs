@@ -1,33 +1,40 @@
-//! The speeds after a step: the unique minimum of a strictly convex function.
+//! Finds the speeds after a step as the unique minimum of a strictly convex function.
 //!
-//! With A positive definite, minimise 1/2 uᵀ A u - rᵀ u + sum g_k(W_k u) over the speeds u. Friction of a fixed limit and
-//! stops have convex g_k, so the minimum exists and is unique, whatever the masses, and is found by the method of multipliers
-//! (Rockafellar 1976) with Newton steps inside: each subproblem is smooth but for kinks, strictly convex, and its
-//! semismooth Newton steps with a line search on the slope converge from anywhere (Qi and Sun 1993).
+//! With A positive definite, it minimises 1/2 uᵀ A u - rᵀ u + sum g_k(W_k u) over the speeds u.
+//! Stops, and friction of a fixed limit, have convex g_k. The minimum therefore exists and is
+//! unique for any masses. It is found by the method of multipliers (Rockafellar 1976) with Newton
+//! steps inside. Each subproblem is strictly convex and smooth except for kinks. Semismooth Newton
+//! steps with a line search on the slope converge from any start (Qi and Sun 1993).
 //!
-//! Speeds are scaled so that A has a unit diagonal; penalties then stand in units of each row's own mass.
+//! Speeds are scaled so that A has a unit diagonal. Penalties are then relative to the mass of each
+//! row.
 
 use super::law::{Element, MAX_DIMENSION, Response, Row};
 use super::{MAX_SPEEDS, Vector};
 
-/// The first penalty, relative to the mass that a row sees. Larger needs fewer rounds and costs digits.
+/// Initial penalty, relative to the mass that a row sees. A larger penalty needs fewer rounds and
+/// loses digits.
 const PENALTY: f64 = 1.0e3;
-/// The largest: beyond, rounding of the Newton matrix is felt.
+/// Largest penalty. Beyond it, rounding of the Newton matrix becomes noticeable.
 const MAX_PENALTY: f64 = 1.0e9;
-/// What may be left of a sticking velocity, relative to what the step's momentum and impulses would make.
+/// Largest velocity that a sticking element can keep, relative to the velocity that the momentum
+/// and impulses of the step would make.
 const STICKING: f64 = 1.0e-12;
-/// What part of the slope at the start counts as level.
+/// Slope that counts as zero in the line search, as a fraction of the slope at the start.
 const LEVEL: f64 = 1.0e-2;
-/// How many times what is thought to be rounding may be rounding.
+/// Factor by which rounding errors can exceed their estimate.
 const NEAR: f64 = 64.0;
-/// And where the largest penalties gain no more: impulses that no equation determines (a device held fast everywhere, a
-/// gear with next to no play) run away slowly while speeds stand.
+/// Tolerance in place of [`STICKING`] when the largest penalties bring no more progress.
+///
+/// This happens if no equation determines some impulses (a device held fast everywhere, or a gear
+/// with almost no play). They then drift slowly while the speeds stay constant.
 const STALLED: f64 = 1.0e-10;
 const MAX_ROUNDS: usize = 60;
 const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
 
-/// What the speeds must minimise. `mass` is row by row, its lower half read alone.
+/// The function that the speeds must minimise. `mass` is stored by rows, and only its lower half is
+/// read.
 #[derive(Debug, Clone)]
 pub(super) struct Problem {
     pub(super) n: usize,
@@ -35,18 +42,18 @@ pub(super) struct Problem {
     pub(super) momentum: Vector,
 }
 
-/// How hard a step was.
+/// The solver's work in one step of the nonsmooth plant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
-    /// Rounds of the method of multipliers.
+    /// Number of rounds of the method of multipliers.
     pub rounds: u32,
-    /// Newton steps in all.
+    /// Total number of Newton steps.
     pub newton: u32,
-    /// Whether the bounds on both sufficed.
+    /// Whether the solver converged within its limits of rounds and Newton steps.
     pub converged: bool,
 }
 
-/// Room for the solver's work, so that a step allocates nothing.
+/// Memory for the solver, so that a step allocates nothing.
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
     factor: [Vector; MAX_SPEEDS],
@@ -61,7 +68,7 @@ impl Problem {
     pub(super) const EMPTY: Self =
         Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
 
-    /// Adds `mass` between the velocities `a` and `b`: mass aᵀ b.
+    /// Adds to the mass matrix the inertia `mass` between the velocities `a` and `b`: mass aᵀ b.
     pub(super) fn weigh(&mut self, a: &Row, b: &Row, mass: f64) {
         for (i, a) in a.terms() {
             for (j, b) in b.terms() {
@@ -70,7 +77,7 @@ impl Problem {
         }
     }
 
-    /// Adds an impulse along the velocity `row`.
+    /// Adds an impulse along the velocity `row` to the momentum.
     pub(super) fn push(&mut self, row: &Row, impulse: f64) {
         for (i, by) in row.terms() {
             self.momentum[i] += by * impulse;
@@ -90,7 +97,8 @@ impl Workspace {
         }
     }
 
-    /// Finds the speeds, from a guess in `speeds`, and leaves the impulses in `elements`, whose last ones are its start.
+    /// Solves for the speeds, starting from the guess in `speeds`. Reads the start values of the
+    /// impulses from `elements`, and writes the results back.
     pub(super) fn solve(
         &mut self,
         problem: &mut Problem,
@@ -109,7 +117,7 @@ impl Workspace {
             effort.rounds += 1;
             let (newton, minimized) = self.minimize(problem, speeds);
             effort.newton += newton;
-            // How far each velocity is from what its law would have with this impulse.
+            // The distance of each velocity from the one that its law allows at this impulse.
             let (mut worst, mut pace) = (0.0f64, momentum);
             for (k, (element, now)) in self.scaled.iter_mut().zip(&self.responses).enumerate() {
                 let change = [0, 1, 2].map(|c| now.impulse[c] - element.impulse[c]);
@@ -142,7 +150,7 @@ impl Workspace {
         effort
     }
 
-    /// Brings the problem to a unit diagonal.
+    /// Scales the problem so that the mass matrix has a unit diagonal.
     fn normalize(&mut self, problem: &mut Problem, elements: &[Element]) {
         let n = problem.n;
         for i in 0..n {
@@ -170,7 +178,8 @@ impl Workspace {
         }
     }
 
-    /// The impulses at `speeds`, the gradient there, and how far rounding lets it be from zero.
+    /// Computes the impulses and the gradient at `speeds`. Returns the size of gradient that
+    /// rounding alone can cause.
     fn look(&mut self, problem: &Problem, speeds: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let pace = norm(&speeds[..n]);
@@ -204,8 +213,8 @@ impl Workspace {
         }
     }
 
-    /// Minimises for the multipliers as they are: how many Newton steps it took, and whether no more than
-    /// rounding is left of the gradient. The responses are those at the minimum.
+    /// Minimises with the present multipliers. Returns the number of Newton steps, and whether only
+    /// rounding is left of the gradient. The responses are then those at the minimum.
     fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
@@ -220,15 +229,21 @@ impl Workspace {
             steps += 1;
             let left = norm(&gradient[..n]);
             if left >= 0.5 * before && left <= NEAR * floor {
-                // The bound is a guess at what sums of many terms lose; where steps help no more, this is what they do lose.
+                // The estimate of the rounding error can be too small for sums of many terms. If a
+                // step brings no progress near it, only rounding is left.
                 break;
             }
         }
         (steps, norm(&gradient[..n]) <= NEAR * floor)
     }
 
-    /// Moves along `step`: all of it unless the slope there has turned up, then to where it falls half as steeply or
-    /// less. Before it turns up the function falls all the way; past that it may have risen, and steps might go in circles.
+    /// Moves along `step` by a line search on the slope, and returns the rounding bound of the
+    /// gradient.
+    ///
+    /// It takes the whole step unless the slope there is upward. Otherwise it bisects to a point at
+    /// which the slope is not upward and at most half as steep as at the start. Up to such a point
+    /// the function only falls. Beyond it the function can have risen, and steps could repeat in a
+    /// cycle.
     fn walk(&mut self, problem: &Problem, speeds: &mut Vector, step: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let start = *speeds;
@@ -254,7 +269,7 @@ impl Workspace {
         floor
     }
 
-    /// Cholesky factor of the Newton matrix at `speeds`.
+    /// Computes the Cholesky factor of the Newton matrix at the present responses.
     fn factorize(&mut self, problem: &Problem) {
         let n = problem.n;
         for i in 0..n {
@@ -293,7 +308,7 @@ impl Workspace {
                     sum -= self.factor[i][k] * self.factor[j][k];
                 }
                 self.factor[i][j] = if i == j {
-                    // Not below what rounding may have left of a unit diagonal.
+                    // Rounding can leave less than this of the unit diagonal, or a negative number.
                     libm::sqrt(sum.max(f64::EPSILON))
                 } else {
                     sum / self.factor[j][j]
@@ -318,7 +333,7 @@ impl Workspace {
     }
 }
 
-/// The mass matrix times `x`.
+/// Returns the mass matrix times `x`.
 fn multiplied(problem: &Problem, x: &Vector) -> Vector {
     let mut y = [0.0; MAX_SPEEDS];
     for i in 0..problem.n {

@@ -1,15 +1,18 @@
-//! The plant against the reference: as near as a step of its order lets it be, and nearer with the step.
+//! The plant approaches the reference as its order predicts, and comes closer with a smaller step.
 
 use hbot_sim::phenomena::CageFriction;
 
 use super::reference::{End, Sharpness};
 use super::scenes::{self, Scene, turned_apart};
 
-/// Steps of a millisecond, a quarter, a twentieth and a hundredth.
+/// Steps of 1 ms and a quarter, a twentieth and a hundredth of it, s.
 const STEPS: [f64; 4] = [1.0e-3, 2.5e-4, 5.0e-5, 1.0e-5];
 
-/// The reference with its own error: what a regularisation ten times as sharp, a gear ten times as hard and a tolerance
-/// ten times as tight change of it.
+/// Returns the end of the scene as computed by the reference, and an estimate of the reference's
+/// error, rad.
+///
+/// The estimate is the sum of the changes by a regularisation ten times as sharp, a gear ten times
+/// as hard, and a tolerance ten times as tight.
 fn reference(scene: &Scene) -> (End, f64) {
     let sharp = scene.sharpness;
     let best = scene.by_reference(sharp);
@@ -26,8 +29,10 @@ fn listed(errors: &[f64]) -> String {
     errors.iter().map(|error| format!("{error:.1e}")).collect::<Vec<_>>().join(", ")
 }
 
-/// Errors at [`STEPS`]: each at most `rate` times the step and the reference's own; `order` is that of orientation from the
-/// first step to the third, where events do not come and go with the step. All within these.
+/// Checks that the errors at [`STEPS`] are at most `rate` times the step plus the reference's own
+/// error.
+///
+/// `order` is the range for the order of the orientation error, from the first step to the third.
 fn agrees(scene: &Scene, rate: f64, order: core::ops::Range<f64>) {
     let (best, own) = reference(scene);
     let ends = STEPS.map(|h| scene.stepped(h));
@@ -51,7 +56,8 @@ fn slip_sets_in_slides_and_stops() {
     agrees(&scenes::slide(), 5.0, 0.95..1.05);
 }
 
-/// The reference creeps at its v of 1e-5 rad/s, the plant not at all.
+/// A part held by friction does not move in the plant. In the reference it creeps, because friction
+/// is regularised with v = 1e-5 rad/s.
 #[test]
 fn what_is_held_stays() {
     let scene = scenes::held();
@@ -61,7 +67,7 @@ fn what_is_held_stays() {
     };
     let (blunt, sharp) = (creep(1.0e-4), creep(1.0e-5));
     println!("held: the reference creeps {blunt:.1e} and {sharp:.1e} rad");
-    // Ten times as sharp, a tenth of the creep: nothing else is between the two.
+    // A sharpness ten times as great gives a tenth of the creep, so there is no other difference.
     assert!((blunt / sharp - 10.0).abs() < 0.2, "{blunt:e} {sharp:e}");
     let end = scene.stepped(1.0e-3);
     assert!(scene.apart(&end, &scene.by_reference(Sharpness { rate: 1e-8, ..scene.sharpness })) < 1e-8);
@@ -72,7 +78,8 @@ fn joints_stick_and_slip() {
     agrees(&scenes::stick_slip(), 8.0, 0.8..1.1);
 }
 
-/// With inputs held at the middle of each step only the meeting of the flanks is of order 1, and it shows little.
+/// Inputs are taken at the middle of each step, so only the contact of the flanks is of order 1.
+/// Its error is small.
 #[test]
 fn a_gear_crosses_its_play() {
     agrees(&scenes::backlash(), 0.1, 1.0..2.2);
@@ -93,14 +100,16 @@ fn contacts_resist_pivoting() {
     agrees(&scenes::pivoting(), 30.0, 0.9..1.1);
 }
 
-/// Its worst angle is that of a drive that slips and meets its gear's flanks again and again, 5 rad in all: there a
-/// meeting that comes or does not come with a step makes orders uneven. The orientation's is 0.8 and more.
+/// The worst angle is that of a drive that slips and meets its gear's flanks again and again, 5 rad
+/// in all. A contact of the flanks that depends on the step makes its order uneven. The order of
+/// the orientation is at least 0.8.
 #[test]
 fn everything_at_once() {
     agrees(&scenes::everything(), 100.0, 0.7..1.2);
 }
 
-/// Nothing sticks: four orders by Rk4 down to the reference's own error, one by time stepping.
+/// If nothing sticks, Rk4 has order four down to the reference's own error, and time stepping has
+/// order one.
 #[test]
 fn masses_out_of_place() {
     let scene = scenes::smooth();
@@ -113,7 +122,7 @@ fn masses_out_of_place() {
     assert!(((errors[0] / errors[1]).log2() - 4.0).abs() < 0.3, "{}", listed(&errors));
     assert!(errors[2] < 1.0e-9, "{:e}", errors[2]);
 
-    // A cage that does not rub makes the plant step through time.
+    // A cage without friction selects the time-stepping scheme.
     let mut stepping = scenes::smooth();
     stepping.phenomena.cage_friction = Some(CageFriction { torque: 0.0 });
     let errors = STEPS.map(|h| stepping.apart(&stepping.stepped(h), &best));

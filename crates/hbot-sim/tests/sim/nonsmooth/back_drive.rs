@@ -1,4 +1,5 @@
-//! Back-drive torques: each axis of N held as a hinge, a torque about it that grows slowly until the sphere turns.
+//! Back-drive torques. The sphere can turn about one axis of N only, and a torque about it grows
+//! until the sphere turns.
 
 use core::f64::consts::TAU;
 
@@ -9,16 +10,20 @@ use hbot_sim::plant::{Dynamics, Method, State};
 
 use crate::devices::prototype;
 
-/// Pairs of steering angles, on a lattice that has each wheel at this many even steps of a turn: friction is a sum over the
-/// wheels, so their means do not mix.
+/// Number of pairs of steer angles. Each wheel takes this many equally spaced angles. Friction is a
+/// sum over the wheels, so its mean does not depend on how their angles are paired.
 const GRID: u32 = 144;
-/// How the second wheel's angle goes with the first's: 55 and 144 have no common part.
+/// Steps of the second wheel's angle for one step of the first's. 55 and 144 have no common factor,
+/// so the second wheel takes every angle once.
 const SKEW: u32 = 55;
-/// How much the torque grows in a step of 1 ms, N m.
+/// Growth of the torque in a step of 1 ms, N m.
 const RAMP: f64 = 2.0e-5;
 
-/// The mean over both steering angles, of what a ramp finds and of what is to be expected: at a hinge about n the power of
-/// all friction is that of the cage and of each joint's c |g.n|, whatever the hinge itself takes.
+/// Compares the mean over both steer angles of the torque found by the ramp with the expected
+/// torque.
+///
+/// At a hinge about n the power of all friction is that of the cage plus c |g.n| for each joint,
+/// whatever torques the hinge itself takes.
 #[test]
 fn back_drive_torques_are_those_of_cage_and_joints() {
     let device = prototype(0.0155, 2.7e-5, 3.5e-6);
@@ -38,7 +43,7 @@ fn back_drive_torques_are_those_of_cage_and_joints() {
             let mut dynamics = Dynamics::new(&device, &phenomena, Method::Rk4, &state).unwrap();
             assert!(dynamics.set_hinge(Some(axis)));
             let mut torque = 0.0;
-            // A step's own turn of the sphere once it goes is 1e-3 rad/s and more.
+            // After breaking loose the sphere gains 1e-3 rad/s or more in a step.
             while state.omega.dot(axis) < 1.0e-6 {
                 torque += RAMP;
                 dynamics.step(&mut state, 0.0, 1.0e-3, &[0.0; 16], axis * torque, None);
@@ -50,9 +55,9 @@ fn back_drive_torques_are_those_of_cage_and_joints() {
         let cells = f64::from(GRID);
         let (found, expected) = (1e3 * found / cells, 1e3 * expected / cells);
         println!("about {axis}: {found:.3} mN m, expected {expected:.3}, paper {paper}");
-        // A step of the ramp is 0.5 % of it.
+        // One step of the ramp is 0.5 % of the torque.
         assert!((found / expected - 1.0).abs() < 0.005, "about {axis}: {found} against {expected} mN m");
-        // The notes' figures are round.
+        // The physics notes give rounded numbers.
         assert!((found - notes).abs() < 0.15, "about {axis}: {found} against {notes} mN m");
     }
 }

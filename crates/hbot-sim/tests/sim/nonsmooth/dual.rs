@@ -1,4 +1,5 @@
-//! Numbers with a derivative along one direction: exact Jacobians of the reference's equations.
+//! Dual numbers: values with a derivative along one direction. They give exact Jacobians of the
+//! reference's equations.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -83,7 +84,7 @@ impl Div for Dual {
     }
 }
 
-/// A vector of them.
+/// A vector of three dual numbers.
 pub(super) type Triple = [Dual; 3];
 
 pub(super) fn fixed(v: [f64; 3]) -> Triple {
@@ -106,14 +107,14 @@ pub(super) fn cross(a: Triple, b: Triple) -> Triple {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// v turned by the quaternion (w, x, y, z), for any norm near 1.
+/// Returns v turned by the quaternion (w, x, y, z), which can have any norm near 1.
 pub(super) fn turned(q: [Dual; 4], v: Triple) -> Triple {
     let e = [q[1], q[2], q[3]];
     let t = times(cross(e, v), constant(2.0));
     plus(v, plus(times(t, q[0]), cross(e, t)))
 }
 
-/// Solves the 3 x 3 system with these rows, by Cramer's rule.
+/// Solves the 3 x 3 system with the rows `m` by Cramer's rule.
 pub(super) fn solved(m: [Triple; 3], b: Triple) -> Triple {
     let det = dot(m[0], cross(m[1], m[2]));
     let columns: [Triple; 3] = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];

@@ -1,4 +1,5 @@
-//! Without input no step adds energy: random devices, random phenomena, figures as extreme as they are allowed.
+//! Without input no step adds energy, for random devices and phenomena with parameters as extreme
+//! as allowed.
 
 use hbot_core::Vec3;
 use hbot_core::device::{Device, WheelSpec};
@@ -9,7 +10,7 @@ use hbot_sim::phenomena::{
 };
 use hbot_sim::plant::{Dynamics, Method, State};
 
-/// A sequence that looks random: splitmix64 (Steele, Lea and Flood 2014).
+/// A pseudo-random sequence: splitmix64 (Steele, Lea and Flood 2014).
 struct Dice(u64);
 
 impl Dice {
@@ -29,7 +30,7 @@ impl Dice {
         low + (high - low) * self.unit()
     }
 
-    /// Evenly over the powers of ten.
+    /// Returns a number whose logarithm is uniformly distributed.
     fn decade(&mut self, low: f64, high: f64) -> f64 {
         10.0f64.powf(self.between(low.log10(), high.log10()))
     }
@@ -38,7 +39,8 @@ impl Dice {
         self.unit() < share
     }
 
-    /// One time in five nothing, one in five huge, else between.
+    /// Returns zero one time in five, `huge` one time in five, and otherwise a number between `low`
+    /// and `high`.
     fn figure(&mut self, low: f64, high: f64, huge: f64) -> f64 {
         match self.next() % 5 {
             0 => 0.0,
@@ -56,8 +58,8 @@ impl Dice {
     }
 }
 
-/// A device whose inertias differ by up to six powers of ten, one time in four; else like a real one. One in twenty has
-/// joints without inertia.
+/// Returns a random device. One time in four its inertias differ by up to six powers of ten;
+/// otherwise they are like those of a real device. One device in twenty has joints without inertia.
 fn device(dice: &mut Dice) -> Option<Device> {
     let count = 2 + (dice.next() % 7) as usize;
     let extreme = dice.chance(0.25);
@@ -121,21 +123,22 @@ fn phenomena(dice: &mut Dice) -> Phenomena {
     }
 }
 
-/// What the scenes came to.
+/// Totals over all scenes of the test.
 #[derive(Default)]
 struct Tally {
     scenes: u32,
     steps: u32,
-    /// Steps that the solver gave up before its own bounds were met.
+    /// Number of steps in which the solver did not converge.
     unfinished: u32,
-    /// The largest rise of energy in a step, relative to the energy at the start and the swing of the weights.
+    /// Largest rise of energy in a step, relative to the energy at the start plus the swing of the
+    /// weights.
     rise: f64,
-    /// The most Newton steps of a step.
+    /// Largest number of Newton steps in a step.
     newton: u32,
 }
 
-/// One scene of `steps` steps, if the seed makes one: a device that is none, or one whose gear has inertias that
-/// contradict each other, does not.
+/// Runs one scene of `steps` steps. Does nothing if the seed gives no valid device or no nonsmooth
+/// phenomena.
 fn run(seed: u64, steps: u32, tally: &mut Tally) {
     let mut dice = Dice(seed);
     let Some(device) = device(&mut dice) else { return };
@@ -170,8 +173,9 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
         let now = total(&dynamics, &state);
         let effort = dynamics.effort().unwrap();
         let rise = (now - before) / scale;
-        // What the solver leaves of a velocity that ought to be none, 1e-12 of what the step's impulses would make, a few
-        // times: impulses of a step are at most a few times the momentum. Also false for what is not a number.
+        // The bound is a few times the velocity that the solver leaves of a sticking element, 1e-12
+        // of what the impulses of the step would make. These are at most a few times the momentum.
+        // The comparison also fails for NaN.
         assert!(rise <= 1e-11, "seed {seed}, step {step} of {h:e} s: {rise:e} {effort:?} {phenomena:?}");
         assert!((state.q.length() - 1.0).abs() < 4e-15, "seed {seed}, step {step}: {}", state.q.length());
         tally.steps += 1;
@@ -182,7 +186,8 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
     }
 }
 
-/// Ten thousand scenes of a few steps each, in which all that meets does so, and some of them for longer.
+/// Runs ten thousand scenes of a few steps each, some of them longer, with all combinations of
+/// phenomena.
 #[test]
 fn no_step_adds_energy() {
     let mut tally = Tally::default();

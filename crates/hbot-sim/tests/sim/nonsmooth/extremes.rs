@@ -1,4 +1,4 @@
-//! Friction of nothing and without end, and masses a million apart, in steps of 1 ms.
+//! Zero and infinite friction, and masses whose ratio is a million, in steps of 1 ms.
 
 use hbot_core::Vec3;
 use hbot_sim::phenomena::{JointFriction, Phenomena, Slip};
@@ -6,7 +6,8 @@ use hbot_sim::plant::{Dynamics, Method, State};
 
 use crate::devices::prototype;
 
-/// The state after a second in steps of 1 ms, from a motion that rolls or not; no step adds energy.
+/// Returns the state after a second in steps of 1 ms from a motion that can roll or slip. Checks
+/// that no step adds energy.
 fn a_second(inertia: f64, coulomb: f64, mu: f64) -> State {
     let device = prototype(0.0155, 2.7e-5 * inertia, 3.5e-6 * inertia);
     let phenomena = Phenomena {
@@ -26,7 +27,8 @@ fn a_second(inertia: f64, coulomb: f64, mu: f64) -> State {
     for i in 0..1000 {
         dynamics.step(&mut state, f64::from(i) * 1e-3, 1e-3, &[0.0; 16], Vec3::ZERO, None);
         let (now, effort) = (dynamics.energy(&state), dynamics.effort().unwrap());
-        // What the solver leaves of a velocity that ought to be none, a few times, of the energy at the start.
+        // A few times the velocity that the solver leaves of a sticking element, relative to the
+        // energy at the start.
         assert!(
             now - before <= 1e-11 * start && effort.converged,
             "{inertia} {coulomb} {mu}, step {i}: {effort:?}"
@@ -40,13 +42,14 @@ fn a_second(inertia: f64, coulomb: f64, mu: f64) -> State {
 fn friction_of_nothing_and_without_end_and_masses_a_million_apart() {
     let start = Vec3::new(1.0, 2.0, 3.0);
     for inertia in [1e-6, 1.0, 1e6] {
-        // Contacts without friction leave the sphere alone.
+        // Contacts without friction do not affect the sphere.
         let free = a_second(inertia, 0.0, 0.0).omega;
         assert!((free - start).length() < 1e-12, "{inertia}: {free}");
-        // Contacts and joints that hold whatever comes leave nothing.
+        // Contacts and joints with unlimited friction stop the sphere completely.
         let held = a_second(inertia, 1e12, 1e12).omega;
         assert!(held.length() < 1e-11, "{inertia}: {held}");
-        // Joints that hold, contacts that slide: mu N at either stops 3.2 mN m s within 5 ms or so.
+        // The joints hold and the contacts slide: mu N at each contact stops 3.2 mN m s within
+        // about 5 ms.
         let slid = a_second(inertia, 1e12, 1.0).omega;
         assert!(slid.length() < 1e-11, "{inertia}: {slid}");
         let _ = a_second(inertia, 1e-3, 0.1);

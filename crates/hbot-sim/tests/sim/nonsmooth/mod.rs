@@ -1,4 +1,5 @@
-//! The plant with set-valued laws: against equations written out anew and a method of another kind, and by what must hold.
+//! Tests of the nonsmooth plant: against independent equations with another kind of method, and by
+//! conservation laws.
 
 mod agreement;
 mod back_drive;

@@ -1,4 +1,4 @@
-//! The slip that encoders can see is the slip that there is, as far as they can see it.
+//! The slip that odometry computes from the encoders is the observable part of the true slip.
 
 use hbot_core::device::Device;
 use hbot_core::kinematics::Posture;
@@ -8,7 +8,8 @@ use hbot_sim::plant::{Dynamics, Method, State};
 
 use crate::devices::{prototype, toed};
 
-/// What of the slip `s` no angular velocity of the sphere explains: s - Z (ZᵀZ)⁻¹ Zᵀ s, with Z = R [-c2ᵀ; c1ᵀ] a wheel.
+/// Returns the part of the slip `s` that no angular velocity of the sphere explains: s - Z (ZᵀZ)⁻¹
+/// Zᵀ s, with Z = R [-c2ᵀ; c1ᵀ] per wheel.
 fn observable(device: &Device, posture: &Posture, s: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let r = device.sphere_radius();
     let (mut square, mut right) = (Mat3::ZERO, Vec3::ZERO);
@@ -31,9 +32,10 @@ fn size(slip: &[[f64; 2]]) -> f64 {
     slip.iter().flatten().fold(0.0, |m, s| s.abs().max(m))
 }
 
-/// The largest slip seen and true, m/s, of drives that push with `torque` for 30 ms.
+/// Drives two wheels with `torque` for 30 ms. Returns the largest slip computed from the encoders
+/// and the largest observable true slip, m/s.
 fn slips(device: &Device, slip: Option<Slip>, torque: f64, h: f64) -> (f64, f64) {
-    // With a cage that hardly rubs the plant steps through time with slip or without.
+    // A cage with almost no friction selects the nonsmooth plant, with or without slip.
     let phenomena =
         Phenomena { slip, cage_friction: Some(CageFriction { torque: 1e-6 }), ..Phenomena::default() };
     let mut state = State { steer: [0.3, -0.4, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
@@ -46,7 +48,8 @@ fn slips(device: &Device, slip: Option<Slip>, torque: f64, h: f64) -> (f64, f64)
         let posture = Posture::new(device, &state.steer);
         let wheels = device.wheels().len();
         let forward = posture.forward(device, &dynamics.encoder_rates(&state));
-        // A plant without slip has rates of the middle of its step: what is left of them at its end is slip to the encoders.
+        // Without slip, the joint rates belong to the middle of the step. At its end, encoders see
+        // the difference as slip.
         let truth = dynamics.slip(&state);
         if slip.is_some() {
             let wanted = observable(device, &posture, &truth[..wheels]);
@@ -67,7 +70,7 @@ fn slips(device: &Device, slip: Option<Slip>, torque: f64, h: f64) -> (f64, f64)
 fn encoders_see_what_they_can_of_slip_and_none_where_there_is_none() {
     let grip = Slip { mu: 0.5, normal_force: 2.0 };
     for (device, name) in [(prototype(0.0155, 2.7e-5, 3.5e-6), "prototype"), (toed(3), "three wheels")] {
-        // What 1 N at the contact takes of a drive, and half as much again.
+        // The drive torque at which the contact, with a grip of 1 N, begins to slip.
         let limit = largest_grip(&grip) * device.wheels()[0].spec().radius;
         let h = 2.5e-4;
         let (sliding, there) = slips(&device, Some(grip), 1.5 * limit, h);
@@ -79,7 +82,7 @@ fn encoders_see_what_they_can_of_slip_and_none_where_there_is_none() {
              in a quarter of the step {finer:.1e}"
         );
         assert!(sliding > 0.02, "{name}: {sliding}");
-        // What a step of order 1 leaves: with a quarter of the step a quarter of it.
+        // The error of a step of order 1: a quarter of the step gives a quarter of it.
         assert!(held < 0.02 * sliding && without < 0.02 * sliding, "{name}: {held} {without}");
         assert!((without / finer / 4.0 - 1.0).abs() < 0.2, "{name}: {without} {finer}");
     }

@@ -1,8 +1,10 @@
-//! The reference: the equations of motion of the physics notes, sections 1, 2, 5 and 8, written out anew, with every
-//! set-valued law regularised and moved on by a stiff method (backward differences of order 1 to 5).
+//! An independent reference for the nonsmooth plant: the equations of motion of the physics notes,
+//! sections 1, 2, 5 and 8, written a second time.
 //!
-//! Friction is -limit s / sqrt(|s|² + v²), so what ought to stick creeps at v times the load's share of the limit; a gear's
-//! flanks are hard dampers that never pull. Both errors are shown by taking v and the damping otherwise.
+//! Every set-valued law is regularised, and a stiff method integrates the equations (backward
+//! differentiation of order 1 to 5). Friction is -limit s / sqrt(|s|² + v²), so a sticking part
+//! creeps at v times the load's share of the limit. The flanks of a gear are hard dampers that
+//! never pull. The tests show both errors by varying v and the damping.
 
 use differential_equations::ivp::IVP;
 use differential_equations::linalg::Matrix;
@@ -16,13 +18,14 @@ use hbot_sim::plant::State;
 
 use super::dual::{Dual, Triple, constant, cross, dot, fixed, plus, solved, times, turned};
 
-/// Orientation, angular velocity, and six numbers for each of two wheels: th, ph, their rates, the motor's angle and rate.
+/// Number of variables: orientation, angular velocity, and for each of two wheels th, ph, their
+/// rates, and the motor's angle and rate.
 const SIZE: usize = 7 + 2 * 6;
 type Numbers = [f64; SIZE];
 
 const GRAVITY: f64 = 9.80665;
 
-/// What acts from outside, as functions of time.
+/// Torques from outside as functions of time, and an optional hand.
 #[derive(Clone, Copy)]
 pub(super) struct Input {
     pub(super) tau: fn(f64) -> [f64; 4],
@@ -30,10 +33,11 @@ pub(super) struct Input {
     pub(super) grip: Option<Grip>,
 }
 
-/// How sharp the regularised laws are.
+/// How closely the regularised laws follow the set-valued ones.
 #[derive(Clone, Copy)]
 pub(super) struct Sharpness {
-    /// v of joints, cage and pivoting, rad/s; that of contacts is this times 0.01 m.
+    /// Regularisation speed v of joints, cage and pivoting, rad/s. For contacts it is this times
+    /// 0.01 m.
     pub(super) rate: f64,
     /// Damping of the flanks of a gear, N m s/rad.
     pub(super) flank: f64,
@@ -41,7 +45,7 @@ pub(super) struct Sharpness {
     pub(super) tolerance: f64,
 }
 
-/// The device with its phenomena and what acts on it.
+/// The equations of a device with its phenomena and its inputs.
 pub(super) struct Reference<'a> {
     pub(super) device: &'a Device,
     pub(super) phenomena: &'a Phenomena,
@@ -49,17 +53,17 @@ pub(super) struct Reference<'a> {
     pub(super) sharpness: Sharpness,
 }
 
-/// One wheel at one instant.
+/// The geometry of one wheel at one instant.
 struct Contact {
     axis: Triple,
     c1: Triple,
     c2: Triple,
     c3: Triple,
-    /// R + d.c3.
+    /// Distance of the contact from the centre O of rotation, R + d.c3, m.
     radius: Dual,
 }
 
-/// Least rotation taking n3 to `l`, times v.
+/// Returns v turned by the least rotation that takes n3 to `l`.
 fn a0(l: [f64; 3], v: Triple) -> Triple {
     let axis = fixed([-l[1], l[0], 0.0]);
     let turn = cross(axis, v);
@@ -67,7 +71,8 @@ fn a0(l: [f64; 3], v: Triple) -> Triple {
 }
 
 impl Reference<'_> {
-    /// Where everything stands `seconds` after `state`, which rolls without slip.
+    /// Returns the end of the motion, `seconds` after `state`. The wheels roll without slip at
+    /// `state`.
     pub(super) fn advance(&self, state: &State, seconds: f64) -> End {
         let mut y = [0.0; SIZE];
         y[..4].copy_from_slice(&[state.q.w, state.q.x, state.q.y, state.q.z]);
@@ -118,13 +123,13 @@ impl Reference<'_> {
         }
     }
 
-    /// The sphere's offset in N.
+    /// Returns the sphere's offset from the centre in frame N, m.
     fn offset(&self, y: &[Dual; SIZE]) -> Triple {
         let d = self.phenomena.eccentric.map_or([0.0; 3], |e| e.offset);
         turned([y[0], y[1], y[2], y[3]], fixed(d))
     }
 
-    /// Rows of G: H zd + Z w = 0, row by row.
+    /// Returns the rows of G (steer, drive) of a wheel, from H zd + Z w = 0.
     fn rolling(&self, i: usize, at: &Contact) -> [Triple; 2] {
         let r = self.device.wheels()[i].spec().radius;
         let steer = at.c2.map(|c| c / dot(at.axis, at.c2));
@@ -133,14 +138,15 @@ impl Reference<'_> {
         [steer, drive]
     }
 
-    /// -limit u / sqrt(|u|² + v²).
+    /// Returns the regularised friction -limit u / sqrt(|u|² + v²).
     fn friction<const N: usize>(&self, limit: Dual, u: [Dual; N], scale: f64) -> [Dual; N] {
         let v = self.sharpness.rate * scale;
         let size = u.iter().fold(constant(v * v), |sum, u| sum + *u * *u).sqrt();
         u.map(|u| -(limit * u / size))
     }
 
-    /// Friction at a joint, viscous and dry, with `more` to its limit.
+    /// Returns the viscous and dry friction torque of a joint. `more` is added to the limit of the
+    /// dry part.
     fn joint_friction(&self, rate: Dual, more: Dual) -> Dual {
         let Some(f) = self.phenomena.joint_friction else { return self.friction(more, [rate], 1.0)[0] };
         let x = rate * (1.0 / f.stribeck_rate);
@@ -149,8 +155,11 @@ impl Reference<'_> {
         self.friction(limit, [rate], 1.0)[0] - rate * f.viscous
     }
 
-    /// What a gear's flanks give to the wheel. Hard dampers, so that what meets does not bounce, with springs that make up
-    /// in a millisecond for what they give way. They take hold over a millionth of a radian: a jump would stop the integrator.
+    /// Returns the torque that a gear's flanks give to the wheel.
+    ///
+    /// The flanks are hard dampers, so that they do not bounce, with springs that undo the
+    /// penetration within a millisecond. They engage over a millionth of a radian, because a jump
+    /// would stop the integrator.
     fn flanks(&self, behind: Dual, rate: Dual) -> Dual {
         let Some(gear) = self.phenomena.gear else { return Dual::default() };
         let c = self.sharpness.flank;
@@ -200,7 +209,7 @@ impl Reference<'_> {
                 None => (dot(rows[0], w), dot(rows[1], w)),
             };
             let jc = spec.axial_inertia * spec.cone.sin() * spec.toe.sin();
-            // What the coupling needs stays with the wheel.
+            // The inertia that the coupling of the joints needs stays with the wheel.
             let free = spec.drive_inertia - jc * jc / spec.steer_inertia;
             let behind_gear = p.gear.map_or(0.0, |gear| gear.rotor_share) * free;
             let (jt, jp) = (spec.steer_inertia, spec.drive_inertia - behind_gear);
@@ -231,7 +240,7 @@ impl Reference<'_> {
             }
             (out[base], out[base + 1]) = (steer, drive);
             if let Some(slip) = p.slip {
-                // s = H zd + Z w, F on the wheel.
+                // s = H zd + Z w, with F on the wheel.
                 let (lc1, lc2) = (dot(at.axis, at.c1), dot(at.axis, at.c2));
                 let s = [
                     at.radius * lc2 * steer - at.radius * dot(at.c2, w),
@@ -246,7 +255,8 @@ impl Reference<'_> {
                 on_sphere = plus(on_sphere, times(at.c1, at.radius * f[1]));
                 on_sphere = plus(on_sphere, times(at.c2, -(at.radius * f[0])));
             } else {
-                // d/dt of each row: steering turns it about l, and the contact's distance changes.
+                // Time derivatives of the rows: steering turns them about l, and the contact's
+                // distance changes.
                 let away = dot(cross(w, offset), at.c3) + dot(offset, cross(at.axis, at.c3)) * steer;
                 let bend = |row: Triple| dot(cross(at.axis, row), w) * steer;
                 let steer_bend = bend(rows[0]);
@@ -270,7 +280,8 @@ impl Reference<'_> {
     }
 }
 
-/// The torque of a hand on the sphere: 2 K times scalar and vector part of q_d q⁻¹, and the damper.
+/// Returns the torque of a hand on the sphere: the spring, 2 K times the scalar and the vector part
+/// of q_d q⁻¹, plus the damper.
 fn hand(grip: &Grip, t: f64, q: [Dual; 4], w: Triple) -> Triple {
     let (target, hand) = (grip.target(t), grip.hand());
     let (d, e) = (fixed([target.q.x, target.q.y, target.q.z]), [q[1], q[2], q[3]]);
@@ -297,11 +308,11 @@ impl ODE<f64, Numbers> for Reference<'_> {
     }
 }
 
-/// Where a motion ends.
+/// The orientation and angles at the end of a motion.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct End {
     pub(super) q: Quat,
-    /// th and ph of each wheel, rad.
+    /// Angles th and ph of each wheel, rad.
     pub(super) joints: [f64; 4],
     /// Angles of the drive motors, rad.
     pub(super) motors: [f64; 2],

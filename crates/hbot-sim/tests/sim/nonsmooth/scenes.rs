@@ -1,4 +1,5 @@
-//! Motions in which something sticks, slides, slips or crosses its play, and how to run them on either plant.
+//! Motions in which parts stick, slide, slip or cross their play, run by the plant or by the
+//! reference.
 
 use core::f64::consts::PI;
 
@@ -14,7 +15,7 @@ use hbot_sim::plant::{Dynamics, Method, State};
 use super::reference::{End, Input, Reference, Sharpness};
 use crate::devices::{prototype, toed};
 
-/// A motion from a state that rolls.
+/// A motion that starts from a state without slip.
 pub(super) struct Scene {
     pub(super) name: &'static str,
     pub(super) device: Device,
@@ -26,7 +27,7 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// The end of the motion by the plant with steps of `h`.
+    /// Returns the end of the motion as computed by the plant with steps of `h`.
     pub(super) fn stepped(&self, h: f64) -> End {
         let mut state = self.start;
         let mut dynamics = Dynamics::new(&self.device, &self.phenomena, Method::Rk4, &state).unwrap();
@@ -53,13 +54,14 @@ impl Scene {
         }
     }
 
-    /// The end of the motion by the reference.
+    /// Returns the end of the motion as computed by the reference.
     pub(super) fn by_reference(&self, sharpness: Sharpness) -> End {
         let (device, phenomena, input) = (&self.device, &self.phenomena, self.input);
         Reference { device, phenomena, input, sharpness }.advance(&self.start, self.seconds)
     }
 
-    /// The largest difference of an angle, rad: orientation, joints, and motors where they stand by themselves.
+    /// Returns the largest difference of orientation and joint angles, rad. With gears the motor
+    /// angles count too.
     pub(super) fn apart(&self, a: &End, b: &End) -> f64 {
         let joints = a.joints.iter().zip(b.joints).map(|(a, b)| (a - b).abs());
         let motors = a.motors.iter().zip(b.motors).map(|(a, b)| (a - b).abs());
@@ -68,7 +70,7 @@ impl Scene {
     }
 }
 
-/// Of orientation alone, rad.
+/// Returns the difference of orientation alone, rad.
 pub(super) fn turned_apart(a: &End, b: &End) -> f64 {
     rotation::angle_between(a.q, b.q)
 }
@@ -79,14 +81,14 @@ fn nothing<const N: usize>(_: f64) -> [f64; N] {
     [0.0; N]
 }
 
-/// sin² over the first `length` seconds.
+/// Returns sin² over the first `length` seconds, then 0.
 fn bump(t: f64, length: f64) -> f64 {
     if t < length { (PI * t / length).sin().powi(2) } else { 0.0 }
 }
 
 const IDLE: Input = Input { tau: nothing, external: nothing, grip: None };
 
-/// A drive that is pushed beyond what its contact holds, then let go until it grips again.
+/// A drive is pushed beyond the grip of its contact, then released until it grips again.
 pub(super) fn slide() -> Scene {
     Scene {
         name: "slip onset, slide and stop",
@@ -99,7 +101,7 @@ pub(super) fn slide() -> Scene {
     }
 }
 
-/// All friction there is, under three quarters of the load that would move it.
+/// All kinds of friction hold three quarters of the load that would move the sphere.
 pub(super) fn held() -> Scene {
     Scene {
         name: "sticking under load",
@@ -121,7 +123,7 @@ pub(super) fn held() -> Scene {
     }
 }
 
-/// A slow spring pulls joints whose friction falls once they move.
+/// A slow spring pulls joints whose friction falls when they move.
 pub(super) fn stick_slip() -> Scene {
     let hand = Hand { stiffness: 3.0, damping: 0.0, inertia: 0.0, amplitude: 0.25, rate: 0.25 };
     let start = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
@@ -160,7 +162,8 @@ pub(super) fn backlash() -> Scene {
     }
 }
 
-/// A drive that closes its play, pushes, and is then driven back across it by the sphere, with losses both ways.
+/// A drive closes its play and pushes. The sphere then drives it back across the play. There are
+/// losses in both directions.
 pub(super) fn lossy() -> Scene {
     Scene {
         name: "backlash with losses",
@@ -178,7 +181,7 @@ pub(super) fn lossy() -> Scene {
     }
 }
 
-/// A sphere that its cage brings to rest.
+/// A sphere is brought to rest by its cage.
 pub(super) fn cage() -> Scene {
     Scene {
         name: "cage friction",
@@ -191,7 +194,7 @@ pub(super) fn cage() -> Scene {
     }
 }
 
-/// Wheels that slip while their patches resist turning about the contacts' normals.
+/// Wheels slip while their contact patches resist turning about the contact normals.
 pub(super) fn pivoting() -> Scene {
     Scene {
         name: "pivoting",
@@ -208,7 +211,7 @@ pub(super) fn pivoting() -> Scene {
     }
 }
 
-/// Everything at once.
+/// All phenomena of the plant at once.
 pub(super) fn everything() -> Scene {
     let start = State { omega: Vec3::new(0.3, -0.2, 0.1), ..State::default() };
     Scene {
@@ -240,7 +243,7 @@ pub(super) fn everything() -> Scene {
     }
 }
 
-/// Masses out of place and viscous joints: nothing that sticks.
+/// Off-centre masses and viscous joints, without anything that sticks.
 pub(super) fn smooth() -> Scene {
     Scene {
         name: "masses out of place",
@@ -263,7 +266,7 @@ pub(super) fn smooth() -> Scene {
             ..State::default()
         },
         input: Input {
-            // Steady, since a step holds them.
+            // The inputs are constant, because a step holds them.
             tau: |_| [0.01, 0.005, -0.01, 0.003],
             external: |_| [0.05, 0.02, 0.0],
             ..IDLE

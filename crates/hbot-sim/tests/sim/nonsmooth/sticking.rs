@@ -1,4 +1,4 @@
-//! What friction holds does not move at all; what it does not hold moves.
+//! Friction holds a load below its limit without any motion, and lets a load above it move.
 
 use hbot_core::device::Device;
 use hbot_core::kinematics::Posture;
@@ -12,7 +12,7 @@ fn steered() -> State {
     State { steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() }
 }
 
-/// How far the sphere turns, rad, in `seconds` under a steady load.
+/// Returns the angle by which the sphere turns in `seconds` under a steady load, rad.
 fn turn(device: &Device, phenomena: &Phenomena, external: Vec3, tau: &[f64; 16], seconds: f64) -> f64 {
     let mut state = steered();
     let mut dynamics = Dynamics::new(device, phenomena, Method::Rk4, &state).unwrap();
@@ -23,7 +23,7 @@ fn turn(device: &Device, phenomena: &Phenomena, external: Vec3, tau: &[f64; 16],
     rotation::angle_between(state.q, steered().q)
 }
 
-/// Holds at 1 % below `limit` for a minute, and not at 1 % above.
+/// Checks that a load 1 % below `limit` is held for a minute, and that one 1 % above is not held.
 fn holds_up_to(limit: f64, turn: impl Fn(f64, f64) -> f64, name: &str) {
     let (below, above) = (turn(0.99 * limit, 60.0), turn(1.01 * limit, 0.5));
     println!(
@@ -33,9 +33,12 @@ fn holds_up_to(limit: f64, turn: impl Fn(f64, f64) -> f64, name: &str) {
     assert!(above > 1e-6, "{name}: {above:e} rad above the limit");
 }
 
-/// How much of a load along `along` the generators of a zonotope and a ball of radius `ball` hold together: the least, over
-/// all directions n, of (sum c |g.n| + ball) / |along.n|. Support functions add, and a convex body ends where
-/// the first of its half-spaces does. Directions are searched on a grid, ever finer about the best.
+/// Returns the multiple of the load `along` that a zonotope of `generators` plus a ball of radius
+/// `ball` can hold.
+///
+/// It is the least, over all directions n, of (sum |g.n| + ball) / |along.n|, with g the
+/// generators. Support functions add, and a convex body ends at the first of its half-spaces. The
+/// directions are searched on a grid that is refined around the best one.
 fn capacity(along: Vec3, generators: &[Vec3], ball: f64) -> f64 {
     let held = |n: Vec3| {
         (generators.iter().map(|g| g.dot(n).abs()).sum::<f64>() + ball * n.length()) / along.dot(n).abs()
@@ -87,7 +90,8 @@ fn joints_and_cage() {
     }
 }
 
-/// Joint torques load the sphere by Gᵀ tau, and a joint's friction takes part of its own.
+/// Joint torques load the sphere by Gᵀ tau, and the friction of each joint takes part of its own
+/// torque.
 #[test]
 fn joints_and_cage_under_joint_torques() {
     let phenomena = Phenomena {
@@ -110,8 +114,10 @@ fn joints_and_cage_under_joint_torques() {
     holds_up_to(limit, load, "joint torques");
 }
 
-/// Joints that nothing turns, contacts that hold a limited force, and the cage: a disc of forces a contact, mu N in every
-/// direction across c3 at the arm R, so mu N R |n x c3| each.
+/// Locked joints, contacts with a limited force, and the cage.
+///
+/// Each contact holds a disc of forces: mu N in every direction perpendicular to c3, with the lever
+/// arm R. It therefore holds mu N R |n x c3|.
 #[test]
 fn contacts_and_cage() {
     let slip = Slip { mu: 0.5, normal_force: 2.0 };
@@ -123,7 +129,8 @@ fn contacts_and_cage() {
     };
     let device = toed(2);
     let posture = Posture::new(&device, &steered().steer);
-    // A disc as a zonotope of many thin rods: within (pi/64)²/24, 1e-4, of its support function.
+    // Approximates the disc by a zonotope of many thin rods. Its support function is right within
+    // (pi/64)²/24, 1e-4.
     let mut rods = Vec::new();
     for frame in &posture.frames()[..2] {
         for k in 0..64 {
@@ -137,7 +144,8 @@ fn contacts_and_cage() {
     holds_up_to(limit, |load, s| turn(&device, &phenomena, axis * load, &[0.0; 16], s), "contacts and cage");
 }
 
-/// A drive against its contact alone: the wheel spins once its torque passes mu N r and what its own bearing holds.
+/// A drive against its contact: the wheel spins when its torque exceeds mu N r plus the friction of
+/// its own joint.
 #[test]
 fn a_contact_under_a_drive() {
     let slip = Slip { mu: 0.5, normal_force: 2.0 };

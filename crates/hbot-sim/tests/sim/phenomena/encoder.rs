@@ -1,4 +1,4 @@
-//! Encoders: coarse steps, the error of a turn, the zero.
+//! Encoder phenomena: coarse steps, an error that repeats every turn, and a wrong zero.
 
 use core::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::{brisk, rig};
 use crate::line::{command, frame, messages};
 
-/// What is left where everything else is switched off.
+/// Parameters of an encoder without errors.
 const EXACT: Encoder = Encoder { step: 1, turn_error: 0.0, index_error: 0.0, seed: 1 };
 
 fn with(encoder: Option<Encoder>, kind: Kind) -> SimulatedRig {
@@ -53,14 +53,15 @@ fn a_coarse_encoder_counts_in_steps() {
     assert_eq!(counts(&mut exact, 1.234, -5.6), counts(&mut fine, 1.234, -5.6));
 }
 
-/// Amplitude and phase of the error over a turn of the encoder, rad of the encoder, and what is left after them.
+/// Fits a sine to the error over a turn of the encoder. Returns its amplitude (rad of the encoder),
+/// its phase, and the largest residual.
 fn fitted(rig: &mut SimulatedRig, joint: usize, gear: f64) -> (f64, f64, f64) {
     const N: u32 = 2000;
     let errors: Vec<(f64, f64)> = (0..N)
         .map(|i| {
             let turned = TAU * f64::from(i) / f64::from(N);
             let count = counts(rig, turned / gear, turned / gear)[joint];
-            // The middle of a count is where it stands for.
+            // A count stands for the middle of its interval.
             (turned, (f64::from(count) + 0.5) * TAU / 16384.0 - turned)
         })
         .collect();
@@ -79,21 +80,23 @@ fn a_disc_out_of_centre_errs_by_a_sine_a_turn() {
     let mut seen = Vec::new();
     for (joint, gear) in [(0, 1.0), (1, 17.0), (2, 1.0), (3, 17.0)] {
         let (amplitude, phase, left) = fitted(&mut with(Some(encoder), Kind::Absolute), joint, gear);
-        // Counts make an even error of half a count at most; over 2000 readings it averages to a small part of it.
+        // Counts give a uniform error of at most half a count. Averaged over 2000 readings it is a
+        // small part of that.
         assert!((amplitude - 0.02).abs() < 0.1 * count, "joint {joint}: {amplitude}");
         assert!(left < 0.6 * count, "joint {joint}: {left}");
         seen.push(phase);
     }
     assert!((seen[0] - seen[2]).abs() > 0.01 && (seen[1] - seen[3]).abs() > 0.01, "{seen:?}");
-    // By the seed, and by nothing else.
+    // The phase depends on the seed and on nothing else.
     let phase = |seed| fitted(&mut with(Some(Encoder { seed, ..encoder }), Kind::Absolute), 0, 1.0).1;
     assert_eq!(phase(1), seen[0]);
     assert!((phase(2) - seen[0]).abs() > 0.01);
-    // An incremental encoder starts from zero wherever its disc stands.
+    // An incremental encoder starts at zero for any phase of its disc.
     assert_eq!(counts(&mut with(Some(encoder), Kind::Incremental), 0.0, 0.0), [0; 4]);
 }
 
-/// The rate told is that of the reading: differences of counts and the rates agree.
+/// The reported rate has the error that follows from the reported angle: it equals the slope of the
+/// counts.
 #[test]
 fn the_rate_errs_with_the_angle() {
     let mut bad = with(Some(Encoder { turn_error: 0.1, ..EXACT }), Kind::Absolute);
@@ -107,7 +110,8 @@ fn the_rate_errs_with_the_angle() {
         let h = 0.05;
         let (before, after) = (counts(&mut bad, angle - h, 0.0)[0], counts(&mut bad, angle + h, 0.0)[0]);
         let slope = f64::from(after - before) * TAU / 16384.0 / (2.0 * h);
-        // A count over the difference is 4e-3, the difference's own error h²/6 of the sine 4e-5.
+        // One count over the interval is 4e-3. The error of the difference, h²/6 of the sine, is
+        // 4e-5.
         assert!((told / rate - slope).abs() < 5e-3, "{angle}: {} {slope}", told / rate);
         widest = widest.max((told / rate - 1.0).abs());
     }
@@ -118,7 +122,7 @@ fn the_rate_errs_with_the_angle() {
 fn a_zero_is_off_where_it_is_taken() {
     let off = Encoder { index_error: 0.1, ..EXACT };
     let count = 16384.0 / TAU;
-    // A mounting: from the start and after a reboot the same, and another for each joint.
+    // Mounting error: equal at the start and after a reboot, and different for each joint.
     let mut rig = with(Some(off), Kind::Absolute);
     let zeros = counts(&mut rig, 0.0, 0.0);
     assert!(zeros.iter().all(|zero| zero.abs() > 0) && zeros[0] != zeros[2], "{zeros:?}");
@@ -126,7 +130,7 @@ fn a_zero_is_off_where_it_is_taken() {
     assert!(f64::from(zeros[1].abs()) <= 0.1 * 17.0 * count + 1.0, "of the joint, behind the gear");
     rig.inject(Fault::Reboot);
     assert_eq!(counts(&mut rig, 0.0, 0.0), zeros);
-    // An index: where it is passed, not before.
+    // Index error: it acts when the index is passed, not before.
     let mut indexed = with(None, Kind::Indexed);
     counts(&mut indexed, 0.5, 0.5);
     indexed.inject(Fault::Reboot);
@@ -136,12 +140,13 @@ fn a_zero_is_off_where_it_is_taken() {
     assert!(read(&mut indexed).joints[0].flags.contains(JointFlags::INDEX_SEEN));
     let exact = |gear: f64| (-0.1 * gear * count).floor() as i32;
     for (j, gear) in [1.0, 17.0, 1.0, 17.0].into_iter().enumerate() {
-        // Two floors.
+        // Both counts are rounded down.
         assert!((passed[j] - exact(gear) - zeros[j]).abs() <= 1, "joint {j}: {passed:?} {zeros:?}");
     }
 }
 
-/// Encoders that get worse while the rig runs, and better again: no count jumps, or the server would see a joint that does.
+/// No count jumps when encoder errors appear and vanish while the rig runs. The server would take
+/// such a jump for a motion of the joint.
 #[test]
 fn counts_do_not_jump_when_errors_come_and_go() {
     for kind in [Kind::Absolute, Kind::Incremental] {
@@ -151,7 +156,7 @@ fn counts_do_not_jump_when_errors_come_and_go() {
         {
             rig.set_phenomena(Phenomena { encoder, ..Phenomena::default() });
             let after = counts(&mut rig, 0.7, -0.4);
-            // A sum that is rounded may end on the other side of a count.
+            // Rounding of a sum can move the result across a count.
             assert!((0..4).all(|j| (after[j] - before[j]).abs() <= 1), "{encoder:?}: {before:?} {after:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! The line: late, lossy, noisy, never out of order.
+//! The impaired line: it delays, loses and damages frames, and never reorders them.
 
 use hbot_link::{Decoder, FrameError, FromController, ToController};
 use hbot_sim::phenomena::{Link, Phenomena};
@@ -7,7 +7,7 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
 
-/// What is left where everything else is switched off.
+/// Parameters of a link without impairments.
 const PERFECT: Link =
     Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
 
@@ -21,7 +21,7 @@ fn bytes(sequence: u32) -> Vec<u8> {
     frame(&ToController::Command(command(sequence, true, &[0.01, 0.002, 0.0, -0.003])))
 }
 
-/// The sequences answered, and how many frames were refused.
+/// Returns the sequence numbers of the answers in `bytes`, and the number of refused frames.
 fn heard(decoder: &mut Decoder<FromController>, bytes: &[u8]) -> (Vec<u32>, u32) {
     let (mut sequences, mut refused) = (Vec::new(), 0);
     decoder.feed(bytes, |result| match result {
@@ -33,7 +33,8 @@ fn heard(decoder: &mut Decoder<FromController>, bytes: &[u8]) -> (Vec<u32>, u32)
     (sequences, refused)
 }
 
-/// An answer comes at the first look that is not before its time; and for who reads before writing, at the first after it.
+/// `receive` returns an answer at the first tick at or after its arrival. `deliver`, which reads
+/// before writing, returns it at the first tick after its arrival.
 #[test]
 fn latency_is_exact_in_ticks() {
     for (latency_ms, received, read) in [(0.0, 0, 1), (0.4, 1, 1), (1.0, 1, 2), (3.0, 3, 4), (3.4, 4, 4)] {
@@ -57,7 +58,8 @@ fn latency_is_exact_in_ticks() {
     }
 }
 
-/// A command acts at the nanosecond at which it arrives, wherever one looks, and feeds the watchdog from then.
+/// A command acts at the nanosecond of its arrival, whenever the rig is advanced, and restarts the
+/// watchdog then.
 #[test]
 fn a_late_command_acts_when_it_arrives() {
     let mut late = with(Link { command_latency_s: 2.5e-3, ..PERFECT });
@@ -73,7 +75,7 @@ fn a_late_command_acts_when_it_arrives() {
     assert!(late.joint_torque()[0] != 0.0);
     late.advance_to(23_500_000);
     assert_eq!(late.joint_torque(), &[0.0; 16], "the watchdog's 20 ms, from its arrival");
-    // In one look or in many: the same motion.
+    // One advance or many give the same motion.
     let mut once = held;
     once.advance_to(23_500_000);
     let apart = (once.state().omega - late.state().omega).length();
@@ -82,8 +84,8 @@ fn a_late_command_acts_when_it_arrives() {
     assert_eq!(heard(&mut Decoder::new(), &reply), (vec![1], 0));
 }
 
-/// Loss and damage come as often as asked, within four standard deviations of so many throws; what is damaged is refused
-/// and what is accepted was sent, once and in order.
+/// Loss and damage have the requested rates, within four standard deviations. Damaged frames are
+/// refused. Accepted frames were sent, and arrive once and in order.
 #[test]
 fn loss_and_damage_have_their_rates_and_nothing_damaged_is_accepted() {
     const N: u32 = 50_000;
@@ -102,11 +104,13 @@ fn loss_and_damage_have_their_rates_and_nothing_damaged_is_accepted() {
     }
     let [commands, answers] = noisy.traffic().unwrap();
     assert_eq!(commands.sent, u64::from(N));
-    // Every command that arrives whole is answered; every answer that arrives whole is accepted.
+    // Every command that arrives whole is answered, and every answer that arrives whole is
+    // accepted.
     assert_eq!(answers.sent, commands.sent - commands.lost - commands.corrupted);
     assert_eq!(all.len() as u64, answers.sent - answers.lost - answers.corrupted);
     assert!(all.is_sorted_by(|a, b| a < b), "in order, none twice");
-    // A flip that makes a zero cuts a frame in two, and both are refused: one in 255, and perhaps more.
+    // Damage that makes a zero cuts a frame in two, and both parts are refused: one frame in 255,
+    // and perhaps more.
     for (refused, traffic) in [(noisy.refused_frames(), commands), (refused, answers)] {
         assert!(
             (traffic.corrupted..traffic.corrupted + traffic.corrupted / 20).contains(&refused),
@@ -122,8 +126,8 @@ fn loss_and_damage_have_their_rates_and_nothing_damaged_is_accepted() {
     }
 }
 
-/// However late it may be: order is kept, and each is late by no more than latency and jitter. Frames that come seldom, so
-/// that none waits for another, are late by anything between.
+/// Jitter never reorders frames, and each delay is at most latency plus jitter. Rare frames, which
+/// do not wait for each other, have delays over the whole range.
 #[test]
 fn jitter_does_not_reorder() {
     for every in [1, 30] {
@@ -141,14 +145,15 @@ fn jitter_does_not_reorder() {
             }
             reply.clear();
         }
-        // Jitter on either way; looks are 0.1 ms apart.
+        // There is jitter in both directions, and the rig is read every 0.1 ms.
         assert!(delays.iter().all(|ms| (2.0..22.1).contains(ms)), "{delays:?}");
         let (least, most) = delays.iter().fold((f64::MAX, 0.0_f64), |(a, b), ms| (a.min(*ms), b.max(*ms)));
         assert!((every == 1 || least < 6.0) && most > 18.0, "{least} {most}");
     }
 }
 
-/// The same seed gives the same bytes, however the frames come in pieces; another seed gives others.
+/// Equal seeds give equal bytes, however the frames are cut into pieces. Another seed gives other
+/// bytes.
 #[test]
 fn what_is_random_comes_from_the_seed() {
     let run = |seed: u32, pieces: usize| {
@@ -167,7 +172,7 @@ fn what_is_random_comes_from_the_seed() {
     assert_ne!(run(2, 1000), whole);
 }
 
-/// A host that babbles fills no memory: what finds no place is lost, and counted.
+/// A host that sends without end fills no memory. Frames beyond the limit are lost and counted.
 #[test]
 fn what_is_on_its_way_is_bounded() {
     let mut full = with(Link { command_latency_s: 0.1, ..PERFECT });
@@ -177,7 +182,7 @@ fn what_is_on_its_way_is_bounded() {
     }
     let [commands, _] = full.traffic().unwrap();
     assert_eq!((commands.sent, commands.lost), (10_000, 10_000 - 1024));
-    // What never ends travels on in pieces, and is no frame to anybody.
+    // Bytes without a zero travel in pieces and are never accepted as a frame.
     full.receive(0, &[7; 100_000], &mut reply);
     full.receive(200 * MS, &bytes(2), &mut reply);
     full.receive(400 * MS, &bytes(3), &mut reply);
@@ -192,7 +197,8 @@ fn what_is_on_its_way_is_bounded() {
     assert_eq!(heard(&mut Decoder::new(), &reply), (vec![3], 0));
 }
 
-/// What is on its way when the line is changed arrives when it was to; when it is mended, it is lost.
+/// If the parameters change, frames in flight arrive at the times already set. If the impairment
+/// ends, they are lost.
 #[test]
 fn lines_change_under_way() {
     let slow = Link { latency_s: 5e-3, ..PERFECT };

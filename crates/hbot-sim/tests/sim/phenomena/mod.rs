@@ -1,4 +1,4 @@
-//! Phenomena: each alone against its own formula, and none where none is asked for.
+//! Tests each phenomenon alone against its formula, and the ideal rig without phenomena.
 
 mod encoder;
 mod link;

@@ -1,4 +1,5 @@
-//! Motors: torque scale, lag, back-EMF, heat. Controllers alone, so that nothing else moves.
+//! Motor phenomena: torque scale, lag, back-EMF, heat. Most tests use the motor controllers alone,
+//! so that nothing else moves.
 
 use hbot_config::rig::Protocol;
 use hbot_link::{Decoder, Feedback, FromController, JointFlags, ToController};
@@ -9,7 +10,7 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
 
-/// What is left where everything else is switched off.
+/// Parameters of a motor that gives exactly the commanded torque.
 const IDEAL: Motor = Motor {
     torque_scale: 1.0,
     lag_s: 0.0,
@@ -18,7 +19,7 @@ const IDEAL: Motor = Motor {
     thermal_time_s: f64::INFINITY,
 };
 const STILL: [f64; 16] = [0.0; 16];
-/// Peak and continuous torque as the line carries the peak, N m: steer, drive.
+/// Peak torque of steer and drive, N m, as a command carries it.
 const PEAK: [f32; 2] = [0.93, 0.14];
 const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 
@@ -43,7 +44,8 @@ fn ask(controllers: &mut Controllers, enable: bool, torque: [f32; 4]) -> Feedbac
     }
 }
 
-/// The current loop is exactly first order whatever the steps, and what is held over a step has the exact impulse.
+/// The current loop is exactly of first order for any steps, and the torque held over a step has
+/// the exact impulse.
 #[test]
 fn a_lag_is_an_exact_exponential() {
     let motor = Motor { lag_s: 5e-4, torque_scale: 0.95, ..IDEAL };
@@ -58,12 +60,13 @@ fn a_lag_is_an_exact_exponential() {
             impulse[j] += held[j] * h;
             let end = 0.95 * f64::from([0.5_f32, -0.1][j]);
             let gone = 1.0 - (-t / 5e-4_f64).exp();
-            // A few roundings of numbers below 1.
+            // The tolerances are a few roundings of numbers below 1.
             assert!((controllers.torque()[j] - end * gone).abs() < 2e-15, "joint {j} at {t} s");
             assert!((impulse[j] - end * (t - 5e-4 * gone)).abs() < 1e-17, "joint {j} at {t} s");
         }
     }
-    // Motors off: the current dies with the same lag, and then is nothing at all.
+    // When the motors are switched off, the current decays with the lag and then becomes exactly
+    // zero.
     ask(&mut controllers, false, [0.0; 4]);
     let before = controllers.torque()[0];
     controllers.drive(1e-3, || STILL);
@@ -72,14 +75,15 @@ fn a_lag_is_an_exact_exponential() {
         controllers.drive(1e-3, || STILL);
     }
     assert_eq!(controllers.torque(), &STILL);
-    // Power lost: at once.
+    // A loss of power ends the current at once.
     ask(&mut controllers, true, [0.5; 4]);
     controllers.drive(1e-3, || STILL);
     controllers.inject(Fault::Reboot, &STILL);
     assert_eq!(controllers.torque(), &STILL);
 }
 
-/// Available torque falls on a straight line from the peak at rest to none at the no-load rate, in the driving direction.
+/// In the driving direction the available torque falls linearly from the peak at rest to zero at
+/// the no-load rate.
 #[test]
 fn back_emf_takes_torque_along_a_line() {
     let motor = Motor { steer_no_load_rate: 500.0, drive_no_load_rate: 60.0, ..IDEAL };
@@ -87,7 +91,7 @@ fn back_emf_takes_torque_along_a_line() {
     for part in [0.0, 0.25, 0.5, 0.9, 1.0, 1.5] {
         for sign in [1.0_f32, -1.0] {
             ask(&mut controllers, true, [0.93 * sign, 0.14 * sign, 0.93 * sign, 0.14 * sign]);
-            // Wheel 1 is driven on, wheel 2 is braked.
+            // The motors of wheel 1 drive, those of wheel 2 brake.
             let rate = part * f64::from(sign);
             let mut rates = STILL;
             rates[..4].copy_from_slice(&[500.0 * rate, 60.0 * rate, -500.0 * rate, -60.0 * rate]);
@@ -100,12 +104,13 @@ fn back_emf_takes_torque_along_a_line() {
             }
         }
     }
-    // Less than what is available passes untouched.
+    // A torque below the available one is not changed.
     ask(&mut controllers, true, [0.1, 0.0, 0.0, 0.0]);
     assert_eq!(controllers.drive(1e-3, || [250.0; 16])[0], f64::from(0.1_f32));
 }
 
-/// From cold a motor gives its peak for T ln(n² / (n² - 1)), n = peak / continuous; then its continuous torque, and says so.
+/// From cold, a motor gives its peak for T ln(n² / (n² - 1)) with n = peak / continuous. Then it
+/// gives its continuous torque and reports this.
 #[test]
 fn heat_takes_a_motor_back_to_its_continuous_torque_in_time() {
     let time = 10.0;
@@ -123,23 +128,24 @@ fn heat_takes_a_motor_back_to_its_continuous_torque_in_time() {
             }
             let wanted = if hot { CONTINUOUS[j] } else { f64::from(PEAK[j]) };
             assert_eq!(given[j], wanted, "joint {j}, tick {k}");
-            // A motor hot is one that stays so while it is asked for more.
+            // A hot motor stays hot while the command asks for more than it can hold.
             assert_eq!(hot, seen[j].is_some());
         }
     }
     for j in 0..2 {
         let square = (f64::from(PEAK[j]) / CONTINUOUS[j]).powi(2);
         let wanted = time * (square / (square - 1.0)).ln();
-        // Told by the first command after it.
+        // The first command after that time reports it.
         let late = seen[j].unwrap() - wanted;
         assert!((0.0..=h).contains(&late), "joint {j}: {:?} against {wanted}", seen[j]);
     }
-    // Hot, but asked for no more than it holds for ever: all of it, and no complaint.
+    // A hot motor gives a torque below its continuous torque in full, and reports nothing.
     let held = CONTINUOUS[0] as f32 * 0.99;
     let feedback = ask(&mut controllers, true, [held, 0.0, held, 0.0]);
     assert_eq!(flags(&feedback, 0), JointFlags::empty());
     assert_eq!(controllers.drive(h, || STILL)[0], f64::from(held));
-    // At rest it cools by exp(-t/T): after T an e-th of the heat is left, and the peak lasts accordingly.
+    // A motor at rest cools by exp(-t/T). After T, 1/e of the heat is left, and the peak lasts
+    // accordingly.
     ask(&mut controllers, false, [0.0; 4]);
     for _ in 0..10_000 {
         controllers.drive(h, || STILL);
@@ -152,14 +158,15 @@ fn heat_takes_a_motor_back_to_its_continuous_torque_in_time() {
         !flags(&feedback, 1).contains(JointFlags::OVERTEMPERATURE)
     });
     let lasted = lasted.count() as f64 * h;
-    // One tick of telling; the heat itself was less than a tick's above the limit when it was left to cool.
+    // One tick is lost in reporting. The heat was less than one tick above the limit when cooling
+    // began.
     assert!((lasted - wanted).abs() <= 2.0 * h, "{lasted} against {wanted}");
 }
 
 #[test]
 fn a_motor_that_holds_its_continuous_torque_never_gets_hot() {
     let mut controllers = controllers(Motor { thermal_time_s: 0.01, ..IDEAL });
-    // A rounding below it, as the line carries no exact 0.073.
+    // Slightly below the continuous torque, because a command cannot carry exactly 0.073.
     let held = [0.072_999_9, 0.022_999_9, 0.0, 0.0];
     for _ in 0..10_000 {
         let feedback = ask(&mut controllers, true, held);
@@ -168,7 +175,7 @@ fn a_motor_that_holds_its_continuous_torque_never_gets_hot() {
     }
 }
 
-/// The watchdog's time is still its very nanosecond, and the plant feels the lag.
+/// The plant feels the torque that the motors give, including scale and lag.
 #[test]
 fn the_rig_s_plant_feels_what_its_motors_give() {
     let run = |motor: Option<Motor>| {
@@ -184,7 +191,8 @@ fn the_rig_s_plant_feels_what_its_motors_give() {
     let (ideal, still_ideal) = (run(None), run(Some(IDEAL)));
     assert_eq!(ideal.state(), still_ideal.state(), "nothing switched on: the same bits");
     let speed = |rig: &SimulatedRig| rig.state().omega.length();
-    // A weak motor gives so much less speed (the plant is near linear so close to rest), and one with a lag comes late by it.
+    // A weak motor gives proportionally less speed, because the plant is nearly linear close to
+    // rest. A motor with a lag is late by it.
     let weak = run(Some(Motor { torque_scale: 0.95, ..IDEAL }));
     assert!((speed(&weak) / speed(&ideal) - 0.95).abs() < 1e-3, "{} {}", speed(&weak), speed(&ideal));
     let late = run(Some(Motor { lag_s: 5e-4, ..IDEAL }));

@@ -1,4 +1,4 @@
-//! A rig without phenomena is the ideal one, bit by bit.
+//! A rig without phenomena equals the ideal rig, bit by bit.
 
 use hbot_core::Vec3;
 use hbot_link::ToController;
@@ -9,15 +9,17 @@ use hbot_sim::rig::{RigConfig, SimulatedRig};
 use crate::devices::{brisk, rig};
 use crate::line::{MS, command, frame};
 
-/// FNV-1a, 64 bits.
+/// Returns the 64-bit FNV-1a hash of `bytes`.
 fn hash(bytes: &[u8]) -> u64 {
     bytes
         .iter()
         .fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
 }
 
-/// Two seconds in a hand and two without, with everything that a rig without phenomena knows: all kinds of encoders, torque
-/// beyond the peak, a watchdog that expires, a reboot, a spoilt frame, looks at odd times.
+/// Runs two seconds with a hand and two without, and returns all bytes that the rig sent.
+///
+/// The run contains everything that a rig without phenomena can meet: all kinds of encoders, torque
+/// beyond the peak, an expired watchdog, a reboot, a damaged frame, and odd times.
 fn eventful(phenomena: Phenomena) -> Vec<u8> {
     let mut config = RigConfig::new(&rig());
     config.phenomena = phenomena;
@@ -47,14 +49,15 @@ fn eventful(phenomena: Phenomena) -> Vec<u8> {
     reply
 }
 
-/// The bytes are those of the rig as it was before it knew any phenomena: the figures were taken then.
+/// The bytes equal those of the rig before it had any phenomena. Length and hash were recorded
+/// then.
 #[test]
 fn bytes_are_those_of_the_ideal_rig() {
     let bytes = eventful(Phenomena::default());
     assert_eq!((bytes.len(), hash(&bytes)), (301_060, 12_510_209_690_109_648_662));
 }
 
-/// Phenomena that are there with every figure at nothing change no byte either.
+/// Phenomena whose parameters are all neutral change no byte either.
 #[test]
 fn phenomena_of_nothing_change_no_byte() {
     let link =
@@ -78,7 +81,7 @@ fn phenomena_of_nothing_change_no_byte() {
     }
 }
 
-/// With all that the controllers and the line can show, a tick still allocates nothing.
+/// With all phenomena of motor controllers and line, a tick still allocates nothing.
 #[test]
 fn a_tick_with_phenomena_allocates_nothing() {
     let mut config = RigConfig::new(&rig());

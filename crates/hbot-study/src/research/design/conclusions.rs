@@ -1,4 +1,4 @@
-//! What a builder should conclude, and where the model ends.
+//! Conclusions for a builder, and the limits of the model.
 
 use super::fronts::Fronts;
 use super::margins::{HOLDS, grip};
@@ -6,7 +6,7 @@ use super::space::{DEGREE, Parts};
 use super::torus::Measures;
 use crate::report::Report;
 
-/// A figure of a design.
+/// A function that returns one figure of a design.
 type Of = fn(&Measures) -> f64;
 
 pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {

@@ -1,11 +1,12 @@
-//! The figures of one design, as tables and summary.json have them.
+//! The figures of one design, for tables and summary.json.
 
 use super::margins::grip;
 use super::space::{Design, Parts};
 use super::torus::Measures;
 use crate::report::Report;
 
-/// A figure of a design: its name in ids, and the families that it belongs to.
+/// One kind of figure of a design: its name in ids, its unit, its meaning and the families of ids
+/// that it belongs to.
 pub(super) struct Told {
     name: &'static str,
     unit: &'static str,
@@ -105,7 +106,8 @@ const TOLD: [Told; 18] = [
         .headroom(p.sphere_radius())),
 ];
 
-/// Which designs a figure is of.
+/// The designs that figures are reported of: the prototype, the best designs, or the designs
+/// compared by number of wheels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Of {
     Prototype,
@@ -113,14 +115,14 @@ pub(super) enum Of {
     Wheels,
 }
 
-/// Says what the figures of such designs mean.
+/// Declares the families of ids for the figures of the designs `of`.
 pub(super) fn families(report: &mut Report, of: Of) {
     for told in TOLD {
         report.family(told.families[of as usize], told.unit, told.meaning);
     }
 }
 
-/// All figures of a design under ids that begin with `stem`.
+/// Reports all figures of a design. Their ids begin with `stem`.
 pub(super) fn figures(report: &mut Report, stem: &str, parts: &Parts, design: &Design, measures: &Measures) {
     for told in TOLD {
         report.figure(format!("{stem}_{}", told.name), (told.of)(parts, design, measures));

@@ -1,13 +1,16 @@
-//! Which designs no other beats, and how much of the space of figures they beat.
+//! The Pareto front: the designs that no other design dominates, and the share of the space of
+//! figures that they dominate.
 
 use super::space::Point;
 use super::torus::{Measures, kronecker};
 
-/// What is to be made small: minus global conditioning, minus peak torque (N m), apparent inertia (kg m²), steering speed.
+/// The four costs to minimise: minus the mean conditioning, minus the peak torque (N m), the
+/// apparent inertia (kg m²) and the steering speed.
 pub(super) type Costs = [f64; 4];
 
-/// The corner that the volume beaten is counted from, and the one that nothing reaches: conditioning 0.25 to 1, peak torque 0 to 4 N m,
-/// apparent inertia 8e-3 to 3.2e-3 kg m² (the sphere's own), steering speed 10 to 2.
+/// The range of each cost in which the dominated volume is measured, from the worst to an
+/// unreachable value: conditioning 0.25 to 1, peak torque 0 to 4 N m, apparent inertia 8e-3 to
+/// 3.2e-3 kg m² (that of the sphere alone), steering speed 10 to 2.
 pub(super) const BOX: [[f64; 2]; 4] = [[-0.25, -1.0], [0.0, -4.0], [8.0e-3, 3.2e-3], [10.0, 2.0]];
 
 /// A design that was measured.
@@ -23,15 +26,17 @@ impl Measures {
     }
 }
 
-/// Whether `a` is as good as `b` in all and better in something.
+/// Returns whether `a` dominates `b`: it is at least as good in every cost and better in one.
 pub(super) fn dominates(a: &Costs, b: &Costs) -> bool {
     a.iter().zip(b).all(|(a, b)| a <= b) && a != b
 }
 
-/// Those that no other dominates, in their order; of equal ones all.
+/// Returns the indices of the costs that no other costs dominate, in ascending order. Equal costs
+/// are all kept.
 pub(super) fn front(costs: &[Costs]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..costs.len()).collect();
-    // What dominates comes first in the order of numbers, so each need only be held against those that are on the front already.
+    // In lexicographic order, dominating costs come before those that they dominate. So each needs
+    // to be compared only with the current front.
     order.sort_by(|a, b| {
         let pairs = costs[*a].iter().zip(&costs[*b]);
         pairs.map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(a.cmp(b))
@@ -46,14 +51,15 @@ pub(super) fn front(costs: &[Costs]) -> Vec<usize> {
     front
 }
 
-/// The designs of a search that no other of them beats, kept as they come.
+/// The designs found so far by a search that no other found design dominates.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Archive {
     pub(super) members: Vec<Found>,
 }
 
 impl Archive {
-    /// Takes a design in where none beats it, and out what it beats.
+    /// Adds a design unless a member dominates or equals it, and removes the members that it
+    /// dominates.
     pub(super) fn offer(&mut self, found: Found) {
         let costs = found.measures.costs();
         let beaten = |member: &Found| {
@@ -68,10 +74,11 @@ impl Archive {
     }
 }
 
-/// The share of [`BOX`] that some designs beat, counted at points spread evenly in it, so that it only grows.
+/// The share of [`BOX`] that designs dominate. It is counted at points spread evenly in the box, so
+/// it never decreases.
 #[derive(Debug, Clone)]
 pub(super) struct Volume {
-    /// Points that none beats yet.
+    /// Points that no design dominates yet.
     left: Vec<Costs>,
     points: usize,
 }
@@ -91,21 +98,23 @@ impl Volume {
     }
 }
 
-/// The share of [`BOX`] that designs of these costs beat.
+/// Returns the share of [`BOX`] that designs with these costs dominate.
 pub(super) fn volume(all: impl Iterator<Item = Costs>, points: usize) -> f64 {
     let mut volume = Volume::new(points);
     all.for_each(|costs| volume.add(&costs));
     volume.share()
 }
 
-/// The largest factor by which `a` is better than `b` in every figure at once; above 1 only where it dominates.
+/// Returns the largest factor by which `a` is better than `b` in every figure at once. It is above
+/// 1 only if `a` dominates `b`.
 pub(super) fn better_by(a: &Measures, b: &Measures) -> f64 {
     [a.gci / b.gci, a.torque / b.torque, b.inertia / a.inertia, b.speed[0] / a.speed[0]]
         .into_iter()
         .fold(f64::INFINITY, f64::min)
 }
 
-/// The one nearest to the best of every figure, each scaled to its range among `all`: a compromise.
+/// Returns the index of the best compromise: the costs nearest to the best value of each cost, with
+/// each cost scaled to its range in `all`. Returns `None` if `all` is empty.
 pub(super) fn compromise(all: &[Costs]) -> Option<usize> {
     let range: [[f64; 2]; 4] = core::array::from_fn(|k| {
         let values = || all.iter().map(|costs| costs[k]);
@@ -128,7 +137,7 @@ mod tests {
 
     fn random(count: usize, levels: f64) -> Vec<Costs> {
         let mut rng = Rng(3);
-        // Few levels make for ties, in which dominance is easily got wrong.
+        // Few levels give many ties, in which errors of dominance are most likely.
         (0..count).map(|_| core::array::from_fn(|_| (rng.unit() * levels).floor())).collect()
     }
 
@@ -181,18 +190,19 @@ mod tests {
             expected.sort_unstable();
             assert_eq!(have, expected);
         }
-        // Of twins the first stays.
+        // Of two equal designs the first stays.
         let mut archive = Archive::default();
         archive.offer(found([0.0; 4], 0));
         archive.offer(found([0.0; 4], 1));
         assert_eq!(archive.members.len(), 1);
     }
 
-    /// One design at half of every range beats 1/16 of the box; one outside it nothing; one at the ideal corner all.
+    /// A design at half of every range dominates 1/16 of the box. A design outside the box
+    /// dominates nothing, and one at the ideal corner dominates everything.
     #[test]
     fn the_volume_of_known_fronts() {
         let at = |part: f64| core::array::from_fn(|k| BOX[k][0] + part * (BOX[k][1] - BOX[k][0]));
-        // A few points of 16384 on either side of the boundary.
+        // The tolerance allows a few of 16384 points on either side of the boundary.
         assert!((volume([at(0.5)].into_iter(), 16384) - 1.0 / 16.0).abs() < 2e-3);
         assert_eq!(volume([at(0.0)].into_iter(), 16384), 0.0);
         assert_eq!(volume([at(1.0)].into_iter(), 16384), 1.0);

@@ -1,39 +1,41 @@
-//! The fronts of all wheel counts: their best designs, and how they stand to the prototype.
+//! The fronts for all numbers of wheels: their best designs, compared with the prototype.
 
 use super::front::{Found, better_by, compromise, dominates, front};
 use super::space::WHEELS;
 use super::torus::Measures;
 
-/// The four figures that are traded against each other, in the order of costs, as names of files have them.
+/// The names of the four figures that are traded off, in the order of the costs and as used in file
+/// names.
 pub(super) const FIGURES: [&str; 4] = ["conditioning", "torque", "inertia", "steering"];
 
-/// A design of note.
+/// A notable design of a front. `which` names the reason.
 pub(super) struct Best {
     pub(super) which: &'static str,
     pub(super) found: Found,
 }
 
-/// The fronts of all wheel counts, each measured as thoroughly as what is told.
+/// The fronts for all numbers of wheels. Their designs are measured with the effort of the reported
+/// figures.
 pub(super) struct Fronts {
-    /// One a wheel count, in the order of [`WHEELS`].
+    /// One front for each number of wheels, in the order of [`WHEELS`].
     pub(super) each: Vec<Vec<Found>>,
     pub(super) prototype: Measures,
 }
 
 impl Fronts {
-    /// The front of one wheel count.
+    /// Returns the front for one number of wheels.
     pub(super) fn of(&self, wheels: usize) -> &[Found] {
         WHEELS.iter().position(|w| *w == wheels).map_or(&[], |k| &self.each[k])
     }
 
-    /// Of each wheel count those that no design of any count beats.
+    /// Returns the designs of all fronts that no design with any number of wheels dominates.
     pub(super) fn joint(&self) -> Vec<Found> {
         let all: Vec<Found> = self.each.iter().flatten().copied().collect();
         let costs: Vec<_> = all.iter().map(|found| found.measures.costs()).collect();
         front(&costs).into_iter().map(|k| all[k]).collect()
     }
 
-    /// The designs of note of one wheel count; the compromise first.
+    /// Returns the notable designs for one number of wheels, the compromise first.
     pub(super) fn best(&self, wheels: usize) -> Vec<Best> {
         let all = self.of(wheels);
         let costs: Vec<_> = all.iter().map(|found| found.measures.costs()).collect();
@@ -51,14 +53,15 @@ impl Fronts {
         best
     }
 
-    /// The design of a wheel count that is better than the prototype in every figure by the largest factor, and that factor.
+    /// Returns the design for a number of wheels that is better than the prototype in every figure
+    /// by the largest factor, and this factor.
     pub(super) fn nearest_above(&self, wheels: usize) -> Option<(Found, f64)> {
         let by = |found: &Found| better_by(&found.measures, &self.prototype);
         let best = self.of(wheels).iter().max_by(|a, b| by(a).total_cmp(&by(b)))?;
         Some((*best, by(best)))
     }
 
-    /// How many designs of a wheel count beat the prototype in all figures.
+    /// Returns the number of designs with `wheels` wheels that dominate the prototype.
     pub(super) fn dominating(&self, wheels: usize) -> usize {
         let beats = |found: &&Found| dominates(&found.measures.costs(), &self.prototype.costs());
         self.of(wheels).iter().filter(beats).count()

@@ -1,38 +1,38 @@
-//! What a device can do at one posture.
+//! Figures of a design at one posture.
 
 use hbot_core::allocation::ContactArms;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
 
-/// A device with what is needed of it at every posture.
+/// A device with precomputed data for evaluating its figures at many postures.
 #[derive(Debug, Clone)]
 pub(super) struct Machine {
     pub(super) device: Device,
-    /// Largest torque of each joint, N m; 0 for one that has no motor.
+    /// Largest torque of each joint, N m; 0 for a joint without a motor.
     pub(super) peak: [f64; MAX_JOINTS],
     inertia: [f64; MAX_JOINTS],
-    /// 1/w of the default weights of allocation, m².
+    /// Inverse of each joint's default weight in allocation, 1/w, m².
     give: [f64; MAX_JOINTS],
     arms: Vec<ContactArms>,
 }
 
-/// A figure of one posture; more is better for some, less for others.
+/// A figure of a design at one posture. For some figures more is better, for others less.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quantity {
-    /// sigma_min / sigma_max of G.
+    /// The ratio sigma_min / sigma_max of G.
     Conditioning,
-    /// The largest torque that the motors make in every direction, N m.
+    /// The largest torque that the motors can make in every direction, N m.
     Torque,
     /// The largest eigenvalue of the apparent inertia, kg m².
     Inertia,
-    /// The largest force at a contact for a torque of 1 N m in the worst direction, N.
+    /// The largest contact force for a torque of 1 N m in the worst direction, N.
     Load,
 }
 
 impl Quantity {
     pub(super) const ALL: [Self; 4] = [Self::Conditioning, Self::Torque, Self::Inertia, Self::Load];
 
-    /// Whether `a` is worse than `b`.
+    /// Returns whether the value `a` is worse than `b`.
     pub(super) fn worse(self, a: f64, b: f64) -> bool {
         match self {
             Self::Conditioning | Self::Torque => a < b,
@@ -42,7 +42,7 @@ impl Quantity {
 }
 
 impl Machine {
-    /// `device` whose steering and drive motors give so much, N m.
+    /// Prepares `device`. `peaks` are the largest torques of a steer and a drive motor, N m.
     pub(super) fn new(device: Device, peaks: [f64; 2]) -> Self {
         let (mut peak, mut inertia, mut give) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         let arms: Vec<ContactArms> =
@@ -59,12 +59,12 @@ impl Machine {
         Self { device, peak, inertia, give, arms }
     }
 
-    /// One figure at the steering angles `th`.
+    /// Returns the value of `quantity` at the steer angles `th` (rad).
     pub(super) fn at(&self, th: &[f64], quantity: Quantity) -> f64 {
         self.of(&Posture::new(&self.device, th), quantity)
     }
 
-    /// One figure at a posture.
+    /// Returns the value of `quantity` at a posture.
     pub(super) fn of(&self, posture: &Posture, quantity: Quantity) -> f64 {
         let rows = posture.rows();
         match quantity {
@@ -78,15 +78,15 @@ impl Machine {
         }
     }
 
-    /// The largest contact force of the joint torques of least cost for a torque of 1 N m in the worst direction, N: what the
-    /// controller's allocation makes while no motor is at its limit.
+    /// Returns the largest contact force for a torque of 1 N m in the worst direction, N. The joint
+    /// torques are those of least cost, which the controller uses while no motor is at its limit.
     fn load(&self, rows: &[Vec3]) -> f64 {
         // tau = W⁻¹ G A⁻¹ T with A = Gᵀ W⁻¹ G.
         let inverse = gram(rows, &self.give).inverse();
         let mut most = 0.0_f64;
         for (i, (pair, arms)) in rows.chunks_exact(2).zip(&self.arms).enumerate() {
             let [steer, drive] = [pair[0] * self.give[2 * i], pair[1] * self.give[2 * i + 1]];
-            // f = H⁻ᵀ tau is linear in tau, so it has rows too.
+            // f = H⁻ᵀ tau is linear in the torque T, so it can be written with two rows a and b.
             let roll = drive / arms.roll;
             let axial = (steer + roll * arms.cross) / arms.steer;
             let [a, b] = [inverse * axial, inverse * roll];
@@ -96,7 +96,7 @@ impl Machine {
     }
 }
 
-/// Gᵀ diag(weights) G.
+/// Returns Gᵀ diag(weights) G for the rows of G.
 pub(super) fn gram(rows: &[Vec3], weights: &[f64; MAX_JOINTS]) -> Mat3 {
     let mut sum = Mat3::ZERO;
     for (row, weight) in rows.iter().zip(weights) {
@@ -108,8 +108,9 @@ pub(super) fn gram(rows: &[Vec3], weights: &[f64; MAX_JOINTS]) -> Mat3 {
     sum
 }
 
-/// The radius of the largest ball of torques that joints limited to `peak` make: the nearest facet of the zonotope sum of
-/// tau_k g_k. Every facet is spanned by two rows, and lies sum |g.n| peak along its normal n.
+/// Returns the radius of the largest ball of torques that joints limited to `peak` can make, N m.
+/// It is the distance of the nearest facet of the zonotope sum of tau_k g_k. Every facet is spanned
+/// by two rows, and its distance is the sum of |g.n| peak along its normal n.
 pub(super) fn every_direction(rows: &[Vec3], peak: &[f64; MAX_JOINTS]) -> f64 {
     let mut scaled = [Vec3::ZERO; MAX_JOINTS];
     let mut count = 0;
@@ -123,7 +124,7 @@ pub(super) fn every_direction(rows: &[Vec3], peak: &[f64; MAX_JOINTS]) -> f64 {
         for a in &scaled[..j] {
             let normal = a.cross(*b);
             let size = normal.length();
-            // Parallel rows span no facet; others bound what these would.
+            // Parallel rows span no facet. Other pairs of rows give the bound instead.
             if size > 1.0e-12 * a.length() * b.length() {
                 let reach: f64 = scaled.iter().map(|row| row.dot(normal).abs()).sum();
                 least = least.min(reach / size);
@@ -133,8 +134,8 @@ pub(super) fn every_direction(rows: &[Vec3], peak: &[f64; MAX_JOINTS]) -> f64 {
     if least.is_finite() { least } else { 0.0 }
 }
 
-/// The eigenvalues of a symmetric matrix, least first, by the cosine of three times an angle (Smith 1961). Right to rounding of the
-/// largest.
+/// Returns the eigenvalues of a symmetric matrix in ascending order, by the trigonometric formula
+/// of Smith (1961). Errors are of the order of the rounding of the largest.
 pub(super) fn eigenvalues(m: &Mat3) -> [f64; 3] {
     let mean = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
     let (x, y, z) = (m.x_axis.x - mean, m.y_axis.y - mean, m.z_axis.z - mean);
@@ -150,7 +151,7 @@ pub(super) fn eigenvalues(m: &Mat3) -> [f64; 3] {
     [least, 3.0 * mean - largest - least, largest]
 }
 
-/// The larger eigenvalue of [[xx, xy], [xy, yy]].
+/// Returns the larger eigenvalue of [[xx, xy], [xy, yy]].
 fn largest_of_pair(xx: f64, xy: f64, yy: f64) -> f64 {
     0.5 * (xx + yy + libm::hypot(xx - yy, 2.0 * xy))
 }
@@ -179,7 +180,7 @@ mod tests {
         core::array::from_fn(|_| rng.between(-3.0, 3.0))
     }
 
-    /// The core has the same figures by other ways, but for what no other needs.
+    /// The figures agree with those that the core and the plant compute by other methods.
     #[test]
     fn figures_are_those_of_the_core_and_of_the_plant() {
         let mut rng = Rng(1);
@@ -194,7 +195,8 @@ mod tests {
                 let th = random(&mut rng);
                 let posture = Posture::new(&machine.device, &th);
                 let index = Indices::of(posture.rows()).spectral;
-                // A least eigenvalue of a square is known to rounding of the largest over itself.
+                // The smallest eigenvalue of GᵀG has a rounding error in proportion to the largest
+                // one.
                 assert!((machine.of(&posture, Quantity::Conditioning) - index).abs() < 1e-13 / index);
 
                 let mut state = State::default();
@@ -202,7 +204,8 @@ mod tests {
                 let most = eigenvalues(&plant.apparent_inertia(&state))[2];
                 assert!((machine.of(&posture, Quantity::Inertia) / most - 1.0).abs() < 1e-12);
 
-                // No direction has less torque, and those of the facets have as much.
+                // No direction has less torque than the figure, and the normals of the facets have
+                // exactly as much.
                 let least = machine.of(&posture, Quantity::Torque);
                 let load = machine.of(&posture, Quantity::Load);
                 let mut found = f64::INFINITY;
@@ -210,7 +213,7 @@ mod tests {
                     let way = Vec3::from_array(rng.direction());
                     let can = capability(posture.rows(), &limits, way);
                     assert!(can >= least * (1.0 - 1e-12), "{can} along {way}, {least} at least");
-                    // A torque so small that no motor is at its limit.
+                    // The torque is so small that no motor reaches its limit.
                     let made = allocate(posture.rows(), &limits, way * 1e-3);
                     let force = 1e3 * traction(&machine.arms, &made.torque, 1.0);
                     assert!(force <= load * (1.0 + 1e-9), "{force} N per N m, {load} at most");
@@ -226,7 +229,8 @@ mod tests {
         }
     }
 
-    /// Two wheels without toe and with r = R sin a: sqrt((1 - |cos g|)/2) with g between the contact points.
+    /// For two wheels without toe and with r = R sin a, the conditioning is sqrt((1 - |cos g|)/2),
+    /// with the angle g between the contacts.
     #[test]
     fn two_matched_wheels_are_as_even_as_their_contacts_are_apart() {
         let cone = 12.0 * DEGREE;
@@ -242,12 +246,13 @@ mod tests {
         }
     }
 
-    /// Three and four matched wheels whose contacts stand at the angle with cos² = 1/3 from n3 turn the sphere alike about every axis.
+    /// Three or four matched wheels turn the sphere equally well about every axis if the angle
+    /// between n3 and each contact has cos² = 1/3.
     #[test]
     fn matched_wheels_at_the_magic_angle_are_isotropic() {
         let (cone, magic) = (10.0 * DEGREE, libm::acos(libm::sqrt(1.0 / 3.0)));
         for wheels in [3, 4] {
-            // All steer to where the contact leans towards -n3.
+            // All wheels steer to where their contact is lowest, towards -n3.
             let radius = 0.102 * libm::sin(cone);
             let design = Design { wheels, cone, toe: 0.0, tilt: magic + cone, radius };
             let machine = machine(&design);
@@ -264,7 +269,7 @@ mod tests {
                 })
                 .collect();
             let posture = Posture::new(&machine.device, &th);
-            // 0.01 deg off, of which the index takes a part of its size.
+            // The steer angles are found to 0.01 deg, which changes the index in proportion.
             assert!(machine.of(&posture, Quantity::Conditioning) > 1.0 - 3.0e-4);
             let scale = 0.102 / radius;
             let trace: f64 = posture.rows().iter().map(|row| row.length_squared()).sum();

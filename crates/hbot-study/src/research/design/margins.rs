@@ -1,9 +1,9 @@
-//! What every design must keep, whatever its wheels steer to.
+//! Margins that every design must keep at all steer angles.
 
 use super::space::{Design, Parts};
 use super::torus::Measures;
 
-/// A bound from below.
+/// A lower bound for a property of a design.
 pub(super) struct Margin {
     pub(super) name: &'static str,
     pub(super) meaning: &'static str,
@@ -12,7 +12,7 @@ pub(super) struct Margin {
     of: fn(&Judged<'_>) -> f64,
 }
 
-/// What margins are taken of.
+/// The data from which margins are computed.
 struct Judged<'a> {
     design: &'a Design,
     measures: &'a Measures,
@@ -20,7 +20,8 @@ struct Judged<'a> {
     grip: f64,
 }
 
-/// Torque before slip that a design must have in any direction, N m; the prototype has 0.77.
+/// Smallest allowed torque at which the first contact slips, in the worst direction, N m. The
+/// prototype has 0.77.
 pub(super) const HOLDS: f64 = 0.75;
 
 pub(super) const MARGINS: [Margin; 7] = [
@@ -75,24 +76,25 @@ pub(super) const MARGINS: [Margin; 7] = [
     },
 ];
 
-/// What a contact of the prototype holds, mu N, N.
+/// Returns the largest friction force of a contact of the prototype, mu N, in N.
 pub(super) fn grip(parts: &Parts) -> f64 {
     let traction = parts.rig.limits.traction;
     traction.map_or_else(|| unreachable!("the prototype's file says it"), |t| t.mu * t.normal_force)
 }
 
-/// The margins of a design, in the order of [`MARGINS`].
+/// Returns the margins of a design, in the order of [`MARGINS`].
 pub(super) fn margins(parts: &Parts, design: &Design, measures: &Measures) -> [f64; MARGINS.len()] {
     let judged = Judged { design, measures, sphere_radius: parts.sphere_radius(), grip: grip(parts) };
     MARGINS.map(|margin| (margin.of)(&judged))
 }
 
-/// Whether a design keeps all margins.
+/// Returns whether a design keeps all margins.
 pub(super) fn keeps(parts: &Parts, design: &Design, measures: &Measures) -> bool {
     margins(parts, design, measures).iter().zip(MARGINS).all(|(value, margin)| *value >= margin.least)
 }
 
-/// Whether the dimensions alone leave room for the modules and bound the joints' speeds: told before anything is measured.
+/// Returns whether the dimensions leave room for the modules and keep the joint speeds within their
+/// bounds. This needs no measurement of the design.
 pub(super) fn has_room(parts: &Parts, design: &Design) -> bool {
     let r = parts.sphere_radius();
     design.gap(r) >= 0.0

@@ -1,7 +1,10 @@
-//! `hbot-study design`: which dimensions a better Hbot would have.
+//! The study `design`: a search for the dimensions of a better Hbot.
 //!
-//! `space` says what a design is, `local` and `torus` what it can do at one posture and at all, `margins` what it must keep, `search` and
-//! `front` find those that none beats; `shapes`, `results`, `wheels` and `conclusions` tell.
+//! - `space`: what a design is.
+//! - `local` and `torus`: the figures of a design at one posture and over all postures.
+//! - `margins`: what a design must keep.
+//! - `search` and `front`: the search for designs that no other dominates.
+//! - `shapes`, `results`, `wheels` and `conclusions`: parts of the report.
 
 mod conclusions;
 mod figures;
@@ -29,16 +32,18 @@ use search::{Search, climb, measure, measure_all, search};
 use space::{Design, MODULE_MASS, MODULE_ROOM, Parts, Point, WHEEL_DENSITY, WHEEL_WIDTH, WHEELS};
 use torus::{Measures, TOLD};
 
-/// Searches of each number of wheels, from different seeds.
+/// Random seeds of the searches for each number of wheels.
 const SEEDS: [u64; 2] = [1, 2];
-/// Points at which volumes are counted that are told.
+/// Number of points at which reported volumes are counted.
 const VOLUME_POINTS: usize = 32_768;
-/// How far the volumes of two seeds may be apart, of the larger: in full, and quick, where chance tells more.
+/// Largest allowed difference of the volumes of two seeds, relative to the larger one: in a full
+/// run, and in a quick run, which varies more by chance.
 const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
-/// Designs measured from each seed for 2, 3 and 4 wheels: in full, and quick. Fewer wheels are quicker, and leave less room.
+/// Number of designs measured per seed, for 2, 3 and 4 wheels: in a full run and in a quick one.
+/// Designs with fewer wheels are faster to measure and leave less to search.
 const EVALUATIONS: [[usize; 3]; 2] = [[10240, 6144, 4096], [1536, 512, 384]];
 
-/// The study.
+/// Runs the study `design` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("design", context.quick);
     let parts = Parts::prototype();
@@ -95,7 +100,8 @@ fn introduce(report: &mut Report, parts: &Parts) {
     report.table(&table);
 }
 
-/// The front of each number of wheels, from the designs that all seeds found, and how well it has converged.
+/// Returns the front for each number of wheels, from the designs of all seeds. Also reports how
+/// well the fronts have converged.
 fn fronts(
     context: &Context,
     report: &mut Report,
@@ -205,7 +211,9 @@ fn fronts(
     Ok(each)
 }
 
-/// The front of what all searches found and of what is nearest above the prototype, measured thoroughly.
+/// Returns the front of the designs that all searches found, together with the designs that are
+/// better than the prototype in every figure by the largest factor. All are measured with the
+/// effort of the report.
 fn told(
     context: &Context,
     parts: &Parts,
@@ -230,7 +238,7 @@ fn told(
     Ok(front(&costs).into_iter().map(|k| found[k]).collect())
 }
 
-/// A number with its unit, which is 1 for a ratio.
+/// Formats a number with its unit. The unit `1` of a ratio is left out.
 fn with_unit(value: f64, unit: &str) -> String {
     if unit == "1" { short(value) } else { format!("{} {unit}", short(value)) }
 }

@@ -1,4 +1,4 @@
-//! The fronts as plots, along two of their four figures at a time.
+//! Plots of the fronts, each along two of the four figures.
 
 use hbot_plot::{Cloud, Scatter};
 
@@ -8,15 +8,15 @@ use super::space::WHEELS;
 use super::torus::Measures;
 use crate::report::Report;
 
-/// Points of a cloud that are drawn.
+/// Number of points of a cloud that are drawn.
 const DRAWN: usize = 400;
 
-/// An axis of the plots.
+/// An axis of a plot: one of the four figures.
 struct Axis {
     name: &'static str,
-    /// As an axis has it.
+    /// Label of the axis.
     long: &'static str,
-    /// Smaller is better.
+    /// Whether a smaller value is better.
     falls: bool,
     of: fn(&Measures) -> f64,
 }
@@ -112,7 +112,7 @@ fn capital(text: &str) -> String {
     chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
 }
 
-/// Of some points those that no other beats in both, from left to right.
+/// Returns the points that no other point dominates in both figures, from left to right.
 fn best_of_two(points: &[(f64, f64)], x_falls: bool, y_falls: bool) -> Vec<(f64, f64)> {
     let sign = |falls: bool| if falls { 1.0 } else { -1.0 };
     let cost = |p: &(f64, f64)| [sign(x_falls) * p.0, sign(y_falls) * p.1, 0.0, 0.0];

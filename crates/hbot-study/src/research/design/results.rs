@@ -1,4 +1,5 @@
-//! What is told of the fronts: plots, the best designs with their rig files, and the prototype's place.
+//! The results of the search: plots, the best designs with their rig files, and a comparison with
+//! the prototype.
 
 use super::figures::{Of, families, figures};
 use super::fronts::{Best, Fronts};
@@ -90,13 +91,13 @@ fn line(name: &str, parts: &Parts, design: &super::space::Design, m: &Measures) 
     ])
 }
 
-/// Whether a margin is used up to 5 % of its bound, or 1 degree.
+/// Returns whether a margin is close to its bound: within 5 % of the bound, or within 1 degree.
 fn near(value: f64, margin: &bounds::Margin) -> bool {
     let reach = if margin.least > 0.0 { 0.05 * margin.least } else { DEGREE };
     value < margin.least + reach
 }
 
-/// Which margins hold the fronts back.
+/// Reports which margins limit the fronts.
 fn bind(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.say("How many of a front's designs have a margin at its bound (within 5 %, angles within 1 deg), in per cent: what holds them back.");
     report.family(

@@ -1,4 +1,4 @@
-//! A design as a rig file.
+//! Output of a design as a rig file.
 
 use std::fmt::Write as _;
 
@@ -6,16 +6,18 @@ use super::margins::grip;
 use super::space::{DEGREE, Design, MODULE_MASS, Parts};
 use super::torus::Measures;
 
-/// The part of what motors and contacts give that the file asks of them at most.
+/// The torque limit in the file, relative to what motors and contacts can give.
 const RESERVE: f64 = 0.95;
 
-/// The largest torque that the file of a design allows, N m: within what motors and contacts give in any direction, to 0.01.
+/// Returns the torque limit for the rig file of a design, N m, rounded down to 0.01. Motors and
+/// contacts can give this torque in every direction.
 pub(super) fn torque_limit(parts: &Parts, measures: &Measures) -> f64 {
     let most = measures.torque.min(measures.slips_from(grip(parts)));
     (RESERVE * most * 100.0).floor() / 100.0
 }
 
-/// The rig file of a design: dimensions and inertias its own, all else as `rigs/prototype.toml` has it.
+/// Returns the rig file of a design. Dimensions and inertias are those of the design, and
+/// everything else is as in `rigs/prototype.toml`.
 pub(super) fn text(parts: &Parts, name: &str, design: &Design, measures: &Measures) -> String {
     let mut out = String::new();
     let degrees = |x: f64| x / DEGREE;
@@ -63,7 +65,7 @@ pub(super) fn text(parts: &Parts, name: &str, design: &Design, measures: &Measur
 }
 
 fn wheel(out: &mut String, parts: &Parts, design: &Design, k: usize) {
-    // Zeros that are not quite would only puzzle.
+    // A tiny value from rounding would only confuse the reader, so it becomes zero.
     let [x, y, z] = design.axis(k).to_array().map(|v| if v.abs() < 1.0e-15 { 0.0 } else { v });
     let name = char::from(b'A' + k as u8);
     let _ = write!(
@@ -101,7 +103,7 @@ mod tests {
     use super::*;
     use hbot_config::RigConfig;
 
-    /// What a file says is the design that was measured.
+    /// The rig file describes the design that was measured.
     #[test]
     fn a_file_says_what_was_measured() {
         let parts = Parts::prototype();
@@ -114,7 +116,7 @@ mod tests {
             let (read, made) = (read.spec(), made.spec());
             assert!((read.axis - made.axis).length() < 1e-15);
             assert_eq!((read.cone, read.toe, read.radius), (made.cone, made.toe, made.radius));
-            // As many digits as the file has.
+            // The tolerance is the number of digits in the file.
             assert!((read.steer_inertia / made.steer_inertia - 1.0).abs() < 1e-6);
             assert!((read.drive_inertia / made.drive_inertia - 1.0).abs() < 1e-6);
         }

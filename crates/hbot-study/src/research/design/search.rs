@@ -1,4 +1,5 @@
-//! The search for designs that no other beats: even samples of all dimensions, then steps between those that are best so far.
+//! The search for designs that no other design dominates. It takes even samples of all dimensions
+//! first, and then steps between the best designs found so far.
 
 use std::collections::BTreeSet;
 
@@ -10,31 +11,34 @@ use super::torus::{Effort, Measures, SEARCH, kronecker};
 use crate::context::{Context, Interrupted};
 use crate::rng::Rng;
 
-/// Designs that are measured side by side.
+/// Number of designs that are measured in parallel.
 const BATCH: usize = 128;
-/// Points at which the volume beaten is counted while a search runs.
+/// Number of points at which the dominated volume is counted during a search.
 const VOLUME_POINTS: usize = 8192;
-/// Part of the difference of two designs that a step takes, at most (differential evolution: Storn and Price 1997).
+/// Largest part of the difference of two designs that a step takes (differential evolution: Storn
+/// and Price 1997).
 const STRIDE: f64 = 0.8;
-/// Of the steps, those that move one dimension alone, by up to this part of its range.
+/// The share of steps that change only one dimension, and the largest such change relative to the
+/// dimension's range.
 const NUDGES: (f64, f64) = (0.4, 0.05);
-/// Tries for a design that has room and is new, before the search takes what it has.
+/// Number of attempts to find a new design that has room. After that the search takes what it has.
 const TRIES: usize = 100;
 
-/// A search among designs of one number of wheels.
+/// A search among designs with one number of wheels.
 #[derive(Debug, Clone)]
 pub(super) struct Search {
     pub(super) archive: Archive,
-    /// Designs measured so far and the share of the box that the best of them beat.
+    /// The course of the search: the number of designs measured so far, and the share of the box
+    /// that the best of them dominate.
     pub(super) history: Vec<(usize, f64)>,
-    /// Dimensions that left no room, among the even samples, and how many samples there were.
+    /// Of the even samples: the number whose dimensions left no room, and the number of all.
     pub(super) without_room: [usize; 2],
-    /// Designs measured that did not keep their margins.
+    /// Number of measured designs that did not keep their margins.
     pub(super) failed: usize,
 }
 
-/// Measures `evaluations` designs of so many wheels: the prototype's dimensions first, then a half spread evenly, a half near the best.
-/// Another seed looks elsewhere.
+/// Measures `evaluations` designs with `wheels` wheels: first the prototype's dimensions, then one
+/// half spread evenly and one half near the best. Another seed gives other designs.
 pub(super) fn search(
     context: &Context,
     parts: &Parts,
@@ -72,7 +76,7 @@ pub(super) fn search(
                     .find(|point| !seen.contains(point) && has_room(parts, &point.design()))
                     .unwrap_or_else(|| run.archive.members[0].point)
             };
-            // Twice the same counts as measured, so that every search ends.
+            // A repeated design counts as measured, so that every search ends.
             if seen.insert(point) {
                 batch.push(point);
             } else {
@@ -97,7 +101,8 @@ pub(super) fn search(
     Ok(run)
 }
 
-/// A place near the best so far: some of the way between two others from a third, or one dimension a little off.
+/// Returns a point near the best designs so far. It either adds part of the difference of two
+/// designs to a third, or changes one dimension slightly.
 fn step(archive: &Archive, wheels: usize, rng: &mut Rng) -> Point {
     let members = &archive.members;
     let mut pick = || {
@@ -116,11 +121,12 @@ fn step(archive: &Archive, wheels: usize, rng: &mut Rng) -> Point {
     Point::nearest(wheels, unit)
 }
 
-/// Steps of a climb, on the grid.
+/// Step sizes of a climb, in grid steps.
 const CLIMB: [i32; 4] = [12, 5, 2, 1];
 
-/// Climbs from `from` to where no neighbour is better in every figure than `than` by a larger factor (one dimension or two at
-/// once, in steps that shrink), margins kept.
+/// Climbs from `from` to a design that keeps its margins and is better than `than` in every figure
+/// by the largest factor among its neighbours. Neighbours differ in one or two dimensions, by steps
+/// that shrink.
 pub(super) fn climb(
     context: &Context,
     parts: &Parts,
@@ -145,7 +151,8 @@ pub(super) fn climb(
     Ok(here)
 }
 
-/// A point, and those with one dimension or two so many steps off.
+/// Returns the point and its neighbours, which differ by `stride` grid steps in one or two
+/// dimensions.
 fn neighbours(point: Point, stride: i32) -> Vec<Point> {
     let mut all = vec![point];
     for i in 0..4 {
@@ -161,7 +168,8 @@ fn neighbours(point: Point, stride: i32) -> Vec<Point> {
     all
 }
 
-/// Measures designs on all cores, in their order; `None` for those that do not keep their margins.
+/// Measures designs on all cores and returns them in order. A design that does not keep its margins
+/// becomes `None`.
 pub(super) fn measure_all(
     context: &Context,
     parts: &Parts,
@@ -190,13 +198,14 @@ pub(super) fn measure_all(
     })
 }
 
-/// The machine of a design, with the prototype's motors at their peaks; `None` where it can become singular.
+/// Prepares a design with the prototype's motors at their peak torques. Returns `None` if the
+/// design can become singular.
 pub(super) fn machine(parts: &Parts, design: &Design) -> Option<Machine> {
     let [steer, drive] = [parts.rig.joints[0].peak, parts.rig.joints[1].peak];
     Some(Machine::new(parts.device(design)?, [steer, drive]))
 }
 
-/// A design's figures; `None` where it can become singular.
+/// Measures a design. Returns `None` if the design can become singular.
 pub(super) fn measure(parts: &Parts, design: &Design, effort: Effort) -> Option<Measures> {
     Some(Measures::of(&machine(parts, design)?, design, effort))
 }

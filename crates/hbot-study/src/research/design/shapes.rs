@@ -1,4 +1,4 @@
-//! What each dimension does by itself, and how sure the figures are.
+//! The influence of each dimension on the figures, and the uncertainty of the figures.
 
 use hbot_plot::{Lines, Series, short};
 
@@ -8,7 +8,7 @@ use super::torus::{Effort, Measures, SEARCH, TOLD};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// How thoroughly the torus is looked at while the effort is varied.
+/// The efforts that are compared, from the least to the most thorough.
 const EFFORTS: [Effort; 5] = [
     SEARCH,
     Effort { samples: 1024, starts: 4 },
@@ -17,7 +17,7 @@ const EFFORTS: [Effort; 5] = [
     Effort { samples: 16384, starts: 64 },
 ];
 
-/// How much the figures move when the torus is looked at more thoroughly.
+/// Reports how much the figures change if the torque is evaluated more thoroughly.
 pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     context.part("how sure the figures are")?;
     report.heading("How sure the figures are");
@@ -92,10 +92,10 @@ pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts)
     Ok(())
 }
 
-/// One dimension of a design set to so much.
+/// A function that returns a design with one dimension set to a value.
 type Set = fn(&Design, f64) -> Design;
 
-/// Sweeps each dimension of the prototype.
+/// Varies each dimension of the prototype and reports the figures.
 pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     context.part("what each dimension does")?;
     report.heading("What each dimension does");
@@ -160,7 +160,8 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
     tilts(context, report, parts)
 }
 
-/// Conditioning over the tilt for each number of wheels, where a wheel is as strong in steering as in driving.
+/// Reports conditioning against tilt for each number of wheels. The wheels are matched: equally
+/// strong in steering and driving.
 fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     report.say(
         "Where r = R sin a, G is most even where the contacts are spread most evenly over directions and their opposites: two at right angles (axes 45 deg from -n3), three or four with cos² = 1/3 (54.7 deg). \
@@ -209,7 +210,7 @@ fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), In
         }
         .svg(),
     );
-    // The mean over a cone of 10 degrees is flat near its best.
+    // The mean over a cone of 10 degrees is flat near its maximum.
     report.check(
         "matched wheels are best conditioned with axes at 45 deg (two), 54.7 deg (three, four), within 2 deg",
         format!("{off:.1} deg off at most"),

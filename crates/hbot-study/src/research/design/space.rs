@@ -1,37 +1,42 @@
-//! The designs that are looked at: what varies, what stays the prototype's, and whether the modules have room.
+//! The space of designs: the dimensions that vary, the properties that stay the prototype's, and
+//! the room for the wheel modules.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 
 use hbot_config::RigConfig;
 use hbot_core::{Device, Rig, Vec3, WheelSpec};
 
-/// Mass at the centre of a wheel: wheel, fork, drive motor and gear, kg; what the simulated rig assumes too.
+/// Mass at the centre of a wheel, kg: wheel, fork, drive motor and gear. The simulated rig assumes
+/// this mass too.
 pub(super) const MODULE_MASS: f64 = 0.05;
-/// Of it the wheel, a disc of this width, m, ...
+/// Width of a wheel, m. The wheel is modelled as a disc.
 pub(super) const WHEEL_WIDTH: f64 = 0.006;
-/// ... and this density, kg/m³.
+/// Density of a wheel, kg/m³.
 pub(super) const WHEEL_DENSITY: f64 = 1200.0;
-/// What a module needs beyond the rim of its wheel, m: tyre, fork, play.
+/// Clearance of a module beyond the rim of its wheel, m: for tyre, fork and play.
 pub(super) const MODULE_ROOM: f64 = 0.005;
-/// How far below the equator modules stay, rad: the open half and the cage's ring are there.
+/// Smallest angle of the modules below the equator, rad. Above it are the open half and the ring of
+/// the cage.
 pub(super) const BELOW_EQUATOR: f64 = 5.0 * DEGREE;
 
-/// rad
+/// One degree in radians.
 pub(super) const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
-/// Steps of what varies: nobody builds closer. Angles in rad, the radius in m.
+/// Grid steps of cone, toe and tilt (rad) and of the radius (m). Finer steps could not be built.
 const STEP: [f64; 4] = [0.1 * DEGREE, 0.1 * DEGREE, 0.1 * DEGREE, 1.0e-4];
-/// From where to where, in those steps: cone, toe, tilt, radius.
+/// Ranges of cone, toe, tilt and radius, in grid steps.
 ///
-/// A cone below 6 deg has a wheel steered ten times as fast as the sphere turns; above 40 deg no module has room. A toe of either sign
-/// is the mirror image of the other. Axes straight down meet in one point; those near the equator leave the open half no room.
-/// A wheel below 8 mm leaves no room for a motor on its axle; above 30 mm its module is as wide as the cage.
+/// With a cone below 6 deg a wheel steers ten times as fast as the sphere turns; above 40 deg no
+/// module has room. A negative toe is the mirror image of a positive one, so it is not searched.
+/// Steering axes that point straight down meet in one point; those near the equator leave no room
+/// for the open half. A wheel below 8 mm leaves no room for a motor on its axle; with one above 30
+/// mm a module is as wide as the cage.
 const RANGE: [[u32; 2]; 4] = [[60, 400], [0, 400], [150, 800], [80, 300]];
 
-/// Wheel counts that are looked at.
+/// Numbers of wheels that are searched.
 pub(super) const WHEELS: [usize; 3] = [2, 3, 4];
 
-/// A design on the grid of what can be built: cone, toe, tilt and wheel radius in steps.
+/// A design on the grid of what can be built: cone, toe, tilt and wheel radius in grid steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Point {
     pub(super) wheels: usize,
@@ -39,7 +44,8 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// The nearest to a place in the unit cube; what is outside comes to its faces.
+    /// Returns the point nearest to a place in the unit cube. A place outside is moved to the
+    /// cube's surface.
     pub(super) fn nearest(wheels: usize, unit: [f64; 4]) -> Self {
         let at = core::array::from_fn(|k| {
             let [low, high] = RANGE[k].map(f64::from);
@@ -48,7 +54,7 @@ impl Point {
         Self { wheels, at }
     }
 
-    /// The nearest to a design.
+    /// Returns the point nearest to a design.
     pub(super) fn of(design: &Design) -> Self {
         let values = [design.cone, design.toe, design.tilt, design.radius];
         let unit = core::array::from_fn(|k| {
@@ -58,7 +64,7 @@ impl Point {
         Self::nearest(design.wheels, unit)
     }
 
-    /// So many steps away; `None` outside the ranges.
+    /// Returns the point that is moved by `steps`, or `None` if it is outside the ranges.
     pub(super) fn moved(&self, steps: [i32; 4]) -> Option<Self> {
         let mut at = self.at;
         for k in 0..4 {
@@ -70,7 +76,7 @@ impl Point {
         Some(Self { at, ..*self })
     }
 
-    /// Its place in the unit cube.
+    /// Returns the place of this point in the unit cube.
     pub(super) fn unit(&self) -> [f64; 4] {
         core::array::from_fn(|k| {
             let [low, high] = RANGE[k].map(f64::from);
@@ -80,16 +86,17 @@ impl Point {
 
     pub(super) fn design(&self) -> Design {
         let [cone, toe, tilt] = core::array::from_fn(|k| f64::from(self.at[k]) * STEP[k]);
-        // A quotient is the number that the decimals mean.
+        // The division gives the number nearest to the decimal value, which a product with 1e-4
+        // does not.
         let radius = f64::from(self.at[3]) / 1.0e4;
         Design { wheels: self.wheels, cone, toe, tilt, radius }
     }
 }
 
-/// A design: so many wheels spread evenly about n3, all alike.
+/// A design with identical wheels, spread evenly about n3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Design {
-    /// 2 to 8.
+    /// Number of wheels, 2 to 8.
     pub(super) wheels: usize,
     /// Cone angle a, rad.
     pub(super) cone: f64,
@@ -101,19 +108,19 @@ pub(super) struct Design {
     pub(super) radius: f64,
 }
 
-/// What every design has of the prototype: sphere, motors, encoders, limits.
+/// The parts that every design takes from the prototype: sphere, motors, encoders, limits.
 #[derive(Debug, Clone)]
 pub(super) struct Parts {
     pub(super) rig: Rig,
     pub(super) prototype: Design,
-    /// Inertia about a steering axis of what does not move with the cone: the rotor, kg m².
+    /// Inertia of the rotor about a steering axis, kg m². It does not depend on the cone.
     steer_rotor: f64,
-    /// Inertia about an axle but the wheel's own: the rotor through its gear, kg m².
+    /// Inertia of the rotor about an axle, through its gear and without the wheel, kg m².
     drive_rotor: f64,
 }
 
 impl Parts {
-    /// Those of `rigs/prototype.toml`.
+    /// Returns the parts of `rigs/prototype.toml`.
     pub(super) fn prototype() -> Self {
         let rig = RigConfig::prototype().rig;
         let spec = rig.device.wheels()[0].spec();
@@ -133,24 +140,25 @@ impl Parts {
         }
     }
 
-    /// The sphere's radius R, m.
+    /// Returns the sphere's radius R, m.
     pub(super) fn sphere_radius(&self) -> f64 {
         self.rig.device.sphere_radius()
     }
 
-    /// Inertia about the steering axis: the rotor, and the module on its arm (R + r) sin a, kg m².
+    /// Returns the inertia about the steering axis, kg m²: the rotor, and the module on its arm (R
+    /// + r) sin a.
     pub(super) fn steer_inertia(&self, design: &Design) -> f64 {
         let arm = (self.sphere_radius() + design.radius) * libm::sin(design.cone);
         let module = MODULE_MASS + disc_mass(design.radius) - disc_mass(self.prototype.radius);
         self.steer_rotor + module * arm * arm
     }
 
-    /// Inertia about the axle: the rotor through its gear, and the wheel, kg m².
+    /// Returns the inertia about the axle, kg m²: the rotor through its gear, and the wheel.
     pub(super) fn drive_inertia(&self, design: &Design) -> f64 {
         self.drive_rotor + disc_inertia(design.radius)
     }
 
-    /// The device of a design; `None` where it can become singular.
+    /// Returns the device of a design, or `None` if it can become singular.
     pub(super) fn device(&self, design: &Design) -> Option<Device> {
         let specs: Vec<WheelSpec> = (0..design.wheels)
             .map(|k| WheelSpec {
@@ -168,37 +176,39 @@ impl Parts {
 }
 
 impl Design {
-    /// The steering axis of wheel `k` in N.
+    /// Returns the steering axis of wheel `k`, a unit vector in N.
     pub(super) fn axis(&self, k: usize) -> Vec3 {
         let (s, c) = libm::sincos(TAU * k as f64 / self.wheels as f64);
         let (tilt_s, tilt_c) = libm::sincos(self.tilt);
         Vec3::new(tilt_s * c, tilt_s * s, -tilt_c)
     }
 
-    /// Half-angle of the cone about its axis, seen from the sphere's centre, that a module sweeps, rad: the rim's far edge with room
-    /// about it. The steering motor behind it is inside.
+    /// Returns the half-angle of the cone that a module sweeps about its steering axis, seen from
+    /// the sphere's centre, rad. The cone contains the far edge of the rim and its clearance. The
+    /// steering motor behind it is inside.
     pub(super) fn swept(&self, sphere_radius: f64) -> f64 {
         self.cone + libm::asin((self.radius + MODULE_ROOM) / (sphere_radius + self.radius))
     }
 
-    /// What is left between the modules of two neighbours, whatever they steer to, rad.
+    /// Returns the angle left between the modules of two neighbouring wheels at any steer angles,
+    /// rad.
     pub(super) fn gap(&self, sphere_radius: f64) -> f64 {
         let turn = libm::sin(core::f64::consts::PI / self.wheels as f64);
         let between = 2.0 * libm::asin(libm::sin(self.tilt) * turn);
         between - 2.0 * self.swept(sphere_radius)
     }
 
-    /// What is left between the modules and the rim that they stay below, rad.
+    /// Returns the angle left between the modules and the rim above them, rad.
     pub(super) fn headroom(&self, sphere_radius: f64) -> f64 {
         FRAC_PI_2 - BELOW_EQUATOR - self.tilt - self.swept(sphere_radius)
     }
 
-    /// How fast a wheel is steered at worst, for a sphere that turns at 1: |g_th| = 1/(sin a cos b).
+    /// Returns the largest steer rate relative to the sphere's rate: |g_th| = 1/(sin a cos b).
     pub(super) fn steering_speed(&self) -> f64 {
         1.0 / (libm::sin(self.cone) * libm::cos(self.toe))
     }
 
-    /// How fast a wheel is driven at worst, for a sphere that turns at 1: |g_ph| = R/(r cos b).
+    /// Returns the largest drive rate relative to the sphere's rate: |g_ph| = R/(r cos b).
     pub(super) fn drive_speed(&self, sphere_radius: f64) -> f64 {
         sphere_radius / (self.radius * libm::cos(self.toe))
     }
@@ -218,24 +228,26 @@ mod tests {
     use hbot_core::kinematics::Posture;
     use hbot_core::singularity::{Meeting, closest_approach};
 
-    /// The prototype's geometry comes out of the design as the rig file has it.
+    /// The prototype as a design has the geometry of its rig file.
     #[test]
     fn the_prototype_is_one_of_the_designs() {
         let parts = Parts::prototype();
         let device = parts.device(&parts.prototype).expect("legal");
         for (made, given) in device.wheels().iter().zip(parts.rig.device.wheels()) {
             let (made, given) = (made.spec(), given.spec());
-            // Rounding of a few elementary functions.
+            // The tolerance is the rounding of a few elementary functions.
             assert!((made.axis - given.axis).length() < 1e-15);
             assert_eq!((made.cone, made.toe, made.radius), (given.cone, given.toe, given.radius));
             assert!((made.steer_inertia / given.steer_inertia - 1.0).abs() < 1e-14);
             assert!((made.drive_inertia / given.drive_inertia - 1.0).abs() < 1e-14);
         }
-        // Both splits leave a rotor: the module's mass and the wheel's size are not too large for the inertias assumed.
+        // Both rotors have a positive inertia: the assumed module mass and wheel size are not too
+        // large for the inertias of the rig file.
         assert!(parts.steer_rotor > 0.0 && parts.drive_rotor > 0.0);
     }
 
-    /// A module on its arm is felt at the sphere as its mass at R + r, whatever the cone: the arm grows as the leverage falls.
+    /// A module acts on the sphere like its mass at the distance R + r, at any cone angle: the
+    /// leverage falls as the arm grows.
     #[test]
     fn a_module_weighs_the_same_at_any_cone() {
         let parts = Parts::prototype();
@@ -248,13 +260,13 @@ mod tests {
         for cone in [0.05, 0.1745, 0.6] {
             assert!((felt(cone) / mass - 1.0).abs() < 1e-12, "{}", felt(cone));
         }
-        // A wheel twice as large weighs four times as much, and has sixteen times the inertia.
+        // A wheel of twice the radius has four times the mass and sixteen times the inertia.
         let large = Design { radius: 2.0 * parts.prototype.radius, ..parts.prototype };
         let [own, other] = [&parts.prototype, &large].map(|d| parts.drive_inertia(d) - parts.drive_rotor);
         assert!((other / own - 16.0).abs() < 1e-9);
     }
 
-    /// The rows of G are nowhere longer than the closed forms say, and somewhere as long, with and without toe.
+    /// The lengths of the rows of G equal the closed forms at every posture, with toe.
     #[test]
     fn joint_speeds_are_their_closed_forms_at_any_posture() {
         let parts = Parts::prototype();
@@ -270,7 +282,7 @@ mod tests {
         }
     }
 
-    /// Modules that do not touch keep their contact points at least their own widths apart.
+    /// If modules do not touch, their contacts are apart by at least the width of the modules.
     #[test]
     fn room_between_modules_is_room_between_contacts() {
         let parts = Parts::prototype();

@@ -1,4 +1,5 @@
-//! Figures over all steering angles: means over even samples of the torus, and the worst, sought from the worst samples.
+//! Figures over all steer angles: means over even samples of the torus, and worst values. A worst
+//! value is searched from the worst samples.
 
 use core::f64::consts::TAU;
 
@@ -8,48 +9,48 @@ use hbot_core::singularity::interior_margin_over_all;
 use super::local::{Machine, Quantity};
 use super::space::Design;
 
-/// How thoroughly the torus is looked at.
+/// How thoroughly the torus of steer angles is searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Effort {
-    /// Postures.
+    /// Number of sampled postures.
     pub(super) samples: usize,
-    /// Worst ones from which a worse one is sought.
+    /// Number of worst samples from which the search for a worse posture starts.
     pub(super) starts: usize,
 }
 
-/// For a search among many designs.
+/// Effort for a search among many designs.
 pub(super) const SEARCH: Effort = Effort { samples: 256, starts: 4 };
-/// For the designs that are told of.
+/// Effort for the designs that are reported.
 pub(super) const TOLD: Effort = Effort { samples: 4096, starts: 16 };
 
-/// First step of the search for the worst posture, rad, and the one that it ends with.
+/// First and last step of the search for the worst posture, rad.
 const STEPS: [f64; 2] = [0.3, 1.0e-3];
 
-/// A design's figures over all steering angles.
+/// The figures of a design over all steer angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measures {
     /// Mean of the spectral index.
     pub(super) gci: f64,
-    /// Its least: the actuation margin, as all joints have motors.
+    /// Smallest spectral index. It is the actuation margin, as all joints have motors.
     pub(super) conditioning: f64,
-    /// The peak torque in the worst direction at the worst posture, N m.
+    /// Peak torque in the worst direction at the worst posture, N m.
     pub(super) torque: f64,
-    /// The same at the posture that 5 % are below, N m.
+    /// Peak torque in the worst direction that 95 % of the postures exceed, N m.
     pub(super) torque_low: f64,
-    /// The largest eigenvalue of the apparent inertia, kg m².
+    /// Largest eigenvalue of the apparent inertia, kg m².
     pub(super) inertia: f64,
-    /// Its mean, kg m².
+    /// Mean over postures of the largest eigenvalue of the apparent inertia, kg m².
     pub(super) inertia_mean: f64,
-    /// The largest contact force for 1 N m on the sphere, N.
+    /// Largest contact force for a torque of 1 N m on the sphere, N.
     pub(super) load: f64,
-    /// sigma_min(Z)/R, or a bound that it is not below.
+    /// Interior margin sigma_min(Z)/R, or a lower bound for it.
     pub(super) interior: f64,
-    /// Joint rate for a sphere that turns at 1, at most: steering, drive.
+    /// Largest joint rates relative to the sphere's rate: steer, drive.
     pub(super) speed: [f64; 2],
 }
 
 impl Measures {
-    /// Of `machine`, which is of `design`.
+    /// Computes the figures of `design`, which is prepared as `machine`.
     pub(super) fn of(machine: &Machine, design: &Design, effort: Effort) -> Self {
         let n = effort.samples as f64;
         let mut values = [const { Vec::new() }; 4];
@@ -79,26 +80,31 @@ impl Measures {
         }
     }
 
-    /// The torque in any direction at which the first contact slips, N m, where a contact holds `grip`, N.
+    /// Returns the torque at which the first contact slips, in the worst direction, N m. A contact
+    /// holds the force `grip`, N.
     pub(super) fn slips_from(&self, grip: f64) -> f64 {
         grip / self.load
     }
 }
 
-/// Steering angles spread evenly over the torus: a Kronecker sequence of the generalised golden ratio (Roberts 2018).
+/// Returns steer angles spread evenly over the torus, rad: a Kronecker sequence of the generalised
+/// golden ratio (Roberts 2018).
 pub(super) fn samples(wheels: usize, count: usize) -> impl Iterator<Item = Vec<f64>> {
     kronecker(wheels, 0.5).take(count).map(|unit| unit.iter().map(|x| x * TAU).collect())
 }
 
-/// Points spread evenly over a unit cube of so many dimensions, the first of them at `start` along each.
+/// Returns an endless sequence of points spread evenly over a unit cube of `dimensions` dimensions.
+/// All coordinates of the first point are `start`.
 pub(super) fn kronecker(dimensions: usize, start: f64) -> impl Iterator<Item = Vec<f64>> {
-    // The root of x^(d + 1) = x + 1; the map draws near by a factor of 1/(d + 1) or better.
+    // The root of x^(d + 1) = x + 1. Each iteration reduces the error by a factor of at most 1/(d +
+    // 1).
     let root = (0..64).fold(1.5_f64, |x, _| libm::pow(1.0 + x, 1.0 / (dimensions as f64 + 1.0)));
     let steps: Vec<f64> = (1..=dimensions).map(|i| libm::pow(root, -(i as f64))).collect();
     (0_u64..).map(move |k| steps.iter().map(|step| (start + k as f64 * step).fract()).collect())
 }
 
-/// Ways to go from a posture: one angle, or two at once, because torque has valleys between angles.
+/// Returns the directions of a search step from a posture: one angle, or two at once because torque
+/// has valleys between the angles.
 fn ways(wheels: usize) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for i in 0..wheels {
@@ -117,7 +123,8 @@ fn ways(wheels: usize) -> Vec<Vec<f64>> {
     all
 }
 
-/// The worst of a quantity that is found going downhill from the worst samples, with halving steps.
+/// Returns the worst value of a quantity, by descending from the worst samples with steps that
+/// halve.
 fn worst(machine: &Machine, quantity: Quantity, angles: &[Vec<f64>], values: &[f64], starts: usize) -> f64 {
     let mut order: Vec<usize> = (0..values.len()).collect();
     let by = |a: &usize, b: &usize| {
@@ -126,7 +133,7 @@ fn worst(machine: &Machine, quantity: Quantity, angles: &[Vec<f64>], values: &[f
     };
     order.select_nth_unstable_by(starts - 1, by);
     order.truncate(starts);
-    // Ties between starts do not depend on how the samples were parted.
+    // Sorting makes ties between starts independent of how the selection ordered the samples.
     order.sort_unstable();
     let mut all = values[order[0]];
     let ways = ways(angles[0].len());
@@ -166,7 +173,8 @@ mod tests {
         Measures::of(&Machine::new(device, PEAKS), design, effort)
     }
 
-    /// docs/physics.md, sections 3, 7, 10 and 11: the prototype's figures, to the digits that stand there.
+    /// docs/physics.md, sections 3, 7, 10 and 11: the prototype's figures, to the digits given
+    /// there.
     #[test]
     fn the_prototype_measures_what_the_notes_say() {
         let parts = Parts::prototype();
@@ -175,8 +183,8 @@ mod tests {
         assert!((told.conditioning - 0.50).abs() < 0.5e-2, "{}", told.conditioning);
         assert!((told.load - 10.4).abs() < 0.05, "{}", told.load);
         assert!((told.slips_from(8.0) - 0.77).abs() < 0.5e-2, "{}", told.slips_from(8.0));
-        // The contacts come within 70 degrees, whatever the steering: sqrt(1 - cos g), and f = 1/(R sin g) where one contact has to
-        // bear all.
+        // The contacts come within 70 degrees of each other at some steer angles. The margin is
+        // then sqrt(1 - cos g), and f = 1/(R sin g) if one contact carries the whole load.
         let g = 90.0 * DEGREE - 2.0 * parts.prototype.cone;
         assert!((told.interior - libm::sqrt(1.0 - libm::cos(g))).abs() < 1e-9);
         let force = 1.0 / (0.102 * libm::sin(g));
@@ -184,7 +192,8 @@ mod tests {
         assert!((told.load / force - 1.0).abs() < 1e-5, "{} against {force}", told.load);
     }
 
-    /// What a search sees is what is told in the end, to what a search needs.
+    /// The few samples of a search give nearly the figures of the final measurement, as closely as
+    /// a search needs.
     #[test]
     fn few_samples_say_nearly_the_same_as_many() {
         for wheels in [2, 3, 4] {
@@ -193,13 +202,13 @@ mod tests {
             for (a, b) in [(few.gci, many.gci), (few.inertia, many.inertia), (few.load, many.load)] {
                 assert!((a / b - 1.0).abs() < 0.02, "{wheels} wheels: {few:?} {many:?}");
             }
-            // Its valleys are narrow.
+            // The tolerance is wider because the torque has narrow valleys.
             assert!((few.torque / many.torque - 1.0).abs() < 0.1, "{wheels} wheels: {few:?} {many:?}");
             assert!(many.conditioning <= many.gci && many.torque <= many.torque_low);
         }
     }
 
-    /// A toe of the other sign is the mirror image: nothing that is measured here tells them apart.
+    /// A negative toe is the mirror image of a positive one, so all figures are equal.
     #[test]
     fn the_sign_of_the_toe_makes_no_difference() {
         for wheels in [2, 3, 4] {
@@ -207,7 +216,8 @@ mod tests {
                 let design = Design { wheels, cone: 0.2, toe, tilt: 0.8, radius: 0.015 };
                 measured(&design, Effort { samples: 16384, starts: 16 })
             });
-            // Means over samples that are no mirror images of each other; worst values as far as the search finds them.
+            // The samples are not mirror images of each other, so the means differ a little. The
+            // worst values agree as far as the search finds them.
             assert!((out.gci / in_.gci - 1.0).abs() < 1e-3, "{out:?} {in_:?}");
             assert!((out.torque / in_.torque - 1.0).abs() < 0.01, "{out:?} {in_:?}");
             assert!((out.load / in_.load - 1.0).abs() < 1e-3, "{out:?} {in_:?}");
@@ -216,7 +226,7 @@ mod tests {
 
     #[test]
     fn samples_fill_the_torus_evenly() {
-        // Each of 16 equal boxes of the plane gets its share within a few of 1024 points.
+        // Each of 16 equal boxes of the plane gets its share of 1024 points, within a few.
         let mut boxes = [0; 16];
         for th in samples(2, 1024) {
             let [i, j] = [th[0], th[1]].map(|x| (4.0 * x / TAU) as usize);

@@ -1,4 +1,5 @@
-//! The paper's claim that more than two wheels gain stability, as figures: the prototype's wheel twice, three and four times.
+//! The paper's claim that more than two wheels increase stability, in figures: the prototype with
+//! two, three and four of its wheels.
 
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, Mat3, Vec3};
@@ -13,24 +14,24 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Slips at random that are looked for.
+/// Number of random slips from which the visible share is estimated.
 const SLIPS: usize = 20_000;
-/// Postures at which a single wheel slips.
+/// Number of postures at which a single wheel slips.
 const POSTURES: usize = 4096;
 
-/// How much of slips the residual of the measured rates shows.
+/// The share of slip energy that is visible in the residual of the measured rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Seen {
-    /// Mean share of the energy of slips of all wheels in random directions.
+    /// Mean share if all wheels slip in random directions.
     mean: f64,
-    /// The same where one wheel alone slips, ...
+    /// Mean share if a single wheel slips.
     single: f64,
-    /// ... and in its worst direction at the worst posture.
+    /// Smallest share if a single wheel slips: in its worst direction at the worst posture.
     single_least: f64,
 }
 
-/// The energy |s|² of slips at random that is left in the residual, by the core's own forward kinematics. A turn of the sphere that
-/// goes with the slip changes nothing.
+/// Returns the share of the energy |s|² of random slips that remains in the residual, by the core's
+/// forward kinematics. A simultaneous turn of the sphere does not change it.
 fn share_seen(device: &Device, seed: u64) -> f64 {
     let n = device.wheels().len();
     let mut rng = Rng(seed);
@@ -40,7 +41,8 @@ fn share_seen(device: &Device, seed: u64) -> f64 {
         let omega = Vec3::from_array(rng.direction());
         let mut zd = posture.inverse(omega);
         for (i, wheel) in device.wheels().iter().enumerate() {
-            // The joint rates that make the slip s: H⁻¹ s. Gauss's distribution in the plane, so that no direction is preferred.
+            // H⁻¹ s are the joint rates that make the slip s. The slip is drawn from a Gaussian
+            // distribution in the plane, so that no direction is preferred.
             let (sin, cos) = libm::sincos(rng.between(0.0, core::f64::consts::TAU));
             let size = libm::sqrt(-2.0 * libm::log(1.0 - rng.unit()));
             let [u, v] = [size * cos, size * sin];
@@ -56,8 +58,8 @@ fn share_seen(device: &Device, seed: u64) -> f64 {
     left / all
 }
 
-/// The share of a slip of one wheel alone that is seen, by the block of I - Z (ZᵀZ)⁻¹ Zᵀ that is its own: mean over directions and
-/// postures, and least.
+/// Returns the share of the slip of a single wheel that is visible: the mean over directions and
+/// postures, and the smallest. It uses the block of the wheel in I - Z (ZᵀZ)⁻¹ Zᵀ.
 fn single(device: &Device) -> [f64; 2] {
     let n = device.wheels().len();
     let (mut sum, mut least) = (0.0, f64::INFINITY);
@@ -85,11 +87,11 @@ fn seen(device: &Device) -> Seen {
     Seen { mean: share_seen(device, 5), single, single_least }
 }
 
-/// One row of the table.
+/// Results for one number of wheels: a row of the table.
 struct Count {
     wheels: usize,
     measures: Measures,
-    /// The least torque where all motors of one wheel are dead, N m.
+    /// Peak torque in the worst case if all motors of one wheel are dead, N m.
     one_dead: f64,
     seen: Seen,
 }
@@ -245,14 +247,14 @@ fn plots(report: &mut Report, counts: &[Count]) {
 fn checks(report: &mut Report, counts: &[Count]) {
     let off = |c: &Count| (c.seen.mean - (2 * c.wheels - 3) as f64 / (2 * c.wheels) as f64).abs();
     let worst = counts.iter().map(off).fold(0.0, f64::max);
-    // 20,000 draws of a share with a spread of about 0.4: four times its standard error.
+    // Four times the standard error of 20,000 samples of a share with a spread of about 0.4.
     let bound = 4.0 * 0.4 / libm::sqrt(SLIPS as f64);
     report.check(
         format!("the share of random slips that is seen is (2n - 3)/(2n) within {bound:.3}"),
         format!("{worst:.4} at worst"),
         worst <= bound,
     );
-    // The least of a projection of rank 1 in a plane is zero to rounding.
+    // The smallest eigenvalue of a projection of rank 1 in a plane is zero except for rounding.
     report.check(
         "some slips of one wheel alone are never seen with two wheels, and all are with three and four",
         counts.iter().map(|c| format!("{:.3}", c.seen.single_least)).collect::<Vec<_>>().join(", "),
@@ -284,7 +286,8 @@ mod tests {
         parts.device(&Design { wheels, ..parts.prototype }).expect("legal")
     }
 
-    /// Two ways to the same: trace of the residual's projection is 2n - 3 at every posture, of which each wheel has its part.
+    /// Two computations agree: the trace of the residual's projection is 2n - 3 at every posture,
+    /// and the wheels have equal parts of it.
     #[test]
     fn a_single_wheels_share_is_that_of_all_in_the_mean() {
         for wheels in WHEELS {
@@ -293,7 +296,7 @@ mod tests {
         }
     }
 
-    /// A turn of the sphere on top of the slip, and another posture of the dice, change the share by no more than chance does.
+    /// Another seed changes the share only by chance, within its standard error.
     #[test]
     fn chance_moves_the_share_within_its_error() {
         for seed in [1, 2, 3] {

@@ -1,4 +1,4 @@
-//! Table II, back-driveability: the torque about an axis from which the sphere begins to turn.
+//! Table II, back-driveability: the torque about an axis at which the sphere begins to turn.
 
 use core::f64::consts::TAU;
 
@@ -13,36 +13,41 @@ use super::comparison::Comparison;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Pairs of steering angles, on a lattice that has each wheel at this many even steps of a turn: friction is a sum over the
-/// wheels, so their means do not mix.
+/// Number of postures in a full run. They form a lattice in which each wheel takes this many even
+/// steps of a turn. As friction is a sum over wheels, the mean of each wheel is independent of the
+/// other.
 const GRID: u32 = 144;
-/// The same for `--quick`.
+/// Number of postures with `--quick`.
 const COARSE: u32 = 55;
-/// How the second wheel's angle goes with the first's: without a common part with either grid.
+/// Steps of the second wheel for each step of the first. It has no common factor with either grid.
 const SKEW: u32 = 89;
-/// How much the torque grows in a step, N m, and how long that is, s: 20 mN m/s.
+/// Increase of the torque in a step, N m. With [`STEP_S`] it makes a ramp of 20 mN m/s.
 const RAMP: f64 = 2.0e-5;
+/// Duration of a step, s.
 const STEP_S: f64 = 1.0e-3;
-/// A sphere that turns faster than this moves, rad/s: one that has broken loose makes 3e-6 in its first step.
+/// Rate above which the sphere counts as moving, rad/s. A sphere that has broken loose reaches 3e-6
+/// in its first step.
 const MOVES: f64 = 1.0e-6;
-/// No axis needs as much, N m.
+/// Upper end of the ramp, N m. No axis needs so large a torque.
 const NEVER: f64 = 0.2;
-/// How near the mean must be to what friction alone predicts: a step of the ramp is 0.5 %.
+/// Largest allowed relative deviation of the mean from the prediction by friction alone. One step
+/// of the ramp is 0.5 %.
 const WITHIN: f64 = 0.005;
-/// How near the mean must be to the notes' figures, which are round, mN m.
+/// Largest allowed deviation of the mean from the rounded figures of the physics notes, mN m.
 const NOTES_WITHIN: f64 = 0.15;
 
-/// The axes, what the paper says of them (table II) and what the notes do (physics.md, section 8), mN m.
+/// The axes, with the figures of the paper (table II) and of the notes (physics.md, section 8), mN
+/// m.
 const AXES: [(&str, Vec3, f64, f64); 3] =
     [("n1", Vec3::X, 5.0, 4.2), ("n2", Vec3::Y, 4.0, 5.0), ("n3", Vec3::Z, 4.0, 4.1)];
 
-/// The `k`th pair of steering angles of `grid`, rad.
+/// Returns the `k`th pair of steer angles of `grid`, rad.
 fn posture(k: u32, grid: u32) -> [f64; 2] {
     let at = |k: u32| TAU * (f64::from(k % grid) + 0.5) / f64::from(grid);
     [at(k), at(SKEW * k)]
 }
 
-/// The torque about `axis` at which the sphere, held as a hinge, begins to turn, N m.
+/// Returns the torque about `axis` at which the sphere, held as by a hinge, begins to turn, N m.
 fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> f64 {
     let mut state = State::default();
     state.steer[..2].copy_from_slice(&steer);
@@ -58,32 +63,33 @@ fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> 
     torque - 0.5 * RAMP
 }
 
-/// What cage and joints hold about `axis`, N m: a hinge lets the sphere turn about it alone, and then every friction takes its
-/// own power.
+/// Returns the friction torque of cage and joints about `axis`, N m. A hinge allows only turns
+/// about the axis, so each friction simply adds its own power.
 fn predicted(device: &Device, steer: [f64; 2], axis: Vec3) -> f64 {
     let posture = Posture::new(device, &steer);
     let joints: f64 = posture.rows()[..device.joints()].iter().map(|g| g.dot(axis).abs()).sum();
     CageFriction::default().torque + JointFriction::default().coulomb * joints
 }
 
-/// Mean, least and most.
+/// Returns the mean, the smallest and the largest of `values`.
 fn spread(values: &[f64]) -> [f64; 3] {
     let (low, high) =
         values.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(*v), high.max(*v)));
     [values.iter().sum::<f64>() / values.len() as f64, low, high]
 }
 
-/// What turns the sphere about one axis, N m.
+/// The torque that turns the sphere about one axis.
 struct Found {
     name: &'static str,
-    /// What the paper and the notes say, mN m.
+    /// Figure of the paper, mN m.
     paper: f64,
+    /// Figure of the physics notes, mN m.
     notes: f64,
-    /// Mean, least and most over the postures, with joint and cage friction.
+    /// Mean, smallest and largest value over the postures with joint and cage friction, N m.
     plain: [f64; 3],
-    /// The mean that these predict.
+    /// Predicted mean for joint and cage friction, N m.
     expected: f64,
-    /// The mean with pivoting, slip and gears as well.
+    /// Mean with pivoting friction, slip and gears as well, N m.
     all: f64,
 }
 
@@ -162,12 +168,12 @@ fn measured(context: &Context, device: &Device, grid: u32) -> Result<Vec<Found>,
     Ok(found)
 }
 
-/// In mN m, for a table.
+/// Formats a torque (N m) in mN m, for a table.
 fn milli(torque: f64) -> String {
     format!("{:.2}", 1.0e3 * torque)
 }
 
-/// Figures, table and text.
+/// Adds figures, a table and text about back-driving to the report.
 fn tell(report: &mut Report, found: &[Found], nearest: &Nearest) {
     let mut table = vec![row([
         "axis",
@@ -246,12 +252,12 @@ fn check(report: &mut Report, found: &[Found]) {
     );
 }
 
-/// The posture that comes nearest to the paper's three figures.
+/// The posture whose torques are closest to the paper's three figures.
 struct Nearest {
     steer: [f64; 2],
-    /// mN m.
+    /// Torques about the three axes, mN m.
     torque: [f64; 3],
-    /// The largest of the three differences, mN m.
+    /// Largest of the three differences from the paper, mN m.
     off: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Fig. 5: the bandwidth of closed-loop position control (fig. 6), and what sets it.
+//! Fig. 5: the bandwidth of closed-loop position control (fig. 6), and what determines it.
 
 use hbot_core::Vec3;
 use hbot_plot::{Lines, Series, short};
@@ -14,21 +14,23 @@ use crate::whole::prototype;
 
 /// The paper's bandwidth about every axis, Hz (table II).
 const PAPER: f64 = 5.5;
-/// The configuration that figures are of where nothing else is said. Its gain is chosen for a bandwidth near the paper's.
+/// The configuration of all figures for which nothing else is stated. Its gain is chosen so that
+/// the bandwidth is near the paper's.
 const STATED: Setting =
     Setting { gain: 50.0, inner_hz: 20.0, amplitude: 0.05, axis: Vec3::X, friction: false };
-/// Rate loops, Hz.
+/// Corner frequencies of the rate loops, Hz.
 const INNER: [f64; 4] = [5.0, 10.0, 20.0, 40.0];
-/// Gains of the loop about them, 1/s.
+/// Gains K_O of the position loop around the rate loops, 1/s.
 const GAINS: [f64; 6] = [20.0, 35.0, 50.0, 70.0, 100.0, 140.0];
-/// Amplitudes, rad.
+/// Amplitudes of the desired sine, rad.
 const AMPLITUDES: [f64; 7] = [0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6];
-/// Gains that the amplitude is varied with, 1/s.
+/// Gains with which the amplitude is varied, 1/s.
 const AMPLITUDE_GAINS: [f64; 3] = [35.0, 50.0, 100.0];
-/// How near the measured bandwidth of a small sine must be to the linear loop's: a scan's step is interpolated to 1 %, and
-/// the rest is what a sine of 0.05 rad sees of the wheels' turning.
+/// Largest allowed relative deviation of the measured bandwidth of a small sine from that of the
+/// linear loop. The interpolation of the scan's steps causes 1 %. The rest is the turning of the
+/// wheels, which already matters for a sine of 0.05 rad.
 const WITHIN: f64 = 0.02;
-/// How near the stated configuration must be to the paper's figure, Hz.
+/// Largest allowed deviation of the stated configuration from the paper's bandwidth, Hz.
 const NEAR_PAPER: f64 = 0.3;
 
 pub(crate) fn study(
@@ -72,7 +74,7 @@ pub(crate) fn study(
     );
     bode(context, report)?;
 
-    // All at once: they share two threads.
+    // All settings run in one batch, so that two threads share them.
     let (inner, gains): (&[f64], &[f64]) =
         if context.quick { (&INNER[1..3], &GAINS[1..4]) } else { (&INNER, &GAINS) };
     let (amplitudes, with): (&[f64], &[f64]) = if context.quick {
@@ -132,7 +134,7 @@ pub(crate) fn study(
     Ok(())
 }
 
-/// Size and phase over frequency.
+/// Reports gain and phase over frequency.
 fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     let points = if context.quick { 8 } else { 18 };
     let ticks: Vec<u32> = (0..points)
@@ -151,7 +153,8 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     let found = found.into_iter().collect::<Result<Vec<[f64; 2]>, Interrupted>>()?;
     let hertz = |ticks: u32| 1.0e3 / f64::from(ticks);
     let decibel = |size: f64| 20.0 * libm::log10(size);
-    // Never ahead by more than rounding: what reads as ahead is a turn behind.
+    // The response is never ahead by more than rounding. A positive phase is therefore one turn too
+    // high.
     let degrees = |phase: f64| {
         let phase = phase.to_degrees();
         if phase > 20.0 { phase - 360.0 } else { phase }
@@ -193,7 +196,8 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     Ok(())
 }
 
-/// Table and plot over gain and rate loops; how far the linear loop is off at worst.
+/// Writes the table and the plot over the gain and the rate loops. Returns the largest relative
+/// deviation from the linear loop.
 fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]) -> f64 {
     let head = gains.iter().map(|gain| format!("K_O {} 1/s", short(*gain)));
     let mut table = vec![row(["rate loops, Hz".to_owned()]
@@ -205,7 +209,8 @@ fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]
         let mut points = Vec::new();
         for (gain, measured) in gains.iter().zip(measured) {
             let predicted = linear_bandwidth(&Setting { gain: *gain, inner_hz: *inner_hz, ..STATED });
-            // Above 12 Hz 0.05 rad takes all the torque there is, and the loop is no linear one.
+            // Above 12 Hz an amplitude of 0.05 rad needs all available torque, and the loop is no
+            // longer linear.
             if predicted < 12.0 {
                 worst = worst.max((measured / predicted - 1.0).abs());
             }
@@ -243,7 +248,8 @@ fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]
     worst
 }
 
-/// Table and plot over the amplitude; the bandwidths at the largest.
+/// Writes the table and the plot over the amplitude. Returns the bandwidths at the largest
+/// amplitude, Hz.
 fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measured: &[f64]) -> Vec<f64> {
     let mut table = vec![row(["amplitude, rad".to_owned()]
         .into_iter()
@@ -281,7 +287,7 @@ fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measur
     (0..gains.len()).map(|k| of(k)[amplitudes.len() - 1]).collect()
 }
 
-/// The paper's figure as a line.
+/// Returns the paper's bandwidth as a horizontal line of a plot.
 fn level(x: &[f64]) -> Series {
     let points = vec![(x[0], PAPER), (x[x.len() - 1], PAPER)];
     Series { name: "the paper".to_owned(), points, colour: 6, open: true }

@@ -1,4 +1,4 @@
-//! What torque the motors give the sphere (table II, section IV.B).
+//! The torque that the motors can make on the sphere (table II, section IV.B).
 
 use hbot_config::RigConfig;
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
@@ -13,13 +13,14 @@ use crate::report::{Report, row};
 
 const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 
-/// A row of the paper's table II, and the motors' torques that it was mapped from (section IV.B).
+/// A row of the paper's table II, with the motor torques from which the paper derived it (section
+/// IV.B).
 struct Row {
     id: &'static str,
     name: &'static str,
-    /// Steering, driving, N m.
+    /// Joint torques of steer and drive, N m.
     motors: [f64; 2],
-    /// About n1, n2, n3, N m.
+    /// The paper's torques about n1, n2 and n3, N m.
     paper: [f64; 3],
 }
 
@@ -28,11 +29,11 @@ const ROWS: [Row; 2] = [
     Row { id: "continuous", name: "continuous", motors: [0.073, 0.023], paper: [0.11, 0.15, 0.065] },
 ];
 
-/// A rig's motors and contacts.
+/// The prototype's geometry and contacts.
 struct Rig {
     device: Device,
     arms: [ContactArms; 2],
-    /// mu N, N.
+    /// Largest friction force of a contact, mu N, in N.
     grip: f64,
 }
 
@@ -45,20 +46,23 @@ impl Row {
         JointLimits { peak, weight: [1.0; MAX_JOINTS] }
     }
 
-    /// The largest torque about each of n1, n2, n3 alone at a posture with these rows of G, N m.
+    /// Returns the largest torques about n1, n2 and n3, each alone, at a posture with these rows of
+    /// G, N m.
     fn alone(&self, rows: &[Vec3], motors: &Motors) -> [f64; 3] {
         let limits = self.limits(motors);
         AXES.map(|axis| capability(rows, &limits, axis))
     }
 
-    /// By how much three torques differ from the paper's: the largest ratio, either way; 1 where they agree.
+    /// Returns by how much three torques differ from the paper's: the largest ratio in either
+    /// direction. It is 1 if they agree.
     fn off(&self, torques: [f64; 3]) -> f64 {
         let ratio = |k: usize| f64::max(torques[k] / self.paper[k], self.paper[k] / torques[k]);
-        // A torque of zero is as far off as it gets.
+        // A torque of zero gives an infinite ratio.
         (0..3).map(ratio).fold(1.0, f64::max)
     }
 
-    /// The components of what all motors make together at full torque, with the signs in the bits of `signs`.
+    /// Returns the absolute components of the torque that all motors make together at full torque,
+    /// N m. The bits of `signs` choose the signs of the joint torques.
     fn together(&self, rows: &[Vec3], motors: &Motors, signs: u32) -> [f64; 3] {
         let limits = self.limits(motors);
         let each = |k: usize| {
@@ -78,10 +82,12 @@ impl Rig {
         Self { device, arms, grip }
     }
 
-    /// The largest torque about `axis` alone with no joint over its limit and no contact over its grip, N m.
+    /// Returns the largest torque about `axis` alone that exceeds neither the limit of a joint nor
+    /// the grip of a contact, N m.
     ///
-    /// tau = s (p + x n), where p makes a torque of 1 about the axis and n makes none: the load of p + x n is convex in x, so its least is
-    /// found by section. Three motors have no n.
+    /// tau = s (p + x n), where p makes a torque of 1 about the axis and n makes none. The load of
+    /// p + x n is convex in x, so a ternary search finds its minimum. With three motors there is no
+    /// n.
     fn gripping(&self, posture: &Posture, limits: &JointLimits, axis: Vec3) -> f64 {
         let rows = posture.rows();
         let driven: Vec<usize> = (0..4).filter(|&k| limits.peak[k] > 0.0).collect();
@@ -100,7 +106,7 @@ impl Rig {
         if slope == 0.0 {
             return 1.0 / at(0.0);
         }
-        // Beyond this n alone loads a motor more than p does.
+        // Beyond these ends n alone loads a motor more than p does.
         let mut ends = [-2.0 * at(0.0) / slope, 2.0 * at(0.0) / slope];
         for _ in 0..60 {
             let [a, b] = [ends[0] + (ends[1] - ends[0]) / 3.0, ends[1] - (ends[1] - ends[0]) / 3.0];
@@ -114,15 +120,15 @@ impl Rig {
     }
 }
 
-/// Joint torques that make a torque of 1 about `axis`, and ones (orthogonal to them) that make none; the latter zero for three
-/// driven joints.
+/// Returns joint torques that make a torque of 1 about `axis`, and orthogonal ones that make no
+/// torque. The latter are zero for three driven joints.
 fn solutions(rows: &[Vec3], driven: &[usize], axis: Vec3) -> ([f64; 4], [f64; 4]) {
     let det = |a: usize, b: usize, c: usize| rows[a].dot(rows[b].cross(rows[c]));
     let mut none = [0.0; 4];
     let three = if let [a, b, c] = driven {
         [*a, *b, *c]
     } else {
-        // Cramer: the minors of the 3 x 4 matrix with alternating signs.
+        // Cramer's rule: the minors of the 3 x 4 matrix, with alternating signs.
         none = [det(1, 2, 3), -det(0, 2, 3), det(0, 1, 3), -det(0, 1, 2)];
         let largest = (0..4).max_by(|a, b| none[*a].abs().total_cmp(&none[*b].abs())).unwrap_or(0);
         let mut others = (0..4).filter(|k| *k != largest);
@@ -144,7 +150,7 @@ fn solutions(rows: &[Vec3], driven: &[usize], axis: Vec3) -> ([f64; 4], [f64; 4]
     (particular, none)
 }
 
-/// Least, mean, median, largest.
+/// Returns the smallest value, the mean, the median and the largest value.
 fn statistics(mut values: Vec<f64>) -> [f64; 4] {
     values.sort_by(f64::total_cmp);
     let count = values.len();
@@ -198,7 +204,7 @@ pub(super) fn study(
                 for axis in 0..3 {
                     let name = format!("n{}", axis + 1);
                     let mut found = statistics(all.iter().map(|torques| torques[axis]).collect());
-                    // Between the cells there is less.
+                    // A search between the cells finds a smaller minimum.
                     found[0] = torus::least(48, |th| about(th, AXES[axis])).1;
                     for (statistic, value) in STATISTICS.iter().zip(found) {
                         let id = format!("{}_torque_{name}_{}_{contact}_{statistic}_nm", limit.id, motors.id);
@@ -229,7 +235,7 @@ pub(super) fn study(
     Ok(())
 }
 
-/// The two ways to a capability agree where grip does not count.
+/// Checks that two computations of the capability agree if the contacts set no limit.
 fn check(report: &mut Report, rig: &Rig) {
     let loose = Rig { grip: f64::INFINITY, ..Rig { device: rig.device, arms: rig.arms, grip: 0.0 } };
     let mut worst: f64 = 0.0;
@@ -243,7 +249,8 @@ fn check(report: &mut Report, rig: &Rig) {
             }
         }
     }
-    // 60 thirds of the interval leave 3e-11 of it; the rest is rounding near singular postures.
+    // After 60 steps the ternary search has 3e-11 of the interval left. The rest is rounding near
+    // singular postures.
     report.check(
         "the controller's capability (facets) and a search over joint torques agree to 1e-8",
         format!("{worst:.1e}"),
@@ -251,9 +258,11 @@ fn check(report: &mut Report, rig: &Rig) {
     );
 }
 
-/// How near any posture comes to table II, by several meanings of "mapped to the end-effector".
+/// Reports how close any posture comes to table II, for several meanings of "mapped to the
+/// end-effector".
 ///
-/// `found`: of each row, the least of all postures with four motors and the medians with three.
+/// `found` has for each row the smallest torques over all postures with four motors, and the
+/// medians with three.
 fn search(
     context: &Context,
     report: &mut Report,

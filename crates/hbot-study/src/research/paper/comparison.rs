@@ -1,24 +1,32 @@
-//! The table that the report begins with: what the paper gives, what comes out here, and why the two differ.
+//! The table at the start of the report: the paper's figure, the figure found here, and the reason
+//! for the difference.
 //!
-//! Every section adds its rows while it runs, and the table is put above them all in the end. So a section is
+//! Every section adds its rows while it runs. At the end the table is inserted above all sections.
+//! A section is therefore a function
 //!
 //! ```text
-//! pub(crate) fn study(context: &Context, report: &mut Report, comparison: &mut Comparison) -> Result<(), Interrupted>
+//! pub(crate) fn study(
+//!     context: &Context,
+//!     report: &mut Report,
+//!     comparison: &mut Comparison,
+//! ) -> Result<(), Interrupted>
 //! ```
 //!
-//! A figure that the paper gives stands in summary.json as well: `report.figure(id, ours).note("paper", theirs)`.
+//! A figure that the paper gives is also written to summary.json:
+//! `report.figure(id, ours).note("paper", theirs)`.
 
 use crate::report::{Place, Report, row};
 
-/// The rows so far, in the order of the sections.
+/// The rows of the table so far, in the order of the sections.
 #[derive(Debug, Default)]
 pub(crate) struct Comparison {
     rows: Vec<Vec<String>>,
 }
 
 impl Comparison {
-    /// One row: `what` is compared (with its place in the paper, such as "GCI (V.D)"), the figure of the `paper`, `ours`, each
-    /// with its unit, and `why` they differ, in a sentence or two; "" where they agree.
+    /// Adds a row. `what` is the compared quantity with its place in the paper, such as "GCI
+    /// (V.D)". `paper` and `ours` are the two figures with units. `why` explains the difference in
+    /// a sentence or two, and is empty if they agree.
     pub(crate) fn row(
         &mut self,
         what: &str,
@@ -29,7 +37,7 @@ impl Comparison {
         self.rows.push(vec![what.to_owned(), paper.into(), ours.into(), why.into()]);
     }
 
-    /// Puts the table into `report` where its text had come to at `place`.
+    /// Inserts the table into `report` at `place`.
     pub(crate) fn put(self, report: &mut Report, place: Place) {
         let mut table = vec![row(["what", "the paper", "here", "why they differ"])];
         table.extend(self.rows);

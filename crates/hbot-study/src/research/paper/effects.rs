@@ -1,4 +1,5 @@
-//! The effects of a real device, one by one and together, as the experiments on the simulated rig put them on.
+//! The phenomena of a real rig, one at a time and all together, for the experiments on the
+//! simulated rig.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -7,16 +8,16 @@ use hbot_sim::phenomena::{
     WheelModules,
 };
 
-/// One effect of a real device.
+/// One or more phenomena of a real rig, with a name.
 pub(super) struct Effect {
-    /// In words.
+    /// Name of the effect in tables and plots.
     pub(super) name: &'static str,
-    /// As ids have it.
+    /// Name of the effect in ids.
     pub(super) id: &'static str,
     pub(super) phenomena: Phenomena,
 }
 
-/// Motors of which only the torque constant is wrong.
+/// Motors whose only error is their torque constant.
 const WEAK: Motor = Motor {
     torque_scale: 0.95,
     lag_s: 0.0,
@@ -25,17 +26,18 @@ const WEAK: Motor = Motor {
     thermal_time_s: 1.0e5,
 };
 
-/// Motors that give what is asked, but late and not at any rate.
+/// Returns motors that make the full torque, but with a lag and only up to a limited rate.
 fn slow() -> Motor {
     Motor { torque_scale: 1.0, thermal_time_s: WEAK.thermal_time_s, ..Motor::default() }
 }
 
-/// Motors that get hot and then give no more than they hold for ever.
+/// Returns motors that heat up and are then limited to their continuous torque.
 fn hot() -> Motor {
     Motor { thermal_time_s: Motor::default().thermal_time_s, torque_scale: 1.0, ..WEAK }
 }
 
-/// Every effect by itself, with the prototype's figures (docs/physics.md, section 8). The motor's three are told apart.
+/// Returns each phenomenon by itself, with the prototype's figures (docs/physics.md, section 8).
+/// The three errors of the motors are separate.
 pub(super) fn alone() -> Vec<Effect> {
     let none = Phenomena::default();
     let effect = |name, id, phenomena| Effect { name, id, phenomena };
@@ -75,7 +77,7 @@ pub(super) fn alone() -> Vec<Effect> {
     ]
 }
 
-/// All of them at once.
+/// Returns all phenomena together, without a hand.
 pub(super) fn together() -> Phenomena {
     Phenomena {
         joint_friction: Some(JointFriction::default()),
@@ -92,7 +94,7 @@ pub(super) fn together() -> Phenomena {
     }
 }
 
-/// `work` of every item, two at a time; the results in the items' order.
+/// Applies `work` to every item on two threads. Returns the results in the order of the items.
 pub(super) fn by_two<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let all = || {

@@ -1,4 +1,5 @@
-//! Kinematics (section II, equations 1 to 13): the frames, G against the paper's own velocities, and equation 1 to the letter.
+//! Kinematics (section II, equations 1 to 13): the contact frames, G compared with the paper's
+//! velocity equations, and equation 1 taken literally.
 
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
@@ -34,7 +35,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// A device at random with `wheels` wheels, cones of 0.1 to 1.5 rad and toes up to 0.6 rad.
+/// Returns a random device with `wheels` wheels, cone angles of 0.1 to 1.5 rad and toe angles up to
+/// 0.6 rad.
 fn random_device(rng: &mut Rng, wheels: usize) -> Device {
     loop {
         let specs: Vec<WheelSpec> = (0..wheels)
@@ -48,14 +50,14 @@ fn random_device(rng: &mut Rng, wheels: usize) -> Device {
                 axial_inertia: 0.0,
             })
             .collect();
-        // Two wheels that can meet are no device; another draw is.
+        // Wheels that can meet are not a legal device, so another one is drawn.
         if let Ok(device) = Device::new(rng.between(0.05, 0.2), 0.5, &specs) {
             return device;
         }
     }
 }
 
-/// G and the frames of the core against rotation matrices and rigid-body velocities.
+/// Compares G and the contact frames of the core with rotation matrices and rigid-body velocities.
 fn general(context: &Context, report: &mut Report) {
     report.say(
         "The kinematics are those of any number of wheels. On devices at random (2 to 8 wheels, axes anywhere, cone 0.1 to 1.5 rad, toe up to 0.6 rad) and random postures and \
@@ -83,8 +85,10 @@ fn general(context: &Context, report: &mut Report) {
         }
     }
     let names = ["frames", "joint_rates", "frame_rate", "sphere_rate", "slip"];
-    // Rounding through four matrices and a 2x2 solve that divides by sin(cone) cos(toe) >= 0.08; central differences of 1e-5 leave
-    // 1e-10/6 and 1e-16/1e-5; the rate of the sphere divides by the interior margin squared, which may be small in a random device.
+    // Bounds: the rounding of four matrix products and of a 2x2 solve that divides by sin(cone)
+    // cos(toe) >= 0.08. Central differences with a step of 1e-5 leave 1e-10/6 and 1e-16/1e-5. The
+    // sphere's rate divides by the square of the interior margin, which can be small in a random
+    // device.
     let bounds = [1e-14, 1e-12, 1e-9, 1e-9, 1e-12];
     let mut table = vec![row(["quantity", "worst difference", "bound"])];
     for ((name, worst), bound) in names.iter().zip(worst).zip(bounds) {
@@ -99,7 +103,8 @@ fn general(context: &Context, report: &mut Report) {
     report.table(&table);
 }
 
-/// The differences of one device in one posture: frames, joint rates, rate of the frame, sphere's rate, slip.
+/// Returns the differences for one device and posture: frames, joint rates, rate of the frame, the
+/// sphere's rate, slip.
 fn one(device: &Device, th: &[f64], omega: Vec3) -> [f64; 5] {
     let posture = Posture::new(device, th);
     let found = posture.inverse(omega);
@@ -113,7 +118,7 @@ fn one(device: &Device, th: &[f64], omega: Vec3) -> [f64; 5] {
             worst[0] = worst[0].max((a - b).length());
         }
         expected.extend(rates(device, wheel, c, omega));
-        // The wheel's centre, as eq. 4 has it, against where it goes.
+        // Compares the rate of the wheel's centre by eq. 4 with a difference quotient.
         let step = 1.0e-5;
         let moved = (frame(wheel.spec(), first, th + step).z_axis
             - frame(wheel.spec(), first, th - step).z_axis)
@@ -131,7 +136,8 @@ fn one(device: &Device, th: &[f64], omega: Vec3) -> [f64; 5] {
     worst
 }
 
-/// Equations 12 and 13 with a constant rate: that it is the rate in N, not that of the body.
+/// Checks for a constant rate that equations 12 and 13 use the rate in N and not the rate in body
+/// axes.
 fn propagation(report: &mut Report) {
     let start = rotation::exp(Vec3::new(0.5, -0.8, 0.3));
     let omega = Vec3::new(1.1, 0.4, -0.7);
@@ -168,7 +174,7 @@ fn propagation(report: &mut Report) {
     );
 }
 
-/// Equation 1 to the letter puts both wheels of the prototype in one place.
+/// Shows that equation 1 taken literally puts both wheels of the prototype at one place.
 fn literal(report: &mut Report, comparison: &mut Comparison) {
     type First = fn(Vec3) -> Mat3;
     let device = RigConfig::prototype().rig.device;
@@ -180,7 +186,8 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
     };
     let angle = |[a, b]: [Vec3; 2]| libm::atan2(a.cross(b).length(), a.dot(b));
     let margin = |[a, b]: [Vec3; 2]| {
-        // sqrt(1 - |cos g|) of the angle between the lines of the contacts, without cancellation.
+        // sqrt(1 - |cos g|) for the angle g between the lines through the contacts, without
+        // cancellation.
         let g = angle([a, b]);
         core::f64::consts::SQRT_2 * libm::sin(0.5 * g.min(core::f64::consts::PI - g))
     };
@@ -229,7 +236,7 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
         format!("{:.1e} and {:.3} rad", at_zero[0], at_zero[1]),
         at_zero[0] < 1.0e-15 && at_zero[1] > 1.0,
     );
-    // The search stops at 1e-9 of a cell, where the margin is flat.
+    // The search stops at 1e-9 of a cell, and the margin is flat there.
     report.check(
         "the core's margins are those of the matrices, to 1e-12",
         format!("{off:.1e}"),
@@ -248,7 +255,7 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
     );
 }
 
-/// The prototype with its axes, wheels and contact frames.
+/// Draws the prototype with its axes, wheels and contact frames.
 fn sketch(device: &Device) -> Sketch {
     let mut sketch = Sketch::new("Hbot prototype, from the side and below", -78.0, -24.0);
     for (axis, name) in [(Vec3::X, "n1"), (Vec3::Y, "n2"), (Vec3::Z, "n3")] {
@@ -268,7 +275,7 @@ fn sketch(device: &Device) -> Sketch {
     sketch
 }
 
-/// A wheel of a device on its contact point, with the point.
+/// Draws a wheel of a device at its contact.
 pub(super) fn wheel_at(
     sketch: &mut Sketch,
     device: &Device,

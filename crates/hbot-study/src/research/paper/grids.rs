@@ -1,4 +1,5 @@
-//! How the global indices settle as their grids are refined, what the paper's grid makes of them, and that turns are exact.
+//! Convergence of the global indices: how they settle on finer grids, what the paper's grid gives,
+//! and a check that turns are exact.
 
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Lines, Series};
@@ -11,7 +12,8 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// How the means of the three motors settle, given those of the finest grids; returns those of the paper's finest grid as it is printed.
+/// Reports how the means for three motors converge to those of the finest grids, which are given.
+/// Returns the means on the finest of the paper's grids, without weights as printed.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -107,7 +109,7 @@ pub(super) fn study(
     Ok(printed)
 }
 
-/// That the closed form of a turn is what the kinematics, integrated, come to.
+/// Checks the closed form of a turn against the integrated kinematics.
 pub(super) fn steps(report: &mut Report, rig: &Rig, quick: bool) {
     report.family(
         "turn_{steps}_steps_error_rad",

@@ -1,4 +1,5 @@
-//! How well the rig is conditioned over its workspace (section V): GCI and GMI, by every reading of it that is open.
+//! Conditioning of the rig over its workspace (section V): the global indices GCI and GMI, for
+//! every possible reading of the paper.
 
 use hbot_config::RigConfig;
 use hbot_core::{Device, Mat3, Quat};
@@ -11,22 +12,24 @@ use super::{grids, readings, so3, start_map};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// The steering angles that the paper's turns begin at, rad: the paper names none, and its rig is set up with both wheels at zero.
+/// Steer angles at which the paper's turns begin, rad. The paper names none; its rig is set up with
+/// both wheels at zero.
 pub(super) const START: [f64; 2] = [0.0; 2];
-/// The paper's global indices (section V.D).
+/// The mean conditioning index (GCI) that the paper reports (section V.D).
 pub(super) const PAPER_GCI: f64 = 0.41;
+/// The mean relative manipulability (GMI) that the paper reports (section V.D).
 pub(super) const PAPER_GMI: f64 = 0.5;
 
-/// What is read at one posture of one choice of motors.
+/// Indices at one posture for one choice of motors.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Local {
     pub(super) spectral: f64,
     pub(super) frobenius: f64,
-    /// Dynamic manipulability, 1/(kg m²)³, not yet divided by its largest.
+    /// Dynamic manipulability, 1/(kg m²)³, not yet divided by its largest value.
     pub(super) dynamic: f64,
 }
 
-/// A device ready for many postures.
+/// A device with precomputed data for evaluating indices at many postures.
 pub(super) struct Rig {
     pub(super) device: Device,
     plant: Plant,
@@ -39,7 +42,7 @@ impl Rig {
         Self { device, plant, turns: Turns::new(&device) }
     }
 
-    /// det of the apparent inertia I_s I + Gᵀ J_q G, (kg m²)³.
+    /// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G, (kg m²)³.
     pub(super) fn inertia(&self, th: [f64; 2]) -> f64 {
         let mut state = State::default();
         state.steer[..2].copy_from_slice(&th);
@@ -56,18 +59,20 @@ impl Rig {
         choices.iter().map(each).collect()
     }
 
-    /// Where the paper's way to `q` ends, from `start`.
+    /// Returns the steer angles after the paper's turn from `start` to the orientation `q`, rad.
     pub(super) fn arrived(&self, q: Quat, start: [f64; 2]) -> [f64; 2] {
         self.turns.to(q, start)
     }
 
-    /// Means over the torus at `cells` by `cells` even cells, a choice each.
+    /// Returns the mean indices over the torus, on `cells` by `cells` even cells, for each choice
+    /// of motors.
     pub(super) fn over_torus(&self, cells: usize, choices: &[Motors]) -> Vec<Local> {
         let all = torus::over(cells, |th| self.local(th, choices));
         weighed(all.into_iter().map(|locals| (locals, 1.0)), choices.len())
     }
 
-    /// Means over orientations with their weights, each turned to from `start`.
+    /// Returns the weighted mean indices over orientations, for each choice of motors. Each
+    /// orientation is reached by a turn from `start`.
     pub(super) fn over_turns(
         &self,
         samples: &[(Quat, f64)],
@@ -81,20 +86,21 @@ impl Rig {
         weighed(torus::in_two(samples.len(), part), choices.len())
     }
 
-    /// GCI of `motors` by the spectral index over orientations, from `start`.
+    /// Returns the mean spectral index (GCI) of `motors` over orientations that are reached from
+    /// `start`.
     pub(super) fn gci(&self, samples: &[Quat], start: [f64; 2], motors: &Motors) -> f64 {
         let each = |q: &Quat| motors.indices(&posture(&self.device, self.arrived(*q, start))).spectral;
         mean(samples.iter().map(each))
     }
 
-    /// The largest dynamic manipulability over all steering angles.
+    /// Returns the largest dynamic manipulability over all steer angles.
     pub(super) fn most_dynamic(&self, motors: &Motors) -> f64 {
         let negative = |th| -motors.determinant(&posture(&self.device, th)).abs() / self.inertia(th);
         -torus::least(48, negative).1
     }
 }
 
-/// Weighed means, a choice each.
+/// Returns the weighted mean of the indices for each choice of motors.
 fn weighed(all: impl IntoIterator<Item = (Vec<Local>, f64)>, choices: usize) -> Vec<Local> {
     let mut sums = vec![Local::default(); choices];
     let mut whole = 0.0;
@@ -190,7 +196,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// The local measures that are no ratio of two lengths: manipulability, and the largest dynamic manipulability.
+/// Reports the local measures that are not ratios: the manipulability and the largest dynamic
+/// manipulability.
 fn local(report: &mut Report, rig: &Rig, most: &[f64]) {
     report.family(
         "manipulability_{motors}_{statistic}",
@@ -225,25 +232,25 @@ fn local(report: &mut Report, rig: &Rig, most: &[f64]) {
     report.table(&table);
 }
 
-/// A number for a table.
+/// Formats a number for a table, with three significant digits.
 fn sci(value: f64) -> String {
     format!("{value:.2e}")
 }
 
-/// What the readings are held against.
+/// The values with which the other readings are compared.
 pub(super) struct Known {
-    /// Three motors over the torus and over SO(3).
+    /// Means for three motors, over the torus and over SO(3).
     pub(super) three: [Local; 2],
-    /// All four likewise.
+    /// Means for all four motors, over the torus and over SO(3).
     pub(super) four: [Local; 2],
-    /// Three motors on the finest of the paper's grids, without its weight.
+    /// Means for three motors on the finest of the paper's grids, without weights.
     pub(super) printed: Local,
-    /// The largest dynamic manipulability of four and of three motors.
+    /// Largest dynamic manipulability of four and of three motors.
     pub(super) most: [f64; 2],
 }
 
-/// The expectations, and what the paper's two figures are likely to be; `wheels` says what the wheel radius makes of the first, `starts`
-/// how far it goes with the start.
+/// Checks the expected values and explains what the paper's two figures probably are. `wheels`
+/// describes the influence of the wheel radius. `starts` is the range of the GCI over all starts.
 fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, wheels: &str, starts: [f64; 2]) {
     // From an independent program: physics notes, section 11.
     let mut within = |what: &str, value: f64, [low, high]: [f64; 2]| {

@@ -1,4 +1,5 @@
-//! Section V.D: inverse-kinematics control (fig. 6, eq. 24) from one start to orientations all over SO(3).
+//! Section V.D: inverse-kinematics control (fig. 6, eq. 24) from one start to orientations all over
+//! SO(3).
 
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
@@ -13,35 +14,39 @@ use super::so3;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// The paper's RMS of e_O about n1, n2, n3, rad.
+/// The paper's root mean square of the orientation error e_O about n1, n2 and n3, rad.
 const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
-/// The loop's period, s.
+/// Period of the loop, s.
 const PERIOD_S: f64 = 1.0e-3;
-/// How long the loop runs in our reading, s.
+/// Duration of the run in our reading of the paper, s.
 const TIME_S: f64 = 1.0;
-/// Gain of the run from which the curves are, 1/s: only its product with time matters.
+/// Gain of the run that gives the curves, 1/s. Only its product with time matters.
 const GAIN: f64 = 14.0;
-/// A better gain, 1/s.
+/// A higher gain, which leaves a smaller error than the paper reports, 1/s.
 const BETTER: f64 = 30.0;
-/// Ticks between two looks.
+/// Number of ticks between two samples.
 const EVERY: usize = 10;
-/// How near the loop at the joints must come to its closed form, rad: with rates held over a tick it is off by K_O h/4 of
-/// what changes, 1 % of an error that is 0.5 at the start.
+/// Largest allowed difference between the loop at the joints and its closed form, rad. Rates are
+/// held over a tick, so the loop is off by K_O h/4 of the change, which is 1 % of an error that
+/// starts at 0.5.
 const WITHIN: f64 = 5.0e-3;
 
-/// RMS of e_O about each axis over the samples, at every look.
+/// Root mean square of the error e_O over all orientations, about each axis, at every sample in
+/// time, rad.
 type Course = Vec<[f64; 3]>;
 
-/// Which of the two quaternions of a desired orientation the loop is given.
+/// The choice between the two quaternions of a desired orientation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sign {
-    /// The one that eq. 23 gives: half of them lie on the far side, and the loop turns the long way round.
+    /// The quaternion that eq. 23 gives. Half of them are on the far side, and the loop turns the
+    /// long way round.
     Printed,
-    /// The nearer one.
+    /// The nearer quaternion.
     Nearest,
 }
 
-/// What the loop is left with of one sample, squared, at every look.
+/// Simulates the loop for one desired orientation. Returns the squared error e_O at every sample in
+/// time.
 fn follow(device: &Device, gain: f64, wanted: Quat, looks: usize) -> Course {
     let (mut q, mut th) = (Quat::IDENTITY, [0.0; 2]);
     let mut posture = Posture::new(device, &th);
@@ -51,7 +56,8 @@ fn follow(device: &Device, gain: f64, wanted: Quat, looks: usize) -> Course {
         if k % EVERY == 0 {
             course.push((error * error).to_array());
         }
-        // The wheels do what is asked of them: zd = G K_O e_O for a period, and the sphere follows without slip.
+        // The wheels follow zd = G K_O e_O exactly for a period, and the sphere follows without
+        // slip.
         posture.update(device, &th);
         let delta = posture.inverse(error * gain).map(|rate| rate * PERIOD_S);
         q = odometry::advance(q, odometry::turn(device, OdometryMethod::Magnus4, &th, &delta));
@@ -80,8 +86,9 @@ fn rms(device: &Device, gain: f64, sign: Sign, samples: &[Quat], looks: usize) -
     (0..looks).map(mean).collect()
 }
 
-/// What the loop is left with by its closed form, after so much gain times time: about a fixed axis the angle p left over goes as
-/// dp/dt = -K_O sin(p/2), so tan(p/4) falls as exp(-K_O t/2), and |e_O| = sin(p/2).
+/// Returns the RMS error about each axis by the closed form, for a `product` of gain and time.
+/// About a fixed axis the remaining angle p obeys dp/dt = -K_O sin(p/2). So tan(p/4) falls as
+/// exp(-K_O t/2), and |e_O| = sin(p/2).
 fn closed(weighted: impl Iterator<Item = (Quat, f64)>, sign: Sign, product: f64) -> [f64; 3] {
     let (mut sum, mut weight) = ([0.0; 3], 0.0);
     for (q, w) in weighted {
@@ -102,40 +109,43 @@ fn mean(rms: [f64; 3]) -> f64 {
     (rms.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt()
 }
 
-/// At which gain times time the RMS over the axes has come down to `level`.
+/// Returns the product of gain and time at which the RMS over the axes has fallen to `level`.
 fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     for pair in points.windows(2) {
         let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
         if y0 >= level && y1 < level {
-            // Falls exponentially from one look to the next.
+            // The error falls exponentially between two samples.
             return x0 + (x1 - x0) * (y0 / level).ln() / (y0 / y1).ln();
         }
     }
     f64::NAN
 }
 
-/// The loop with one of the two quaternions.
+/// The results of the loop with one of the two quaternions.
 struct Run {
-    /// For people, and in ids.
+    /// Name of the run in tables and plots.
     name: &'static str,
+    /// Name of the run in ids.
     id: &'static str,
-    /// RMS over samples and axes against gain times time, rad: at that time, and over the run up to it.
+    /// RMS over orientations and axes, rad, against gain times time: at that time.
     end: Vec<(f64, f64)>,
+    /// RMS over orientations and axes, rad, against gain times time: over the run up to that time.
     whole: Vec<(f64, f64)>,
-    /// Gain times time at which the first is the paper's, and at which the second is.
+    /// Gain times time at which the RMS at the end equals the paper's.
     product: f64,
+    /// Gain times time at which the RMS over the whole run equals the paper's.
     whole_product: f64,
-    /// How far the loop at the joints is from its closed form at most, rad.
+    /// Largest difference between the loop at the joints and its closed form, rad.
     off: f64,
 }
 
-/// RMS of e_O about each axis at the end, rad.
+/// RMS of e_O about each axis at the end of the run, rad.
 struct Left {
-    /// As printed, at the gain that gives the paper's mean.
+    /// RMS with the printed quaternion, at the gain that gives the paper's mean.
     ours: [f64; 3],
-    /// With a better gain and the nearer quaternion.
+    /// RMS with a higher gain and the nearer quaternion.
     better: [f64; 3],
-    /// As ours, on the paper's grid.
+    /// RMS like [`ours`](Self::ours), on the paper's grid.
     grid: [f64; 3],
 }
 
@@ -216,7 +226,7 @@ fn introduce(report: &mut Report, samples: usize) {
 }
 
 impl Run {
-    /// `course`: the RMS about each axis at every look.
+    /// Evaluates a run. `course` is the RMS about each axis at every sample in time.
     fn of(course: &Course, samples: &[Quat], sign: Sign, (name, id): (&'static str, &'static str)) -> Self {
         let target = mean(PAPER);
         let at = |k: usize| GAIN * PERIOD_S * (k * EVERY) as f64;
@@ -234,13 +244,14 @@ impl Run {
             |(x, y): &(f64, f64)| (y - mean(closed(samples.iter().map(|q| (*q, 1.0)), sign, *x))).abs();
         let off = end.iter().step_by(10).map(from_closed).fold(0.0_f64, f64::max);
         let product = falls_to(&end, target);
-        // A run is as long as its mean needs: the transient's squares are spread over ever more of rest.
+        // The squares of the transient are averaged over the run. A longer run adds time at rest,
+        // so its mean is smaller.
         let settled = square / course.len() as f64 * at(course.len() - 1);
         Self { name, id, product, whole_product: settled / (target * target), off, end, whole }
     }
 }
 
-/// Figures, table and text.
+/// Adds figures, a table and text about the runs to the report.
 fn tell(report: &mut Report, runs: &[Run], left: &Left) {
     let Left { ours, better, grid } = left;
     let mut table = vec![row(["quaternion given", "RMS at the end: K_O t", "RMS over the whole run: K_O t"])];

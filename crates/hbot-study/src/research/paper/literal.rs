@@ -1,9 +1,10 @@
-//! The paper's equations by the letter, step by step with matrices and velocities, apart from the core's closed forms.
+//! The paper's equations taken literally, step by step with matrices and velocities. They are
+//! independent of the core's closed forms.
 
 use hbot_core::device::Wheel;
 use hbot_core::{Device, Mat3, Vec3, WheelSpec};
 
-/// The rotation by `angle` (rad) about the unit vector `axis` (Rodrigues).
+/// Returns the rotation by `angle` (rad) about the unit vector `axis` (Rodrigues' formula).
 pub(super) fn about(axis: Vec3, angle: f64) -> Mat3 {
     let (sin, cos) = libm::sincos(angle);
     let columns = [Vec3::X, Vec3::Y, Vec3::Z]
@@ -11,7 +12,7 @@ pub(super) fn about(axis: Vec3, angle: f64) -> Mat3 {
     Mat3::from_cols(columns[0], columns[1], columns[2])
 }
 
-/// A0, the least rotation taking n3 to `l`; about n1 where that is a half turn.
+/// Returns A0, the smallest rotation that takes n3 to `l`. If this is a half turn, its axis is n1.
 pub(super) fn least_rotation(l: Vec3) -> Mat3 {
     let axis = Vec3::Z.cross(l);
     let sine = axis.length();
@@ -21,18 +22,19 @@ pub(super) fn least_rotation(l: Vec3) -> Mat3 {
     about(axis / sine, libm::atan2(sine, l.z))
 }
 
-/// The contact frame C = rotation about l by th, times `first`, Rx(cone) and Rz(toe). Equation 1 to the letter has the identity for
-/// `first`; here it is A0.
+/// Returns the contact frame C: the rotation about l by th, times `first`, Rx(cone) and Rz(toe).
+/// Equation 1 taken literally has the identity for `first`; this project uses A0.
 pub(super) fn frame(spec: &WheelSpec, first: Mat3, th: f64) -> Mat3 {
     about(spec.axis, th) * first * about(Vec3::X, spec.cone) * about(Vec3::Z, spec.toe)
 }
 
-/// Joint rates (steer, drive) per unit of the sphere's rate about `omega`, from equations 4 to 7: the velocity of the contact point on
-/// the wheel and on the sphere, equal along c1 and c2.
+/// Returns the joint rates (steer, drive) for the sphere's rate `omega`, from equations 4 to 7: the
+/// velocities of the contact on the wheel and on the sphere are equal along c1 and c2.
 pub(super) fn rates(device: &Device, wheel: &Wheel, c: Mat3, omega: Vec3) -> [f64; 2] {
     let (big, small) = (device.sphere_radius(), wheel.spec().radius);
     let [c1, c2, c3] = [c.x_axis, c.y_axis, c.z_axis];
-    // Equation 4 at joint rates (steer, drive): the wheel's centre with C, the contact about the centre with W.
+    // Equation 4 for the joint rates (steer, drive): the wheel's centre moves with frame C, and the
+    // contact moves about the centre with frame W.
     let wheel_side = |steer: f64, drive: f64| {
         let frame = wheel.spec().axis * steer;
         frame.cross(c3 * (big + small)) + (frame + c1 * drive).cross(c3 * -small)
@@ -46,7 +48,7 @@ pub(super) fn rates(device: &Device, wheel: &Wheel, c: Mat3, omega: Vec3) -> [f6
     [(u * d - b * v) / det, (a * v - u * c) / det]
 }
 
-/// The rows of G of a device with two wheels whose frames are those of equation 1 to the letter.
+/// Returns the rows of G for a device with two wheels whose frames follow equation 1 literally.
 pub(super) fn rows(device: &Device, th: [f64; 2]) -> [Vec3; 4] {
     core::array::from_fn(|k| {
         let wheel = &device.wheels()[k / 2];

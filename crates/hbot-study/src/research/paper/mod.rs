@@ -1,9 +1,15 @@
-//! `hbot-study paper`: every analysis and experiment of the paper on this project's own parts, beside what it reports.
+//! The study `paper`: every analysis and experiment of the paper, repeated with this project's code
+//! and compared with the values that it reports.
 //!
-//! First what is computed from the geometry, in the order of the paper: `frames` (section II), `singularity` with `nested` (III), `capability` (table
-//! II), `indices` with `grids`, `start_map` and `readings` (V). `literal` has the paper's equations by the letter; `torus`, `so3` and `turns`, the
-//! postures that are looked at. Then what takes a simulated rig: `backdrive` and `bandwidth` with `position`
-//! (table II), `inverse` (V.D), `tracking` (fig. 7), `stiffness` with `springs` (table III), with and without the `effects` of a real one. Every section adds to the table that the report begins with (`comparison`).
+//! The first sections compute from the geometry, in the order of the paper: `frames` (section II),
+//! `singularity` with `nested` (III), `capability` (table II), `indices` with `grids`, `start_map`
+//! and `readings` (V). They use `literal`, the paper's equations taken literally, and `torus`,
+//! `so3` and `turns`, which provide the postures.
+//!
+//! The other sections use the simulated rig, with and without the `effects` of a real one:
+//! `backdrive` and `bandwidth` with `position` (table II), `inverse` (V.D), `tracking` (fig. 7),
+//! `stiffness` with `springs` (table III). Every section adds rows to the table at the start of the
+//! report (`comparison`).
 
 mod backdrive;
 mod bandwidth;
@@ -31,7 +37,7 @@ use crate::context::{Context, Interrupted};
 use crate::report::Report;
 use comparison::Comparison;
 
-/// The study.
+/// Runs the study `paper` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("paper", context.quick);
     let mut comparison = Comparison::default();

@@ -1,4 +1,5 @@
-//! Which designs of two wheels need no fourth motor: the nested-circles condition (physics notes, section 3).
+//! The designs of two wheels that need no fourth motor: the nested-circles condition (physics
+//! notes, section 3).
 
 use core::f64::consts::{PI, TAU};
 
@@ -11,10 +12,11 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// How near to its border a design is left out, rad: a scan of the torus cannot tell those.
+/// Designs closer than this to the border of the condition are left out, rad. A scan of the torus
+/// cannot decide them.
 const BORDER: f64 = 0.03;
 
-/// Two wheels without toe: cones, and the angle between their axes, rad.
+/// Two wheels without toe: their cone angles, and the angle between their steering axes, rad.
 #[derive(Debug, Clone, Copy)]
 struct Design {
     cones: [f64; 2],
@@ -22,7 +24,8 @@ struct Design {
 }
 
 impl Design {
-    /// By how much the condition for one drive (wheel 1) and two steers holds, rad: a_2 - a_1 - min(g, pi - g).
+    /// Returns the margin of the condition for one drive (wheel 1) and two steers, rad: a_2 - a_1 -
+    /// min(g, pi - g). The condition holds if it is positive.
     fn nested(&self) -> f64 {
         self.cones[1] - self.cones[0] - self.between.min(PI - self.between)
     }
@@ -41,7 +44,8 @@ impl Design {
         [wheel(Vec3::Z, self.cones[0]), wheel(Vec3::new(sin, 0.0, cos), self.cones[1])]
     }
 
-    /// Whether c3 of wheel 1 across `column` of wheel 2 (0 for c1, 1 for c2) changes its sign somewhere on a fine torus.
+    /// Returns whether the product of c3 of wheel 1 and `column` of wheel 2 (0 for c1, 1 for c2)
+    /// changes its sign anywhere on a fine torus.
     fn changes_sign(&self, column: usize, cells: usize) -> bool {
         let frames = self.specs().map(|spec| {
             let first = least_rotation(spec.axis);

@@ -1,4 +1,5 @@
-//! The position control of fig. 6 on the simulated rig: drives that follow rates, and a loop about them.
+//! The position control of fig. 6 on the simulated rig: drives that follow joint rates, and a
+//! position loop around them.
 
 use core::f64::consts::TAU;
 
@@ -14,20 +15,23 @@ use serde_json::json;
 use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
-/// The corner of the rate loops' integral over that of their proportional part.
+/// Corner frequency of the integral part of the rate loops, relative to that of their proportional
+/// part.
 const INTEGRAL: f64 = 0.2;
-/// How long the swing takes to reach its amplitude, s.
+/// Time in which the swing rises to its amplitude, s.
 const FADE_S: f64 = 0.5;
-/// Ticks in which the response settles at least, and in which it is looked at at least: 1 s each.
+/// Least number of ticks in which the response settles, and in which it is then observed: 1 s each.
 const LEAST: u32 = 1000;
-/// -3 dB.
+/// A gain of -3 dB.
 const DOWN: f64 = core::f64::consts::FRAC_1_SQRT_2;
-/// The longest and the shortest period that a bandwidth is sought between, ticks, and the ratio from one to the next.
+/// Longest period in the search for a bandwidth, ticks.
 const LONGEST: f64 = 2000.0;
+/// Shortest period in the search for a bandwidth, ticks.
 const SHORTEST: f64 = 20.0;
+/// Ratio of two successive periods in the search for a bandwidth.
 const RATIO: f64 = 1.15;
 
-/// Motors that are late and not quick at any rate, but give what is asked and stay cold.
+/// Motors with a lag and a limited rate that otherwise make the full torque and do not heat up.
 pub(super) const MOTOR: Motor = Motor {
     torque_scale: 1.0,
     lag_s: 5.0e-4,
@@ -36,35 +40,35 @@ pub(super) const MOTOR: Motor = Motor {
     thermal_time_s: 1.0e5,
 };
 
-/// One position loop and what it is asked to follow.
+/// A position loop and the sine that it follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Setting {
-    /// K_O, 1/s.
+    /// Gain K_O, 1/s.
     pub(super) gain: f64,
-    /// The corner of the drives' rate loops for a turn about `axis`, Hz.
+    /// Corner frequency of the rate loops of the drives, for a turn about `axis`, Hz.
     pub(super) inner_hz: f64,
-    /// Of the sine, rad.
+    /// Amplitude of the sine, rad.
     pub(super) amplitude: f64,
-    /// About which axis of N.
+    /// Axis of the sine, a unit vector in N.
     pub(super) axis: Vec3,
     /// Whether joints and cage have friction.
     pub(super) friction: bool,
 }
 
-/// The apparent inertia about `axis` with both wheels at zero, kg m².
+/// Returns the apparent inertia about `axis` with both steer angles at zero, kg m².
 pub(super) fn inertia(device: &Device, axis: Vec3) -> f64 {
     let plant = Plant::new(device).unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
     axis.dot(plant.apparent_inertia(&State::default()) * axis)
 }
 
-/// A running loop.
+/// A running position loop.
 struct Loop {
     run: Whole,
     setting: Setting,
     arms: [ContactArms; 2],
-    /// Of the rate loops, N m s/rad.
+    /// Gains of the rate loops, N m s/rad.
     gains: [f64; MAX_JOINTS],
-    /// 1/s.
+    /// Gain of the integral part, 1/s.
     integral_gain: f64,
     integral: [f64; MAX_JOINTS],
 }
@@ -81,8 +85,8 @@ impl Loop {
         };
         let radius = device.sphere_radius();
         let posture = Posture::new(&device, &[0.0; 2]);
-        // Joint gains in proportion to the squares of the contacts' arms resist a turn of the sphere by R² sum (I - c3 c3ᵀ),
-        // whatever the headings.
+        // With joint gains in proportion to the squares of the contact arms, the rate loops resist
+        // a turn of the sphere by R² sum (I - c3 c3ᵀ), for any headings.
         let resist: f64 = posture.frames().iter().map(|frame| 1.0 - frame.c3.dot(setting.axis).powi(2)).sum();
         let scale = TAU * setting.inner_hz * inertia(&device, setting.axis) / (radius * radius * resist);
         let arms = [0, 1].map(|i| ContactArms::of(&device.wheels()[i], radius));
@@ -100,7 +104,8 @@ impl Loop {
         }
     }
 
-    /// One tick: zd = G K_O e_O to the rate loops, whose torques keep within the rig's limits.
+    /// Runs one tick: passes zd = G K_O e_O to the rate loops, whose torques stay within the rig's
+    /// limits.
     fn step(&mut self, wanted: Quat) {
         let Self { run, setting, arms, gains, integral_gain, integral } = self;
         let rig = *run.controller().rig();
@@ -118,13 +123,14 @@ impl Loop {
                 tau[j] = asked.clamp(-rig.joints[j].peak, rig.joints[j].peak);
                 held &= asked == tau[j];
             }
-            // As the server does: no more on the sphere than its limit, no more on a contact than it holds.
+            // Applies the limits that the server applies: the torque on the sphere, and the force
+            // at each contact.
             let grip = rig.limits.traction.map_or(f64::INFINITY, |grip| grip.mu * grip.normal_force);
             let size = posture.torque_on_sphere(&tau[..rig.device.joints()]).length();
             let over = (size / rig.limits.torque).max(traction(arms, &tau, grip)).max(1.0);
             for j in 0..rig.device.joints() {
                 tau[j] /= over;
-                // An integral that went on where the torque cannot follow would have to be unwound.
+                // The integral stops while the torque is saturated, so that it does not wind up.
                 if held && over == 1.0 {
                     integral[j] += (rates[j] - told.state.rate[j]) * period;
                 }
@@ -135,8 +141,8 @@ impl Loop {
     }
 }
 
-/// Steady state under a sine of a whole number of ticks, one bin of its Fourier series: size and phase (rad) of the
-/// sphere's turn over the desired one's.
+/// Returns gain and phase (rad) of the sphere's turn relative to the desired turn, in steady state.
+/// The input is a sine with a period of `ticks` ticks. One bin of the Fourier series is evaluated.
 pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
     let mut run = Loop::new(setting);
     let settle = LEAST.div_ceil(ticks).max(3) * ticks;
@@ -148,7 +154,7 @@ pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
         let amplitude = setting.amplitude * (f64::from(k) / fade).min(1.0);
         run.step(rotation::exp(setting.axis * (amplitude * sin)));
         if k >= settle {
-            // The tick's reference and the truth at that very time.
+            // Compares the tick's reference with the true orientation at that time.
             let q = shortest(run.run.rig().state().q);
             let turn = 2.0 * libm::atan2(vector_part(q).dot(setting.axis), q.w);
             (re, im) = (re + turn * sin, im + turn * cos);
@@ -158,10 +164,11 @@ pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
     [libm::hypot(re, im) * scale, libm::atan2(im, re)]
 }
 
-/// Where the response has fallen to -3 dB, Hz: between the first two frequencies of a scan that it falls through it at.
+/// Returns the frequency at which the response has fallen to -3 dB, Hz. It is interpolated between
+/// the first two frequencies of a scan that enclose it.
 ///
 /// # Errors
-/// Where the study is to stop.
+/// Fails if the study was asked to stop.
 pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Interrupted> {
     let mut period = LONGEST;
     let mut before = [0.0, 1.0];
@@ -178,8 +185,10 @@ pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Inte
     Ok(f64::NAN)
 }
 
-/// The same of the linear loop: rate loops F about the inertia, with the motors' lag, half a period of holding and a period from
-/// reading to torque, and the turn about them, H = P V / (s + P V z), P = K_O / 2, V = F / (1 + F z), z a period's delay.
+/// Returns gain and phase (rad) of the linear loop. The rate loops F act on the inertia, with the
+/// lag of the motors, half a period for holding and one period from reading to torque. The position
+/// loop around them is H = P V / (s + P V z), with P = K_O / 2, V = F / (1 + F z) and the delay z
+/// of one period.
 pub(super) fn linear_response(setting: &Setting, hertz: f64) -> [f64; 2] {
     let (s, h) = (Complex { re: 0.0, im: TAU * hertz }, 1.0e-3);
     let corner = TAU * setting.inner_hz;
@@ -196,7 +205,7 @@ pub(super) fn linear_response(setting: &Setting, hertz: f64) -> [f64; 2] {
     [libm::hypot(response.re, response.im), libm::atan2(response.im, response.re)]
 }
 
-/// The bandwidth of the linear loop, Hz.
+/// Returns the bandwidth of the linear loop, Hz.
 pub(super) fn linear_bandwidth(setting: &Setting) -> f64 {
     let mut before = [0.0, 1.0];
     for k in 0..2000 {
@@ -210,7 +219,7 @@ pub(super) fn linear_bandwidth(setting: &Setting) -> f64 {
     f64::NAN
 }
 
-/// The gain with which the linear loop has a bandwidth of `hertz`, 1/s.
+/// Returns the gain at which the linear loop has a bandwidth of `hertz`, 1/s.
 pub(super) fn gain_for(setting: &Setting, hertz: f64) -> f64 {
     let (mut low, mut high) = (1.0, 500.0);
     for _ in 0..40 {
@@ -220,7 +229,8 @@ pub(super) fn gain_for(setting: &Setting, hertz: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Where a straight line through two points of a Bode plot, Hz and size, is at -3 dB.
+/// Returns the frequency at which a straight line through two points of a Bode plot (Hz and gain)
+/// is at -3 dB, Hz.
 fn between([f0, g0]: [f64; 2], [f1, g1]: [f64; 2]) -> f64 {
     let part = (g0 / DOWN).ln() / (g0 / g1).ln();
     (f0.ln() * (1.0 - part) + f1.ln() * part).exp()

@@ -1,4 +1,5 @@
-//! What else the global indices could have been read as: other wheels, other Jacobians, eq. 1 to the letter.
+//! Other possible readings of the global indices: other wheels, other Jacobians, equation 1 taken
+//! literally.
 
 use hbot_config::RigConfig;
 use hbot_core::singularity::Indices;
@@ -11,10 +12,10 @@ use super::{literal, so3};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Wheel radii that are looked at, micrometres.
+/// Wheel radii that are compared, um.
 const RADII: [u32; 7] = [10_000, 12_000, 14_000, 15_500, 17_000, 20_000, 25_000];
 
-/// The prototype with other wheels.
+/// Returns the prototype with its wheels changed by `change`.
 fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     let device = RigConfig::prototype().rig.device;
     let specs: Vec<WheelSpec> = device.wheels().iter().map(|wheel| change(*wheel.spec())).collect();
@@ -22,7 +23,8 @@ fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     made.unwrap_or_else(|error| unreachable!("radius and inertia make nothing singular: {error}"))
 }
 
-/// How much of GCI hangs on the wheel radius, which the paper does not give; returns what is to be said of it.
+/// Reports how much the GCI depends on the wheel radius, which the paper does not give. Returns a
+/// sentence about it for the report.
 pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
     context.part("indices against the wheel radius")?;
     report.family(
@@ -53,7 +55,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
         }
         context.go_on()?;
     }
-    // Three motors, SO(3): the wheels on either side of the paper's figure.
+    // For three motors over SO(3): the two radii whose GCIs enclose the paper's.
     let points = &series[0].points;
     let above = points.iter().position(|(_, value)| *value > PAPER_GCI).unwrap_or(1).max(1);
     let [(r0, v0), (r1, v1)] = [points[above - 1], points[above]];
@@ -80,7 +82,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
     ))
 }
 
-/// What other readings of equations 1 and 17 to 22 give.
+/// Reports the indices for other readings of equations 1 and 17 to 22.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -162,7 +164,7 @@ pub(super) fn study(
     Ok(())
 }
 
-/// det of I_s I + Gᵀ J_q G for any rows of G, (kg m²)³.
+/// Returns det(I_s I + Gᵀ J_q G) for any rows of G, (kg m²)³.
 fn inertia_of(device: &Device, rows: &[Vec3; 4]) -> f64 {
     let mut inertia = Mat3::from_diagonal(Vec3::splat(device.sphere_inertia()));
     for (k, g) in rows.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Singularities (section III, figures 2 and 3): margins over all steering angles, and which designs are free of them.
+//! Singularities (section III, figures 2 and 3): margins over all steer angles, and the designs
+//! that have no singularity.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -15,9 +16,9 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Cells of a map, a side.
+/// Number of cells along each side of a map.
 const CELLS: usize = 60;
-/// Indices below which a posture is as good as singular, percent.
+/// Spectral indices below which a posture counts as nearly singular, per cent.
 const BELOW: [u32; 3] = [5, 10, 20];
 
 pub(super) fn study(
@@ -54,7 +55,7 @@ pub(super) fn study(
     nested::study(context, report)
 }
 
-/// Margins over the torus: figures and maps.
+/// Reports the margins over the torus as figures and maps.
 fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     let interior = torus::least(CELLS, |th| interior_margin(&posture(device, th)));
     let closed = interior_margin_over_all(device);
@@ -71,7 +72,7 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     );
     report.say(&format!("In the ids, {MOTORS}."));
     report.figure("interior_margin_least".to_owned(), interior.1);
-    // Where the least is flat, the search stops at 1e-9 of a cell: 1e-18 in value.
+    // The search stops at 1e-9 of a cell, and where the minimum is flat that is 1e-18 in value.
     report.check(
         "the least interior margin by search is the closed form's, to 1e-9",
         format!("{:.6} and {closed:.6}", interior.1),
@@ -104,7 +105,7 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
         format!("{:.4}", least[0]),
         (0.50..0.51).contains(&least[0]),
     );
-    // A zero found to 1e-9 of a cell, times the slope.
+    // The zero is found to 1e-9 of a cell, times the slope.
     let most = least[1..].iter().copied().fold(0.0, f64::max);
     report.check(
         "with any three motors it is singular somewhere: the least spectral index is below 1e-6",
@@ -140,7 +141,7 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
             map("Spectral index, all four motors", &index(FOUR), 0.0..1.0, Vec::new()),
         ]),
     );
-    // The other two choices are these with the wheels' names exchanged: the prototype is the same from both sides.
+    // The other two choices mirror these two, as the prototype is symmetric in its wheels.
     let three: Vec<Map> = [THREE, CHOICES[3]]
         .iter()
         .map(|motors| {
@@ -155,7 +156,8 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     );
 }
 
-/// Where a function of the steering angles is zero, as short lines in deg (marching squares, straight within a cell).
+/// Returns the zeros of a function of the steer angles as short lines, deg (marching squares with
+/// linear interpolation in a cell).
 fn zeros(value: impl Fn([f64; 2]) -> f64) -> Vec<[(f64, f64); 2]> {
     let at = |k: usize| core::f64::consts::TAU * k as f64 / CELLS as f64;
     let values: Vec<f64> =
@@ -180,7 +182,8 @@ fn zeros(value: impl Fn([f64; 2]) -> f64) -> Vec<[(f64, f64); 2]> {
     lines
 }
 
-/// The analytic conditions against numeric ranks, on random designs with toe and in random postures.
+/// Compares the analytic conditions with numerical ranks, for random designs with toe in random
+/// postures.
 fn conditions(context: &Context, report: &mut Report) {
     let mut rng = Rng(33);
     let mut worst = [0.0_f64; 2];
@@ -213,7 +216,7 @@ fn conditions(context: &Context, report: &mut Report) {
     );
     report.figure("singularity_interior_worst_error".to_owned(), worst[0]);
     report.figure("singularity_actuation_worst_error".to_owned(), worst[1]);
-    // The root of a difference loses half of the digits where the contacts nearly meet.
+    // The root of a difference loses half of the digits if the contacts nearly meet.
     report.check(
         "on random designs the interior margin is sqrt(1 - abs(cos g)), g between the contact points, whatever the headings (to 1e-8)",
         format!("{:.1e}", worst[0]),
@@ -226,7 +229,7 @@ fn conditions(context: &Context, report: &mut Report) {
     );
 }
 
-/// Singular configurations as the paper's figures 2 and 3 have them, and one of three motors.
+/// Draws singular configurations as in the paper's figures 2 and 3, and one of three motors.
 fn draw(report: &mut Report, device: &Device) {
     let view = |title: &str| Sketch::new(title, -78.0, -20.0);
     let (left, right) = (Vec3::new(-1.0, 0.0, -1.0).normalize(), Vec3::new(1.0, 0.0, -1.0).normalize());
@@ -235,7 +238,7 @@ fn draw(report: &mut Report, device: &Device) {
     boundary.named(Vec3::ZERO, Vec3::X * 1.4, "l", Pen::Strong(6));
     wheel_at(&mut boundary, device, 0, contact, Vec3::X, 0);
     boundary.named(contact, contact + Vec3::X * 0.6, "c1", Pen::Strong(0));
-    // Both axes of an interior singularity stand at the cone angle from a common line.
+    // At an interior singularity both steering axes are at the cone angle from a common line.
     let interior = |title: &str, sides: [f64; 2]| {
         let mut sketch = view(title);
         let cone = 0.6;
@@ -253,7 +256,7 @@ fn draw(report: &mut Report, device: &Device) {
     let together = interior("Interior: contact points in one place", [1.0, 1.0]);
     let opposite = interior("Interior: contact points opposite", [1.0, -1.0]);
     let mut actuation = view("Actuation, three motors: c3 of wheel 1 across c2 of wheel 2");
-    // c3_1 . c2_2 = 0, found along th_2 by section between signs.
+    // c3_1 . c2_2 = 0, found along th_2 by bisection.
     let th_1 = 0.4;
     let det = |th_2: f64| THREE.determinant(&posture(device, [th_1, th_2]));
     let mut ends = [FRAC_PI_2, 3.0 * FRAC_PI_2];

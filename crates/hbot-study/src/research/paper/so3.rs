@@ -1,25 +1,29 @@
 //! Orientations spread evenly over SO(3), and the paper's own grid (section V.C).
 //!
-//! Both go by Hopf coordinates: (theta, phi) is a point of the sphere, psi an angle on a circle over it (eq. 23 as corrected in the physics
-//! notes, section 10). SO(3) is the product of the two in measure as well, so points of equal area (HEALPix) times equal steps
-//! of psi are even, as in the paper's source (Yershova et al. 2010). Equal steps of theta are not: they need the weight sin theta.
+//! Both use Hopf coordinates: (theta, phi) is a point of the sphere, and psi an angle on a circle
+//! above it (eq. 23 as corrected in the physics notes, section 10). The measure of SO(3) is the
+//! product of the two. So points of equal area on the sphere (HEALPix) times equal steps of psi are
+//! spread evenly, as in the paper's source (Yershova et al. 2010). Equal steps of theta are not;
+//! they need the weight sin theta.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use hbot_core::{Quat, rotation};
 
-/// Points on the circle over each point of the sphere, at level 0; twice as many with each level.
+/// Number of points on the circle above each point of the sphere, at level 0. It doubles with each
+/// level.
 const CIRCLE: u64 = 6;
 
-/// How many orientations [`uniform`] has at `level`: 72, 576, 4608, 36864, 294912, ...
+/// Returns the number of orientations of [`uniform`] at `level`: 72, 576, 4608, 36864, 294912, ...
 pub(crate) const fn count(level: u8) -> usize {
     72 << (3 * level)
 }
 
-/// Orientations spread evenly over SO(3), each of the same share of it; always in the same order.
+/// Returns orientations spread evenly over SO(3), with equal weights and always in one order.
 ///
-/// `level` refines them, 0 to 5 in reason: there are [`count`] of them, about 1.05 rad / 2^level from one to the next along the circle. Each comes once as a
-/// rotation, with either sign as a quaternion.
+/// A higher `level` gives more of them; 0 to 5 is practical. There are [`count`] of them, with a
+/// distance of about 1.05 rad / 2^level along the circle. Each rotation occurs once, as a
+/// quaternion of either sign.
 pub(crate) fn uniform(level: u8) -> impl Iterator<Item = Quat> {
     let pixels = 12_u64 << (2 * level);
     let steps = CIRCLE << level;
@@ -32,8 +36,8 @@ pub(crate) fn uniform(level: u8) -> impl Iterator<Item = Quat> {
     })
 }
 
-/// The paper's grid: equal steps of pi/`steps` of each Hopf coordinate, theta with both of its ends; each orientation with
-/// sin theta, the weight that the paper leaves out.
+/// Returns the paper's grid: equal steps of pi/`steps` of each Hopf coordinate, with both ends of
+/// theta. Each orientation comes with the weight sin theta, which the paper omits.
 pub(crate) fn equal_steps(steps: u32) -> impl Iterator<Item = (Quat, f64)> {
     let h = PI / f64::from(steps);
     (0..=steps).flat_map(move |i| {
@@ -53,8 +57,9 @@ mod tests {
     use super::*;
     use hbot_core::Vec3;
 
-    /// Means of the squared projections of all orientations on some quaternions, and of their fourth powers; over SO(3) they are 1/4
-    /// and 1/8 (the moments of a coordinate on the sphere in four dimensions).
+    /// Returns the means of the squares and of the fourth powers of the projections of all
+    /// orientations on some quaternions. Over SO(3) they are 1/4 and 1/8: the moments of a
+    /// coordinate on the sphere in four dimensions.
     fn moments(weighted: impl Iterator<Item = (Quat, f64)>) -> Vec<[f64; 2]> {
         let weighted: Vec<(Quat, f64)> = weighted.collect();
         let looks =
@@ -78,7 +83,8 @@ mod tests {
         for level in 0..3 {
             assert_eq!(uniform(level).count(), count(level));
             for [second, fourth] in moments(uniform(level).map(|q| (q, 1.0))) {
-                // The error of a grid is of the order of its step squared; 2^-level a step.
+                // The error of a grid is of the order of the square of its step, which is
+                // proportional to 2^-level.
                 let bound = 0.02 / f64::from(1_u32 << (2 * level));
                 assert!((second - 0.25).abs() < bound, "level {level}: {second}");
                 assert!((fourth - 0.125).abs() < bound, "level {level}: {fourth}");
@@ -92,7 +98,8 @@ mod tests {
         for (k, q) in all.iter().enumerate() {
             assert!((q.length_squared() - 1.0).abs() < 4.0 * f64::EPSILON);
             let nearest = all[..k].iter().map(|other| rotation::angle_between(*q, *other));
-            // Even spread over a volume of pi²: 576 balls of this size fill less than half of it.
+            // The even spread is over a volume of pi²; 576 balls of this size fill less than half
+            // of it.
             assert!(nearest.fold(f64::INFINITY, f64::min) > 0.25);
         }
         assert!(all.iter().any(|q| rotation::log(*q).dot(Vec3::Z).abs() > 2.5));
@@ -101,12 +108,13 @@ mod tests {
     #[test]
     fn equal_steps_need_their_weight() {
         let steps = 12;
-        // The ends of theta, and its middle, weigh in a sum of 13 terms instead of an integral: h²/12 of it.
+        // The two ends and the middle of theta enter a sum of 13 terms instead of an integral,
+        // which leaves a relative error of h²/12.
         let bound = 0.01;
         for [second, fourth] in moments(equal_steps(steps)) {
             assert!((second - 0.25).abs() < bound && (fourth - 0.125).abs() < bound, "{second} {fourth}");
         }
-        // Without it the fourth moment about the first axis is 9/64 and more.
+        // Without the weight the fourth moment about the first axis is at least 9/64.
         let bare = moments(equal_steps(steps).map(|(q, _)| (q, 1.0)));
         assert!(bare.iter().any(|[_, fourth]| (fourth - 0.125).abs() > bound), "{bare:?}");
     }

@@ -1,4 +1,5 @@
-//! A spring under known torques: its deflection at rest, and the line through the readings.
+//! A spring under known torques: its deflection at rest, and a straight line fitted to the
+//! readings.
 
 use hbot_core::mode::Mode;
 use hbot_core::{Vec3, rotation};
@@ -9,43 +10,47 @@ use serde_json::json;
 use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
-/// Loads to either side.
+/// Number of loads to either side.
 pub(super) const STEPS: i32 = 4;
-/// Damping of the springs, N m s/rad: at rest it does nothing.
+/// Damping of the springs, N m s/rad. It has no effect at rest.
 pub(super) const DAMPING: f64 = 0.2;
-/// Until the motors push, s; then how long a load takes to come, how long it is left alone, and over how long it is looked at.
+/// Time until the motors are active, s.
 const START_S: f64 = 0.7;
+/// Time in which a load rises to its value, s.
 pub(super) const LOAD_S: f64 = 0.2;
+/// Time for which the sphere settles after that, s.
 pub(super) const REST_S: f64 = 0.4;
+/// Time over which the deflection is averaged, s.
 pub(super) const LOOK_S: f64 = 0.1;
 
-/// What is measured on what.
+/// Options of a measurement: the axis, the spring, and the simulated rig.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting {
     pub(super) axis: Vec3,
-    /// N m/rad.
+    /// Stiffness of the spring as commanded, N m/rad.
     pub(super) asked: f64,
     pub(super) law: &'static str,
     pub(super) phenomena: Phenomena,
-    /// The largest load, N m.
+    /// Largest load, N m.
     pub(super) most: f64,
     /// Whether torque is limited as on the rig.
     pub(super) limited: bool,
 }
 
-/// Deflection (rad) and load (N m) of every reading, and whether the motors pushed to the end.
+/// Deflection (rad) and load (N m) of every reading, and whether the motors stayed active to the
+/// end.
 pub(super) struct Measured {
     pub(super) asked: f64,
     pub(super) points: Vec<(f64, f64)>,
     pub(super) active: bool,
 }
 
-/// The line of least squares through the readings: torque over deflection.
+/// The least-squares line through the readings: torque over deflection.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
-    /// N m/rad.
+    /// Slope, N m/rad.
     pub(super) slope: f64,
-    /// N m.
+    /// Torque at zero deflection, N m.
     pub(super) offset: f64,
     pub(super) r2: f64,
 }
@@ -62,16 +67,17 @@ impl Measured {
         Fit { slope, offset: y - slope * x, r2: xy * xy / (xx * yy) }
     }
 
-    /// How far the fitted slope is from what was asked, %.
+    /// Returns the deviation of the fitted slope from the commanded stiffness, %.
     pub(super) fn error(&self) -> f64 {
         100.0 * (self.fit().slope / self.asked - 1.0)
     }
 }
 
-/// Weights put on one after another, up to the most and off again, then the same to the other side.
+/// Measures the deflection under successive loads: up to the largest and back to zero, then
+/// likewise to the other side.
 ///
 /// # Errors
-/// Where the study is to stop.
+/// Fails if the study was asked to stop.
 pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, Interrupted> {
     let Setting { axis, asked, .. } = *setting;
     let limits = [("limits.torque", json!(2.0)), ("limits.traction", json!({"mu": 5, "normal_force": 100}))];

@@ -1,4 +1,4 @@
-//! How much of the paper's GCI hangs on the posture that its turns begin at.
+//! How much the paper's GCI depends on the posture at which its turns begin.
 
 use hbot_core::Quat;
 use hbot_plot::{Map, maps};
@@ -9,7 +9,8 @@ use super::torus::{self, THREE, mean};
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// Given the start that is taken elsewhere and GCI from it; returns the least and the largest of all starts.
+/// Reports the GCI for all starts. `start` and `ours` are the start used elsewhere and the GCI from
+/// there. Returns the smallest and the largest GCI of all starts.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,

@@ -1,4 +1,5 @@
-//! Fig. 8 and table III: known torques on the sphere, its deflection at rest, and the stiffness that a fitted line tells.
+//! Fig. 8 and table III: known torques on the sphere, its deflection at rest, and the stiffness by
+//! a fitted line.
 
 use hbot_core::Vec3;
 use hbot_plot::{Lines, Series, short};
@@ -10,7 +11,8 @@ use super::springs::{DAMPING, LOAD_S, LOOK_S, Measured, REST_S, STEPS, Setting, 
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// A row of table III: what it is called here, the axis, the stiffness asked and measured (N m/rad), and R².
+/// A row of table III: its id here, the axis, the commanded and the measured stiffness (N m/rad),
+/// and R².
 struct Row {
     id: &'static str,
     axis: Vec3,
@@ -31,42 +33,50 @@ const ROWS: [Row; 4] = [
 ];
 
 const LAWS: [&str; 2] = ["geodesic", "quaternion"];
-/// The largest load, N m: within the rig's limit of 0.9 N m and what its contacts hold, 0.94 N m.
+/// Largest load, N m. It is below the rig's limit of 0.9 N m and the 0.94 N m that its contacts
+/// hold.
 const MOST: f64 = 0.8;
-/// Largest loads that the quality of the fit is compared over, N m.
+/// Largest loads for which the quality of the fit is compared, N m.
 const RANGES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
-/// The motors' peak about n1 by the paper, N m: loads up to there show what the quaternion law does.
+/// Peak torque of the motors about n1 by the paper, N m. Loads up to there show the behaviour of
+/// the quaternion law.
 const PEAK: f64 = 1.4;
-/// The effect that explains table III, as ids have it.
+/// Id of the effect that explains table III.
 const SCALE: &str = "torque_scale";
-/// Bounds of the checks.
+/// Largest allowed error of the ideal rig, %.
 const IDEAL_WITHIN: f64 = 0.1;
+/// Largest allowed deviation from 5 % for a wrong torque constant alone, %.
 const SCALE_WITHIN: f64 = 0.1;
+/// Largest allowed error with all effects, %.
 const REAL_WITHIN: f64 = 6.0;
+/// Lowest allowed R² with all effects.
 const REAL_R2: f64 = 0.97;
-/// A fifth of what there is to explain: stuck joints and gears that lose do not quite add up.
+/// Largest allowed difference between the error with all effects and the sum of the single errors,
+/// %. It is a fifth of the total, because stuck joints and losses in gears do not quite add up.
 const SUM_WITHIN: f64 = 1.0;
 
-/// All effects but the motors' heat: a series of such loads is more than the prototype's motors bear for long.
+/// Returns all phenomena except the heating of the motors. The prototype's motors cannot bear such
+/// a series of loads for long.
 fn cold() -> Phenomena {
     let all = together();
     Phenomena { motor: all.motor.map(|motor| Motor { thermal_time_s: 1.0e5, ..motor }), ..all }
 }
 
-/// Every stiffness that was measured.
+/// All stiffness measurements of the study.
 struct Found {
     effects: Vec<Effect>,
-    /// The largest loads over which the fit is compared, N m.
+    /// The largest loads for which the fit is compared, N m.
     tried: &'static [f64],
-    /// Of each row: by each law, ideal and with all effects.
+    /// For each row of table III: stiffness with each law, on the ideal rig and with all effects.
     table: Vec<Measured>,
-    /// Of each effect alone, each row by the geodesic law.
+    /// For each effect alone: stiffness in each row of table III with the geodesic law.
     singles: Vec<Measured>,
-    /// By each law at loads up to the motors' peak, ideal.
+    /// Stiffness with each law on the ideal rig, with loads up to the motors' peak.
     peaks: Vec<Measured>,
-    /// Each row by the quaternion law on a torque constant 5 % low.
+    /// Stiffness in each row of table III with the quaternion law and a torque constant that is 5 %
+    /// low.
     weak: Vec<Measured>,
-    /// Of each largest load, each row with all effects.
+    /// For each largest load: stiffness in each row of table III with all effects.
     ranges: Vec<Measured>,
 }
 
@@ -153,7 +163,8 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
     Ok(Found { effects, tried, table, singles, peaks, weak, ranges })
 }
 
-/// What must hold of table III itself. `scale`: how far the torque constant alone is from 5 % at worst, %.
+/// Adds the checks of table III itself. `scale` is the largest deviation from 5 % for the torque
+/// constant alone, %.
 fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     let r2 = worst.r2;
     let active = found.table.iter().filter(|measured| measured.active).count();
@@ -179,8 +190,9 @@ fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     );
 }
 
-/// What must hold of the causes of the paper's errors. `peaks`: errors of the laws at the motors' peak; `soft`: of the rows
-/// by the quaternion law on a torque constant 5 % low; both in %.
+/// Adds the checks of the causes of the paper's errors. The pair holds the errors of the two laws
+/// at the motors' peak. `soft` are the errors of the rows with the quaternion law and a torque
+/// constant 5 % low. All are in %.
 fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64; 2], soft: &[f64]) {
     let apart = ROWS.len();
     let unexplained = (0..apart).map(|k| {
@@ -206,17 +218,18 @@ fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64
     );
 }
 
-/// What is worst among the rows.
+/// The worst values among the rows of table III.
 struct Worst {
-    /// Of the geodesic law on the ideal rig, %.
+    /// Error of the geodesic law on the ideal rig, %.
     ideal: f64,
-    /// With all effects, either law, %.
+    /// Lowest error with all effects and either law, %.
     softest: f64,
+    /// Highest error with all effects and either law, %.
     stiffest: f64,
     r2: f64,
 }
 
-/// The rows of table III.
+/// Reports the rows of table III.
 fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) -> Worst {
     let mut table = vec![row([
         "axis, asked, N m/rad",
@@ -268,7 +281,8 @@ fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) ->
     worst
 }
 
-/// The table of single effects; how far the torque constant alone is from 5 % at worst, %.
+/// Reports the table of single effects. Returns the largest deviation from 5 % for the torque
+/// constant alone, %.
 fn by_effect(report: &mut Report, effects: &[Effect], found: &[Measured]) -> f64 {
     let heads = ROWS.iter().map(|of| format!("{}: error, % (R²)", of.id.replace('_', ", ")));
     let mut table = vec![row(["one effect alone, geodesic law".to_owned()].into_iter().chain(heads))];
@@ -331,7 +345,7 @@ fn by_range(report: &mut Report, tried: &[f64], found: &[Measured]) {
     report.say("With small loads play and friction are a larger part of the deflection: the fit is worse, and play makes springs softer.");
 }
 
-/// Torque over deflection, as the paper's fig. 8.
+/// Plots torque over deflection, as in the paper's fig. 8.
 fn figure(report: &mut Report, found: &[Measured]) {
     for (rig, at, what) in [("ideal", 0, "the ideal rig"), ("real", 1, "all effects of a real device")] {
         let mut series = Vec::new();

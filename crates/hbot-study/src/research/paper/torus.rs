@@ -1,4 +1,5 @@
-//! The steering angles of two wheels, a torus, and which joints have motors.
+//! The steer angles of two wheels, which form a torus, and the choice of the joints that have
+//! motors.
 
 use core::f64::consts::TAU;
 
@@ -6,22 +7,23 @@ use hbot_core::kinematics::Posture;
 use hbot_core::singularity::Indices;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
-/// Which joints of the prototype push: steer 1, drive 1, steer 2, drive 2.
+/// A choice of the prototype's joints that have motors, in the order steer 1, drive 1, steer 2,
+/// drive 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Motors {
-    /// What ids call the choice.
+    /// Name of the choice in ids.
     pub(super) id: &'static str,
-    /// What tables call it.
+    /// Name of the choice in tables.
     pub(super) name: &'static str,
     pub(super) driven: [bool; 4],
 }
 
 /// All four motors.
 pub(super) const FOUR: Motors = Motors { id: "four_motors", name: "all four", driven: [true; 4] };
-/// The three that the paper gives torques of, one drive and two steers (section IV.B).
+/// The three motors for which the paper gives torques: one drive and two steers (section IV.B).
 pub(super) const THREE: Motors =
     Motors { id: "three_motors", name: "no drive 2 (the paper's three)", driven: [true, true, true, false] };
-/// Every choice of three motors or more.
+/// Every choice of at least three motors.
 pub(super) const CHOICES: [Motors; 5] = [
     FOUR,
     THREE,
@@ -30,12 +32,14 @@ pub(super) const CHOICES: [Motors; 5] = [
     Motors { id: "without_steer_1", name: "no steer 1", driven: [false, true, true, true] },
 ];
 
-/// How many cells a search looks around, how often, and how finely to each side: 0.35^20 is 1e-9.
+/// Number of cells around which a search refines.
 const STARTS: usize = 8;
+/// Number of refinements. Each reduces the width by 0.35; 0.35^20 is 1e-9.
 const ZOOMS: u32 = 20;
+/// Number of points to each side in a refinement.
 const FINE: i32 = 7;
 
-/// What the ids' `{motors}` stands for.
+/// The meaning of `{motors}` in ids.
 pub(super) const MOTORS: &str = "{motors}: four_motors; three_motors, the paper's steer 1, drive 1 and steer 2; without_{joint}, the other choices of three";
 
 impl Motors {
@@ -50,12 +54,13 @@ impl Motors {
         with(&rows[..count])
     }
 
-    /// The indices of G at a posture, of these motors alone.
+    /// Returns the indices of G at a posture, for these motors alone.
     pub(super) fn indices(&self, posture: &Posture) -> Indices {
         self.rows(posture, Indices::of)
     }
 
-    /// det G_3 of three motors, sqrt(det GᵀG) of more: the product of the singular values, with a sign for three.
+    /// Returns det G_3 for three motors, and sqrt(det GᵀG) for more. It is the product of the
+    /// singular values, with a sign for three motors.
     pub(super) fn determinant(&self, posture: &Posture) -> f64 {
         self.rows(posture, |rows| match rows {
             [a, b, c] => a.dot(b.cross(*c)),
@@ -73,12 +78,13 @@ impl Motors {
     }
 }
 
-/// The middle of cell `k` of `cells` around a turn, rad.
+/// Returns the centre of cell `k` if a turn is divided into `cells` cells, rad.
 pub(super) fn angle(k: usize, cells: usize) -> f64 {
     TAU * (k as f64 + 0.5) / cells as f64
 }
 
-/// `value` at the middles of `cells` by `cells` even cells, th_1 first, on two threads.
+/// Evaluates `value` at the centres of `cells` by `cells` even cells, on two threads. th_1 varies
+/// fastest.
 pub(super) fn over<T: Send>(cells: usize, value: impl Fn([f64; 2]) -> T + Sync) -> Vec<T> {
     let rows = |from: usize, to: usize| -> Vec<T> {
         let row = |j| (0..cells).map(move |i| [angle(i, cells), angle(j, cells)]);
@@ -87,7 +93,8 @@ pub(super) fn over<T: Send>(cells: usize, value: impl Fn([f64; 2]) -> T + Sync) 
     in_two(cells, rows)
 }
 
-/// `part` of the first and the second half of 0 to `count`, side by side, and what they found in one.
+/// Applies `part` to the first and the second half of the range 0 to `count`, in parallel. Returns
+/// both results joined.
 pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T> + Sync) -> Vec<T> {
     let half = count / 2;
     std::thread::scope(|scope| {
@@ -99,8 +106,9 @@ pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T
     })
 }
 
-/// The steering angles with the least `value` and that value: the best of even cells, then of ever finer ones around the best few
-/// of them, to 1e-9 of a cell's width. `value` may have kinks, along which a descent would come to rest.
+/// Returns the steer angles with the smallest `value`, and this value. It searches even cells
+/// first, then ever finer ones around the best few, to 1e-9 of a cell's width. `value` can have
+/// kinks, in which a descent method would get stuck.
 pub(super) fn least(cells: usize, value: impl Fn([f64; 2]) -> f64 + Sync) -> ([f64; 2], f64) {
     let mut all = over(cells, |th| (th, value(th)));
     all.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -126,13 +134,13 @@ pub(super) fn least(cells: usize, value: impl Fn([f64; 2]) -> f64 + Sync) -> ([f
     found.unwrap_or_else(|| unreachable!("there are cells"))
 }
 
-/// The mean of some numbers.
+/// Returns the mean of `values`.
 pub(super) fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (count, sum) = values.into_iter().fold((0_u32, 0.0), |(count, sum), value| (count + 1, sum + value));
     sum / f64::from(count)
 }
 
-/// The posture of a device of two wheels.
+/// Returns the posture of a device with two wheels.
 pub(super) fn posture(device: &Device, th: [f64; 2]) -> Posture {
     Posture::new(device, &th)
 }
@@ -150,7 +158,7 @@ mod tests {
             for motors in CHOICES {
                 let product = 1.0 / motors.indices(&posture).manipulability;
                 let determinant = motors.determinant(&posture).abs();
-                // Rounding: a dozen products of numbers up to 40.
+                // The tolerance is the rounding of a dozen products of numbers up to 40.
                 assert!(
                     (determinant - product).abs() < 1e-12 * 6e4,
                     "{}: {determinant} {product}",

@@ -1,4 +1,4 @@
-//! Fig. 7: a chirp of the orientation about n1, followed by the joints and seen by a camera.
+//! Fig. 7: a chirp of the orientation about n1, measured by the joints and by a camera.
 
 use core::f64::consts::{PI, TAU};
 
@@ -16,57 +16,67 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::whole::{Whole, prototype};
 
-/// The chirp's amplitude, rad: 35 degrees.
+/// Amplitude of the chirp, rad: 35 degrees.
 const AMPLITUDE: f64 = 35.0 * PI / 180.0;
-/// How long it takes from 0 to 1 Hz, s; with `--quick`.
+/// Time in which the chirp goes from 0 to 1 Hz, s.
 const TIME_S: f64 = 20.0;
+/// Duration of the chirp with `--quick`, s.
 const QUICK_S: f64 = 8.0;
-/// The spring that pulls the sphere along: N m/rad and N m s/rad.
+/// Stiffness of the spring that pulls the sphere along, N m/rad.
 const STIFFNESS: f64 = 10.0;
+/// Damping of the spring, N m s/rad.
 const DAMPING: f64 = 0.2;
-/// Stiffnesses that it is compared with, N m/rad; the second is the stiffest of the paper's table III.
+/// Stiffnesses that are compared with it, N m/rad. The second is the highest of the paper's table
+/// III.
 const STIFFNESSES: [f64; 3] = [4.0, 6.0, 20.0];
-/// Until the motors push, s.
+/// Time until the motors are active, s.
 const START_S: f64 = 0.7;
-/// The slip that ends a run, m/s: play in the gears looks like slip of 0.06 m/s to the detector, and the rig file's 0.05 would end it.
+/// Slip at which a run ends with a fault, m/s. The detector takes play of the gears for a slip of
+/// 0.06 m/s, so the limit of the rig file, 0.05, would end the run.
 const SLIP_LIMIT: f64 = 0.2;
-/// How far out of centre the sphere is, along its third axis, m.
+/// Distances of the sphere's centre from O along the sphere's third axis, m.
 const OFFSETS: [f64; 5] = [5.0e-4, 1.0e-3, 2.0e-3, 4.0e-3, 8.0e-3];
 /// Normal forces of the wheels, N.
 const FORCES: [f64; 4] = [10.0, 6.0, 4.0, 3.0];
-/// What must hold, % of the amplitude (the paper's, VI).
+/// Largest allowed RMS error at the joints, % of the amplitude (section VI of the paper).
 const JOINTS_WITHIN: f64 = 1.0;
+/// Largest allowed RMS error seen by the camera, % of the amplitude (section VI of the paper).
 const CAMERA_WITHIN: f64 = 8.0;
 
-/// What is followed, how, and on what.
+/// Options of a run: the spring's stiffness (N m/rad), and the phenomena of the simulated rig.
 #[derive(Debug, Clone, Copy)]
 struct Setting {
     stiffness: f64,
     phenomena: Phenomena,
 }
 
-/// How a chirp was followed.
+/// The result of following a chirp.
 struct Followed {
-    /// Desired turn, the turn that the joints tell, and the true one, each at its own time, rad.
+    /// Desired turn about n1, rad.
     wanted: Vec<f64>,
+    /// Turn about n1 measured by the joints, at the time of measurement, rad.
     joints: Vec<f64>,
+    /// True turn about n1, as a camera would see it, rad.
     camera: Vec<f64>,
-    /// RMS errors, % of the amplitude.
+    /// RMS error at the joints, % of the amplitude.
     joints_rms: f64,
+    /// RMS error seen by the camera, % of the amplitude.
     camera_rms: f64,
-    /// The most that the sphere turned about other axes, rad.
+    /// Largest turn of the sphere about other axes, rad.
     aside: f64,
-    /// The motors pushed to the end.
+    /// Whether the motors stayed active to the end.
     active: bool,
 }
 
-/// The chirp's angle (rad) and rate (rad/s) at the time `t`.
+/// Returns the angle (rad) and the rate (rad/s) of the chirp at time `t`. `time` is its duration,
+/// s.
 fn chirp(t: f64, time: f64) -> [f64; 2] {
     let (sin, cos) = libm::sincos(PI * t * t / time);
     [AMPLITUDE * sin, AMPLITUDE * cos * TAU * t / time]
 }
 
-/// What a camera that looks along n1 sees: how far the tracked point has gone on its circle.
+/// Returns the turn that a camera looking along n1 sees, rad: the angle that the tracked point has
+/// moved on its circle.
 fn seen(q: Quat) -> f64 {
     let q = rotation::shortest(q);
     2.0 * libm::atan2(q.x, q.w)
@@ -106,7 +116,7 @@ fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, I
         let turn = rotation::exp(Vec3::X * -seen(q)) * q;
         aside = aside.max(rotation::log(turn).length());
     }
-    // The joints' reading in a tick is that of the tick before.
+    // The reading of a tick was measured one tick earlier.
     joints.remove(0);
     let rms = |found: &[f64]| {
         let squares = wanted.iter().zip(found).map(|(a, b)| (a - b) * (a - b));
@@ -119,11 +129,12 @@ fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, I
 /// All chirps that were followed.
 struct Runs {
     effects: Vec<Effect>,
-    /// Offsets of the sphere's centre, m, and normal forces of the wheels, N.
+    /// Offsets of the sphere's centre, m.
     offsets: Vec<f64>,
+    /// Normal forces of the wheels, N.
     forces: Vec<f64>,
-    /// Ideal, with all effects, with each effect alone, with other stiffnesses (each ideal and with all effects), out of
-    /// centre, with wheels pressed on lightly.
+    /// All runs, in this order: ideal, all effects, each effect alone, other stiffnesses (each
+    /// ideal and with all effects), sphere out of centre, wheels with a low normal force.
     all: Vec<Followed>,
 }
 
@@ -147,17 +158,18 @@ impl Runs {
         Ok(Self { effects, offsets, forces, all })
     }
 
-    /// Ideal, and with all effects.
+    /// Returns the ideal run and the run with all effects.
     fn ends(&self) -> [&Followed; 2] {
         [&self.all[0], &self.all[1]]
     }
 
-    /// Each effect alone.
+    /// Returns the runs with each effect alone.
     fn alone(&self) -> impl Iterator<Item = (&Effect, &Followed)> {
         self.effects.iter().zip(&self.all[2..])
     }
 
-    /// Stiffnesses, N m/rad, by their size, each ideal and with all effects.
+    /// Returns the runs with each stiffness (N m/rad), in ascending order. Each has an ideal run
+    /// and one with all effects.
     fn stiffnesses(&self) -> Vec<(f64, &[Followed])> {
         let start = 2 + self.effects.len();
         let others = self.all[start..start + 2 * STIFFNESSES.len()].chunks(2);
@@ -167,12 +179,13 @@ impl Runs {
         pairs
     }
 
-    /// At the stiffest of the paper's table III with all effects: RMS error at the joints, %.
+    /// Returns the RMS error at the joints, %, with all effects and the highest stiffness of the
+    /// paper's table III.
     fn stiffest(&self) -> f64 {
         self.all[2 + self.effects.len() + 3].joints_rms
     }
 
-    /// Out of centre, and with wheels pressed on lightly.
+    /// Returns the runs with the sphere out of centre, and those with a low normal force.
     fn faults(&self) -> (&[Followed], &[Followed]) {
         let start = 2 + self.effects.len() + 2 * STIFFNESSES.len();
         self.all[start..].split_at(self.offsets.len())
@@ -229,7 +242,7 @@ fn introduce(report: &mut Report, time: f64) {
     );
 }
 
-/// Figures, table and plots of each effect alone and of all together.
+/// Reports figures, table and plots for each effect alone and for all together.
 fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     let [plain, real] = runs.ends();
     for (name, of, paper) in [("joint", real.joints_rms, 1.0), ("camera", real.camera_rms, CAMERA_WITHIN)] {
@@ -264,7 +277,7 @@ fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     );
 }
 
-/// What the error of the ideal rig is.
+/// Explains the error of the ideal rig.
 fn inertia(report: &mut Report, stiffest: f64) {
     report.say(&format!(
         "What is left without any effect is the sphere's inertia: the spring has to be turned by J a / K to speed it up, and the paper's law would add M dw_d/dt for it. So the error at the joints tells the stiffness more than the device: \
@@ -310,7 +323,7 @@ fn compare(comparison: &mut Comparison, runs: &Runs) {
     );
 }
 
-/// The chirp as the paper's figure shows it, and what it is off by.
+/// Plots the chirp as in the paper's figure, and its error.
 fn curves(report: &mut Report, plain: &Followed, real: &Followed, time: f64) {
     let every = 10;
     let step = time / plain.wanted.len() as f64;
@@ -371,7 +384,7 @@ fn over_stiffness(report: &mut Report, pairs: &[(f64, &[Followed])]) {
     report.table(&table);
 }
 
-/// All of `all`, or with `--quick` its ends.
+/// Returns all values, or with `--quick` only the first and the last.
 fn tried(all: &[f64], quick: bool) -> Vec<f64> {
     if quick { vec![all[0], all[all.len() - 1]] } else { all.to_vec() }
 }

@@ -1,17 +1,23 @@
-//! The paper's way to a posture (section V.D): from a fixed start the rig turns the sphere to an orientation, and the
-//! steering angles where it arrives are the posture.
+//! The paper's way to a posture (section V.D). From a fixed start the rig turns the sphere to an
+//! orientation; the steer angles at the end are the posture.
 //!
-//! The control of the paper's figure 6 turns the sphere about the axis of the rotation that is left, e_O being along it, and that axis stays: so
-//! do these turns, about the axis of log q. Then each wheel's steering angle goes by an equation of its own, dth/ds = (p cos th + q sin th + s).u / (l.c2) with the turn
-//! s from 0 to |log q|, u the axis and C = p cos th + q sin th + s the contact frame. With x = tan((th - f)/2), f being where the rate is
-//! greatest, this is x' = ((A + B) + (A - B) x²)/2, a Riccati equation with constant coefficients, and is solved exactly.
+//! The control of the paper's figure 6 turns the sphere about the axis of the remaining rotation,
+//! which is the direction of e_O, and this axis stays constant. The turns here are therefore about
+//! the axis of log q.
+//!
+//! Each wheel's steer angle then obeys its own equation, dth/ds = (p cos th + q sin th + s).u /
+//! (l.c2). The turn s goes from 0 to |log q|, u is the axis, and c2 = p cos th + q sin th + s is
+//! the rolling direction. Let f be the angle where the rate is greatest, and x = tan((th - f)/2).
+//! Then x' = ((A + B) + (A - B) x²)/2, a Riccati equation with constant coefficients that is solved
+//! exactly.
 
 use core::f64::consts::PI;
 
 use hbot_core::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, Quat, Vec3, rotation};
 
-/// What dth/ds of one wheel is made of: A + B cos(th - f), each along the axis of a turn.
+/// The coefficients of dth/ds of one wheel: A + B cos(th - f), as vectors whose products with the
+/// axis of a turn give A and B.
 #[derive(Debug, Clone, Copy)]
 struct Wheel {
     mean: Vec3,
@@ -19,14 +25,14 @@ struct Wheel {
     sin: Vec3,
 }
 
-/// The prototype's two wheels, ready for many turns.
+/// The prototype's two wheels, with precomputed data for many turns.
 #[derive(Debug, Clone)]
 pub(super) struct Turns {
     wheels: [Wheel; 2],
 }
 
 impl Turns {
-    /// For a device of two wheels.
+    /// Prepares a device with two wheels.
     pub(super) fn new(device: &Device) -> Self {
         let wheel = |k: usize| {
             let wheel = &device.wheels()[k];
@@ -38,7 +44,8 @@ impl Turns {
         Self { wheels: [wheel(0), wheel(1)] }
     }
 
-    /// The steering angles when the sphere has been turned from the identity to `q`, beginning at `start`, rad.
+    /// Returns the steer angles after a turn of the sphere from the identity to `q`, beginning at
+    /// `start`, rad.
     pub(super) fn to(&self, q: Quat, start: [f64; 2]) -> [f64; 2] {
         let turn = rotation::log(q);
         let angle = turn.length();
@@ -51,7 +58,8 @@ impl Turns {
 }
 
 impl Wheel {
-    /// The steering angle after a turn of the sphere by `angle` about `axis`, from `th`.
+    /// Returns the steer angle after the sphere turns by `angle` about `axis`, beginning at `th`,
+    /// rad.
     fn turned(&self, axis: Vec3, angle: f64, th: f64) -> f64 {
         let (a, c, s) = (self.mean.dot(axis), self.cos.dot(axis), self.sin.dot(axis));
         let b = libm::hypot(c, s);
@@ -69,7 +77,7 @@ impl Wheel {
     }
 }
 
-/// cosh(k s) and sinh(k s)/k for k² of either sign.
+/// Returns cosh(k s) and sinh(k s)/k for k² of either sign.
 fn propagator(k2: f64, s: f64) -> (f64, f64) {
     let z = k2 * s * s;
     if z.abs() < 1.0e-4 {
@@ -84,7 +92,8 @@ fn propagator(k2: f64, s: f64) -> (f64, f64) {
     }
 }
 
-/// The same turn by the kinematics themselves, zd = G w in `steps` steps of the classic Runge-Kutta method: order 4.
+/// Returns the steer angles after the turn by integrating the kinematics zd = G w, in `steps` steps
+/// of the classic Runge-Kutta method of order 4.
 pub(super) fn stepped(device: &Device, q: Quat, start: [f64; 2], steps: u32) -> [f64; 2] {
     let w = rotation::log(q) / f64::from(steps);
     let rate = |th: [f64; 2]| {
@@ -118,7 +127,8 @@ mod tests {
             let start = [rng.between(-PI, PI), rng.between(-PI, PI)];
             let (exact, small) = (turns.to(q, start), stepped(&device, q, start, 2000));
             for k in 0..2 {
-                // 2000 steps of at most 0.01 rad of steering, order 4; a wheel that first turns about amplifies by up to exp(5.7 angle).
+                // The error of 2000 steps with at most 0.01 rad of steering, order 4. A wheel that
+                // turns around first amplifies it by up to exp(5.7 angle).
                 let off = rotation::wrap_angle(exact[k] - small[k]).abs();
                 assert!(off < 1e-4, "{q} from {start:?}: {off:e}");
             }
@@ -130,7 +140,7 @@ mod tests {
         let turns = Turns::new(&RigConfig::prototype().rig.device);
         assert_eq!(turns.to(Quat::IDENTITY, [0.3, -0.5]), [0.3, -0.5]);
         for k2 in [-4.0, -1e-5, 0.0, 1e-5, 4.0] {
-            // (cosh)² - k2 (sinh/k)² = 1, to the rounding of the larger.
+            // (cosh)² - k2 (sinh/k)² = 1, to the rounding of the larger term.
             let (c, s) = propagator(k2, 1.5);
             assert!((c * c - k2 * s * s - 1.0).abs() < 1e-14 * c * c, "{k2}");
         }

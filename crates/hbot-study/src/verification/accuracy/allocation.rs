@@ -1,4 +1,5 @@
-//! Allocation: how much torque each way to stay within the motors' limits makes, in which direction, in what time.
+//! Accuracy of allocation: the size and direction of the torque that each method makes within the
+//! joint torque limits, and its computing time.
 
 use core::f64::consts::TAU;
 
@@ -14,12 +15,13 @@ use crate::rng::Rng;
 use crate::timing::{Time, Timed, in_turn};
 use crate::verification::double::stages::allocation::METHODS;
 
-/// Torques asked for, in per cent of what the joints can make in that direction.
+/// Wanted torques, in per cent of the largest torque that the joints can make in that direction.
 const PERCENT: [u32; 4] = [50, 100, 150, 200];
-/// Peaks of the prototype's steering and drive, N m.
+/// Joint torque limits of the prototype's steer and drive, N m.
 const PEAKS: [f64; 2] = [0.93, 0.14];
 
-/// The prototype's wheel, so many of them evenly round 45 degrees below the equator.
+/// Returns a device with `wheels` of the prototype's wheels, evenly spaced on a ring 45 degrees
+/// below the equator.
 pub(crate) fn ring(prototype: &Device, wheels: usize) -> Device {
     let spec = |k: usize| {
         let (s, c) = libm::sincos(TAU * k as f64 / wheels as f64);
@@ -30,7 +32,8 @@ pub(crate) fn ring(prototype: &Device, wheels: usize) -> Device {
     device.unwrap_or_else(|error| unreachable!("an even ring of wheels is a legal design: {error}"))
 }
 
-/// A torque asked for at a posture, and the most of it that can be had.
+/// A wanted torque at a posture, and the largest part of it that the joints can make, both N m in
+/// N.
 struct Asked {
     th: Vec<f64>,
     wanted: Vec3,
@@ -51,17 +54,17 @@ fn asked(device: &Device, percent: u32, count: usize) -> Vec<Asked> {
         .collect()
 }
 
-/// What one method has made in one width of numbers of all that was asked for.
+/// Results of one allocation method for all wanted torques, in one floating-point width.
 struct Found {
-    /// Its name, and its place among the methods.
+    /// Name of the method, and its index in [`METHODS`].
     method: (&'static str, usize),
     width: &'static str,
     wheels: usize,
-    /// How much was asked for, of what the joints can make, %.
+    /// Size of the wanted torque, in per cent of what the joints can make.
     percent: u32,
-    /// Torque that is missing, relative to the best, of each posture.
+    /// Missing torque relative to the best possible one, for each posture.
     shortfalls: Vec<f64>,
-    /// Angle between the torque made and the one asked for, of each posture, rad.
+    /// Angle between the torque that was made and the wanted one, for each posture, rad.
     turns: Vec<f64>,
 }
 
@@ -102,7 +105,7 @@ fn introduce(report: &mut Report) {
     );
 }
 
-/// What every method makes in both widths, and what is to be timed of it.
+/// Runs every method in both widths. Returns the results, and the code to be timed.
 fn measured(context: &Context, prototype: &Device) -> Result<(Vec<Found>, Vec<Timed<'static>>), Interrupted> {
     let count = if context.quick { 32 } else { 128 };
     let (mut found, mut timed) = (Vec::new(), Vec::new());
@@ -171,7 +174,8 @@ fn tell(report: &mut Report, found: &[Found], times: &[Time]) {
     let exact = found.iter().filter(|of| of.method.1 == 0 && of.width == "f64");
     let worst_exact = exact.map(|of| worst(&of.shortfalls)).fold(0.0, f64::max);
     report.table(&table);
-    // The postures of a ring are well conditioned; some hundred roundings for a general solution.
+    // The postures of a ring are well conditioned. The general solution loses some hundred
+    // roundings there.
     report.check(
         "exact allocation, f64: all of what can be made, to 1e-9",
         sci(worst_exact),

@@ -1,4 +1,5 @@
-//! A wheel is a caster: pushed backwards, it turns about, and what was a rounding error becomes an angle.
+//! The caster effect of a wheel. When the sphere pushes a wheel backwards, the wheel turns around,
+//! and a rounding error of its heading grows to a large angle.
 
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, Quat, Vec3, rotation};
@@ -10,9 +11,10 @@ use super::sci;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// How far a heading is put off, rad: far above rounding, and far below a radian after the turn below.
+/// Initial error of the heading, rad. It is far above rounding. After the turn [`TURN`] it is still
+/// far below one radian.
 const OFF: f64 = 1.0e-7;
-/// How far the sphere is turned against the wheel, rad.
+/// Angle by which the sphere turns against the wheel, rad.
 const TURN: f64 = 1.0;
 
 pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
@@ -38,7 +40,7 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
     let (measured, predicted) = (growth(device), libm::exp(1.0 / libm::tan(device.wheels()[0].spec().cone)));
     report.figure("caster_growth_per_rad_measured".to_owned(), measured);
     report.figure("caster_growth_per_rad_predicted".to_owned(), predicted);
-    // What is linear in the error is left out by the prediction: 291² x 1e-7.
+    // The prediction is linear in the error. The part that it omits is about 291² x 1e-7.
     report.check(
         "a heading error grows by exp(cot a) a radian, to 0.1 %",
         format!("{} against {}", short(measured), short(predicted)),
@@ -48,10 +50,12 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
     Ok(())
 }
 
-/// How an error of heading grows while the sphere turns 1 rad against a wheel in line.
+/// Returns the factor by which a heading error grows while the sphere turns 1 rad against a wheel
+/// that is in line with the motion.
 fn growth(device: &Device) -> f64 {
     let th = [0.4, -0.7];
-    // About the axle, in the sense that pushes wheel 1 backwards: it stands at its unstable heading.
+    // The sphere turns about the axle of wheel 1. In one of the two senses this pushes the wheel
+    // backwards, so that its heading is unstable.
     let omega = Posture::new(device, &th).frames()[0].c1;
     let ends = [1.0, -1.0].map(|sense| {
         let rate = |_: f64, y: &[f64; 1]| [Posture::new(device, &[y[0], th[1]]).inverse(omega * sense)[0]];
@@ -61,11 +65,11 @@ fn growth(device: &Device) -> f64 {
         }
         ((y[0] - th[0]) / OFF).abs()
     });
-    // One sense is the stable one.
+    // The other sense is the stable one, in which the error shrinks.
     ends[0].max(ends[1])
 }
 
-/// Two integrators on one motion.
+/// Follows one motion with two integrators and reports how far they differ.
 fn part_ways(report: &mut Report, device: &Device) {
     let Ok(plant) = Plant::new(device) else { unreachable!("the prototype is a plant") };
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };

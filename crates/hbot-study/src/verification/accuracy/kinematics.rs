@@ -1,4 +1,4 @@
-//! Kinematics near singular designs.
+//! Accuracy of kinematics near singular designs.
 
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, Vec3, WheelSpec};
@@ -9,7 +9,7 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// How near the two contact points come, millidegrees.
+/// Smallest angles between the two contacts, millidegrees.
 const GAPS: [u32; 5] = [30_000, 10_000, 1000, 100, 10];
 /// Cone angles, microradians.
 const CONES: [u32; 5] = [174_500, 30_000, 10_000, 1000, 100];
@@ -27,13 +27,13 @@ fn wheel(angle: f64, cone: f64) -> WheelSpec {
     }
 }
 
-/// Two wheels whose contact points may come within `gap` (rad) of each other.
+/// Returns a device with two wheels whose contacts can come within `gap` (rad) of each other.
 fn nearly_meeting(gap: f64) -> Device {
     let (cone, half) = (0.1745, 0.5 * gap);
     made(&[wheel(cone + half, cone), wheel(-cone - half, cone)])
 }
 
-/// Two wheels of the cone angle `cone`, rad.
+/// Returns a device with two wheels of cone angle `cone`, rad.
 fn nearly_upright(cone: f64) -> Device {
     made(&[wheel(0.785, cone), wheel(-0.785, cone)])
 }
@@ -43,13 +43,14 @@ fn made(wheels: &[WheelSpec]) -> Device {
     device.unwrap_or_else(|error| unreachable!("a hair from singular is legal: {error}"))
 }
 
-/// The steering angles at which the contact points of the two wheels are nearest, found by search.
+/// Returns the steer angles (rad) at which the contacts of the two wheels are nearest to each
+/// other, found by search.
 fn nearest(device: &Device) -> [f64; 2] {
     let apart = |th: &[f64; 2]| {
         let posture = Posture::new(device, th);
         1.0 - posture.frames()[0].c3.dot(posture.frames()[1].c3)
     };
-    // Both wheels turn towards each other: a quarter turn from zero, by symmetry.
+    // By symmetry, each wheel then stands at a multiple of a quarter turn.
     let quarters = [0.0, 0.5, 1.0, 1.5].map(|x| x * core::f64::consts::PI);
     let all = quarters.iter().flat_map(|a| quarters.iter().map(move |b| [*a, *b]));
     all.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or([0.0; 2])

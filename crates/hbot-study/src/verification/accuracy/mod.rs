@@ -1,4 +1,4 @@
-//! `hbot-study accuracy`: what accuracy costs, stage by stage, and the whole tick.
+//! The study `accuracy`: what accuracy costs, for each stage and for the whole tick.
 
 mod allocation;
 mod caster;
@@ -17,12 +17,12 @@ use hbot_config::RigConfig;
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// Readings a second that odometry is held at, Hz.
+/// Rates of the readings for which the drift of odometry is measured, Hz.
 const RATES: [u32; 5] = [500, 1000, 2000, 4000, 8000];
-/// How long it drifts, s.
+/// Duration over which the drift of odometry is measured, s.
 const DRIFT_S: f64 = 0.6;
 
-/// Runs a block once with the stages of each width under the name given.
+/// Runs a block twice, with the stages in f64 and in f32. The given name stands for the stages.
 macro_rules! in_both_widths {
     ($stages:ident => $body:block) => {{
         {
@@ -37,7 +37,7 @@ macro_rules! in_both_widths {
 }
 use in_both_widths;
 
-/// The study.
+/// Runs the study `accuracy` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("accuracy", context.quick);
     let rig = RigConfig::prototype().rig;
@@ -61,13 +61,14 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
-/// The middle of some numbers.
+/// Returns the median of `values`. For an even number of values it is the upper of the two in the
+/// middle.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
 
-/// A number for a table.
+/// Formats a number for a table, with two significant digits.
 fn sci(value: f64) -> String {
     format!("{value:.1e}")
 }

@@ -1,4 +1,5 @@
-//! Odometry of smooth motions: the path's error and the counts', apart and together.
+//! Accuracy of odometry on smooth motions: the errors of the path and of the counts, separate and
+//! together.
 
 use hbot_core::path::Trail;
 use hbot_core::rig::{Methods, Rig};
@@ -13,24 +14,25 @@ use crate::report::{Report, row, spread};
 use crate::timing::{Time, in_turn};
 use crate::verification::double::stages::odometry::{Choice, METHODS, ORDERS, PATH_ORDERS, PATHS, track};
 
-/// The rate at which the errors are told apart, Hz; one of [`RATES`].
+/// Reading rate at which the errors are listed separately, Hz. It is one of [`RATES`].
 const PARTS_AT: u32 = 1000;
 
-/// All choices of method and path.
+/// Returns all combinations of method and path.
 fn choices() -> impl Iterator<Item = Choice> {
     (0..PATHS.len()).flat_map(|path| (0..METHODS.len()).map(move |method| Choice { method, path }))
 }
 
-/// The choices that differ: on another path Euler is the same.
+/// Returns the combinations that give different results. Euler's method does not depend on the
+/// path.
 fn distinct() -> impl Iterator<Item = Choice> {
     choices().filter(|choice| choice.method > 0 || choice.path == 0)
 }
 
-/// What one tick of odometry takes.
+/// Measured computing time of one tick of odometry, for each width and each choice.
 pub(super) struct Times(Vec<(&'static str, Choice, Time)>);
 
 impl Times {
-    /// Microseconds of computing for a second of motion at `hz`.
+    /// Returns the computing time for one second of motion at `hz` readings per second, us.
     pub(super) fn us_per_second(&self, width: &str, method: usize, path: usize, hz: u32) -> f64 {
         let choice = Choice { method, path };
         let found = self.0.iter().find(|(w, c, _)| *w == width && *c == choice);
@@ -38,7 +40,7 @@ impl Times {
     }
 }
 
-/// Times every choice, in both widths.
+/// Measures the time of every choice in both widths.
 pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> Result<Times, Interrupted> {
     context.part("odometry: time")?;
     report.heading("Odometry: time");
@@ -67,11 +69,11 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
     Ok(Times(names.into_iter().zip(times).map(|((width, choice), time)| (width, choice, time)).collect()))
 }
 
-/// A motion as encoders at some rate read it.
+/// A motion as encoders read it at one rate.
 struct Read {
     truth: Vec<[f64; 4]>,
     exact: Vec<[f64; JOINTS]>,
-    /// By the counts of the rig's encoders.
+    /// The joint angles rounded to counts of the rig's encoders, rad.
     counted: Vec<[f64; JOINTS]>,
 }
 
@@ -90,19 +92,19 @@ impl Read {
     }
 }
 
-/// The largest angle between two tracks, rad.
+/// Returns the largest angle between two tracks of orientations, rad.
 fn apart(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {
     a.iter().zip(b).map(|(a, b)| angle(*a, *b)).fold(0.0, f64::max)
 }
 
-/// A motion at all rates.
+/// Returns the readings of a motion at each of [`RATES`].
 fn readings(motion: &Motion, rig: &Rig) -> Vec<Read> {
     let finest = RATES[RATES.len() - 1];
     RATES
         .iter()
         .map(|hz| {
             let every = (finest / hz) as usize;
-            // Each rate has its own lead before the time 0, from which drift counts.
+            // Each rate has its own lead-in readings before time 0, from which the drift counts.
             let ticks = (DRIFT_S * f64::from(finest)).round() as usize;
             let moments = motion.moments(&rig.device, finest, ticks + every * LEAD + 1, every * LEAD);
             Read::new(rig, &moments, every)
@@ -215,7 +217,8 @@ fn introduce(report: &mut Report) {
     );
 }
 
-/// The floor of a drift of smooth motion: the reference's and the tracks' rounding, 4800 steps of 1e-16 that add up.
+/// Smallest drift that can be measured on a smooth motion, rad. It is the sum of the rounding
+/// errors of the reference and of the track: 4800 steps of 1e-16.
 const FLOOR: f64 = 1.0e-13;
 
 fn order(report: &mut Report, motion: &Motion, choice: Choice, drifts: &[f64]) -> Vec<String> {
@@ -231,19 +234,20 @@ fn order(report: &mut Report, motion: &Motion, choice: Choice, drifts: &[f64]) -
     row([motion.name, method, path, &order.map_or("-".to_owned(), |order| format!("{order:.2}"))])
 }
 
-/// The three errors of odometry, apart and together, rad.
+/// The three errors of odometry, separate and together, rad.
 pub(super) struct Budget {
     pub(super) method: f64,
     pub(super) path: f64,
     pub(super) counts: f64,
-    /// Method and path.
+    /// Error of the method and the path together.
     both: f64,
-    /// And the counts.
+    /// Error of the method, the path and the counts together.
     all: f64,
 }
 
 impl Budget {
-    /// `followed`: the path of the choice through the exact readings, without a method's error.
+    /// Measures the errors of `choice`. `followed` are the orientations along the path of the
+    /// choice through the exact readings, without the error of a method.
     fn of(device: &Device, choice: Choice, read: &Read, followed: &[[f64; 4]]) -> Self {
         let exact = track(device, choice, &read.exact);
         let counted = track(device, choice, &read.counted);
@@ -257,7 +261,8 @@ impl Budget {
     }
 }
 
-/// The orientations at the readings where the joints go between them by the path of this place in [`PATHS`], to rounding.
+/// Returns the orientations at the readings if the joints move between them along the path with
+/// index `path` in [`PATHS`]. They are exact to rounding.
 fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = [1.0, 0.0, 0.0, 0.0];
     let mut all = vec![q];
@@ -277,7 +282,7 @@ fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f6
     all
 }
 
-/// The errors of a rig's methods on a motion that it reads each tick.
+/// Measures the errors of the rig's odometry methods on a motion that is read in each tick.
 pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget {
     let method = METHODS.iter().position(|(_, method)| *method == methods.odometry);
     let path = PATHS.iter().position(|(_, path)| *path == methods.path);
@@ -287,7 +292,7 @@ pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget 
     Budget::of(&rig.device, Choice { method, path }, &read, &followed)
 }
 
-/// A choice's errors on a motion, as figures and as a row of the table.
+/// Reports the errors of a choice on a motion as figures. Returns a row of the table.
 fn parts(
     report: &mut Report,
     rig: &Rig,

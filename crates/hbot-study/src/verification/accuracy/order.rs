@@ -1,25 +1,26 @@
-//! With what power of the step an error falls.
+//! The order of a method: the power of the step with which its error falls.
 
 use crate::report::Report;
 
-/// Errors of one method by falling step.
+/// Steps of a method with their errors, by falling step.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Errors(pub(crate) Vec<(f64, f64)>);
 
-/// An error must be so many times the floor to tell an order.
+/// An error counts for the order only if it is at least this many times the floor of rounding.
 const ABOVE: f64 = 100.0;
-/// How near the measured order must come.
+/// Largest allowed deviation of a measured order from theory.
 pub(crate) const WITHIN: f64 = 0.1;
 
 impl Errors {
-    /// The order between the two finest steps whose errors are both above 100 times `floor`; `None` where there are not two.
+    /// Returns the order between the two finest steps whose errors are above 100 times `floor`.
+    /// Returns `None` if fewer than two errors are.
     pub(crate) fn order(&self, floor: f64) -> Option<f64> {
         let above: Vec<&(f64, f64)> = self.0.iter().filter(|(_, e)| *e > ABOVE * floor).collect();
         let [.., (h1, e1), (h2, e2)] = above[..] else { return None };
         Some((e1 / e2).ln() / (h1 / h2).ln())
     }
 
-    /// Checks the order of `what` against theory.
+    /// Adds a check to the report that the order of `what` agrees with `theory`. Returns the order.
     pub(crate) fn check(&self, report: &mut Report, what: &str, floor: f64, theory: u32) -> Option<f64> {
         let order = self.order(floor);
         if let Some(order) = order {
@@ -39,7 +40,7 @@ mod tests {
 
     #[test]
     fn the_order_is_that_of_the_finest_steps_above_the_floor() {
-        // Not yet of its order at first, on the floor at last.
+        // The first error does not follow the order yet, and the last one is at the floor.
         let errors = Errors(vec![(4.0, 1.0), (2.0, 0.2), (1.0, 0.05), (0.5, 1e-3), (0.25, 1e-3)]);
         assert_eq!(errors.order(1e-4), Some(2.0));
         assert_eq!(errors.order(1.0), None);

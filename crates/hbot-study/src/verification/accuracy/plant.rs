@@ -1,4 +1,4 @@
-//! The plant's methods and steps on the task of docs/simulator.md.
+//! Accuracy of the plant's integration methods and steps, on the task of docs/simulator.md.
 
 use hbot_core::device::WheelSpec;
 use hbot_core::{Device, Quat, Vec3, rotation};
@@ -12,16 +12,18 @@ use crate::names::snake;
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
-/// Steps, microseconds. All divide the time between two looks.
+/// Integration steps, us. All of them divide [`LOOK_US`].
 const STEPS_US: [u32; 11] = [10_000, 5000, 4000, 2000, 1000, 500, 250, 125, 100, 50, 20];
-/// How long the task lasts, s.
+/// Duration of the task, s.
 const TASK_S: f64 = 2.0;
-/// Time between two looks at the error, us: shorter than a quarter of the quicker sine.
+/// Interval between two samples of the error, us. It is shorter than a quarter period of the faster
+/// sine.
 const LOOK_US: u32 = 20_000;
-/// The reference's tolerance a step.
+/// Tolerance of the reference in each step.
 const TOLERANCE: f64 = 1.0e-13;
 
-/// The prototype with the wheels of the task: 10.2 mm, the link's and the wheel's own inertia added.
+/// Returns the prototype with the wheels of the task: radius 10.2 mm, and the inertia of the link
+/// and of the wheel included.
 fn task_device(prototype: &Device) -> Device {
     let wheel = |wheel: &hbot_core::device::Wheel| WheelSpec {
         radius: 0.0102,
@@ -34,7 +36,7 @@ fn task_device(prototype: &Device) -> Device {
     device.unwrap_or_else(|error| unreachable!("the task's device is legal: {error}"))
 }
 
-/// A spring and two sines.
+/// Returns the torque on the sphere in the task: a spring with damping and two sines.
 fn task_load() -> impl Load + Copy {
     let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
     let first = Sine { amplitude: Vec3::X * 0.5, hertz: 2.0 };
@@ -42,7 +44,7 @@ fn task_load() -> impl Load + Copy {
     Sum(spring, Sum(first, second))
 }
 
-/// Where the sphere is at each look, by steps of `step_us`.
+/// Simulates the task with steps of `step_us`. Returns the orientation at each sample.
 fn run(plant: &Plant, method: Method, step_us: u32, load: &impl Load) -> Vec<Quat> {
     let (mut state, h) = (State::default(), f64::from(step_us) * 1.0e-6);
     let steps = (TASK_S / h).round() as u32;
@@ -100,7 +102,7 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
         .map(|(method, step_us, _)| {
             let plant = &plant;
             let (method, step_us) = (*method, *step_us);
-            // ns of a call are ms a second when counted in units of 2e6.
+            // The time of a call in ns, divided by 2e6, is the time in ms per simulated second.
             Timed::new(move || run(plant, method, step_us, &load)).in_units_of(TASK_S * 1.0e6)
         })
         .collect();

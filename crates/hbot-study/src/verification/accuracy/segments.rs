@@ -1,4 +1,5 @@
-//! Odometry on joints at constant rates: the method's own error.
+//! Accuracy of odometry while the joints turn at constant rates. The error is then that of the
+//! method alone.
 
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::OdometryMethod;
@@ -14,7 +15,7 @@ use crate::report::{Report, row};
 use crate::rng::Rng;
 use crate::verification::double::stages::odometry::{METHODS, ORDERS};
 
-/// A brisk turn as it begins: steering angles and joint rates, and where it ends.
+/// A brisk turn: its initial steer angles (rad), its joint rates (rad/s) and its final orientation.
 struct Segment {
     th: [f64; WHEELS],
     zd: [f64; JOINTS],
@@ -23,9 +24,10 @@ struct Segment {
 
 /// Angular speed of the sphere at the start, rad/s.
 const SPEED: f64 = 3.0;
-/// Rates that only tell the order: slower than any loop.
+/// Reading rates that serve only to measure the order, Hz. They are below the rate of any loop.
 const SLOW: [u32; 2] = [125, 250];
-/// What rounding of some ten thousand steps of 1e-16 leaves of a drift, rad: magnus4 at 16 kHz comes no nearer to the reference.
+/// Rounding error of a drift, rad: some ten thousand steps of 1e-16. The difference between magnus4
+/// at 16 kHz and the reference falls no further.
 const FLOOR: f64 = 3.0e-14;
 
 fn segments(device: &Device, count: usize) -> Vec<Segment> {
@@ -113,7 +115,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// Where f32 drifts: the same turns, made in f64 and rounded, put together in f32 in two ways.
+/// Reports where f32 loses accuracy. The turns are computed in f64, rounded to f32, and composed in
+/// f32 in two ways.
 fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
     report.family(
         "odometry_rounding_{way}_{width}_{rate}hz_drift_rad",
@@ -140,7 +143,8 @@ fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
     report.table(&table);
 }
 
-/// The turns of a segment read so often, by magnus4 in f64, rad.
+/// Returns the turns of a segment between readings at `hz`, by magnus4 in f64. They are rotation
+/// vectors in N, rad.
 fn turns(device: &Device, segment: &Segment, hz: u32) -> Vec<[f64; 3]> {
     let h = 1.0 / f64::from(hz);
     let delta = segment.zd.map(|rate| rate * h);

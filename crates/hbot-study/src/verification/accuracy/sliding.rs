@@ -1,4 +1,5 @@
-//! The plant whose contacts slip: what its time stepping errs on a scene that slides, and what it takes.
+//! Accuracy and computing time of the plant whose contacts slip. Its time stepping is tested on a
+//! scene in which a wheel slides.
 
 use core::f64::consts::PI;
 
@@ -15,25 +16,28 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
-/// Steps, microseconds. All divide the time between two looks.
+/// Time steps, us. All of them divide [`LOOK_US`].
 const STEPS_US: [u32; 7] = [1000, 500, 250, 125, 100, 50, 25];
-/// Steps of the reference in one of the finest.
+/// Number of steps of the reference in one of the finest steps.
 const FINER: u32 = 16;
-/// How long it lasts, s.
+/// Duration of the task, s.
 const TASK_S: f64 = 0.12;
-/// Time between two looks at the error, us.
+/// Interval between two samples of the error, us.
 const LOOK_US: u32 = 2000;
-/// The drive's torque at its height, N m: on a wheel of 15.5 mm 1.4 times what the contact holds.
+/// Peak torque of the drive, N m. On a wheel of 15.5 mm radius this is 1.4 times what the contact
+/// can hold.
 const DRIVE: f64 = 0.18;
 
-/// The scene: the prototype held by a hand, one drive pushed beyond its contact for 60 ms and then let go.
+/// The test scene. A hand holds the prototype, and one drive is loaded beyond the limit of its
+/// contact for 60 ms and then released.
 struct Scene<'a> {
     device: &'a Device,
     phenomena: Phenomena,
 }
 
 impl Scene<'_> {
-    /// Where the sphere is at each look, and the largest slip seen (m/s), by steps of `step_us / parts`.
+    /// Simulates the scene with steps of `step_us / parts`. Returns the orientation at each sample,
+    /// and the largest slip, m/s.
     fn run(&self, step_us: u32, parts: u32) -> (Vec<Quat>, f64) {
         let mut state = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
         let dynamics = Dynamics::new(self.device, &self.phenomena, Method::Rk4, &state);
@@ -47,7 +51,7 @@ impl Scene<'_> {
         for k in 0..steps {
             let t = f64::from(k) * h;
             let mut tau = [0.0; 16];
-            // What is held over a step is what it is in its middle.
+            // The torque is constant during a step and has the value of the middle of the step.
             tau[1] = DRIVE * push(t + 0.5 * h);
             dynamics.step(&mut state, t, h, &tau, hbot_core::Vec3::ZERO, Some(&grip));
             if (u64::from(k + 1) * u64::from(step_us)).is_multiple_of(u64::from(LOOK_US * parts)) {
@@ -60,7 +64,7 @@ impl Scene<'_> {
     }
 }
 
-/// How far the drive is pushed at the time `t`, of the most.
+/// Returns the torque of the drive at time `t` (s), relative to its peak.
 fn push(t: f64) -> f64 {
     if t < 0.06 { libm::sin(PI * t / 0.06).powi(2) } else { 0.0 }
 }
@@ -99,7 +103,8 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
         .iter()
         .map(|step_us| {
             let scene = &scene;
-            // ns of a call are ms a second when counted in units of 1e6 for each simulated second.
+            // The time of a call in ns, divided by 1e6 for each simulated second, is the time in ms
+            // per simulated second.
             Timed::new(move || scene.run(*step_us, 1)).in_units_of(TASK_S * 1.0e6)
         })
         .collect();

@@ -1,4 +1,4 @@
-//! Spring laws against what they are to first order.
+//! Accuracy of the spring laws and of their first-order forms.
 
 use hbot_core::{Mat3, Vec3};
 use hbot_plot::{Lines, Series};
@@ -9,13 +9,15 @@ use crate::report::{Report, row, spread};
 use crate::timing::in_turn;
 use crate::verification::double::stages::spring::{LAWS, STIFFNESS};
 
-/// Angles, mrad.
+/// Angles of the turn, mrad.
 const ANGLES: [u32; 9] = [1, 3, 10, 30, 100, 300, 1000, 2000, 3000];
-/// The axes looked at, unit: the worst counts. None is a principal axis, where less is left out.
+/// Unit axes of the turn. The worst of them counts. None is a principal axis of the stiffness,
+/// where the first-order forms omit less.
 const AXES: [Vec3; 3] = [Vec3::new(0.6, 0.48, 0.64), Vec3::new(-0.36, 0.48, 0.8), Vec3::new(0.8, -0.6, 0.0)];
 
-/// The torque of a law for the turn `p` (rotation vector, rad), N m, straight from its formula in the turn: no logarithm, no
-/// square root of a difference.
+/// Returns the torque of a spring law for the turn `p` (rotation vector, rad), N m. It evaluates
+/// the law's formula directly from `p`, without a logarithm and without the square root of a
+/// difference.
 fn truth(law: usize, p: Vec3) -> Vec3 {
     let k = Mat3::from_diagonal(Vec3::from_array(STIFFNESS));
     let t = p.length();
@@ -38,7 +40,8 @@ fn truth(law: usize, p: Vec3) -> Vec3 {
     }
 }
 
-/// The largest error over the axes relative to the torque's size, in the width of `at`.
+/// Returns the largest error over all [`AXES`], relative to the size of the torque. `at` evaluates
+/// the law in one floating-point width.
 fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f64 {
     let off = |axis: Vec3| {
         let (s, c) = libm::sincos(0.5 * angle);
@@ -92,7 +95,8 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         table.push(row([name, width, &spread(time)].map(str::to_owned).into_iter().chain(shown)));
         if name.ends_with("exact") {
             let worst = errors.into_iter().fold(0.0, f64::max);
-            // Some tens of roundings; nearer to a half turn the logarithm's Jacobian grows, and they with it.
+            // Some tens of roundings. Near a half turn the Jacobian of the logarithm grows, and the
+            // rounding errors grow with it.
             let bound = if width == "f64" { 64.0 * f64::EPSILON } else { 64.0 * f64::from(f32::EPSILON) };
             report.check(
                 format!("spring law {name}, {width}: within 64 roundings of its formula"),

@@ -1,4 +1,4 @@
-//! The whole tick under each preset: what it errs, by stage, and what it takes.
+//! Accuracy and computing time of the whole tick under each preset of the rig file.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
@@ -15,26 +15,26 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row, spread};
 use crate::timing::{Time, Timed, in_turn};
 
-/// The motion that the tick follows: brisk, ever on.
+/// The motion that is followed: brisk, without reversals.
 const MOTION: Motion = MOTIONS[1];
-/// The presets of the rig file.
+/// Presets of the rig file.
 const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
-/// How long the tick's error adds up, s.
+/// Duration of the motion, s.
 const TIME_S: u32 = 10;
-/// The loop's rate, Hz.
+/// Rate of the loop, Hz.
 const RATE: u32 = 1000;
-/// The part of a period that a tick may take, of which the highest rate is told.
+/// Part of a period that a tick is allowed to take. It determines the reported highest rate.
 const LOAD: f64 = 0.1;
-/// Ticks until the soft start is over.
+/// Number of ticks until the soft start is over.
 const STARTED: usize = 600;
 
-/// The prototype under a preset.
+/// Returns the prototype's rig with a preset.
 fn rig(preset: &str) -> RigConfig {
     let with = Override { path: "loop.accuracy", value: json!(preset), from: "the study" };
     RigConfig::load(None, &[with]).unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"))
 }
 
-/// A spring and a damper.
+/// Returns a scene with a spring and a damper.
 fn scene() -> CompiledScene {
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": 4, "damping": 0, "fade_s": 0},
@@ -44,7 +44,7 @@ fn scene() -> CompiledScene {
     RunningScene::new().load(file.unwrap_or_else(|error| unreachable!("a legal scene: {error}")))
 }
 
-/// What the controllers of `config` answer in each tick of a motion.
+/// Returns the feedback that the motor controllers send in each tick of a motion.
 fn feedbacks(config: &RigConfig, motion: &Motion, moments: &[Moment]) -> Vec<JointFeedback> {
     let rig = &config.rig;
     let each = |(k, moment): (usize, &Moment)| {
@@ -59,27 +59,27 @@ fn feedbacks(config: &RigConfig, motion: &Motion, moments: &[Moment]) -> Vec<Joi
     moments.iter().enumerate().map(each).collect()
 }
 
-/// One tick with its reading.
+/// Runs one tick of the controller with one reading. Tick 1 also enables torque.
 fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointFeedback) -> hbot_core::Outputs {
     let mut inputs = Inputs::quiet(u64::from(feedback.sequence));
     inputs.feedback = Some(*feedback);
     if feedback.sequence == 1 {
-        // A tick without any other command has room.
+        // There is room, as the tick has no other command.
         let _ = inputs.commands.push(Command::Enable);
     }
     controller.tick(scene, &inputs)
 }
 
-/// The whole tick under one preset.
+/// Results of the whole tick under one preset.
 struct Found {
     preset: &'static str,
-    /// Names of the methods, as rig files have them.
+    /// Names of the odometry method and the path, as in rig files.
     methods: String,
     /// Largest error of the orientation, rad.
     error: f64,
-    /// Where that error comes from.
+    /// The parts of that error.
     budget: Budget,
-    /// The mode of the last tick.
+    /// Mode in the last tick.
     mode: Mode,
     time: Time,
 }
@@ -116,8 +116,8 @@ fn introduce(report: &mut Report) {
     report.family("tick_{preset}_max_hz", "Hz", "the loop rate at which the tick takes a tenth of a period");
 }
 
-/// A controller that has followed the motion: its largest error (rad), its mode at the end, and a copy of it from when the
-/// soft start was over.
+/// Follows a motion with a new controller. Returns the largest error of its orientation (rad), its
+/// mode at the end, and a copy of it from the end of the soft start.
 fn followed(
     config: &RigConfig,
     scene: &CompiledScene,
@@ -152,7 +152,8 @@ fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
         let (error, mode, started) = followed(config, &scene, &feedbacks, &moments[LEAD..]);
         errors.push((error, mode));
         let (scene, rest) = (&scene, &feedbacks[STARTED + 1..]);
-        // A pass over the whole motion is what is timed: its start is a copy of 50 kB, its ticks are thousands.
+        // One timed run is a pass over the whole motion. It starts with a copy of 50 kB, which is
+        // small relative to thousands of ticks.
         timed.push(
             Timed::new(move || {
                 let mut controller = started.clone();

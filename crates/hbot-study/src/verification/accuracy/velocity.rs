@@ -1,4 +1,5 @@
-//! Joint rates from counts: noise and lag of each estimate with encoders of several fineness, false slip, time.
+//! Accuracy of joint rates computed from counts: noise and lag of each estimate, false slip and
+//! computing time, for encoders of several resolutions.
 
 use core::f64::consts::TAU;
 
@@ -15,12 +16,12 @@ use crate::report::{Report, row};
 use crate::timing::{Timed, in_turn};
 
 const DT: f64 = 1e-3;
-/// Ticks at the start of each motion that are not judged.
+/// Number of ticks at the start of each motion that are not judged.
 const SETTLE: usize = 500;
-/// Ticks of a motion that are timed.
+/// Number of ticks of a motion that are timed.
 const TIMED: usize = 4000;
 
-/// The estimates, as ids have them.
+/// The rate estimates, with their names in ids.
 const ESTIMATES: [(&str, RateEstimate); 9] = [
     ("controller", RateEstimate::Controller),
     ("difference", RateEstimate::Difference),
@@ -33,11 +34,12 @@ const ESTIMATES: [(&str, RateEstimate); 9] = [
     ("kalman_300", RateEstimate::Kalman { acceleration: 300.0 }),
 ];
 
-/// Counts a turn of the steering and of the drive (before its gear of 17), by their names in ids.
+/// Encoder counts per turn of the steer and of the drive (before its gear of 17), with their names
+/// in ids.
 const ENCODERS: [(&str, [u32; 2]); 4] =
     [("16384", [16384, 16384]), ("2048", [2048, 2048]), ("2048_and_256", [2048, 256]), ("256", [256, 256])];
 
-/// A sphere's angular velocity over time, N, rad/s.
+/// A motion, given by the sphere's angular velocity over time, rad/s in N.
 struct Motion {
     name: &'static str,
     size: f64,
@@ -45,20 +47,22 @@ struct Motion {
     steady: f64,
 }
 
-/// Held with a tremor of 0.5 mrad; felt along slowly; turned to and fro by 0.2 rad.
+/// The motions: a sphere held with a tremor of 0.5 mrad, a slow exploration, and turning back and
+/// forth by 0.2 rad.
 const MOTIONS: [Motion; 3] = [
     Motion { name: "held", size: 0.5e-3 * 9.0 * TAU, hertz: 9.0, steady: 0.0 },
     Motion { name: "slow", size: 0.02, hertz: 0.3, steady: 0.05 },
     Motion { name: "brisk", size: 2.0, hertz: 1.5, steady: 0.0 },
 ];
 
-/// Joint angles, joint rates and the sphere's rate at a tick.
+/// True joint angles (rad), joint rates (rad/s) and angular velocity of the sphere (rad/s in N) in
+/// one tick.
 type Truth = ([f64; JOINTS], [f64; JOINTS], Vec3);
 
 impl Motion {
     fn omega(&self, t: f64) -> Vec3 {
         let swing = |pace: f64| libm::sin(TAU * self.hertz * pace * t) * self.size;
-        // Paces without a common period: the counts are passed at all phases.
+        // The three frequencies have no common period, so that counts change at all phases.
         Vec3::new(swing(1.0), swing(0.707), swing(0.618)) * (1.0 / 3.0_f64.sqrt())
             + Vec3::new(0.6, -0.48, 0.64) * self.steady
     }
@@ -80,7 +84,8 @@ impl Motion {
     }
 }
 
-/// The readings that controllers with these encoders would send: counts are floored.
+/// Returns the readings that motor controllers with these encoders would send. Counts are rounded
+/// down.
 fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
     let reading = |(tick, (angles, rates, _)): (usize, &Truth)| {
         let mut feedback = JointFeedback {
@@ -99,7 +104,7 @@ fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
     truth.iter().enumerate().map(reading).collect()
 }
 
-/// What a controller says of each reading.
+/// Returns the state that a controller reports for each reading.
 fn states(rig: &Rig, readings: &[JointFeedback]) -> impl Iterator<Item = hbot_core::outputs::State> {
     let mut controller = Controller::new(*rig);
     readings.iter().map(move |feedback| {
@@ -108,13 +113,13 @@ fn states(rig: &Rig, readings: &[JointFeedback]) -> impl Iterator<Item = hbot_co
     })
 }
 
-/// What an estimate makes of a motion.
+/// Quality of a rate estimate on one motion.
 struct Quality {
-    /// Root mean square of the error of omega, rad/s, once the lag is taken out.
+    /// Root mean square of the error of omega after the lag is removed, rad/s.
     noise: f64,
-    /// By how long the estimate is late, s: what explains the most of its error.
+    /// Lag of the estimate, s. It is the lag that explains most of the error.
     lag: f64,
-    /// The largest slip that it sees where there is none, m/s.
+    /// Largest slip that the estimate reports although there is none, m/s.
     slip: f64,
 }
 
@@ -127,14 +132,14 @@ fn judge(rig: &Rig, truth: &[Truth]) -> Quality {
             slip = slip.max(state.slip);
         }
     }
-    // error = -lag growth + noise, in the least squares.
+    // The lag is the least-squares solution of: error = -lag growth + noise.
     let squares: f64 = errors.iter().map(|(_, growth)| growth.length_squared()).sum();
     let lag = -errors.iter().map(|(error, growth)| error.dot(*growth)).sum::<f64>() / squares;
     let rest: f64 = errors.iter().map(|(error, growth)| (*error + *growth * lag).length_squared()).sum();
     Quality { noise: (rest / errors.len() as f64).sqrt(), lag, slip }
 }
 
-/// The rig with other encoders and another estimate.
+/// Returns the rig with other encoders and another rate estimate.
 fn with(rig: &Rig, counts: [u32; 2], rate: RateEstimate) -> Rig {
     let rig = rig.with(|rig| {
         rig.methods.rate = rate;
@@ -157,7 +162,8 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
             let rig = with(rig, counts, rate);
             let of: Vec<Quality> = truths.iter().map(|truth| judge(&rig, truth)).collect();
             found.push((encoder, name, of));
-            // The brisk motion: the counts change most, and windows are walked furthest in the others by little more.
+            // The brisk motion is timed, as its counts change most. The estimates with windows take
+            // only a little longer on the other motions.
             let readings = readings(&rig, &truths[2][..TIMED]);
             timed.push(
                 Timed::new(move || states(&rig, &readings).map(|state| state.omega.x).sum::<f64>())
@@ -182,7 +188,7 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
         report.time(id("ns"), *time);
         let mut cells = row([encoder, name]);
         cells.extend(of.iter().map(|quality| sci(quality.noise)));
-        // Tenths, and no minus before a zero.
+        // Rounds to tenths. Adding 0.0 avoids a minus sign before zero.
         cells.push(format!("{:.1}", (lag * 10.0).round() / 10.0 + 0.0));
         cells.extend([slip * 1e3, time.median, time.median - times[k - estimate].median].map(short));
         table.push(cells);

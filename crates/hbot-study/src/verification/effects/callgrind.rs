@@ -1,5 +1,5 @@
-//! Instructions, counted by callgrind: this program runs itself under valgrind as a worker, which does one setup after another,
-//! each in one call of [`counted`] for few ticks and one for many.
+//! Counting of instructions by callgrind. The program starts itself under valgrind as a worker. The
+//! worker runs one setup after another, each with one short and one long call of [`counted`].
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -10,25 +10,28 @@ use serde_json::Value;
 use super::desk::{Desk, Setup};
 use crate::context::{Context, Interrupted};
 
-/// Ticks of the two calls: what lies between is one period of the torques that the rig is told.
+/// Number of ticks in the short call.
 const FEW: usize = 20;
+/// Number of ticks in the long call. The difference from the short call is one period of the
+/// simulated rig's joint torques.
 pub(super) const MANY: usize = FEW + 128;
-/// What callgrind knows [`counted`] by.
+/// Name of [`counted`] for callgrind.
 const FUNCTION: &str = concat!(module_path!(), "::counted");
 
-/// How this program is run as a worker: what stands before the worker's own argument.
+/// How to start this program as a worker.
 #[derive(Debug, Clone)]
 pub struct Counter {
-    /// The program.
+    /// Path of the program.
     pub program: PathBuf,
-    /// Its arguments, of which the setups are the last.
+    /// Arguments that precede the worker's last argument, the setups.
     pub arguments: Vec<String>,
 }
 
-/// The worker: runs the setups that `setups` (JSON) lists. Only under callgrind does it have a result.
+/// Runs the setups that `setups` (JSON) lists. This is the worker. It has a result only under
+/// callgrind.
 ///
 /// # Errors
-/// What `setups` is not.
+/// Fails if `setups` is not a JSON list of setups.
 pub fn count_worker(setups: &str) -> Result<(), String> {
     let value: Value = serde_json::from_str(setups).map_err(|error| error.to_string())?;
     let setups: Option<Vec<Setup>> =
@@ -43,14 +46,15 @@ pub fn count_worker(setups: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// What is counted, by its name.
+/// Runs the ticks whose instructions are counted. Callgrind finds the function by its name.
 #[inline(never)]
 fn counted(desk: &mut Desk, ticks: usize) -> f64 {
     desk.run(ticks)
 }
 
 impl Counter {
-    /// Instructions a tick of each setup; the reason where they cannot be counted.
+    /// Returns the number of instructions per tick for each setup, or the reason why they cannot be
+    /// counted.
     pub(super) fn count(
         &self,
         context: &Context,
@@ -61,7 +65,7 @@ impl Counter {
             return Ok(Err(format!("{}: {error}", folder.display())));
         }
         let result = self.count_in(context, &folder, setups);
-        // What is left of it is in nobody's way.
+        // Leftover files in the temporary folder do no harm.
         let _ = std::fs::remove_dir_all(&folder);
         result
     }
@@ -109,14 +113,15 @@ impl Counter {
     }
 }
 
-/// Waits for the worker, and ends it where the study is to stop: whether it went well.
+/// Waits for the worker and returns whether it succeeded. Ends the worker if the study was asked to
+/// stop.
 fn wait(context: &Context, child: &mut Child) -> Result<bool, Interrupted> {
     loop {
         if let Ok(Some(status)) = child.try_wait() {
             return Ok(status.success());
         }
         if let Err(stop) = context.go_on() {
-            // It may have ended by itself.
+            // The worker may already have ended, so errors are ignored.
             let _ = child.kill();
             let _ = child.wait();
             return Err(stop);
@@ -125,7 +130,7 @@ fn wait(context: &Context, child: &mut Child) -> Result<bool, Interrupted> {
     }
 }
 
-/// The instructions of one dump.
+/// Returns the number of instructions in one dump of callgrind.
 fn total(path: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find(|line| line.starts_with("totals:"))?;

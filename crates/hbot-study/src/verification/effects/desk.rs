@@ -1,5 +1,5 @@
-//! A controller and a simulated rig side by side, each fed with what was recorded: so that a tick costs what it costs whatever
-//! the other does, and the same in every run.
+//! A test bench with a controller and a simulated rig. Each gets recorded inputs, so that the cost
+//! of its tick does not depend on the other and is equal in every run.
 
 use std::rc::Rc;
 
@@ -16,16 +16,17 @@ use hbot_sim::plant::State;
 use hbot_sim::rig::{RigConfig as SimulatedConfig, SimulatedRig};
 use serde_json::{Map, Value, json};
 
-/// Ticks until the soft start is over.
+/// Number of ticks until the soft start is over.
 const STARTED: usize = 600;
-/// Ticks in which a change of scene blends.
+/// Number of ticks during which a change of scene blends.
 const BLEND: usize = 60;
-/// Readings that were recorded: a turn that begins anew after them.
+/// Number of recorded readings.
 const RECORDED: usize = STARTED + 2 * BLEND + 1500;
-/// The number of the first command: as many bytes on the line as any that follows.
+/// Sequence number of the first command. It is so large that all commands take equally many bytes
+/// on the line.
 const FIRST: u32 = 1 << 20;
 
-/// Every kind of effect, then every phenomenon.
+/// Returns the names of all kinds of effect, followed by the names of all phenomena.
 pub(super) fn names() -> Vec<String> {
     let all: Vec<String> =
         kinds().iter().chain(&scene::phenomena()).map(|listed| listed.name.to_owned()).collect();
@@ -33,17 +34,17 @@ pub(super) fn names() -> Vec<String> {
     all
 }
 
-/// Whether `name` is a kind of effect.
+/// Returns whether `name` is a kind of effect.
 pub(super) fn is_kind(name: &str) -> bool {
     kinds().iter().any(|listed| listed.name == name)
 }
 
-/// What a scene names.
+/// The effects and phenomena that a scene names.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Setup {
-    /// Kinds and phenomena.
+    /// Names of kinds of effect and of phenomena.
     pub(super) names: Vec<String>,
-    /// The scene has had them and has dropped them again.
+    /// Whether the scene has dropped these effects and phenomena again after it had them.
     pub(super) gone: bool,
 }
 
@@ -52,22 +53,22 @@ impl Setup {
         Self { names: names.iter().map(|name| (*name).clone()).collect(), gone: false }
     }
 
-    /// The same, dropped.
+    /// Returns this setup as one whose effects and phenomena are dropped again.
     pub(super) fn gone(&self) -> Self {
         Self { gone: true, ..self.clone() }
     }
 
-    /// The names in one.
+    /// Returns all names joined to one, for an id.
     pub(super) fn name(&self) -> String {
         self.names.join("_with_")
     }
 
-    /// As an argument of the worker.
+    /// Returns the setup as JSON, for the argument of the worker.
     pub(super) fn to_json(&self) -> Value {
         json!({"names": self.names, "gone": self.gone})
     }
 
-    /// From an argument of the worker.
+    /// Reads a setup from the argument of the worker. Returns `None` if `value` is not a setup.
     pub(super) fn from_json(value: &Value) -> Option<Self> {
         let names = value["names"].as_array()?.iter();
         let names: Option<Vec<String>> = names.map(|name| name.as_str().map(str::to_owned)).collect();
@@ -97,15 +98,16 @@ pub(super) struct Desk {
     scene: Rc<CompiledScene>,
     readings: Rc<Vec<JointFeedback>>,
     exchange: Exchange,
-    /// The next tick.
+    /// Number of the next tick.
     tick: usize,
 }
 
 impl Desk {
-    /// A desk that is active, without any effect or phenomenon.
+    /// Creates an active desk without any effect or phenomenon.
     pub(super) fn active() -> Self {
         let config = RigConfig::prototype();
-        // What the figures of an effect ask for is not what the study is about.
+        // The angle limit at enable is raised to a half turn, as the study must be able to enable
+        // with every effect.
         let rig = config.rig.with(|rig| rig.limits.enable_max_angle = core::f64::consts::PI);
         let rig = rig.unwrap_or_else(|error| unreachable!("half a turn is legal: {error}"));
         let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig));
@@ -124,17 +126,17 @@ impl Desk {
         desk
     }
 
-    /// This desk once it has run `setup` until nothing blends any more.
+    /// Returns a copy of this desk after it has run `setup` until the blend is over.
     pub(super) fn with(&self, setup: &Setup) -> Self {
         let empty = Setup::default();
         let mut desk = self.clone();
         desk.change(setup);
-        // Scenes without a word of it go the same way, so that all stand at the same tick afterwards.
+        // There are always two changes, so that all desks are at an equal tick number afterwards.
         desk.change(if setup.gone { &empty } else { setup });
         desk
     }
 
-    /// Takes over the scene of `setup`, and blends it in. The rig begins anew.
+    /// Loads the scene of `setup`, runs until it is blended in, and then resets the rig's state.
     fn change(&mut self, setup: &Setup) {
         let file = setup.scene();
         let shown = file.simulate().filter(|_| !setup.names.is_empty()).copied();
@@ -144,19 +146,20 @@ impl Desk {
         self.exchange.rig_mut().set_state(State::default());
     }
 
-    /// So many ticks; the sum of what came out of them, to be kept alive.
+    /// Runs `ticks` ticks. Returns a sum of their outputs, so that the compiler cannot remove the
+    /// work.
     pub(super) fn run(&mut self, ticks: usize) -> f64 {
         (0..ticks).map(|_| self.step()).sum()
     }
 
-    /// One tick of the controller, and one of the rig.
+    /// Runs one tick of the controller and one of the rig.
     fn step(&mut self) -> f64 {
         let k = self.tick;
         self.tick += 1;
         let mut inputs = Inputs::quiet(k as u64);
         inputs.feedback = self.readings.get(k).copied();
         if k == 1 {
-            // A tick without any other command has room.
+            // There is room, as the tick has no other command.
             let _ = inputs.commands.push(Command::Enable);
         }
         let state = self.controller.tick(&self.scene, &inputs).state;
@@ -166,18 +169,19 @@ impl Desk {
     }
 }
 
-/// What the simulated rig is told in the `k`th tick: torques that swing.
+/// Returns the joint torques of the simulated rig in tick `k`. They swing back and forth.
 fn drive(k: usize) -> Drive {
     let mut drive = Drive { enable: true, torque: [0.0; MAX_JOINTS] };
     for (j, torque) in drive.torque[..4].iter_mut().enumerate() {
-        // A triangle between -8 and 8 mN m, one period in 128 ticks, each joint a quarter later.
+        // A triangle wave between -8 and 8 mN m with a period of 128 ticks. Each joint lags the one
+        // before by a quarter period.
         let phase = (k + 32 * j) % 128;
         *torque = 5.0e-4 * (phase.abs_diff(64) as f64 - 32.0) * 0.5;
     }
     drive
 }
 
-/// What encoders read of a brisk motion back and forth.
+/// Returns encoder readings of a brisk motion back and forth.
 fn readings(config: &RigConfig) -> Vec<JointFeedback> {
     let (motion, device) = (&MOTIONS[4], &config.rig.device);
     let moments = motion.moments(device, 1000, RECORDED, 0);
@@ -199,7 +203,8 @@ mod tests {
 
     use super::*;
 
-    /// What a study is to measure is there while a scene names it, and gone with the next that does not.
+    /// A phenomenon must be present while a scene names it, and absent after the next scene that
+    /// does not. Otherwise the study would measure nothing.
     #[test]
     fn every_phenomenon_of_a_scene_is_shown_and_taken_away() {
         let active = Desk::active();

@@ -1,5 +1,6 @@
-//! `hbot-study effects`: what each kind of effect and each phenomenon of the simulated rig costs a tick, alone and in pairs, and
-//! that what a scene does not name costs nothing.
+//! The study `effects`: the cost per tick of each kind of effect and each phenomenon of the
+//! simulated rig, alone and in pairs. It also checks that anything a scene does not name costs
+//! nothing.
 
 mod callgrind;
 mod desk;
@@ -15,23 +16,27 @@ pub use callgrind::{Counter, count_worker};
 use desk::{Desk, Setup};
 use hbot_plot::{Bar, bars, short};
 
-/// How many instructions a scene may cost more for what it no longer names, relative to the tick: the frames on the line differ
-/// in their numbers, and a zero byte more in one costs an instruction or two.
+/// Largest allowed number of instructions per tick that are left after a scene drops an effect or
+/// phenomenon, relative to the whole tick. It is not zero because the numbers in the frames on the
+/// line differ, and one more zero byte costs an instruction or two.
 const NOTHING: f64 = 1.0e-3;
-/// The same for times, which noise moves.
+/// Largest allowed time per tick that is left after a scene drops an effect or phenomenon, relative
+/// to the whole tick. It is larger than [`NOTHING`] because times are noisy.
 const NOTHING_NS: f64 = 0.25;
-/// Ticks of one timed run: those whose instructions are counted, or a solver that takes more steps where things stick or slide would
-/// have two prices.
+/// Number of ticks in one timed run. It equals the number of ticks whose instructions are counted:
+/// a solver takes more steps while contacts stick or slide, so another number would give another
+/// cost.
 const TICKS: usize = callgrind::MANY;
 
-/// A setup's costs, a tick.
+/// Cost of a setup per tick.
 struct Cost {
     setup: Setup,
     time: Option<Time>,
     instructions: Option<f64>,
 }
 
-/// The study. `counter` counts instructions, where there is a way to.
+/// Runs the study `effects` and returns its report. `counter` counts instructions if that is
+/// possible.
 pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
     let mut report = Report::new("effects", context.quick);
     introduce(&mut report);
@@ -114,7 +119,8 @@ fn introduce(report: &mut Report) {
     report.family("effects_{a}_with_{b}_added_ns", "ns", "time a tick that two of them add together");
 }
 
-/// The figures, tables, plots and checks. `costs` begins with none, each alone, and each afterwards; then pairs.
+/// Adds figures, tables, plots and checks to the report. `costs` lists the empty setup, each name
+/// alone, each name after it was dropped, and then the pairs.
 fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     let none = &costs[0];
     let base = none.instructions;
@@ -154,7 +160,7 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
             });
         }
         if let (Some(time), Some(of)) = (after.time, none.time) {
-            // The least: noise adds, it takes nothing away.
+            // Compares the shortest times, because noise only adds time.
             let more = time.least - of.least;
             left_ns = left_ns.max(more / of.least);
         }
@@ -185,7 +191,7 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
             left <= NOTHING,
         );
     }
-    // Counts say it exactly; where there are none, times have to.
+    // Instruction counts decide this exactly. Times decide it only if there are no counts.
     if base.is_none() {
         report.check(
             format!("what a scene no longer names costs nothing: at most {NOTHING_NS} of a tick's least time, for noise"),
@@ -203,7 +209,8 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     in_pairs(report, pairs, alone, &added, &added_ns);
 }
 
-/// What each adds, in `unit`: effects and phenomena apart, because a solver for friction costs a hundred times an effect.
+/// Plots the added cost of each name, in `unit`. Effects and phenomena have separate plots, because
+/// a solver for friction costs a hundred times as much as an effect.
 fn plots(report: &mut Report, unit: &str, what: &str, all: &[Bar]) {
     let (phenomena, effects): (Vec<Bar>, Vec<Bar>) = all.iter().cloned().partition(|bar| bar.colour == 1);
     for (group, name, members) in
@@ -266,7 +273,7 @@ fn in_pairs(
     report.table(&table);
 }
 
-/// Whether `name` may be a part of an id.
+/// Returns whether `name` can be a part of an id.
 fn is_name(name: &str) -> bool {
     names::is_id(name)
 }

@@ -1,4 +1,5 @@
-//! Friction and the encoder's step: where a wall begins to buzz, beside what is passive.
+//! Friction and encoder resolution: the stiffness at which a wall begins to buzz, compared with the
+//! stiffness up to which it is passive.
 
 use hbot_plot::{Lines, Series, short};
 
@@ -7,23 +8,26 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Coulomb friction, N m: none, the ball bearings of a good cage, the prototype's cage, a stiff one.
+/// Coulomb friction, N m: none, the ball bearings of a good cage, the prototype's cage, and a stiff
+/// cage.
 const COULOMB: [f64; 4] = [0.0, 0.5e-3, 2.0e-3, 8.0e-3];
-/// Steps of the sphere's angle, rad: encoders of 16384, 2048 and 256 counts a turn of the steering, seen through 5.7.
+/// Steps of the sphere's measured angle, rad. They belong to encoders with 16384, 2048 and 256
+/// counts per turn of the steer, whose angle is 5.7 times the sphere's.
 const STEPS: [f64; 3] = [6.7e-5, 5.4e-4, 4.3e-3];
-/// Own damping, N m s/rad.
+/// The rig's own viscous damping, N m s/rad.
 const OWN: [f64; 2] = [0.001, 0.003];
 /// Period of the loop, s.
 const PERIOD: f64 = 1.0e-3;
-/// Where the axis is let go, rad.
+/// Angle at which the axis is released, rad.
 const RELEASED: f64 = 0.05;
-/// How long it has to come to rest, s.
+/// Time in which the axis must come to rest, s.
 const TIME: f64 = 40.0;
-/// Stiffnesses are tried at this ratio.
+/// Ratio of two successive stiffnesses that are tried.
 const RATIO: f64 = 1.05;
 
-/// Whether the axis goes on moving about: after a while by more than a step either way, which a reading at the edge of one may make,
-/// and no less than before. What friction or damping still slows down has only not come to rest yet.
+/// Returns whether the axis keeps moving. At the end it must swing by more than two encoder steps,
+/// as a smaller swing can come from a reading at the edge of a step. The swing must also not
+/// decrease: a decreasing one only needs more time to come to rest.
 fn buzzes(wall: &Wall) -> bool {
     let ticks = (TIME / wall.period) as usize;
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 10];
@@ -37,7 +41,8 @@ fn buzzes(wall: &Wall) -> bool {
     !(last <= 2.0 * wall.step || last < 0.99 * before)
 }
 
-/// The least stiffness of a geometric series from `from` on at which the wall buzzes.
+/// Returns the lowest stiffness at which the wall buzzes, N m/rad. It tries a geometric series that
+/// begins with `from`.
 fn first_buzz(wall: &Wall, from: f64) -> f64 {
     let mut stiffness = from;
     while stiffness < 1.0e4 && !buzzes(&Wall { stiffness, ..*wall }) {
@@ -81,7 +86,8 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
                 let (viscous, dry) = (2.0 * own / PERIOD, 2.0 * coulomb / step);
                 let passive = viscous.min(dry);
                 let measured = first_buzz(&wall, 0.2);
-                // What stands between two tries.
+                // The true value can be lower than the measured one by a factor of RATIO, the ratio
+                // of two tries.
                 all_quiet &= measured * RATIO >= passive;
                 let id = format!(
                     "border_friction_own{}_coulomb{}_step{}",

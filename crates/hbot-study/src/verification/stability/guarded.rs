@@ -1,4 +1,5 @@
-//! The whole loop with and without the passivity stage: the stiffest spring that still comes to rest, and the energy that it gives out.
+//! The whole loop with and without the passivity stage: the highest stiffness at which a spring
+//! comes to rest, and the energy that the motors deliver.
 
 use core::f64::consts::TAU;
 
@@ -14,20 +15,25 @@ use super::whole::{Loop, Wanted};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// A tap on the sphere, rad/s: 1 rad/s about no axis in particular.
+/// Angular velocity that a tap gives to the sphere, rad/s in N: 1 rad/s about an axis without
+/// symmetry.
 const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
-/// How long the sphere is watched after it, s, and the stretches in which its swing is looked at.
+/// Observation time after the tap, s.
 const WATCH_S: f64 = 4.0;
+/// Number of equal intervals into which the observation time is divided.
 const STRETCHES: u32 = 8;
-/// What part of its energy a swing must lose from one stretch to the next to be on its way to rest.
+/// Part of its energy that a swing must lose from one interval to the next to count as decaying.
 const LOSES: f64 = 1.0e-3;
-/// Stiffnesses are tried from this part of the linear border up to this many times it.
+/// Lowest stiffness that is tried, relative to the linear border.
 const FROM: f64 = 0.25;
+/// Highest stiffness that is tried, relative to the linear border.
 const UP_TO: f64 = 32.0;
-/// From one stiffness to the next; then bisected, to 1 %.
+/// Ratio of two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;
+/// Number of bisections that follow. They give the border to 1 %.
 const HALVINGS: u32 = 5;
-/// With the stage every spring comes to rest up to so many times the linear border, where friction and counts are small.
+/// With the passivity stage every spring must come to rest up to this many times the linear border,
+/// if friction and encoder steps are small.
 const GUARDED: f64 = 10.0;
 
 /// A rig and its loop, without a spring.
@@ -35,17 +41,17 @@ const GUARDED: f64 = 10.0;
 struct Setting {
     /// Loop rate, Hz.
     rate: u32,
-    /// Ticks from a reading to its torque.
+    /// Delay from a reading to its torque, ticks.
     delay: u32,
-    /// Own damping, N m s/rad.
+    /// Own viscous damping of the rig, N m s/rad.
     own: f64,
-    /// Step of the encoders, in counts of the prototype's.
+    /// Step of the encoders, in counts of the prototype's encoders.
     step: u32,
     /// Coulomb friction of the cage, N m.
     coulomb: f64,
 }
 
-/// What the others differ from in one thing.
+/// The base setting. The other settings differ from it in one field.
 const BASE: Setting = Setting { rate: 1000, delay: 1, own: 0.005, step: 1, coulomb: 0.0 };
 
 impl Setting {
@@ -53,14 +59,14 @@ impl Setting {
         1.0 / f64::from(self.rate)
     }
 
-    /// The linear border, b / (h (1/2 + D)).
+    /// Returns the linear border of stability, b / (h (1/2 + D)), N m/rad.
     fn border(&self) -> f64 {
         self.own / (self.period() * (0.5 + f64::from(self.delay)))
     }
 
     fn wanted(&self, stiffness: f64, guard: bool) -> Wanted {
         let still = Hand { stiffness: 0.0, damping: self.own, inertia: 0.0, amplitude: 0.0, rate: 0.25 };
-        // Answers that come a little before the tick is over are read at its end.
+        // The answers arrive shortly before the end of a tick and are read at its end.
         let late = Link {
             latency_s: f64::from(self.delay - 1) * self.period() * (1.0 - 1.0e-3),
             command_latency_s: 0.0,
@@ -91,15 +97,16 @@ impl Setting {
     }
 }
 
-/// What became of a tap.
+/// The outcome of a tap.
 struct Tapped {
-    /// The sphere is at rest, or on its way there.
+    /// Whether the sphere is at rest or its swing decays.
     settles: bool,
-    /// The most energy that the motors had given out at a time, J.
+    /// Largest energy that the motors had delivered at any time, J.
     most: f64,
 }
 
-/// Taps the sphere. `floor` is the angle (rad) within which it counts as at rest.
+/// Taps the sphere and observes it. It counts as at rest if it stays within the angle `floor`
+/// (rad).
 fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
     let mut run = Loop::new(&setting.wanted(stiffness, guard));
     run.tap(TAP);
@@ -107,7 +114,8 @@ fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped 
     let each = run.ticks(WATCH_S) / STRETCHES;
     let (mut most, mut active) = (0.0_f64, true);
     let mut reach = 0.0;
-    // The mean over a stretch: a swing about three axes passes its energy from one to another, but does not lose it by that.
+    // The mean energy over an interval is compared. A swing about three axes exchanges energy
+    // between them without losing it.
     let mut held = [0.0_f64; STRETCHES as usize];
     for held in &mut held {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -122,13 +130,14 @@ fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped 
     }
     let [.., first, second, third] = held;
     let dies = |before: f64, after: f64| after < (1.0 - LOSES) * before;
-    // Far past the border it storms about at the torque's limit, now more, now less. A loop that ended in a fault did not bring it to
-    // rest either.
+    // Far beyond the border the sphere moves wildly at the torque limit, and its energy varies. A
+    // loop that ended in a fault did not bring the sphere to rest either.
     let calms = third <= put_in && dies(first, second) && dies(second, third);
     Tapped { settles: active && (reach <= floor || calms), most }
 }
 
-/// The stiffness from which a tap no longer comes to rest, N m/rad; none up to [`UP_TO`] times the border.
+/// Returns the stiffness from which on the sphere no longer comes to rest after a tap, N m/rad.
+/// Returns `None` if there is none up to [`UP_TO`] times the linear border.
 fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Result<Option<f64>, Interrupted> {
     let mut high = FROM * setting.border();
     while tapped(setting, high, guard, floor).settles {
@@ -146,7 +155,7 @@ fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Resu
     Ok(Some((low * high).sqrt()))
 }
 
-/// The largest turn of the sphere that one count of a joint is taken for, rad.
+/// Returns the largest turn of the sphere that corresponds to one count of a joint, rad.
 fn turn_of_a_count(device: &Device, counts: impl Fn(usize) -> f64) -> f64 {
     let posture = Posture::new(device, &vec![0.0; device.wheels().len()]);
     let turn = |j: usize| {
@@ -157,7 +166,7 @@ fn turn_of_a_count(device: &Device, counts: impl Fn(usize) -> f64) -> f64 {
     (0..device.joints()).map(turn).fold(0.0, f64::max)
 }
 
-/// One line of settings over one of their figures.
+/// A series of settings in which one field varies.
 struct Sweep {
     name: &'static str,
     x: &'static str,
@@ -238,7 +247,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                     worst_off = worst_off.max((ratio - 1.0).abs());
                 }
                 let id = setting.id(guard);
-                // The base is in every sweep, and has one figure.
+                // The base setting is in every sweep, but its figure is reported only once.
                 if !report.figures().iter().any(|figure| figure.id == id) {
                     let figure = report.figure(id, measured);
                     figure.note("measured", measured).note("predicted", predicted);
@@ -289,9 +298,10 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     energy(context, report, device, 3.0 * count)
 }
 
-/// How near the border without the stage must be.
+/// Largest allowed deviation of the border without the passivity stage from the prediction,
+/// relative.
 const WITHIN: f64 = 0.05;
-/// Stiffnesses at which energy is told, over the border.
+/// Stiffnesses for which the energy is reported, relative to the linear border.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
 
 fn energy(context: &Context, report: &mut Report, device: &Device, floor: f64) -> Result<(), Interrupted> {

@@ -1,4 +1,4 @@
-//! The linear border: where a spring's swing no longer dies.
+//! The linear border of stability: the stiffness at which the swing of a spring no longer decays.
 
 use hbot_plot::{Lines, Series, short};
 
@@ -7,20 +7,21 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates, Hz.
+/// Loop rates at which the border is measured, Hz.
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
-/// Ticks of delay.
+/// Delays from a reading to its torque, ticks.
 const DELAYS: [usize; 3] = [0, 1, 2];
-/// The device's own damping, N m s/rad.
+/// The rig's own viscous damping, N m s/rad.
 const OWN: [f64; 3] = [0.001, 0.003, 0.01];
 /// The wall's damping, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
-/// How near the measured border must be.
+/// Largest allowed deviation of the measured border from the predicted one, relative.
 const WITHIN: f64 = 0.05;
-/// Bisections of a bracket of 4: to 0.1 %.
+/// Number of bisections. They reduce a range of a factor of 4 to 0.1 %.
 const HALVINGS: u32 = 11;
 
-/// The stiffness from which a swing grows.
+/// Returns the stiffness at which a swing begins to grow, N m/rad, found by bisection near
+/// `predicted`.
 pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
     let (mut low, mut high) = (0.5 * predicted, 2.0 * predicted);
     for _ in 0..HALVINGS {
@@ -30,9 +31,10 @@ pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
     (low * high).sqrt()
 }
 
-/// Whether a swing is larger after a while than before it.
+/// Returns whether a swing is larger late in the simulation than early in it.
 fn grows(wall: &Wall) -> bool {
-    // At 0.1 % off the border the swing changes by a tenth of the damping's pace; peaks are read to (w h)²/8.
+    // If the stiffness is 0.1 % off the border, the swing changes at a tenth of the rate of the
+    // damping. Peaks are read to (w h)²/8.
     let pace = (wall.own + wall.damping) / (2.0 * wall.inertia);
     let ticks = ((60.0 / pace) / wall.period).clamp(4000.0, 60_000.0) as usize;
     let (mut early, mut late) = (0.0_f64, 0.0_f64);
@@ -45,7 +47,7 @@ fn grows(wall: &Wall) -> bool {
         }
         k += 1;
     });
-    // What has overflowed has grown.
+    // The negated comparison also counts an overflow to NaN as growth.
     !(late <= early)
 }
 

@@ -1,4 +1,4 @@
-//! Long runs: what is conserved stays.
+//! Long runs: conserved quantities must stay constant over a simulated day.
 
 use std::time::Instant;
 
@@ -11,27 +11,30 @@ use crate::context::Interrupted;
 use crate::report::Report;
 use crate::verification::double::stages::odometry::METHODS;
 
-/// Ticks of a day at 1 kHz, and of ten minutes for `--quick`.
+/// Number of ticks in a day at 1 kHz.
 const DAY: u64 = 86_400_000;
+/// Number of ticks in ten minutes at 1 kHz, for `--quick`.
 const TEN_MINUTES: u64 = 600_000;
-/// How far |q| may be from 1.
+/// Largest allowed deviation of |q| from 1.
 const UNIT: f64 = 1.0e-12;
-/// How much energy the swing may gain, relative to what it began with: some times what rk4 errs by within a swing, 2e-8, which
-/// does not add up. Rounding of 1e8 steps that all erred the same way would gain as much.
+/// Largest allowed gain of energy of the swing, relative to its initial energy. It is several times
+/// the error of rk4 within one swing, 2e-8, which does not accumulate. The rounding of 1e8 steps
+/// that all err in one direction would gain as much.
 const GAIN: f64 = 1.0e-7;
 
-/// What a day of the ideal plant was.
+/// Results of a day of the ideal plant.
 pub(super) struct Day {
     ticks: u64,
     seconds: f64,
-    /// Largest ||q| - 1|.
+    /// Largest deviation of |q| from 1.
     unit: f64,
-    /// Largest and least energy over that at the start.
+    /// Largest energy, relative to the initial energy.
     most: f64,
+    /// Smallest energy, relative to the initial energy.
     least: f64,
 }
 
-/// The ideal plant on an undamped spring, 1 ms at a time.
+/// Simulates the ideal plant on an undamped spring, in steps of 1 ms.
 pub(super) fn day(context: &Context, plant: &Plant) -> Result<Day, Interrupted> {
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };
     let energy = |s: &State| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
@@ -107,7 +110,8 @@ fn odometry(context: &Context, report: &mut Report, device: &Device) -> Result<(
     let ticks = if context.quick { 2_000_000 } else { 100_000_000 };
     for (method, (name, _)) in METHODS.iter().enumerate() {
         let narrow = crate::verification::single::stages::device(device);
-        // The middle method for all ticks, the others for a part of them: what keeps q unit is the same.
+        // Only the midpoint method runs all ticks and the others a tenth of them, because they
+        // share the code that keeps q unit.
         let ticks = if *name == "midpoint" { ticks } else { ticks / 10 };
         let go_on = || context.go_on().is_ok();
         let wide =

@@ -1,4 +1,5 @@
-//! `hbot-study stability`: how stiff a wall may be, beside what theory says, and what holds over a day.
+//! The study `stability`: how stiff a wall can be, compared with theory, and what stays constant
+//! over a simulated day.
 
 mod friction;
 mod guarded;
@@ -16,7 +17,7 @@ use hbot_sim::plant::{Plant, State};
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// The study.
+/// Runs the study `stability` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("stability", context.quick);
     let device = RigConfig::prototype().rig.device;
@@ -28,7 +29,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
          period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
          about n1, {inertia:.2e} kg m², where nothing else is said; and the whole loop, controller, line and simulated rig, once."
     ));
-    // The day takes as long as all else, so the two go side by side.
+    // The simulated day takes as long as everything else, so both run in parallel.
     let (day, rest) = std::thread::scope(|scope| {
         let day = scope.spawn(|| long::day(context, &plant));
         let rest = (|| {
@@ -46,12 +47,12 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
-/// A measured border beside what was predicted.
+/// Reports a measured border with its predicted value, both N m/rad.
 fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
     report.figure(id, measured).note("measured", measured).note("predicted", predicted);
 }
 
-/// An amount in millionths, for an id.
+/// Returns `x` in millionths, rounded, for an id.
 fn micro(x: f64) -> u32 {
     (x * 1.0e6).round() as u32
 }

@@ -1,4 +1,5 @@
-//! The passive border: whether any imposed sine can draw energy from a sampled wall.
+//! The passive border: the stiffness at which a sine that is imposed on a sampled wall can first
+//! draw energy from it.
 
 use core::f64::consts::PI;
 
@@ -8,35 +9,37 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates, Hz.
+/// Loop rates at which the border is measured, Hz.
 const RATES: [u32; 3] = [500, 1000, 4000];
-/// The device's own damping, N m s/rad.
+/// The rig's own viscous damping, N m s/rad.
 const OWN: [f64; 2] = [0.01, 0.03];
-/// The wall's damping with its sign, N m s/rad.
+/// The wall's damping, which can be negative, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
-/// How near the measured border must be.
+/// Largest allowed deviation of the measured border from the predicted one, relative.
 const WITHIN: f64 = 0.1;
-/// Parts of the Nyquist frequency at which the wall is moved; none is a simple fraction, which would be read at the same few
-/// phases for ever.
+/// Number of frequencies at which the wall is moved. None of them is a simple fraction of the
+/// Nyquist frequency, as such a sine would always be read at the same few phases.
 const SINES: usize = 160;
-/// Ticks of each.
+/// Number of ticks of each sine.
 const TICKS: usize = 40_000;
 
-/// The own damping that a sine of the phase `phi` a tick asks of the device to take up what a wall gives out: N m s/rad for
-/// each N m/rad of stiffness and each N m s/rad of damping, at a period of 1 s.
+/// Returns the own damping that the rig needs to absorb the energy that a wall gives out. The sine
+/// advances by `phi` rad per tick. The two results are N m s/rad per N m/rad of the wall's
+/// stiffness and per N m s/rad of its damping, for a period of 1 s.
 fn asked(phi: f64, delay: usize) -> [f64; 2] {
     let first = delay + 1;
-    // From one passage through zero to another, so that the spring holds nothing at either end.
+    // The sum goes from one zero crossing to another, so that the spring stores nothing at either
+    // end.
     let last = first + ((TICKS as f64 * phi / PI).floor() * PI / phi).round() as usize;
     let at = |k: usize| libm::sin(phi * (k as f64 - first as f64));
     let (mut work, mut lost) = ([0.0; 2], 0.0);
     for k in first..last {
         let moved = at(k + 1) - at(k);
         let read = at(k - delay);
-        // Torque on the sphere times its turn: what the wall gives out.
+        // The torque on the sphere times its turn is the energy that the wall gives out.
         work[0] += -read * moved;
         work[1] += -(read - at(k - delay - 1)) * moved;
-        // At an even pace through the tick.
+        // The hand moves at a constant rate during a tick.
         lost += moved * moved;
     }
     work.map(|work| work / lost)
@@ -58,7 +61,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         "stiffness from which an imposed sine draws energy; own and wall damping in 1e-6 N m s/rad, minus where negative; `measured` and `predicted` in the row",
     );
     let phis: Vec<f64> = (0..SINES)
-        // Dense near both ends, where the worst ones are.
+        // The frequencies are dense near both ends, where the worst ones are.
         .map(|k| PI * 0.5 * (1.0 - libm::cos(PI * (k as f64 + 0.618) / (SINES as f64 + 0.2))))
         .filter(|phi| *phi > 0.02)
         .collect();
@@ -92,7 +95,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                     if delay > 0 && damping != 0.0 {
                         continue;
                     }
-                    // b >= K h s + B d for every sine.
+                    // b >= K h s + B d must hold for every sine.
                     let most =
                         need.iter().filter(|n| n[0] > 0.0).map(|n| (own - damping * n[1]) / (period * n[0]));
                     let measured = most.fold(f64::INFINITY, f64::min);
@@ -139,15 +142,17 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 mod tests {
     use super::*;
 
-    /// Colgate and Schenkel's formula at one frequency: h/2 for the stiffness whatever the sine, -cos for the damping.
+    /// Compares with the formula of Colgate and Schenkel for one frequency: h/2 for the stiffness
+    /// at any frequency, and -cos(phi) for the damping.
     #[test]
     fn a_sine_draws_what_the_formula_says() {
         for phi in [0.1, 1.0, 2.3, 3.0] {
             let [stiffness, damping] = asked(phi, 0);
-            // What the spring holds at the end, half a tick off zero at most, and the phases of 40,000 ticks that are not quite even.
+            // The tolerance covers the energy left in the spring at the end, up to half a tick from
+            // zero, and the uneven distribution of the phases of 40,000 ticks.
             assert!((stiffness - 0.5).abs() < 1e-3, "{phi}: {stiffness}");
             assert!((damping + libm::cos(phi)).abs() < 1e-3, "{phi}: {damping}");
-            // And with a tick of delay, sin(3/2 phi) / (2 sin(phi/2)).
+            // With one tick of delay the formula gives sin(3/2 phi) / (2 sin(phi/2)).
             let late = asked(phi, 1)[0];
             assert!((late - 0.5 * libm::sin(1.5 * phi) / libm::sin(0.5 * phi)).abs() < 1e-3, "{phi}: {late}");
         }

@@ -1,4 +1,5 @@
-//! The whole loop: the largest stable stiffness of a spring that the controller renders on the simulated prototype.
+//! The whole loop: the largest stable stiffness of a spring that the controller renders on the
+//! simulated prototype.
 
 use hbot_core::{Vec3, rotation};
 use hbot_plot::short;
@@ -9,20 +10,20 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates, Hz.
+/// Loop rates at which the border is measured, Hz.
 const RATES: [u32; 3] = [1000, 2000, 4000];
 /// Damping of the spring, N m s/rad.
 const DAMPING: [f64; 3] = [0.005, 0.01, 0.02];
-/// How near the measured border must be.
+/// Largest allowed deviation of the measured border from the predicted one, relative.
 const WITHIN: f64 = 0.1;
-/// Bisections of a bracket of 4: to 1 %.
+/// Number of bisections. They reduce a range of a factor of 4 to 1 %.
 const HALVINGS: u32 = 7;
-/// How far the sphere is thrown off, rad: a few hundred counts, and far from the torque's limits.
+/// Amplitude of the initial swing, rad. It is a few hundred counts, and far from the torque limits.
 const THROWN: f64 = 0.01;
-/// How long it is watched, s.
+/// Observation time, s.
 const WATCH_S: f64 = 1.5;
 
-/// Whether a swing about n1 grows.
+/// Returns whether a swing about n1 grows.
 fn grows(rate: u32, stiffness: f64, damping: f64) -> bool {
     let mut run =
         Loop::new(&Wanted { rate, stiffness, damping, phenomena: Phenomena::default(), guard: false });

@@ -1,31 +1,32 @@
-//! One axis against a sampled wall, exact between the ticks.
+//! Exact simulation of one axis that acts against a sampled wall.
 
-/// An axis, its loop, and a spring with a damper that the loop renders.
+/// An axis, its loop, and the spring and damper that the loop renders.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wall {
-    /// Inertia, kg m².
+    /// Inertia J of the axis, kg m².
     pub(crate) inertia: f64,
-    /// The device's own viscous damping b, N m s/rad.
+    /// The rig's own viscous damping b, N m s/rad.
     pub(crate) own: f64,
     /// Coulomb friction c, N m.
     pub(crate) coulomb: f64,
-    /// The encoder's step d, rad; 0 reads exactly.
+    /// Step d of the encoder, rad. With 0 the angle is read exactly.
     pub(crate) step: f64,
-    /// The loop's period h, s.
+    /// Period h of the loop, s.
     pub(crate) period: f64,
-    /// Whole ticks D from a reading to its torque.
+    /// Delay D from a reading to its torque, whole ticks.
     pub(crate) delay: usize,
-    /// K, N m/rad.
+    /// Stiffness K of the wall, N m/rad.
     pub(crate) stiffness: f64,
-    /// B, N m s/rad, on the difference of the last two readings.
+    /// Damping B of the wall, N m s/rad. It acts on the difference of the last two readings.
     pub(crate) damping: f64,
 }
 
-/// The longest delay, ticks.
+/// Length of the torque history, ticks. The delay must be shorter.
 const LONGEST: usize = 8;
 
 impl Wall {
-    /// The angle at each of `ticks` ticks after it was let go at `angle`, rad.
+    /// Simulates `ticks` ticks after the axis is released at `angle`, rad. Calls `each` with the
+    /// angle at the end of each tick.
     pub(crate) fn released(&self, angle: f64, ticks: usize, mut each: impl FnMut(f64)) {
         let (mut x, mut v) = (angle, 0.0);
         let mut last = self.read(x);
@@ -45,9 +46,11 @@ impl Wall {
         if self.step > 0.0 { (x / self.step).round() * self.step } else { x }
     }
 
-    /// Angle and rate after `time` seconds under a constant torque, with friction that truly sticks.
+    /// Returns angle (rad) and rate (rad/s) after `time` seconds under a constant torque, with
+    /// Coulomb friction that truly sticks.
     fn moved(&self, mut x: f64, mut v: f64, torque: f64, mut time: f64) -> (f64, f64) {
-        // A stretch ends where the rate passes zero; after one more the axis sticks or moves the other way for good.
+        // A phase ends when the rate reaches zero. In the phase after that the axis sticks, or it
+        // moves in the other direction until the end.
         for _ in 0..3 {
             let sense = if v != 0.0 { v.signum() } else { torque.signum() };
             if v == 0.0 && torque.abs() <= self.coulomb {
@@ -63,11 +66,12 @@ impl Wall {
         (x, v)
     }
 
-    /// J v' = force - b v, solved.
+    /// Returns angle and rate after `time` seconds: the exact solution of J v' = force - b v.
     fn coasted(&self, x: f64, v: f64, force: f64, time: f64) -> (f64, f64) {
         let (acceleration, rate) = (force / self.inertia, self.own / self.inertia);
         let z = rate * time;
-        // (1 - exp(-z))/z and (1 - that)/z by their series where they cancel; the next terms are z^4/120 and z^3/120.
+        // For small z, (1 - exp(-z))/z and (1 - that)/z are computed by their series, as the
+        // formulas suffer from cancellation. The next terms are z^4/120 and z^3/120.
         let (first, second) = if z < 1.0e-3 {
             (1.0 - z * (0.5 - z * (1.0 / 6.0 - z / 24.0)), 0.5 - z * (1.0 / 6.0 - z * (1.0 / 24.0)))
         } else {
@@ -78,9 +82,10 @@ impl Wall {
         (x + v * time + (acceleration - rate * v) * time * time * second, end)
     }
 
-    /// When a rate of `v` has come to zero under a constant force, if ever.
+    /// Returns the time at which a rate of `v` becomes zero under a constant force, s. Returns
+    /// `None` if it never does.
     fn stops_after(&self, v: f64, force: f64) -> Option<f64> {
-        // Only a force against the motion, or none beside damping that never quite stops it.
+        // Only a force against the motion stops it. Damping alone never quite does.
         if v == 0.0 || v * (force - self.own * v) >= 0.0 || v * force >= 0.0 {
             return None;
         }
@@ -109,7 +114,7 @@ mod tests {
     fn a_constant_torque_accelerates() {
         let (x, v) = FREE.moved(1.0, 3.0, 4.0, 0.5);
         assert!((v - 4.0).abs() < 1e-14 && (x - 2.75).abs() < 1e-14, "{x} {v}");
-        // With damping, against its exponential.
+        // With damping the motion is an exponential.
         let damped = Wall { own: 3.0, ..FREE };
         let (x, v) = damped.moved(0.0, 2.0, 0.0, 0.5);
         let decay = (-0.75_f64).exp();
@@ -119,11 +124,13 @@ mod tests {
     #[test]
     fn friction_stops_and_holds() {
         let rough = Wall { coulomb: 1.0, ..FREE };
-        // v²/(2 a) with a = (1 - 0.5)/2 or (1 + 0.5)/2: under less than friction it stays where it stops.
+        // The axis stops after v²/(2 a), with a = (1 - 0.5)/2 or (1 + 0.5)/2. A torque below the
+        // friction then does not move it.
         let (x, v) = rough.moved(0.0, 1.0, 0.5, 100.0);
         assert!(v == 0.0 && (x - 2.0).abs() < 1e-14, "{x} {v}");
         assert_eq!(rough.moved(0.3, 0.0, -1.0, 1.0), (0.3, 0.0));
-        // Above it, it turns about: stops at 1/3 after 2/3 s, then goes back with 0.5 rad/s².
+        // A torque above the friction turns the axis around. It stops at 1/3 after 2/3 s and goes
+        // back with 0.5 rad/s².
         let (x, v) = rough.moved(0.0, 1.0, -2.0, 2.0 / 3.0 + 1.0);
         assert!((v + 0.5).abs() < 1e-12 && (x - (1.0 / 3.0 - 0.25)).abs() < 1e-12, "{x} {v}");
     }

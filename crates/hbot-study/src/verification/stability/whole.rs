@@ -1,4 +1,5 @@
-//! The whole loop: the prototype's controller, its line and its simulated rig in lock-step.
+//! The whole loop for the study of stability: the prototype's controller, its line and its
+//! simulated rig in lock-step, with a spring.
 
 use hbot_core::mode::Mode;
 use hbot_core::outputs::State as Told;
@@ -9,28 +10,29 @@ use serde_json::json;
 
 use crate::whole::{Whole, prototype};
 
-/// Soft start, s.
+/// Duration of the soft start, s.
 const START_S: f64 = 0.6;
 
-/// What is rendered, how, and on what.
+/// Options of a [`Loop`]: the spring, the rate of the loop, and the simulated rig.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
     /// Loop rate, Hz.
     pub(super) rate: u32,
-    /// Of the spring, N m/rad.
+    /// Stiffness of the spring, N m/rad.
     pub(super) stiffness: f64,
-    /// Of the spring, N m s/rad.
+    /// Damping of the spring, N m s/rad.
     pub(super) damping: f64,
-    /// What the rig shows.
+    /// Phenomena of the simulated rig.
     pub(super) phenomena: Phenomena,
     /// Whether the passivity stage is on.
     pub(super) guard: bool,
 }
 
-/// A loop that is active, with a sphere at rest in the middle of a spring.
+/// An active loop in which the sphere starts at rest at the centre of a spring.
 pub(super) struct Loop {
     whole: Whole,
-    /// Energy that the motors have given out, J: torque held times turn made, joint by joint.
+    /// Energy that the motors have delivered, J: the sum over joints of the held torque times the
+    /// turn made.
     given: f64,
 }
 
@@ -49,12 +51,12 @@ impl Loop {
         new
     }
 
-    /// Ticks of so many seconds.
+    /// Returns the number of ticks in `seconds`.
     pub(super) fn ticks(&self, seconds: f64) -> u32 {
         self.whole.ticks(seconds)
     }
 
-    /// The apparent inertia about n1, kg m².
+    /// Returns the apparent inertia about n1, kg m².
     pub(super) fn inertia(&self) -> f64 {
         let Ok(mut plant) = Plant::new(&self.whole.controller().rig().device) else {
             unreachable!("the prototype is a plant")
@@ -63,30 +65,30 @@ impl Loop {
         plant.apparent_inertia(self.state()).x_axis.x
     }
 
-    /// The rig's.
+    /// Returns the state of the simulated rig.
     pub(super) fn state(&self) -> &State {
         self.whole.rig().state()
     }
 
-    /// Has the sphere turn at `omega`, rad/s in N; what was given out before does not count.
+    /// Sets the sphere's angular velocity to `omega` (rad/s in N), and resets the delivered energy.
     pub(super) fn tap(&mut self, omega: Vec3) {
         let state = State { omega, ..*self.state() };
         self.whole.rig_mut().set_state(state);
         self.given = 0.0;
     }
 
-    /// Energy of the motion and of a spring of so many N m/rad, J.
+    /// Returns the kinetic energy plus the energy of a spring of `stiffness` (N m/rad), J.
     pub(super) fn energy(&self, stiffness: f64) -> f64 {
         let turned = rotation::log(self.state().q);
         self.whole.rig().dynamics().energy(self.state()) + 0.5 * stiffness * turned.length_squared()
     }
 
-    /// Energy that the motors have given out since the tap, J.
+    /// Returns the energy that the motors have delivered since the last tap, J.
     pub(super) fn given(&self) -> f64 {
         self.given
     }
 
-    /// One tick.
+    /// Runs one tick and returns the controller's state.
     pub(super) fn step(&mut self) -> Told {
         let rig = self.whole.rig();
         let (held, before) = (*rig.joint_torque(), rig.state().joints());
@@ -96,7 +98,7 @@ impl Loop {
         told
     }
 
-    /// Whether motors may push.
+    /// Returns whether the mode is active, so that the motors can make torque.
     pub(super) fn is_active(told: &Told) -> bool {
         told.mode == Mode::Active
     }

@@ -1,4 +1,4 @@
-//! Joint torques for a torque on the sphere.
+//! Allocation of joint torques for a torque on the sphere.
 
 use std::hint::black_box;
 
@@ -8,14 +8,14 @@ use super::hbot::{Device, MAX_JOINTS, Real, Vec3};
 use super::{real, vector, wide3};
 use crate::timing::Timed;
 
-/// The ways to stay within the motors' limits, as rig files and ids have them.
+/// The methods that keep joint torques within their limits, named as in rig files and ids.
 ///
-/// `exact`: as much of the torque as the joints can make together. `clipped`: the torques of least cost, scaled as a whole.
-/// `cut`: each of the torques of least cost cut at its own limit, which nothing in the project does: it turns the torque's
-/// direction.
+/// `exact`: the largest share of the torque that the joints can make together. `clipped`: the joint
+/// torques of least cost, all scaled by one factor. `cut`: the joint torques of least cost, each
+/// cut at its own limit. `cut` changes the direction of the torque; nothing in the project uses it.
 pub(crate) const METHODS: [&str; 3] = ["exact", "clipped", "cut"];
 
-/// A posture of a device, and what its motors can give.
+/// A test case: a posture of a device, its joint torque limits and a wanted torque.
 #[derive(Clone)]
 pub(crate) struct Case {
     posture: Posture,
@@ -25,7 +25,8 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    /// `device` at the steering angles `th` with these peaks of steering and drive, N m, asked for the torque `wanted`, N m.
+    /// Creates the case of `device` at the steer angles `th` (rad). `peaks` are the joint torque
+    /// limits of steer and drive, N m. `wanted` is the torque on the sphere, N m in N.
     pub(crate) fn new(device: &Device, th: &[f64], peaks: [f64; 2], wanted: [f64; 3]) -> Self {
         let th: Vec<Real> = th.iter().map(|th| real(*th)).collect();
         let limits = JointLimits::of_device(device, |joint| real(peaks[joint % 2]));
@@ -49,14 +50,14 @@ impl Case {
         }
     }
 
-    /// The torque that it makes on the sphere, N m in N.
+    /// Returns the torque on the sphere that the joint torques of `method` make, N m in N.
     pub(crate) fn made(&self, method: usize) -> [f64; 3] {
         let torque = self.joint_torques(method, self.wanted);
         wide3(self.posture.torque_on_sphere(&torque[..self.posture.rows().len()]))
     }
 }
 
-/// One allocation, timed over all of `cases` in turn.
+/// Prepares the timing of one allocation. Successive calls go through `cases` in turn.
 pub(crate) fn timed(method: usize, cases: Vec<Case>) -> Timed<'static> {
     let mut k = 0;
     Timed::new(move || {

@@ -1,5 +1,6 @@
-//! The stages under study in one width of numbers. What comes in and goes out is f64, so that both widths are held against
-//! the same truth; rounding of what comes in is part of what a width costs.
+//! The stages under study, in one floating-point width, f32 or f64. Their inputs and outputs are
+//! f64, so that both widths are compared with one true value. The rounding of the inputs counts as
+//! an error of the width.
 
 pub(crate) mod allocation;
 pub(crate) mod kinematics;
@@ -9,16 +10,16 @@ pub(crate) mod spring;
 use super::core as hbot;
 use hbot::{Device, Quat, Real, Vec3, WheelSpec};
 
-/// The width's name in ids.
+/// Name of this width in ids.
 pub(crate) const WIDTH: &str = if size_of::<Real>() == 8 { "f64" } else { "f32" };
 
-/// The nearest number of this width.
+/// Rounds `x` to the nearest number of this width.
 #[allow(clippy::unnecessary_cast, reason = "one width of the two makes it one")]
 pub(crate) fn real(x: f64) -> Real {
     x as Real
 }
 
-/// The same number in f64.
+/// Converts `x` to f64 without rounding.
 #[allow(clippy::useless_conversion, reason = "one width of the two makes it one")]
 pub(crate) fn wide(x: Real) -> f64 {
     f64::from(x)
@@ -40,7 +41,7 @@ pub(crate) fn wide4(q: Quat) -> [f64; 4] {
     [q.w, q.x, q.y, q.z].map(wide)
 }
 
-/// `device` in this width.
+/// Converts a device of the f64 core to this width.
 pub(crate) fn device(of: &hbot_core::Device) -> Device {
     let wheel = |wheel: &hbot_core::device::Wheel| {
         let spec = wheel.spec();

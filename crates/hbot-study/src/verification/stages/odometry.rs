@@ -1,4 +1,4 @@
-//! Orientation from readings of the joints.
+//! Odometry: the orientation of the sphere from readings of the joints.
 
 use std::hint::black_box;
 
@@ -13,26 +13,27 @@ use super::hbot::{Device, MAX_JOINTS, Quat, Real, Vec3, rotation};
 use super::{real, vector, wide4};
 use crate::timing::Timed;
 
-/// The methods, as ids and rig files have them, by rising order.
+/// The odometry methods with their names in ids and rig files, by increasing order.
 pub(crate) const METHODS: [(&str, OdometryMethod); 3] =
     [(Euler.name(), Euler), (Midpoint.name(), Midpoint), (Magnus4.name(), Magnus4)];
-/// Their orders on a path that is known.
+/// Orders of the methods in [`METHODS`] on a known path of the joints.
 pub(crate) const ORDERS: [u32; 3] = [1, 2, 4];
 
-/// The ways that the joints may be taken to have gone between two readings, as ids and rig files have them.
+/// The assumed paths of the joints between two readings, with their names in ids and rig files.
 pub(crate) const PATHS: [(&str, PathFit); 3] =
     [(Straight.name(), Straight), (Quadratic.name(), Quadratic), (Cubic.name(), Cubic)];
-/// The orders of what they miss.
+/// Orders of the errors of the paths in [`PATHS`].
 pub(crate) const PATH_ORDERS: [u32; 3] = [2, 3, 4];
 
-/// Which method on which path, by their places in [`METHODS`] and [`PATHS`].
+/// An odometry method and a path, as indices into [`METHODS`] and [`PATHS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Choice {
     pub(crate) method: usize,
     pub(crate) path: usize,
 }
 
-/// The turn of one step, by what the controller calls for this choice.
+/// Returns the turn of one step, a rotation vector in N, rad. Calls the functions that the
+/// controller calls for this choice.
 #[inline]
 fn step_turn(
     device: &Device,
@@ -42,14 +43,15 @@ fn step_turn(
     delta: &[Real; MAX_JOINTS],
 ) -> Vec3 {
     match (METHODS[choice.method].1, PATHS[choice.path].1) {
-        // On which a path changes nothing.
+        // Euler's method does not depend on the path.
         (Euler, _) => turn(device, Euler, th, delta),
         (method, Straight) => turn(device, method, th, delta),
         (method, fit) => turn_along(device, method, th, &trail.step(fit, delta, 1.0)),
     }
 }
 
-/// The orientation at each of `readings` (angles of the joints, rad) from the [`LEAD`]th on, where it is the identity.
+/// Integrates `readings` (joint angles, rad) to orientations, as quaternions [w, x, y, z]. Starts
+/// with the identity at reading [`LEAD`] and returns the orientation at each reading from there on.
 pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = Quat::IDENTITY;
     let mut all = vec![wide4(q)];
@@ -65,8 +67,9 @@ pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]])
     all
 }
 
-/// Steering angles at a reading and the joints' turns to the next, as a controller has them: angles within a turn from integer
-/// counts, so that they round like numbers of their own size.
+/// Returns the steer angles at reading `from` and the turn of each joint up to reading `to`, rad.
+/// Steer angles are reduced to one turn, as a controller does with integer counts, so that they
+/// round like numbers of that size.
 fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX_JOINTS]) {
     let th = core::array::from_fn(|i| real(hbot_core::rotation::wrap_angle(from[2 * i])));
     let mut delta = [0.0; MAX_JOINTS];
@@ -76,8 +79,8 @@ fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX
     (th, delta)
 }
 
-/// The orientation after joints have turned at the constant rates `zd` (rad/s) from the steering angles `th` for `ticks` ticks
-/// of `h` seconds.
+/// Returns the orientation [w, x, y, z] after `ticks` ticks of `h` seconds. The joints turn at the
+/// constant rates `zd` (rad/s), starting from the steer angles `th` (rad).
 pub(crate) fn segment(
     device: &Device,
     method: usize,
@@ -97,8 +100,9 @@ pub(crate) fn segment(
     wide4(q)
 }
 
-/// The orientation after `turns` (rotation vectors in N, rad), one after the other, held in this width: by the core's product,
-/// or where `added` by adding what each product changes.
+/// Returns the orientation [w, x, y, z] after the successive `turns` (rotation vectors in N, rad),
+/// stored in this width. Uses the core's product of quaternions, or, if `added`, adds the change
+/// that each product makes.
 pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
     let mut q = Quat::IDENTITY;
     for turn in turns {
@@ -108,7 +112,8 @@ pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
     wide4(q)
 }
 
-/// exp(turn) q - q, without a number near 1.
+/// Returns exp(turn) q - q. No intermediate result is close to 1, so that little is lost by
+/// rounding.
 fn change(q: Quat, turn: Vec3) -> Quat {
     let quarter = real(libm::sin(0.25 * super::wide(turn.length())));
     let (less, s) = (real(-2.0) * quarter * quarter, rotation::vector_part(rotation::exp(turn)));
@@ -117,14 +122,15 @@ fn change(q: Quat, turn: Vec3) -> Quat {
     Quat::from_xyzw(v.x, v.y, v.z, less * q.w - s.dot(e))
 }
 
-/// The deviation of |q| from 1 that `ticks` ticks of brisk turning back and forth leave at most.
+/// Returns the largest deviation of |q| from 1 during `ticks` ticks of brisk turning back and
+/// forth. Returns `None` if `go_on` returns false.
 pub(crate) fn unit_norm_after(
     device: &Device,
     method: usize,
     ticks: u64,
     go_on: impl Fn() -> bool,
 ) -> Option<f64> {
-    // A table of turns, so that what is run is the odometry alone.
+    // The turns come from a table, so that the loop runs the odometry alone.
     let table: Vec<([Real; WHEELS], [Real; JOINTS])> = (0..1024)
         .map(|k| {
             let phase = f64::from(k) * core::f64::consts::TAU / 1024.0;
@@ -145,12 +151,12 @@ pub(crate) fn unit_norm_after(
             return None;
         }
     }
-    // |q| = 1 + d has |q|² = 1 + 2 d.
+    // For |q| = 1 + d with small d, |q|² = 1 + 2 d.
     Some(0.5 * super::wide(worst))
 }
 
-/// One step of odometry, timed. Euler's contact frames are those that the controller has already, from the posture of the
-/// last reading.
+/// Prepares the timing of one odometry step. Euler's method uses the contact frames of the last
+/// reading's posture, which the controller already has.
 pub(crate) fn timed(device: Device, choice: Choice) -> Timed<'static> {
     let th: [Real; WHEELS] = [0.3, -0.5];
     let mut delta = [0.0; MAX_JOINTS];

@@ -1,4 +1,4 @@
-//! Torque of a spring: the laws, and what they are to first order.
+//! Torque of a spring: the exact laws and their first-order forms.
 
 use std::hint::black_box;
 
@@ -7,17 +7,19 @@ use super::hbot::{Mat3, Quat, Vec3, rotation};
 use super::{quaternion, vector, wide3};
 use crate::timing::Timed;
 
-/// The laws and their first-order forms, as ids have them.
+/// The spring laws and their first-order forms, named as in ids.
 pub(crate) const LAWS: [&str; 4] =
     ["geodesic_exact", "geodesic_first_order", "quaternion_exact", "quaternion_first_order"];
 
-/// Stiffness about the axes of the desired frame, N m/rad; uneven, as only then the first-order forms are no springs.
+/// Stiffness about the axes of the desired frame, N m/rad. It is anisotropic, because only then the
+/// first-order forms differ from the gradient of an energy.
 pub(crate) const STIFFNESS: [f64; 3] = [4.0, 2.0, 1.0];
 
-/// The torque in N of a spring towards the identity, by the law of that place in [`LAWS`].
+/// Returns the torque, N m in N, of a spring towards the identity. `law` is an index into [`LAWS`].
 ///
-/// To first order in the angle both are -K times the turn: `-K log q`, which leaves the Jacobian of the logarithm out, and
-/// the core's `-2 K e`, which takes the sine of half the angle for half the angle.
+/// The first-order forms of both laws approximate -K times the turn. One is `-K log q`, which omits
+/// the Jacobian of the logarithm. The other is the core's `-2 K e`, which replaces half the angle
+/// by its sine.
 #[inline]
 fn torque(law: usize, q: Quat, stiffness: &Mat3) -> Vec3 {
     match law {
@@ -32,12 +34,13 @@ fn stiffness() -> Mat3 {
     Mat3::from_diagonal(vector(STIFFNESS))
 }
 
-/// The torque at the orientation `q` (w, x, y, z), N m in N.
+/// Returns the torque at the orientation `q` ([w, x, y, z]), N m in N. `law` is an index into
+/// [`LAWS`].
 pub(crate) fn at(law: usize, q: [f64; 4]) -> [f64; 3] {
     wide3(torque(law, quaternion(q), &stiffness()))
 }
 
-/// One torque, timed.
+/// Prepares the timing of one evaluation of the torque.
 pub(crate) fn timed(law: usize) -> Timed<'static> {
     let stiffness = stiffness();
     let q = rotation::exp(vector([0.3, -0.2, 0.4]));

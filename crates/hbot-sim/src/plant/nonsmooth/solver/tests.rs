@@ -1,4 +1,4 @@
-//! Problems whose answers one knows.
+//! Tests of the solver on problems with known solutions.
 
 use super::super::law::Law;
 use super::*;
@@ -17,7 +17,7 @@ fn friction(limit: f64, rows: &[Row]) -> Element {
     element(Law::Friction { limit }, rows)
 }
 
-/// The speeds of masses by themselves, and the solver's effort.
+/// Returns the speeds of uncoupled masses after a step, and the solver's work.
 fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>, Effort) {
     let mut problem = Problem::EMPTY;
     problem.n = mass.len();
@@ -31,7 +31,8 @@ fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>
     (speeds[..mass.len()].to_vec(), effort)
 }
 
-/// What the solver leaves of a velocity: 1e-12 of those that there are.
+/// Largest velocity that the solver leaves to a sticking element, relative to the velocities
+/// involved.
 const LEFT: f64 = 1.0e-12;
 
 #[test]
@@ -48,25 +49,26 @@ fn friction_takes_its_limit_or_all_there_is() {
     assert!(speeds[0].abs() < 3.0 * LEFT && (elements[0].impulse[0] + 5.0).abs() < 10.0 * LEFT);
 }
 
-/// A cage: the impulse stands against the velocity, in any direction, at its limit.
+/// Cage friction: the impulse has the size of its limit and points against the velocity, in any
+/// direction.
 #[test]
 fn friction_of_three_components_points_against_the_motion() {
     let mut elements = [friction(1.0, &[row(&[(0, 1.0)]), row(&[(1, 1.0)]), row(&[(2, 1.0)])])];
     let (speeds, _) = solved(&[2.0; 3], &[2.0, -1.0, 2.0], &mut elements);
-    // |r| = 3, of which 2 are left.
+    // The momentum is |r| = 3, of which 2 are left.
     for (speed, momentum) in speeds.iter().zip([2.0, -1.0, 2.0]) {
         assert!((speed - momentum / 3.0).abs() < LEFT, "{speeds:?}");
     }
 }
 
-/// Several laws about one velocity: their limits add up, whatever the share of each.
+/// If several laws act on one velocity, their limits add up, whatever the share of each.
 #[test]
 fn laws_that_say_the_same_add_up() {
     let x = row(&[(0, 1.0)]);
     for momentum in [2.0, 7.0] {
         let mut elements = [friction(1.0, &[x]), friction(2.0, &[row(&[(0, 2.0)])]), friction(0.0, &[x])];
         let (speeds, _) = solved(&[1.0], &[momentum], &mut elements);
-        // The second stands on twice the velocity, so that it takes 4.
+        // The second law acts on twice the velocity, so it takes 4.
         let left = (momentum - 5.0f64).max(0.0);
         assert!((speeds[0] - left).abs() < 10.0 * LEFT, "{speeds:?}");
         let taken = elements[0].impulse[0] + 2.0 * elements[1].impulse[0] + elements[2].impulse[0];
@@ -81,7 +83,7 @@ fn without_momentum_nothing_moves() {
         [friction(1.0, &[x]), friction(0.0, &[x]), element(Law::Gap { low: 0.0, high: 0.0 }, &[x])];
     let (speeds, effort) = solved(&[1.0], &[0.0], &mut elements);
     assert_eq!((speeds[0], effort.rounds, effort.newton), (0.0, 1, 0));
-    // Nor where laws hold each other in balance from before.
+    // Impulses that balance each other from the step before also stay.
     let mut elements = [friction(1.0, &[x]), friction(1.0, &[x])];
     (elements[0].impulse[0], elements[1].impulse[0]) = (0.75, -0.75);
     let (speeds, _) = solved(&[1.0], &[0.0], &mut elements);
@@ -89,7 +91,8 @@ fn without_momentum_nothing_moves() {
     assert_eq!((elements[0].impulse[0], elements[1].impulse[0]), (0.75, -0.75));
 }
 
-/// A gap lets what is within it pass, and stops the rest there; masses a million million times apart share their momentum.
+/// A gap lets speeds within its bounds pass and stops others at the bound. Momentum is kept for
+/// mass ratios up to 1e12.
 #[test]
 fn a_gap_is_open_up_to_its_end() {
     for mass in [1.0, 1e-6, 1e-12] {
