@@ -11,8 +11,7 @@ use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
 use thiserror::Error;
 
-use crate::bus::hbot::HbotLink;
-use crate::bus::{Expected, MeetError, MotorBus, Protocol as _, driver};
+use crate::bus::{Expected, MeetError, MotorBus, driver};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
 use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
@@ -79,6 +78,7 @@ pub(crate) fn simulated(
     time: Time,
 ) -> Result<(Box<dyn MotorBus>, Simulator), AttachError> {
     let mut config = SimulatedConfig::new(&rig.rig);
+    config.protocol = rig.link.protocol;
     config.phenomena = Phenomena { link: None, ..phenomena };
     let simulated = SimulatedRig::new(&config)?;
     let (line, place): (Box<dyn Line>, _) = match time {
@@ -110,8 +110,9 @@ pub(crate) fn met(
     mut line: Box<dyn Line>,
 ) -> Result<Box<dyn MotorBus>, AttachError> {
     let expected = Expected::new(&Port::Sim.to_string(), &rig.rig, layout, 0);
-    HbotLink.meet(line.as_mut(), &expected)?;
-    Ok(HbotLink.bus(line, expected))
+    let protocol = driver(rig.link.protocol);
+    protocol.meet(line.as_mut(), &expected)?;
+    Ok(protocol.bus(line, expected))
 }
 
 fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {

@@ -9,7 +9,7 @@ use hbot_core::MAX_JOINTS;
 /// controller of hbot-core works with the motor controllers' signs and knows both.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// Place of each joint, in the order steer, drive of each wheel.
+    /// JointPlace of each joint, in the order steer, drive of each wheel.
     pub places: Vec<JointPlace>,
     /// Counts that are added to the count of each joint, so that the sum is zero at the rig's zero.
     pub offsets: [i32; MAX_JOINTS],
@@ -20,8 +20,10 @@ pub struct Layout {
 pub struct JointPlace {
     /// Number of the bus that carries the joint, from 0.
     pub bus: usize,
-    /// Place of the joint on that bus, from 0.
+    /// JointPlace of the joint on that bus, from 0.
     pub at: usize,
+    /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its place.
+    pub id: u8,
 }
 
 impl Layout {
@@ -36,18 +38,31 @@ impl Layout {
         }
         if rig.link.port == Port::Sim {
             // The simulated controllers are on one bus, in the order of the joints.
-            return Self { offsets, ..Self::single(0..rig.controllers.len()) };
+            let first = rig.link.protocol.ids().map_or(0, |ids| *ids.start() as u8);
+            return Self { offsets, ..Self::single(0..rig.controllers.len()).numbered_from(first) };
         }
-        let places =
-            rig.ports.iter().zip(&rig.controllers).map(|(bus, at)| JointPlace { bus: *bus, at: *at });
-        Self { places: places.collect(), offsets }
+        let all = || rig.ports.iter().zip(&rig.controllers);
+        let place = |(bus, id): (&usize, &usize)| {
+            let at = all().filter(|(other, before)| *other == bus && *before < id).count();
+            JointPlace { bus: *bus, at, id: *id as u8 }
+        };
+        Self { places: all().map(place).collect(), offsets }
+    }
+
+    /// With the ids of a bus that begin at `first` and follow one another.
+    #[must_use]
+    pub fn numbered_from(mut self, first: u8) -> Self {
+        for place in &mut self.places {
+            place.id = first + place.at as u8;
+        }
+        self
     }
 
     /// Returns a layout with all joints on one bus and without offsets. `places` are in the order
     /// steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>) -> Self {
-        let places = places.into_iter().map(|at| JointPlace { bus: 0, at }).collect();
+        let places = places.into_iter().map(|at| JointPlace { bus: 0, at, id: at as u8 }).collect();
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 
@@ -59,7 +74,11 @@ impl Layout {
 
     /// Returns the joints on one bus: each joint's number in the rig, and its place on the bus.
     pub fn joints(&self, bus: usize) -> impl Iterator<Item = (usize, usize)> {
-        let all = self.places.iter().enumerate();
-        all.filter(move |(_, place)| place.bus == bus).map(|(joint, place)| (joint, place.at))
+        self.on(bus).map(|(joint, place)| (joint, place.at))
+    }
+
+    /// The joints of the rig on one bus, each with where it stands.
+    pub fn on(&self, bus: usize) -> impl Iterator<Item = (usize, &JointPlace)> {
+        self.places.iter().enumerate().filter(move |(_, place)| place.bus == bus)
     }
 }

@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn a_bus_that_panics_keeps_the_last_word_from_no_other() {
         let said = [Arc::default(), Arc::default()];
-        let place = |bus, at| JointPlace { bus, at };
+        let place = |bus, at| JointPlace { bus, at, id: at as u8 };
         let layout =
             Layout { places: vec![place(0, 0), place(0, 1), place(1, 0), place(1, 1)], ..Layout::single([]) };
         let buses = said.iter().zip([true, false]);

@@ -42,11 +42,12 @@ pub(crate) struct Impairment {
 }
 
 impl Impairment {
-    pub(crate) fn new(link: &Link) -> Self {
+    /// A line on which `end` ends a frame.
+    pub(crate) fn new(link: &Link, end: u8) -> Self {
         let mut line = Self {
             random: Rand64::new(0),
-            commands: Lane::new(),
-            answers: Lane::new(),
+            commands: Lane::new(end),
+            answers: Lane::new(end),
             scratch: Vec::with_capacity(4 * LONGEST),
         };
         line.replace(link);
@@ -88,6 +89,8 @@ struct Frame {
 /// One direction of an impaired line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
+    /// The byte that ends a frame.
+    end: u8,
     latency_ns: u64,
     jitter_ns: f64,
     loss: f64,
@@ -102,8 +105,9 @@ pub(crate) struct Lane {
 }
 
 impl Lane {
-    fn new() -> Self {
+    fn new(end: u8) -> Self {
         Self {
+            end,
             latency_ns: 0,
             jitter_ns: 0.0,
             loss: 0.0,
@@ -146,8 +150,9 @@ impl Lane {
         for byte in bytes {
             self.begun[self.length] = *byte;
             self.length += 1;
-            // A zero that follows only zeros ends no frame. It becomes part of the next one.
-            let ends = *byte == 0 && self.begun[..self.length].iter().any(|byte| *byte != 0);
+            // Ends alone are no frame: they belong to the next.
+            let end = self.end;
+            let ends = *byte == end && self.begun[..self.length].iter().any(|byte| *byte != end);
             if ends || self.length == LONGEST {
                 self.put(now_ns, random);
                 self.length = 0;

@@ -9,7 +9,7 @@ use hbot_core::device::{Device, DeviceError, MAX_JOINTS, WheelSpec};
 use hbot_core::rig as core;
 
 use super::file::{self, RigFile};
-use super::settings;
+use super::settings::{self, Protocol};
 use super::{ApiConfig, LinkConfig, Port, RigConfig, TlsFiles};
 use crate::document::Report;
 
@@ -22,7 +22,7 @@ const WATCHDOG_SIM_MS: u16 = 50;
 const LEAST_AXIS: f64 = 1.0e-9;
 
 /// Checks what depends on the values of one wheel only, and adds mistakes to the report.
-pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) {
+pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Protocol, path: &str, report: &mut Report) {
     if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
         report.push(
             &format!("{path}.axis"),
@@ -32,6 +32,8 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
     }
     for (name, joint) in [("steer", &wheel.steer), ("drive", &wheel.drive)] {
         let at = |key: &str| format!("{path}.{name}.{key}");
+        check_counts(joint, protocol, &at("counts_per_turn"), report);
+        check_id(joint, protocol, &at("controller"), report);
         if joint.motor {
             for (key, value) in [("peak", joint.peak), ("continuous", joint.continuous)] {
                 if value.is_none() {
@@ -46,7 +48,8 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
         // An absent `peak` counts as 0, which is legal for a joint without motor. For a joint with
         // a motor it was reported above.
         let peak = joint.peak.unwrap_or(0.0);
-        let stated = core::Joint { peak, continuous: joint.continuous.unwrap_or(peak), ..joint.encoder() };
+        let stated =
+            core::Joint { peak, continuous: joint.continuous.unwrap_or(peak), ..joint.encoder(protocol) };
         for mistake in stated.mistakes() {
             let core::RigError { field, value, range, .. } = mistake;
             let (key, message) = match field {
@@ -59,6 +62,39 @@ pub(super) fn check_wheel(wheel: &file::Wheel, path: &str, report: &mut Report) 
             };
             report.push(&at(key), message, range.to_string());
         }
+    }
+}
+
+/// Checks who counts the turns of an encoder: the file says it, or the protocol.
+fn check_counts(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Report) {
+    match (joint.counts_per_turn, protocol.counts_per_turn()) {
+        (None, None) => {
+            let core::Range { least, most, .. } = core::legal::COUNTS_PER_TURN;
+            report.push(at, "missing", format!("a whole number, {least} to {most}"));
+        }
+        (Some(counts), Some(fixed)) if counts != fixed => {
+            let name = protocol.name();
+            let message = format!("{counts} counts a turn, and controllers that speak {name} report turns");
+            report.push(at, message, format!("{fixed}; best leave it out"));
+        }
+        _ => {}
+    }
+}
+
+/// Checks the id of a controller where the protocol has ids.
+fn check_id(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Report) {
+    let Some(ids) = protocol.ids() else { return };
+    let words = || format!("the id of its controller on the bus, {} to {}", ids.start(), ids.end());
+    match joint.controller {
+        None => report.push(at, "missing", words()),
+        Some(id) if !ids.contains(&id) => {
+            report.push(
+                at,
+                format!("{id} is no id of a controller that speaks {}", protocol.name()),
+                words(),
+            );
+        }
+        Some(_) => {}
     }
 }
 
@@ -91,7 +127,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let api = api(&file, report);
     file.r#loop.rate_estimate.check(report);
     let device = device(&file, report)?;
-    let joints = joints(&file);
+    let joints = joints(&file, link.protocol);
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let methods = core::Methods {
         rate: file.r#loop.rate_estimate.compile(),
@@ -149,18 +185,20 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
     let ports: Vec<usize> = each_joint(file).map(|(_, settings)| settings.port as usize).collect();
     let mut taken = HashSet::new();
     let mut order = Vec::new();
+    let protocol = file.link.protocol;
     for (joint, (path, settings)) in each_joint(file).enumerate() {
         let line = ports[joint];
         let count = ports.iter().filter(|p| **p == line).count();
         let own = ports[..joint].iter().filter(|p| **p == line).count();
         let position = settings.controller.map_or(own, |c| c as usize);
-        let words = || {
-            format!(
+        let words = || match protocol.ids() {
+            None => format!(
                 "each of 0 to {} once; the place of a joint that names none is its own, here {own}",
                 count - 1
-            )
+            ),
+            Some(_) => "ids that differ on each port".to_owned(),
         };
-        if position >= count {
+        if protocol.ids().is_none() && position >= count {
             let message = format!("{position} is past the last of {count} joints");
             report.push(&format!("{path}.controller"), message, words());
         } else if !taken.insert((line, position)) {
@@ -198,6 +236,10 @@ fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LinkConfi
         settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
         settings::Ports::Several(names) => Port::Devices(names.clone()),
     };
+    if file.link.protocol != Protocol::Hbot {
+        let message = format!("this version has no driver for {:?}", file.link.protocol.name());
+        report.push("link.protocol", message, "\"hbot\"".to_owned());
+    }
     let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
     let rate_hz = file.r#loop.rate_hz;
@@ -271,12 +313,12 @@ fn device(file: &RigFile, report: &mut Report) -> Option<Device> {
     None
 }
 
-fn joints(file: &RigFile) -> [core::Joint; MAX_JOINTS] {
+fn joints(file: &RigFile, protocol: Protocol) -> [core::Joint; MAX_JOINTS] {
     let mut joints = [core::Joint::default(); MAX_JOINTS];
     for (joint, (_, settings)) in joints.iter_mut().zip(each_joint(file)) {
         let torque = |value: Option<f64>| value.filter(|_| settings.motor).unwrap_or(0.0);
         let (peak, continuous) = (torque(settings.peak), torque(settings.continuous));
-        *joint = core::Joint { peak, continuous, ..settings.encoder() };
+        *joint = core::Joint { peak, continuous, ..settings.encoder(protocol) };
     }
     joints
 }

@@ -11,7 +11,10 @@ use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::settings::{Api, Limits, Link, Loop};
+use super::settings::{Api, Limits, Link, Loop, Protocol};
+
+/// Stands in for the counts a turn that a file leaves out by mistake.
+const MISSING_COUNTS: u32 = legal::COUNTS_PER_TURN.least as u32;
 
 /// The whole rig file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -96,11 +99,13 @@ pub(crate) struct Joint {
     /// once. Default: the place of the joint among the joints of its port, in the order steer,
     /// drive of each wheel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "u32", range(min = 0, max = 15))]
+    #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,
-    /// Encoder counts in one turn of the encoder (lines times 4), before the gear.
-    #[schemars(range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
-    pub(crate) counts_per_turn: u32,
+    /// Encoder counts in one turn of the encoder (lines times 4), before the gear. Required with protocol `hbot`. Absent with the
+    /// others, which report turns: the driver counts 131072 a turn with `moteus` and 2097152 with `odrive`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "u32", range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
+    pub(crate) counts_per_turn: Option<u32>,
     /// Turns of the encoder in one turn of the joint.
     #[serde(default = "one")]
     #[schemars(range(min = legal::GEAR.least, max = legal::GEAR.most))]
@@ -138,13 +143,15 @@ pub(crate) struct Joint {
 }
 
 impl Joint {
-    /// Returns the core's description of the joint without its motor: encoder, gear, sign and zero.
-    pub(crate) fn encoder(&self) -> core::Joint {
+    /// The joint without its motor, on a controller that speaks `protocol`.
+    pub(crate) fn encoder(&self, protocol: Protocol) -> core::Joint {
+        // A count that is missing has its own message; this one is legal.
+        let counts = protocol.counts_per_turn().or(self.counts_per_turn).unwrap_or(MISSING_COUNTS);
         core::Joint {
             gear: self.gear,
             reversed: self.sign < 0,
             zero: self.zero,
-            ..core::Joint::new(self.counts_per_turn, 0.0)
+            ..core::Joint::new(counts, 0.0)
         }
     }
 }

@@ -12,6 +12,7 @@ use std::sync::LazyLock;
 
 use hbot_core::inputs::OnClientLost;
 use hbot_core::rig::Rig;
+use serde::Deserialize as _;
 use serde_json::Value;
 
 pub use self::settings::Protocol;
@@ -220,14 +221,14 @@ impl RigConfig {
         }
         let Document { tree, mut report } = document;
         validate(&SCHEMA, &tree, "", &mut report);
-        // Each legal wheel is checked even if other parts are not legal, so that all its mistakes
-        // are reported together.
+        // Each wheel is checked even where other parts are not legal, so that all its mistakes are told at once.
+        let protocol = Protocol::deserialize(&tree["link"]["protocol"]).unwrap_or(Protocol::Hbot);
         for (i, wheel) in tree["wheel"].as_array().into_iter().flatten().enumerate() {
             let path = format!("wheel[{i}]");
             if report.clean_under(&path)
                 && let Some(wheel) = decode(wheel, &path, &mut report)
             {
-                compile::check_wheel(&wheel, &path, &mut report);
+                compile::check_wheel(&wheel, protocol, &path, &mut report);
             }
         }
         let mut config = None;

@@ -1,6 +1,7 @@
 //! The tables of a rig file that say how the machine is run: loop, link, limits and service.
 
 use std::net::{Ipv4Addr, SocketAddr};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use hbot_core::inputs::OnClientLost;
@@ -111,6 +112,46 @@ pub(crate) enum Ports {
 pub enum Protocol {
     /// hbot's own serial protocol, described in docs/link.md.
     Hbot,
+    /// moteus controllers, on an fdcanusb adapter or a UART.
+    Moteus,
+    /// ODrive controllers that speak CANSimple, on an adapter that speaks slcan.
+    Odrive,
+}
+
+impl Protocol {
+    /// Its name in a rig file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Hbot => "hbot",
+            Self::Moteus => "moteus",
+            Self::Odrive => "odrive",
+        }
+    }
+
+    /// The ids that its controllers may have on their bus. `None` where they have none: the joints of
+    /// a line are then numbered from 0 in the order of the frames.
+    #[must_use]
+    pub const fn ids(self) -> Option<RangeInclusive<u32>> {
+        match self {
+            Self::Hbot => None,
+            Self::Moteus => Some(1..=127),
+            Self::Odrive => Some(0..=63),
+        }
+    }
+
+    /// The counts of a turn of the encoder where the protocol speaks of turns: the driver makes counts
+    /// of them. A power of two, no coarser than the protocol: moteus sends steps of 1e-5 turns, and
+    /// ODrive an `f32`, which below 8 turns has steps of at most 2^-21 turns. `None` where the
+    /// controllers count themselves.
+    #[must_use]
+    pub const fn counts_per_turn(self) -> Option<u32> {
+        match self {
+            Self::Hbot => None,
+            Self::Moteus => Some(1 << 17),
+            Self::Odrive => Some(1 << 21),
+        }
+    }
 }
 
 /// Limits on torque, speed, slip, energy and rates.

@@ -295,6 +295,68 @@ fn values_that_do_not_fit_each_other() {
     );
 }
 
+/// The least rig file with controllers that have ids, where `link` says this and each `{}` of `ids` is the table of a joint.
+fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
+    let mut text = LEAST.to_owned();
+    for id in ids {
+        text = text.replacen("{ counts_per_turn = 4096", &format!("{{ {id}"), 1);
+    }
+    text = text.replace("{ ,", "{");
+    format!("{text}[link]\nprotocol = '{protocol}'")
+}
+
+#[test]
+fn controllers_with_ids_are_named_by_them_within_their_range_each_once_on_its_port() {
+    assert_eq!((Protocol::Moteus.ids(), Protocol::Odrive.ids()), (Some(1..=127), Some(0..=63)));
+    let id = |id: u32| format!("controller = {id}");
+    for (protocol, first, last) in [("moteus", 1, 127), ("odrive", 0, 63)] {
+        let said = |ids: [u32; 4]| {
+            let ids = ids.map(id);
+            said_of(&with_ids(protocol, ids.each_ref().map(String::as_str)))
+        };
+        let good = said([first, last, 7, 5]);
+        assert!(!good.contains("controller:"), "{good}");
+        let twice = said([first, 7, 5, 7]);
+        let where_and_how =
+            "wheel[1].drive.controller: 7 is taken by another joint; legal: ids that differ on each port";
+        assert!(twice.contains(where_and_how), "{twice}");
+        let beyond = said([first, 7, 5, last + 1]);
+        assert!(beyond.contains("wheel[1].drive.controller: "), "{beyond}");
+        let missing = said_of(&with_ids(protocol, [&id(first), "", &id(5), &id(6)]));
+        let legal = format!(
+            "wheel[0].drive.controller: missing; legal: the id of its controller on the bus, {first} to {last}"
+        );
+        assert!(missing.contains(&legal), "{missing}");
+    }
+    let below = said_of(&with_ids(
+        "moteus",
+        ["controller = 0", "controller = 1", "controller = 2", "controller = 3"],
+    ));
+    let words = "wheel[0].steer.controller: 0 is no id of a controller that speaks moteus; legal: the id of its controller on \
+                 the bus, 1 to 127";
+    assert!(below.contains(words), "{below}");
+}
+
+#[test]
+fn counts_a_turn_are_the_file_s_or_the_protocol_s() {
+    assert_eq!(
+        said("counts_per_turn = 4096, ", ""),
+        "x.toml:7:9: wheel[0].steer.counts_per_turn: missing; legal: a whole number, 4 to 1073741824"
+    );
+    let with = |counts: &str| {
+        said_of(&with_ids(
+            "moteus",
+            [&format!("controller = 1, {counts}"), "controller = 2", "controller = 3", "controller = 4"],
+        ))
+    };
+    let words = "wheel[0].steer.counts_per_turn: 4096 counts a turn, and controllers that speak moteus report turns; \
+                 legal: 131072; best leave it out";
+    let wrong = with("counts_per_turn = 4096");
+    assert!(wrong.contains(words), "{wrong}");
+    let right = with("counts_per_turn = 131072");
+    assert!(!right.contains("counts_per_turn"), "{right}");
+}
+
 #[test]
 fn a_rig_may_have_several_ports() {
     let ports = "[link]\nport = ['/dev/ttyACM0', '/dev/ttyACM1']";

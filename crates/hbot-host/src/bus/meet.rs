@@ -7,7 +7,7 @@ use std::time::Duration;
 use hbot_core::Rig;
 use thiserror::Error;
 
-use crate::layout::Layout;
+use crate::layout::{JointPlace, Layout};
 use crate::line::Line;
 
 /// How many times a question is sent before the controllers count as silent.
@@ -94,6 +94,9 @@ pub struct Expected {
 pub struct ExpectedJoint {
     /// Number of the joint in the rig, from 0, in the order steer, drive of each wheel.
     pub number: usize,
+    /// The id of its controller on the bus: `controller` of the rig file, or its place on the
+    /// simulated line. Joints stand on a bus in the order of their ids.
+    pub id: u8,
     /// Encoder counts per turn of the encoder.
     pub counts_per_turn: u32,
     /// Gear ratio: turns of the encoder per turn of the joint.
@@ -105,11 +108,11 @@ impl Expected {
     /// name of the port for messages.
     #[must_use]
     pub fn new(port: &str, rig: &Rig, layout: &Layout, bus: usize) -> Self {
-        let mut joints: Vec<_> = layout.joints(bus).collect();
-        joints.sort_by_key(|(_, at)| *at);
-        let expected = |(number, _): (usize, usize)| {
+        let mut joints: Vec<_> = layout.on(bus).collect();
+        joints.sort_by_key(|(_, place)| place.at);
+        let expected = |(number, place): (usize, &JointPlace)| {
             let joint = &rig.joints[number];
-            ExpectedJoint { number, counts_per_turn: joint.counts_per_turn, gear: joint.gear }
+            ExpectedJoint { number, id: place.id, counts_per_turn: joint.counts_per_turn, gear: joint.gear }
         };
         Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect() }
     }

@@ -139,5 +139,8 @@ pub struct Traffic {
 pub fn driver(protocol: config::Protocol) -> &'static dyn Protocol {
     match protocol {
         config::Protocol::Hbot => &hbot::HbotLink,
+        other @ (config::Protocol::Moteus | config::Protocol::Odrive) => {
+            unreachable!("a rig file that names {} is refused", other.name())
+        }
     }
 }

@@ -135,7 +135,7 @@ fn a_line_that_was_gone_is_a_fault_even_where_its_controllers_do_not_complain() 
 /// Returns the prototype with wheel A on one line and wheel B on another, in the opposite order.
 fn two_lines() -> (Bench, [Fake; 2]) {
     let fakes = [Fake::new(2), Fake::new(2)];
-    let place = |bus, at| JointPlace { bus, at };
+    let place = |bus, at| JointPlace { bus, at, id: at as u8 };
     let places = vec![place(0, 0), place(0, 1), place(1, 1), place(1, 0)];
     let layout = Layout { places, ..Layout::single([]) };
     let mut bench = Bench::new(&RigConfig::prototype(), fakes.to_vec(), &layout);

@@ -6,29 +6,20 @@
 //! except for rounding down to a whole count, and motors give exactly the commanded torque.
 
 mod disc;
+pub mod hbot;
 mod joint;
+mod joints;
 mod motors;
 
+use hbot_config::rig::Protocol;
 use hbot_core::device::MAX_JOINTS;
-use hbot_link::{
-    Command, ControllerFlags, Description, Feedback, JointDescription, JointFlags, JointReading,
-    PROTOCOL_VERSION,
-};
 
-use self::disc::Disc;
-use self::joint::Axis;
+pub use self::hbot::FIRMWARE;
 pub use self::joint::{EncoderKind, SimulatedJoint};
-use self::motors::Motors;
+use self::joints::Joints;
+pub use self::joints::Truth;
 use crate::phenomena;
 use crate::plant::JointTorques;
-
-/// Temperature that all motor sensors report, degrees Celsius.
-const TEMPERATURE: f32 = 25.0;
-
-const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
-
-/// Name and version of the firmware in its [`Description`].
-pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
 /// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,15 +28,29 @@ pub enum InjectedFault {
     /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
     /// Other [`InjectedFault`]s stay active.
     Reboot,
+    /// [`InjectedFault::Reboot`] of the controller of one joint. Where one controller has all joints, of that.
+    RebootOne(usize),
     /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
     Mute(bool),
     /// Switches loss of commands and answers on or off, as if the line were cut in both directions.
     Deaf(bool),
-    /// Switches a fault of the motor controller on or off. It then reports
-    /// [`ControllerFlags::FAULT`] and gives no torque.
+    /// Whether the controller of one joint hears and answers nothing. Where one controller has all joints, none does.
+    DeafOne {
+        /// Which joint.
+        joint: usize,
+        /// Whether it is.
+        on: bool,
+    },
+    /// Whether the controllers report a fault of their own and give no torque.
     Failed(bool),
-    /// Switches the report [`JointFlags::OVERTEMPERATURE`] of a joint on or off. Its torque stays
-    /// on.
+    /// [`InjectedFault::Failed`] of the controller of one joint. Where one controller has all joints, of that.
+    FailedOne {
+        /// Which joint.
+        joint: usize,
+        /// Whether it has.
+        on: bool,
+    },
+    /// Whether a joint reports that it is too hot; torque goes on.
     Hot {
         /// Index of the joint.
         joint: usize,
@@ -61,24 +66,80 @@ pub enum InjectedFault {
     },
 }
 
-/// The simulated motor controllers of one port, with all joints.
+/// What firmware does, whatever it speaks.
+trait Speaks {
+    /// Takes in `bytes` at `now_ns` and appends its answers to `reply`.
+    fn hear(
+        &mut self,
+        now_ns: u64,
+        bytes: &[u8],
+        joints: &mut Joints,
+        truth: &Truth<'_>,
+        reply: &mut Vec<u8>,
+    );
+
+    /// When it next does something by itself, ns: a watchdog expires, or it speaks unasked.
+    fn next_ns(&self) -> Option<u64>;
+
+    /// When it next speaks unasked, ns. At that time [`next_ns`](Self::next_ns) is due.
+    fn next_word_ns(&self) -> Option<u64> {
+        None
+    }
+
+    /// Does what is due by itself at `now_ns`. What it says unasked is appended to `reply`.
+    fn pass(&mut self, now_ns: u64, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>);
+
+    /// Makes trouble, or ends it, at the joint angles `angles`, rad.
+    fn inject(&mut self, fault: InjectedFault, joints: &mut Joints, angles: &[f64; MAX_JOINTS]);
+
+    /// How many frames were refused since power-up: damaged, or of no meaning.
+    fn refused(&self) -> u64;
+}
+
+/// The firmware of one line.
+#[derive(Debug, Clone)]
+enum Firmware {
+    Hbot(Box<hbot::Hbot>),
+}
+
+impl Firmware {
+    fn new(protocol: Protocol, _joints: usize) -> Option<Self> {
+        match protocol {
+            Protocol::Hbot => Some(Self::Hbot(Box::new(hbot::Hbot::new()))),
+            Protocol::Moteus | Protocol::Odrive => None,
+        }
+    }
+
+    fn speaks(&self) -> &dyn Speaks {
+        match self {
+            Self::Hbot(it) => it.as_ref(),
+        }
+    }
+
+    fn speaks_mut(&mut self) -> &mut dyn Speaks {
+        match self {
+            Self::Hbot(it) => it.as_mut(),
+        }
+    }
+}
+
+/// The byte that ends a frame of `protocol` on a serial line.
+#[must_use]
+pub const fn frame_end(protocol: Protocol) -> u8 {
+    match protocol {
+        Protocol::Hbot => 0,
+        Protocol::Moteus => b'\n',
+        Protocol::Odrive => b'\r',
+    }
+}
+
+/// The controllers of one line, for all joints.
 #[derive(Debug, Clone)]
 pub struct SimulatedControllers {
-    joints: usize,
-    axes: [Axis; MAX_JOINTS],
-    discs: Option<Box<[Disc; MAX_JOINTS]>>,
-    motors: Option<Box<Motors>>,
-    /// Commanded torques, limited to the peak, in each joint's own positive sense, N m.
-    torque: JointTorques,
-    enabled: bool,
-    expired: bool,
-    described: bool,
-    /// Time at which the watchdog expires unless a command arrives, ns. `None` if no valid command
-    /// came since power-up.
-    deadline: Option<u64>,
+    joints: Joints,
+    firmware: Firmware,
     mute: bool,
     deaf: bool,
-    failed: bool,
 }
 
 impl SimulatedControllers {
@@ -89,36 +150,14 @@ impl SimulatedControllers {
     /// if any.
     #[must_use]
     pub fn new(
+        protocol: Protocol,
         specs: &[SimulatedJoint],
         angles: &[f64; MAX_JOINTS],
         encoder: Option<&phenomena::Encoder>,
-    ) -> Self {
-        let none = SimulatedJoint {
-            counts_per_turn: 1,
-            gear: 1.0,
-            reversed: false,
-            peak: 0.0,
-            continuous: 0.0,
-            encoder: EncoderKind::Incremental,
-        };
-        let discs = encoder.map(Disc::all);
-        let axes = core::array::from_fn(|j| {
-            Axis::new(specs.get(j).copied().unwrap_or(none), angles[j], disc(&discs, j))
-        });
-        Self {
-            joints: specs.len().min(MAX_JOINTS),
-            axes,
-            discs,
-            motors: None,
-            torque: NO_TORQUE,
-            enabled: false,
-            expired: false,
-            described: false,
-            deadline: None,
-            mute: false,
-            deaf: false,
-            failed: false,
-        }
+    ) -> Option<Self> {
+        let joints = Joints::new(specs, angles, encoder);
+        let firmware = Firmware::new(protocol, joints.count())?;
+        Some(Self { joints, firmware, mute: false, deaf: false })
     }
 
     /// Replaces the errors of the encoders, with the joints at `angles`, rad.
@@ -126,11 +165,7 @@ impl SimulatedControllers {
     /// Counts continue from their present values, and a zero already taken is kept until it is
     /// taken again.
     pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
-        let new = encoder.map(Disc::all);
-        for (j, axis) in self.axes.iter_mut().enumerate() {
-            axis.replace_disc(angles[j], disc(&self.discs, j), disc(&new, j));
-        }
-        self.discs = new;
+        self.joints.set_encoder(encoder, angles);
     }
 
     /// Replaces the parameters of the motors; `None` makes them ideal.
@@ -138,19 +173,13 @@ impl SimulatedControllers {
     /// Motors that were ideal start cold with their present torque. Other motors keep their current
     /// and heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
-        self.motors = motor.map(|motor| match self.motors.take() {
-            None => Box::new(Motors::new(motor, self.asked())),
-            Some(mut motors) => {
-                motors.replace(motor);
-                motors
-            }
-        });
+        self.joints.set_motor(motor);
     }
 
     /// Returns the torques that act at the joints now, in each joint's own positive sense, N m.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
-        self.motors.as_ref().map_or_else(|| self.asked(), |motors| &motors.acting)
+        self.joints.torque()
     }
 
     /// Advances the motors by `h` seconds and returns the torques to apply during that time, N m.
@@ -158,150 +187,69 @@ impl SimulatedControllers {
     /// For motors with a lag these are mean torques. `rates` returns the joint rates at the start,
     /// rad/s; it is called only if the motors are not ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
-        let asked = *self.asked();
-        match &mut self.motors {
-            None => asked,
-            Some(motors) => motors.drive(h, &self.axes[..self.joints], &asked, &rates()),
-        }
+        self.joints.drive(h, rates)
     }
 
-    /// Returns the torques that the motors should give, N m. They are zero while the motors are
-    /// off.
-    fn asked(&self) -> &JointTorques {
-        if self.gives_torque() { &self.torque } else { &NO_TORQUE }
-    }
-
-    /// Returns the time at which the watchdog expires if no further command arrives, ns. `None` if
-    /// it has expired or no command ever came.
+    /// When they next do something by themselves, ns: a watchdog expires, or one speaks unasked.
     #[must_use]
-    pub fn deadline(&self) -> Option<u64> {
-        self.deadline.filter(|_| !self.expired)
+    pub fn next_ns(&self) -> Option<u64> {
+        self.firmware.speaks().next_ns()
     }
 
-    /// Expires the watchdog if its deadline is at or before `now_ns`.
-    pub fn watch(&mut self, now_ns: u64) {
-        if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
-            self.expired = true;
+    /// When one of them next speaks unasked, ns.
+    #[must_use]
+    pub fn next_word_ns(&self) -> Option<u64> {
+        self.firmware.speaks().next_word_ns()
+    }
+
+    /// Has them do what is due by themselves at `now_ns`; what they say unasked is appended to `reply`.
+    pub fn pass(&mut self, now_ns: u64, truth: &Truth<'_>, reply: &mut Vec<u8>) {
+        let before = reply.len();
+        self.firmware.speaks_mut().pass(now_ns, &mut self.joints, truth, reply);
+        if self.mute || self.deaf {
+            reply.truncate(before);
         }
     }
 
     /// Updates the encoders with the joint angles, rad, so that they notice an index mark that is
     /// passed.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
-        for (j, (axis, angle)) in self.axes[..self.joints].iter_mut().zip(angles).enumerate() {
-            axis.sense(*angle, disc(&self.discs, j));
-        }
+        self.joints.sense(angles);
     }
 
-    /// Handles [`hbot_link::ToController::Describe`]. Returns the answer, or `None` if an injected
-    /// fault has cut the line.
-    pub fn describe(&mut self) -> Option<Description> {
+    /// Takes in bytes of the line at `now_ns`, with the truth of that instant, and appends the answers to `reply`.
+    pub fn hear(&mut self, now_ns: u64, bytes: &[u8], truth: &Truth<'_>, reply: &mut Vec<u8>) {
         if self.deaf {
-            return None;
+            return;
         }
-        self.described = true;
-        let joint = |axis: &Axis| JointDescription { counts_per_turn: axis.joint.counts_per_turn };
-        (!self.mute).then(|| Description {
-            protocol: PROTOCOL_VERSION,
-            firmware: FIRMWARE.try_into().unwrap_or_default(),
-            joints: self.axes[..self.joints].iter().map(joint).collect(),
-        })
-    }
-
-    /// Handles a command at `now_ns` and returns the answer. `angles` (rad) and `rates` (rad/s) are
-    /// the joints' true values at that time.
-    ///
-    /// An invalid command changes nothing and is not answered: it has the wrong number of torques,
-    /// or one that is not finite.
-    pub fn command(
-        &mut self,
-        now_ns: u64,
-        command: &Command,
-        angles: &[f64; MAX_JOINTS],
-        rates: &[f64; MAX_JOINTS],
-    ) -> Option<Feedback> {
-        let valid = command.torque.len() == self.joints && command.torque.iter().all(|t| t.is_finite());
-        if self.deaf || !valid {
-            return None;
+        let before = reply.len();
+        self.firmware.speaks_mut().hear(now_ns, bytes, &mut self.joints, truth, reply);
+        if self.mute {
+            reply.truncate(before);
         }
-        self.watch(now_ns);
-        if !command.enable {
-            self.expired = false;
-        }
-        self.enabled = command.enable;
-        self.deadline = Some(now_ns.saturating_add(u64::from(command.watchdog_ms) * 1_000_000));
-        self.watch(now_ns);
-        for ((axis, torque), asked) in self.axes.iter_mut().zip(&mut self.torque).zip(&command.torque) {
-            let given = asked.clamp(-axis.peak, axis.peak);
-            axis.flags.set(JointFlags::OVERCURRENT, command.enable && given != *asked);
-            *torque = f64::from(if axis.joint.reversed { -given } else { given });
-        }
-        (!self.mute).then(|| self.feedback(command.sequence, angles, rates))
     }
 
     /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
     /// joint that does not exist is ignored.
     pub fn inject(&mut self, fault: InjectedFault, angles: &[f64; MAX_JOINTS]) {
         match fault {
-            InjectedFault::Reboot => self.reboot(angles),
             InjectedFault::Mute(on) => self.mute = on,
             InjectedFault::Deaf(on) => self.deaf = on,
-            InjectedFault::Failed(on) => self.failed = on,
-            InjectedFault::Hot { joint, on } => {
-                if let Some(axis) = self.axes.get_mut(joint) {
-                    axis.flags.set(JointFlags::OVERTEMPERATURE, on);
-                }
-            }
-            InjectedFault::Slipped { joint, angle } => {
-                if let Some(axis) = self.axes.get_mut(joint) {
-                    axis.slipped = angle;
-                }
+            InjectedFault::Hot { joint, on } => self.joints.set_hot(joint, on),
+            InjectedFault::Slipped { joint, angle } => self.joints.slip(joint, angle),
+            InjectedFault::Reboot
+            | InjectedFault::RebootOne(_)
+            | InjectedFault::DeafOne { .. }
+            | InjectedFault::Failed(_)
+            | InjectedFault::FailedOne { .. } => {
+                self.firmware.speaks_mut().inject(fault, &mut self.joints, angles);
             }
         }
     }
 
-    fn reboot(&mut self, angles: &[f64; MAX_JOINTS]) {
-        self.torque = NO_TORQUE;
-        (self.enabled, self.expired, self.described, self.deadline) = (false, false, false, None);
-        for (j, (axis, angle)) in self.axes.iter_mut().zip(angles).enumerate() {
-            axis.reboot(*angle, disc(&self.discs, j));
-        }
-        if let Some(motors) = &mut self.motors {
-            motors.reboot();
-        }
+    /// How many frames were refused since power-up: damaged, or of no meaning.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.firmware.speaks().refused()
     }
-
-    fn gives_torque(&self) -> bool {
-        self.enabled && !self.expired && !self.failed
-    }
-
-    fn feedback(&self, sequence: u32, angles: &[f64; MAX_JOINTS], rates: &[f64; MAX_JOINTS]) -> Feedback {
-        let mut flags = ControllerFlags::empty();
-        flags.set(ControllerFlags::ENABLED, self.gives_torque());
-        flags.set(ControllerFlags::WATCHDOG_EXPIRED, self.expired);
-        flags.set(ControllerFlags::FAULT, self.failed);
-        flags.set(ControllerFlags::UNDESCRIBED, !self.described);
-        let reading = |j: usize| {
-            let (axis, disc) = (&self.axes[j], disc(&self.discs, j));
-            let mut flags = axis.flags;
-            if let Some(motors) = &self.motors
-                && motors.derates(j, axis, self.asked()[j])
-            {
-                flags |= JointFlags::OVERTEMPERATURE;
-            }
-            JointReading {
-                count: axis.count(angles[j], disc),
-                rate: axis.rate(angles[j], rates[j], disc),
-                current: 0.0,
-                temperature: TEMPERATURE,
-                flags,
-            }
-        };
-        Feedback { sequence, flags, joints: (0..self.joints).map(reading).collect() }
-    }
-}
-
-/// Returns the encoder errors of joint `j`, if encoders have errors.
-fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
-    discs.as_deref().map(|discs| &discs[j])
 }

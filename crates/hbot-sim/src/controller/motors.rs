@@ -1,5 +1,7 @@
 //! Motors with lag, heat, back-EMF and a torque error: from commanded torque to acting torque.
 
+use core::ops::Range;
+
 use hbot_core::device::MAX_JOINTS;
 
 use super::joint::Axis;
@@ -36,9 +38,9 @@ impl Motors {
         self.act();
     }
 
-    /// Simulates a loss of power: the currents become zero, and the heat stays.
-    pub(super) fn reboot(&mut self) {
-        self.current = [0.0; MAX_JOINTS];
+    /// Power lost at some joints: no current, and no cooler for it.
+    pub(super) fn reboot(&mut self, joints: Range<usize>) {
+        self.current[joints].fill(0.0);
         self.act();
     }
 

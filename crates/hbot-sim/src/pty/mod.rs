@@ -298,6 +298,7 @@ mod tests {
             encoder: EncoderKind::Absolute,
         };
         let config = SimulatedConfig {
+            protocol: hbot_config::rig::Protocol::Hbot,
             device: Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)]).unwrap(),
             joints: vec![joint; 4],
             start: PlantState::default(),

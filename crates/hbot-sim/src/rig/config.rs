@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use hbot_config::rig::Protocol;
 use hbot_core::device::Device;
 use hbot_core::rig::Rig;
 
@@ -12,6 +13,8 @@ use crate::plant::{ImpossibleInertia, Method, PlantState};
 /// The configuration of a [`SimulatedRig`](crate::rig::SimulatedRig).
 #[derive(Debug, Clone)]
 pub struct SimulatedConfig {
+    /// What its controllers speak.
+    pub protocol: Protocol,
     /// Geometry and masses of the sphere and its wheels.
     pub device: Device,
     /// Motor and encoder of each joint, in the order steer, drive of each wheel.
@@ -40,6 +43,7 @@ impl SimulatedConfig {
     #[must_use]
     pub fn new(rig: &Rig) -> Self {
         Self {
+            protocol: Protocol::Hbot,
             device: rig.device,
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
             start: PlantState::default(),
@@ -51,9 +55,11 @@ impl SimulatedConfig {
     }
 }
 
-/// Why a [`RigConfig`] was rejected.
+/// Why a [`SimulatedConfig`] was rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SimulatedRigError {
+    /// No virtual controller speaks this protocol yet.
+    Protocol(Protocol),
     /// The inertias of a wheel are physically impossible.
     Inertia(ImpossibleInertia),
     /// The number of joints does not fit the device.
@@ -68,6 +74,13 @@ pub enum SimulatedRigError {
 impl fmt::Display for SimulatedRigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Protocol(protocol) => {
+                write!(
+                    f,
+                    "simulated rig: it has no controllers that speak {}; set link.protocol",
+                    protocol.name()
+                )
+            }
             Self::Inertia(error) => write!(f, "simulated rig: {error}"),
             Self::Joints { given, wanted } => {
                 write!(

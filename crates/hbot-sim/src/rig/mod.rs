@@ -9,10 +9,9 @@ mod config;
 
 use hbot_core::Vec3;
 use hbot_core::device::MAX_JOINTS;
-use hbot_link::{Decoder, FromController, MAX_FEEDBACK_FRAME, ToController, encode};
 
 pub use self::config::{SimulatedConfig, SimulatedRigError};
-use crate::controller::{InjectedFault, SimulatedControllers};
+use crate::controller::{InjectedFault, SimulatedControllers, Truth, frame_end};
 use crate::hand::Grip;
 pub use crate::impairment::FrameCounts;
 use crate::impairment::Impairment;
@@ -26,6 +25,9 @@ use crate::plant::{Dynamics, JointTorques, PlantState};
 /// (`docs/simulator.md`).
 const MAX_NONSMOOTH_STEP_NS: u64 = 250_000;
 
+/// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it nothing more is kept.
+const UNASKED: usize = 64 * 1024;
+
 /// A rig that is simulated in memory: plant, motor controllers, line and optionally a hand.
 #[derive(Debug, Clone)]
 pub struct SimulatedRig {
@@ -38,14 +40,16 @@ pub struct SimulatedRig {
     line: Option<Box<Impairment>>,
     external: Vec3,
     controllers: SimulatedControllers,
-    decoder: Decoder<ToController>,
+    /// The byte that ends a frame on the line.
+    frame_end: u8,
+    /// What controllers have said unasked and the host has not read yet.
+    unasked: Vec<u8>,
     max_step_ns: u64,
     max_jump_ns: u64,
     /// Last time given by the owner's clock, ns.
     now_ns: u64,
     /// Total time over which the plant has been simulated, ns.
     simulated_ns: u64,
-    refused: u64,
 }
 
 impl SimulatedRig {
@@ -61,6 +65,10 @@ impl SimulatedRig {
         }
         let dynamics = Dynamics::new(&config.device, &Phenomena::default(), config.method, &config.start)
             .map_err(SimulatedRigError::Inertia)?;
+        let angles = config.start.joints();
+        let encoder = config.phenomena.encoder.as_ref();
+        let controllers = SimulatedControllers::new(config.protocol, &config.joints, &angles, encoder)
+            .ok_or(SimulatedRigError::Protocol(config.protocol))?;
         let mut rig = Self {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
@@ -69,17 +77,13 @@ impl SimulatedRig {
             grip: None,
             line: None,
             external: Vec3::ZERO,
-            controllers: SimulatedControllers::new(
-                &config.joints,
-                &config.start.joints(),
-                config.phenomena.encoder.as_ref(),
-            ),
-            decoder: Decoder::new(),
+            controllers,
+            frame_end: frame_end(config.protocol),
+            unasked: Vec::with_capacity(UNASKED),
             max_step_ns: config.max_step_ns.max(1),
             max_jump_ns: config.max_jump_ns,
             now_ns: 0,
             simulated_ns: 0,
-            refused: 0,
         };
         rig.phenomena.encoder = config.phenomena.encoder;
         rig.set_phenomena(config.phenomena);
@@ -94,6 +98,7 @@ impl SimulatedRig {
     /// room for [`MAX_FEEDBACK_FRAME`] bytes a message.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        reply.append(&mut self.unasked);
         let Some(mut line) = self.line.take() else { return self.hear(bytes, reply) };
         line.command(self.now_ns, bytes);
         self.arrivals(&mut line, self.now_ns);
@@ -110,6 +115,7 @@ impl SimulatedRig {
     /// period is then read one tick later, as on a real line.
     pub fn deliver(&mut self, now_ns: u64, reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        reply.append(&mut self.unasked);
         if let (Some(line), Some(before)) = (&mut self.line, now_ns.checked_sub(1)) {
             while line.answers.take(before, |bytes| reply.extend_from_slice(bytes)) {}
         }
@@ -121,43 +127,29 @@ impl SimulatedRig {
     /// Returns `None` if the line is not impaired or no frame is in flight.
     #[must_use]
     pub fn next_arrival_ns(&self) -> Option<u64> {
-        self.line.as_ref().and_then(|line| line.next_ns())
+        if !self.unasked.is_empty() {
+            return Some(self.now_ns);
+        }
+        let line = self.line.as_ref().and_then(|line| line.next_ns());
+        let own = self.controllers.next_word_ns();
+        line.map_or(own, |line| Some(own.map_or(line, |own| own.min(line))))
     }
 
     /// Passes `bytes` to the motor controllers now and appends their answers to `reply`.
     fn hear(&mut self, bytes: &[u8], reply: &mut Vec<u8>) {
-        let Self { dynamics, state, controllers, decoder, refused, now_ns, .. } = self;
-        decoder.feed(bytes, |result| {
-            let answer = match result {
-                Ok(ToController::Describe) => controllers.describe().map(FromController::Description),
-                Ok(ToController::Command(command)) => controllers
-                    .command(
-                        *now_ns,
-                        &command,
-                        &dynamics.encoder_angles(state),
-                        &dynamics.encoder_rates(state),
-                    )
-                    .map(FromController::Feedback),
-                Err(_) => {
-                    *refused += 1;
-                    None
-                }
-            };
-            if let Some(answer) = answer {
-                let mut frame = [0; MAX_FEEDBACK_FRAME];
-                // The buffer has the size of the longest message, so encoding succeeds.
-                if let Ok(length) = encode(&answer, &mut frame) {
-                    reply.extend_from_slice(&frame[..length]);
-                }
-            }
-        });
+        if bytes.is_empty() {
+            return;
+        }
+        let Self { dynamics, state, controllers, now_ns, .. } = self;
+        let (angles, rates) = (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
+        controllers.hear(*now_ns, bytes, &Truth { angles: &angles, rates: &rates }, reply);
     }
 
     /// Delivers to the motor controllers every frame that reaches them by `now_ns`, each at its
     /// exact time.
     fn arrivals(&mut self, line: &mut Impairment, now_ns: u64) {
         while let Some(due_ns) = line.commands.next_ns().filter(|due_ns| *due_ns <= now_ns) {
-            self.move_to(due_ns);
+            self.move_to(due_ns, Some(line));
             let Impairment { commands, scratch, .. } = line;
             commands.take(due_ns, |bytes| self.hear(bytes, scratch));
             line.answer(self.now_ns);
@@ -169,24 +161,44 @@ impl SimulatedRig {
     /// Frames that arrive on the way, and a watchdog that expires, act at their exact times. A time
     /// before the last one given is ignored.
     pub fn advance_to(&mut self, now_ns: u64) {
-        if let Some(mut line) = self.line.take() {
-            self.arrivals(&mut line, now_ns);
-            self.line = Some(line);
+        let mut line = self.line.take();
+        if let Some(line) = &mut line {
+            self.arrivals(line, now_ns);
         }
-        self.move_to(now_ns);
+        self.move_to(now_ns, line.as_deref_mut());
+        self.line = line;
     }
 
-    fn move_to(&mut self, now_ns: u64) {
+    /// Moves the plant on to `now_ns`. What controllers say unasked meanwhile goes on `line` where it is impaired.
+    fn move_to(&mut self, now_ns: u64, mut line: Option<&mut Impairment>) {
         let Some(passed) = now_ns.checked_sub(self.now_ns) else { return };
         let mut left = passed.min(self.max_jump_ns);
-        if let Some(deadline) = self.controllers.deadline().filter(|deadline| *deadline <= now_ns) {
-            let held = deadline.saturating_sub(self.now_ns).min(left);
+        // Each pass takes what is due then away.
+        while let Some(due_ns) = self.controllers.next_ns().filter(|due_ns| *due_ns <= now_ns) {
+            let held = due_ns.saturating_sub(self.now_ns).min(left);
             self.simulate(held);
-            self.controllers.watch(deadline);
             left -= held;
+            self.now_ns = self.now_ns.max(due_ns);
+            self.pass(line.as_deref_mut());
         }
         self.simulate(left);
         self.now_ns = now_ns;
+    }
+
+    /// Has the controllers do what is due by themselves now.
+    fn pass(&mut self, line: Option<&mut Impairment>) {
+        let Self { dynamics, state, controllers, now_ns, unasked, .. } = self;
+        let (angles, rates) = (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
+        let truth = Truth { angles: &angles, rates: &rates };
+        match line {
+            Some(line) => {
+                controllers.pass(*now_ns, &truth, &mut line.scratch);
+                line.answer(*now_ns);
+            }
+            // Of a line that nobody reads bytes are lost.
+            None if unasked.len() > UNASKED / 2 => controllers.pass(*now_ns, &truth, &mut Vec::new()),
+            None => controllers.pass(*now_ns, &truth, unasked),
+        }
     }
 
     /// Sets the clock to `now_ns` without simulating the plant. The next interval starts at this
@@ -289,7 +301,7 @@ impl SimulatedRig {
     pub fn set_link(&mut self, link: Option<Link>) {
         self.phenomena.link = link;
         self.line = link.map(|link| match self.line.take() {
-            None => Box::new(Impairment::new(&link)),
+            None => Box::new(Impairment::new(&link, self.frame_end)),
             Some(mut line) => {
                 line.replace(&link);
                 line
@@ -320,15 +332,12 @@ impl SimulatedRig {
 
     /// Applies a fault to the motor controllers, such as a reboot, or switches one off.
     pub fn inject(&mut self, fault: InjectedFault) {
-        if fault == InjectedFault::Reboot {
-            self.decoder.reset();
-        }
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));
     }
 
     /// Returns the number of frames refused since power-up because they were damaged or invalid.
     #[must_use]
     pub fn refused_frames(&self) -> u64 {
-        self.refused
+        self.controllers.refused()
     }
 }

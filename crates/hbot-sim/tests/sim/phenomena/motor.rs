@@ -1,8 +1,9 @@
 //! Motor phenomena: torque scale, lag, back-EMF, heat. Most tests use the motor controllers alone,
 //! so that nothing else moves.
 
-use hbot_link::{Feedback, JointFlags};
-use hbot_sim::controller::{InjectedFault, SimulatedControllers, SimulatedJoint};
+use hbot_config::rig::Protocol;
+use hbot_link::{Decoder, Feedback, FromController, JointFlags, ToController};
+use hbot_sim::controller::{InjectedFault, SimulatedControllers, SimulatedJoint, Truth};
 use hbot_sim::phenomena::{Motor, Phenomena};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
@@ -25,13 +26,22 @@ const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 fn controllers(motor: Motor) -> SimulatedControllers {
     let joints: Vec<_> = rig().joints[..4].iter().map(SimulatedJoint::from).collect();
     let joints: Vec<_> = joints.into_iter().map(|j| SimulatedJoint { reversed: false, ..j }).collect();
-    let mut controllers = SimulatedControllers::new(&joints, &STILL, None);
+    let controllers = SimulatedControllers::new(Protocol::Hbot, &joints, &STILL, None);
+    let mut controllers = controllers.expect("the simulated rig speaks hbot's own protocol");
     controllers.set_motor(Some(motor));
     controllers
 }
 
 fn ask(controllers: &mut SimulatedControllers, enable: bool, torque: [f32; 4]) -> Feedback {
-    controllers.command(0, &command(1, enable, &torque), &STILL, &STILL).unwrap()
+    let (truth, mut reply) = (Truth { angles: &STILL, rates: &STILL }, Vec::new());
+    let command = ToController::Command(command(1, enable, &torque));
+    controllers.hear(0, &frame(&command), &truth, &mut reply);
+    let mut answer = None;
+    Decoder::<FromController>::new().feed(&reply, |message| answer = message.ok());
+    match answer {
+        Some(FromController::Feedback(feedback)) => feedback,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The current loop is exactly of first order for any steps, and the torque held over a step has

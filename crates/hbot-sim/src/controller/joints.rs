@@ -1,0 +1,159 @@
+//! The joints as controllers of any protocol have them: encoders that count, motors that push.
+
+use core::ops::Range;
+
+use hbot_core::device::MAX_JOINTS;
+use hbot_link::JointFlags;
+
+use super::disc::Disc;
+use super::joint::{Axis, EncoderKind, SimulatedJoint};
+use super::motors::Motors;
+use crate::phenomena;
+use crate::plant::JointTorques;
+
+const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
+
+/// Where the joints truly are, and how they turn.
+#[derive(Debug, Clone, Copy)]
+pub struct Truth<'a> {
+    /// Angles of the joints, rad.
+    pub angles: &'a [f64; MAX_JOINTS],
+    /// Their rates, rad/s.
+    pub rates: &'a [f64; MAX_JOINTS],
+}
+
+/// Encoders and motors of all joints, in the order steer, drive of each wheel.
+#[derive(Debug, Clone)]
+pub(super) struct Joints {
+    count: usize,
+    pub(super) axes: [Axis; MAX_JOINTS],
+    discs: Option<Box<[Disc; MAX_JOINTS]>>,
+    motors: Option<Box<Motors>>,
+    /// What the motors are to give, joint's sense, N m: within the peak, and 0 where they are off.
+    asked: JointTorques,
+}
+
+impl Joints {
+    pub(super) fn new(
+        specs: &[SimulatedJoint],
+        angles: &[f64; MAX_JOINTS],
+        encoder: Option<&phenomena::Encoder>,
+    ) -> Self {
+        let none = SimulatedJoint {
+            counts_per_turn: 1,
+            gear: 1.0,
+            reversed: false,
+            peak: 0.0,
+            continuous: 0.0,
+            encoder: EncoderKind::Incremental,
+        };
+        let discs = encoder.map(Disc::all);
+        let axes = core::array::from_fn(|j| {
+            Axis::new(specs.get(j).copied().unwrap_or(none), angles[j], disc(&discs, j))
+        });
+        Self { count: specs.len().min(MAX_JOINTS), axes, discs, motors: None, asked: NO_TORQUE }
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    pub(super) fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
+        let new = encoder.map(Disc::all);
+        for (j, axis) in self.axes.iter_mut().enumerate() {
+            axis.replace_disc(angles[j], disc(&self.discs, j), disc(&new, j));
+        }
+        self.discs = new;
+    }
+
+    pub(super) fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
+        self.motors = motor.map(|motor| match self.motors.take() {
+            None => Box::new(Motors::new(motor, &self.asked)),
+            Some(mut motors) => {
+                motors.replace(motor);
+                motors
+            }
+        });
+    }
+
+    /// The torques that act at this moment, in the joints' own sense, N m.
+    pub(super) fn torque(&self) -> &JointTorques {
+        self.motors.as_ref().map_or(&self.asked, |motors| &motors.acting)
+    }
+
+    pub(super) fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
+        match &mut self.motors {
+            None => self.asked,
+            Some(motors) => motors.drive(h, &self.axes[..self.count], &self.asked, &rates()),
+        }
+    }
+
+    /// Lets the encoders see the joint angles, rad, so that an index passed is not missed.
+    pub(super) fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
+        for (j, (axis, angle)) in self.axes[..self.count].iter_mut().zip(angles).enumerate() {
+            axis.sense(*angle, disc(&self.discs, j));
+        }
+    }
+
+    /// What joint `j` gives if it is asked for `torque` in the controller's sense, N m: within its
+    /// peak, in the joint's own sense.
+    pub(super) fn within_peak(&self, j: usize, torque: f32) -> f64 {
+        let axis = &self.axes[j];
+        let given = torque.clamp(-axis.peak, axis.peak);
+        f64::from(if axis.joint.reversed { -given } else { given })
+    }
+
+    /// Has the motor of joint `j` give `torque` (joint's sense, within the peak, N m).
+    pub(super) fn ask(&mut self, j: usize, torque: f64) {
+        self.asked[j] = torque;
+    }
+
+    /// The count of joint `j` where the truth is `truth`: floor, wrapped to 32 bits.
+    pub(super) fn count_at(&self, j: usize, truth: &Truth<'_>) -> i32 {
+        self.axes[j].count(truth.angles[j], disc(&self.discs, j))
+    }
+
+    /// The rate of joint `j` in the controller's sense, rad/s of the joint.
+    pub(super) fn rate_at(&self, j: usize, truth: &Truth<'_>) -> f32 {
+        self.axes[j].rate(truth.angles[j], truth.rates[j], disc(&self.discs, j))
+    }
+
+    /// Whether joint `j` gives less than is asked of it because it is hot.
+    pub(super) fn derates(&self, j: usize) -> bool {
+        self.motors.as_ref().is_some_and(|motors| motors.derates(j, &self.axes[j], self.asked[j]))
+    }
+
+    /// Whether joint `j` is made to be hot.
+    pub(super) fn is_hot(&self, j: usize) -> bool {
+        self.axes[j].flags.contains(JointFlags::OVERTEMPERATURE)
+    }
+
+    pub(super) fn set_hot(&mut self, j: usize, on: bool) {
+        if let Some(axis) = self.axes.get_mut(j) {
+            axis.flags.set(JointFlags::OVERTEMPERATURE, on);
+        }
+    }
+
+    pub(super) fn slip(&mut self, j: usize, angle: f64) {
+        if let Some(axis) = self.axes.get_mut(j) {
+            axis.slipped = angle;
+        }
+    }
+
+    /// Power lost and back at some joints: no torque, counts anew.
+    pub(super) fn reboot(&mut self, joints: Range<usize>, angles: &[f64; MAX_JOINTS]) {
+        self.asked[joints.clone()].fill(0.0);
+        for j in joints.clone() {
+            self.axes[j].reboot(angles[j], disc(&self.discs, j));
+        }
+        if let Some(motors) = &mut self.motors {
+            motors.reboot(joints);
+        }
+    }
+}
+
+/// The disc of a joint's encoder, where encoders have errors.
+fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
+    discs.as_deref().map(|discs| &discs[j])
+}
