@@ -22,59 +22,63 @@ use self::motors::Motors;
 use crate::phenomena;
 use crate::plant::JointTorques;
 
-/// Temperature that all motor sensors report, degrees Celsius.
+/// Temperature that all simulated motor sensors report, in degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
 
 const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
 
-/// Name and version of the firmware in its [`Description`].
+/// Name and version of the simulated firmware, as reported in its [`Description`].
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
-/// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
+/// A fault that a test or a user can switch on or off in the simulated motor controllers. Joints
+/// are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
-    /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
-    /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
-    /// Other injected [`Fault`]s stay active.
+    /// Power is lost and returns. The torque becomes zero, the watchdog is cleared, and
+    /// [`ControllerFlags::UNDESCRIBED`] is set. Encoder counts restart, except those of absolute
+    /// encoders. Other injected [`Fault`]s stay active.
     Reboot,
-    /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
+    /// Switches the loss of all answers on or off. Commands still take effect, as if only the line
+    /// back to the host were cut.
     Mute(bool),
-    /// Switches loss of commands and answers on or off, as if the line were cut in both directions.
+    /// Switches the loss of all commands and answers on or off, as if the line were cut in both
+    /// directions.
     Deaf(bool),
-    /// Switches a fault of the motor controller on or off. It then reports
-    /// [`ControllerFlags::FAULT`] and gives no torque.
+    /// Switches an internal fault of the motor controller on or off. While it is on, the motor
+    /// controller reports [`ControllerFlags::FAULT`] and gives no torque.
     Failed(bool),
-    /// Switches the report [`JointFlags::OVERTEMPERATURE`] of a joint on or off. Its torque stays
-    /// on.
+    /// Switches the flag [`JointFlags::OVERTEMPERATURE`] of one joint on or off. The joint still
+    /// gives torque.
     Hot {
         /// Index of the joint.
         joint: usize,
         /// Whether the joint reports overtemperature.
         on: bool,
     },
-    /// Simulates an encoder that has slipped on its shaft, by a constant error of its angle.
+    /// Simulates an encoder that has slipped on its shaft: its angle gets a constant error.
     Slipped {
         /// Index of the joint.
         joint: usize,
-        /// Encoder angle minus true angle, rad of the joint in its positive sense.
+        /// Encoder angle minus true angle, in rad of the joint in its positive direction.
         angle: f64,
     },
 }
 
-/// The simulated motor controllers of one port, with all joints.
+/// The simulated motor controllers of one port. Together they drive all joints of the rig.
 #[derive(Debug, Clone)]
 pub struct Controllers {
     joints: usize,
     axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
     motors: Option<Box<Motors>>,
-    /// Commanded torques, limited to the peak, in each joint's own positive sense, N m.
+    /// Commanded torques, limited to each joint's peak, in N m. Each is positive in its joint's
+    /// positive direction.
     torque: JointTorques,
     enabled: bool,
     expired: bool,
     described: bool,
-    /// Time at which the watchdog expires unless a command arrives, ns. `None` if no valid command
-    /// came since power-up.
+    /// Time at which the watchdog expires if no further command arrives, ns. `None` if no valid
+    /// command came since power-up.
     deadline: Option<u64>,
     mute: bool,
     deaf: bool,
@@ -84,9 +88,9 @@ pub struct Controllers {
 impl Controllers {
     /// Creates motor controllers that have just powered up.
     ///
-    /// The counts start as if all joints stood at the angle zero; `angles` are the true angles,
+    /// Encoder counts start as if all joints were at the angle zero; `angles` are the true angles,
     /// rad. At most [`MAX_JOINTS`] of `specs` are used. `encoder` gives the errors of the encoders,
-    /// if any.
+    /// or `None` for exact encoders.
     #[must_use]
     pub fn new(
         specs: &[SimulatedJoint],
@@ -121,10 +125,10 @@ impl Controllers {
         }
     }
 
-    /// Replaces the errors of the encoders, with the joints at `angles`, rad.
+    /// Replaces the errors of the encoders while the joints are at `angles`, rad.
     ///
-    /// Counts continue from their present values, and a zero already taken is kept until it is
-    /// taken again.
+    /// Encoder counts continue from their present values. A zero that was already set is kept until
+    /// it is set again.
     pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
         let new = encoder.map(Disc::all);
         for (j, axis) in self.axes.iter_mut().enumerate() {
@@ -133,10 +137,10 @@ impl Controllers {
         self.discs = new;
     }
 
-    /// Replaces the parameters of the motors; `None` makes them ideal.
+    /// Replaces the parameters of the motors. `None` makes the motors ideal.
     ///
-    /// Motors that were ideal start cold with their present torque. Other motors keep their current
-    /// and heat.
+    /// Motors that were ideal before start cold, with their present torque. Other motors keep their
+    /// current and heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
         self.motors = motor.map(|motor| match self.motors.take() {
             None => Box::new(Motors::new(motor, self.asked())),
@@ -147,7 +151,8 @@ impl Controllers {
         });
     }
 
-    /// Returns the torques that act at the joints now, in each joint's own positive sense, N m.
+    /// Returns the torques that act at the joints now, in N m. Each is positive in its joint's
+    /// positive direction.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
         self.motors.as_ref().map_or_else(|| self.asked(), |motors| &motors.acting)
@@ -155,8 +160,8 @@ impl Controllers {
 
     /// Advances the motors by `h` seconds and returns the torques to apply during that time, N m.
     ///
-    /// For motors with a lag these are mean torques. `rates` returns the joint rates at the start,
-    /// rad/s; it is called only if the motors are not ideal.
+    /// For motors with a lag these are mean torques over that time. `rates` returns the joint rates
+    /// at its start, rad/s. It is called only if the motors are not ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
         let asked = *self.asked();
         match &mut self.motors {
@@ -165,36 +170,36 @@ impl Controllers {
         }
     }
 
-    /// Returns the torques that the motors should give, N m. They are zero while the motors are
-    /// off.
+    /// Returns the torques that the motor controllers ask of the motors, N m. They are zero while
+    /// the motors are off.
     fn asked(&self) -> &JointTorques {
         if self.gives_torque() { &self.torque } else { &NO_TORQUE }
     }
 
-    /// Returns the time at which the watchdog expires if no further command arrives, ns. `None` if
-    /// it has expired or no command ever came.
+    /// Returns the time at which the watchdog expires if no further command arrives, ns. Returns
+    /// `None` if it has already expired or no command ever came.
     #[must_use]
     pub fn deadline(&self) -> Option<u64> {
         self.deadline.filter(|_| !self.expired)
     }
 
-    /// Expires the watchdog if its deadline is at or before `now_ns`.
+    /// Marks the watchdog as expired if its deadline is at or before `now_ns`.
     pub fn watch(&mut self, now_ns: u64) {
         if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
             self.expired = true;
         }
     }
 
-    /// Updates the encoders with the joint angles, rad, so that they notice an index mark that is
-    /// passed.
+    /// Updates the encoders with the present joint angles, rad, so that a passed index mark is
+    /// detected.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         for (j, (axis, angle)) in self.axes[..self.joints].iter_mut().zip(angles).enumerate() {
             axis.sense(*angle, disc(&self.discs, j));
         }
     }
 
-    /// Handles [`hbot_link::ToController::Describe`]. Returns the answer, or `None` if an injected
-    /// fault has cut the line.
+    /// Handles the message [`hbot_link::ToController::Describe`]. Returns the answer, or `None` if
+    /// an injected fault has cut the line.
     pub fn describe(&mut self) -> Option<Description> {
         if self.deaf {
             return None;
@@ -208,11 +213,11 @@ impl Controllers {
         })
     }
 
-    /// Handles a command at `now_ns` and returns the answer. `angles` (rad) and `rates` (rad/s) are
-    /// the joints' true values at that time.
+    /// Handles a command that arrives at `now_ns` and returns the answer. `angles` (rad) and
+    /// `rates` (rad/s) are the joints' true values at that time.
     ///
-    /// An invalid command changes nothing and is not answered: it has the wrong number of torques,
-    /// or one that is not finite.
+    /// A command with the wrong number of torques, or with a torque that is not finite, changes
+    /// nothing and is not answered.
     pub fn command(
         &mut self,
         now_ns: u64,
@@ -239,8 +244,8 @@ impl Controllers {
         (!self.mute).then(|| self.feedback(command.sequence, angles, rates))
     }
 
-    /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
-    /// joint that does not exist is ignored.
+    /// Switches a fault on or off. `angles` are the true joint angles, rad. A fault of a joint that
+    /// does not exist is ignored.
     pub fn inject(&mut self, fault: Fault, angles: &[f64; MAX_JOINTS]) {
         match fault {
             Fault::Reboot => self.reboot(angles),
@@ -301,7 +306,7 @@ impl Controllers {
     }
 }
 
-/// Returns the encoder errors of joint `j`, if encoders have errors.
+/// Returns the encoder errors of joint `j`, or `None` if the encoders are exact.
 fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
     discs.as_deref().map(|discs| &discs[j])
 }
