@@ -235,7 +235,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// Checks that two computations of the capability agree if the contacts set no limit.
+/// Checks that [`Rig::gripping`] and the core's capability agree if the friction of the contacts
+/// sets no limit.
 fn check(report: &mut Report, rig: &Rig) {
     let loose = Rig { grip: f64::INFINITY, ..Rig { device: rig.device, arms: rig.arms, grip: 0.0 } };
     let mut worst: f64 = 0.0;
@@ -258,11 +259,11 @@ fn check(report: &mut Report, rig: &Rig) {
     );
 }
 
-/// Reports how close any posture comes to table II, for several meanings of "mapped to the
-/// end-effector".
+/// Searches for the posture whose torques come closest to table II, for several meanings of "mapped
+/// to the end-effector", and reports how close it comes.
 ///
-/// `found` has for each row the smallest torques over all postures with four motors, and the
-/// medians with three.
+/// For each row of the table, `found` holds the smallest torques over all postures with four
+/// motors, and the medians with three.
 fn search(
     context: &Context,
     report: &mut Report,
