@@ -6,7 +6,7 @@ use hbot_core::outputs::{Reply, State};
 /// The record of one tick that the loop publishes to the rest of the program.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// State of the controller after the tick.
+    /// State of the control law after the tick.
     pub state: State,
     /// Nominal time of the tick since the start of the loop, ns.
     pub t_ns: u64,
@@ -16,27 +16,27 @@ pub struct Sample {
     pub timing: Timing,
     /// Counts of events since the start of the loop.
     pub counters: Counters,
-    /// Answers to the orders that this tick took.
+    /// Answers to the orders that the loop took from the service in this tick.
     pub answers: [Option<Answer>; MAX_COMMANDS],
 }
 
-/// The answer to one order.
+/// The loop's answer to one order of the service.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer {
-    /// Ticket of the order.
+    /// Number that the order was given when it was sent.
     pub ticket: u64,
-    /// The controller's reply to the order.
+    /// The control law's reply to the order.
     pub reply: Reply,
 }
 
 /// Time that each part of one tick took, ns.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timing {
-    /// Time awake before the deadline, ns; 0 in virtual time.
+    /// Time for which the loop's thread was awake before the deadline, ns; 0 in virtual time.
     pub awake_ns: u64,
     /// Time from the deadline to the start of the tick, ns; 0 in virtual time.
     pub lateness_ns: u64,
-    /// Time spent in the controller, ns.
+    /// Time spent in the control law, ns.
     pub compute_ns: u64,
     /// Time spent on the serial line, ns: reading, decoding, encoding and writing.
     pub link_ns: u64,
@@ -56,7 +56,7 @@ pub struct Counters {
     pub skipped: u64,
     /// Missed ticks: those without a new reading.
     pub missed: u64,
-    /// Damaged frames.
+    /// Damaged frames that were received.
     pub corrupt_frames: u64,
     /// Intact frames that came from other controllers or answer a command that was never sent.
     pub foreign_frames: u64,
@@ -64,6 +64,6 @@ pub struct Counters {
     pub send_failures: u64,
     /// Number of times that a lost serial line was reopened.
     pub reopened: u64,
-    /// Samples that were dropped because the ring was full.
+    /// Samples that were dropped because the ring to the service was full.
     pub dropped_samples: u64,
 }

@@ -8,7 +8,8 @@ use signal_hook::iterator::Signals;
 use crate::bridge::EmergencyStop;
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 
-/// A receiver of SIGUSR1. It receives signals from the moment it is created.
+/// A receiver of the signal SIGUSR1, which requests an emergency stop. It receives signals from the
+/// moment it is created.
 pub struct StopSignal(Signals);
 
 impl StopSignal {

@@ -35,7 +35,7 @@ pub enum MeetError {
         /// The error that the system reports.
         error: io::Error,
     },
-    /// The controllers speak another version of the protocol.
+    /// The controllers use another version of the protocol.
     #[error(
         "controllers speak version {theirs} of the link protocol, this server {ours}: update the older one"
     )]
@@ -89,7 +89,7 @@ pub struct Expected {
     joints: Vec<ExpectedJoint>,
 }
 
-/// One joint as the rig file describes it.
+/// One joint on a line, as the rig file describes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExpectedJoint {
     /// Number of the joint in the rig, from 0, in the order steer, drive of each wheel.
@@ -152,8 +152,9 @@ impl Expected {
         other
     }
 
-    /// Returns the place of the first joint whose counts per turn differ from `theirs`, which are
-    /// in the order of the bus. Does not allocate memory.
+    /// Returns the place on the bus of the first joint whose encoder counts per turn differ from
+    /// `theirs`, the numbers that the controllers report in the order of the bus. Returns `None` if
+    /// all agree. Does not allocate memory.
     pub fn first_wrong_counts(&self, theirs: impl IntoIterator<Item = u32>) -> Option<usize> {
         theirs.into_iter().zip(&self.joints).position(|(theirs, joint)| theirs != joint.counts_per_turn)
     }
@@ -183,8 +184,8 @@ pub fn field(joint: usize) -> String {
     format!("wheel[{}].{}", joint / 2, if joint.is_multiple_of(2) { "steer" } else { "drive" })
 }
 
-/// Writes `question` up to ten times, 100 ms apart, until `answer` finds what it looks for in the
-/// received bytes. It waits, so drivers must call it outside the loop only.
+/// Writes `question` up to ten times, 100 ms apart, until `answer` returns a value for the received
+/// bytes. Returns this value. The call blocks, so drivers must use it outside the loop only.
 ///
 /// # Errors
 /// Fails if no answer arrives, or if the line is lost.

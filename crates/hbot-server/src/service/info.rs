@@ -103,8 +103,8 @@ fn limits(config: &RigConfig) -> LimitsInfo {
     }
 }
 
-/// Returns the stiffness that can be expected of the rig, or `None` if the inertias of a wheel
-/// contradict each other.
+/// Returns the stiffness of springs that the rig is expected to render, or `None` if the inertias
+/// of a wheel contradict each other.
 fn render(config: &RigConfig) -> Option<RenderInfo> {
     let expected = Expected::of(config)?;
     let [stiffness_most, _] = expected.most();
