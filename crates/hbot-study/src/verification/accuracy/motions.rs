@@ -237,20 +237,22 @@ fn order(report: &mut Report, motion: &Motion, choice: Choice, drifts: &[f64]) -
     row([motion.name, method, path, &order.map_or("-".to_owned(), |order| format!("{order:.2}"))])
 }
 
-/// The three errors of odometry, separate and together, rad.
+/// The errors of odometry on one motion, by cause and together, rad. `method` is the error of the
+/// integration method, `path` that of the assumed path, and `counts` that of rounding to encoder
+/// counts.
 pub(super) struct Budget {
     pub(super) method: f64,
     pub(super) path: f64,
     pub(super) counts: f64,
-    /// Error of the method and the path together.
+    /// Error of the method and the path together, rad.
     both: f64,
-    /// Error of the method, the path and the counts together.
+    /// Error of the method, the path and the encoder counts together, rad.
     all: f64,
 }
 
 impl Budget {
-    /// Measures the errors of `choice`. `followed` are the orientations along the path of the
-    /// choice through the exact readings, without the error of a method.
+    /// Measures the errors of odometry with the method and path of `choice`. `followed` are the
+    /// exact orientations along this path through the exact readings.
     fn of(device: &Device, choice: Choice, read: &Read, followed: &[[f64; 4]]) -> Self {
         let exact = track(device, choice, &read.exact);
         let counted = track(device, choice, &read.counted);
@@ -264,8 +266,8 @@ impl Budget {
     }
 }
 
-/// Returns the orientations at the readings if the joints move between them along the path with
-/// index `path` in [`PATHS`]. They are exact to rounding.
+/// Returns the orientations at the readings if the joints move between readings along one of the
+/// [`PATHS`], whose index is `path`. They are exact to rounding.
 fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = [1.0, 0.0, 0.0, 0.0];
     let mut all = vec![q];
@@ -285,7 +287,8 @@ fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f6
     all
 }
 
-/// Measures the errors of the rig's odometry methods on a motion that is read in each tick.
+/// Measures the errors of the rig's odometry on a motion. `moments` are the moments at which the
+/// joints are read.
 pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget {
     let method = METHODS.iter().position(|(_, method)| *method == methods.odometry);
     let path = PATHS.iter().position(|(_, path)| *path == methods.path);
@@ -295,7 +298,8 @@ pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[Moment]) -> Budget 
     Budget::of(&rig.device, Choice { method, path }, &read, &followed)
 }
 
-/// Reports the errors of a choice on a motion as figures. Returns a row of the table.
+/// Reports the errors of one method and path on a motion, at every reading rate, as figures.
+/// Returns a row of the table.
 fn parts(
     report: &mut Report,
     rig: &Rig,
