@@ -16,7 +16,8 @@ use hbot_core::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, Sine, SpringDamper, State, Sum};
 
-/// Number of times at which the orientation is compared, one every 10 ms over 2 s.
+/// Number of moments at which the orientations of two simulations are compared. There is one moment
+/// every 10 ms over 2 s.
 const MARKS: usize = 200;
 
 fn main() {

@@ -88,7 +88,7 @@ struct Frame {
     length: usize,
 }
 
-/// One direction of an impaired line.
+/// The parameters and the frames in flight of one direction of an impaired line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
     latency_ns: u64,
@@ -160,7 +160,8 @@ impl Lane {
         }
     }
 
-    /// Puts the complete frame in `begun` in flight. It is delayed, and it can be lost or damaged.
+    /// Sends the complete frame that is in `begun`. The frame is delayed, and it can be lost or
+    /// damaged.
     fn put(&mut self, now_ns: u64, random: &mut Rand64) {
         let frame = &mut self.begun[..self.length];
         self.traffic.sent += 1;

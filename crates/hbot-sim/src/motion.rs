@@ -208,8 +208,8 @@ pub fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Computing the moments of a motion twice as often gives the same orientation at the end,
-    /// apart from rounding errors. This also holds for motions that reverse.
+    /// If the moments of a motion are computed twice as often, the orientation at its end is the
+    /// same, apart from rounding errors. This also holds for motions that reverse.
     #[test]
     fn a_motion_does_not_depend_on_how_often_it_is_read() {
         let device = hbot_config::RigConfig::prototype().rig.device;

@@ -30,7 +30,7 @@ pub struct SimulatedJoint {
     pub counts_per_turn: u32,
     /// Gear ratio: turns of the encoder for one turn of the joint.
     pub gear: f64,
-    /// Whether the motor controller counts angles and torques in the opposite direction to the
+    /// Whether the motor controller measures angles and torques in the opposite direction to the
     /// joint.
     pub reversed: bool,
     /// Largest torque that the motor gives at the joint, N m. It is 0 for a joint without a motor.
@@ -62,7 +62,8 @@ impl From<&Joint> for SimulatedJoint {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Axis {
     pub(super) joint: SimulatedJoint,
-    /// Peak torque of the joint in the number format of a command, N m. It is never negative.
+    /// Peak torque of the joint as a single-precision number, as in commands, N m. It is never
+    /// negative.
     pub(super) peak: f32,
     /// Encoder counts per radian of the joint. Negative if the motor controller counts in the
     /// opposite direction.

@@ -71,8 +71,8 @@ pub struct Controllers {
     axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
     motors: Option<Box<Motors>>,
-    /// Commanded torques, limited to each joint's peak, in N m. Each is positive in its joint's
-    /// positive direction.
+    /// Commanded torques, limited to each joint's peak, in N m. A positive torque acts in the
+    /// joint's positive direction.
     torque: JointTorques,
     enabled: bool,
     expired: bool,
@@ -139,8 +139,8 @@ impl Controllers {
 
     /// Replaces the parameters of the motors. `None` makes the motors ideal.
     ///
-    /// Motors that were ideal before start cold, with their present torque. Other motors keep their
-    /// current and heat.
+    /// Motors that were ideal before this call start cold, with their present torque. Other motors
+    /// keep their current and heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
         self.motors = motor.map(|motor| match self.motors.take() {
             None => Box::new(Motors::new(motor, self.asked())),
@@ -151,8 +151,8 @@ impl Controllers {
         });
     }
 
-    /// Returns the torques that act at the joints now, in N m. Each is positive in its joint's
-    /// positive direction.
+    /// Returns the torques that act at the joints now, in N m. A positive torque acts in the
+    /// joint's positive direction.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
         self.motors.as_ref().map_or_else(|| self.asked(), |motors| &motors.acting)

@@ -24,7 +24,8 @@ pub(super) struct Motors {
 }
 
 impl Motors {
-    /// Creates cold motors. Their currents are those that correspond to the torques `acting`, N m.
+    /// Creates motors that are cold. Their currents are those that correspond to the torques
+    /// `acting`, N m.
     pub(super) fn new(motor: Motor, acting: &JointTorques) -> Self {
         let mut motors = Self { motor, current: *acting, heat: [0.0; MAX_JOINTS], acting: [0.0; MAX_JOINTS] };
         motors.act();

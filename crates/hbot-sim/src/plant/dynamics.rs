@@ -10,9 +10,10 @@ use crate::phenomena::Phenomena;
 
 /// The mechanics of a rig with the requested phenomena.
 ///
-/// If nothing sticks, slips or has play, the plant is smooth: it has three speeds and is integrated
-/// by a [`Method`]. Otherwise friction, contacts and play follow set-valued laws, and a
-/// time-stepping scheme of order 1 is used (`docs/simulator.md`).
+/// If nothing sticks, slips or has play, the plant is smooth: all its speeds follow from the
+/// sphere's angular velocity, and it is integrated by a [`Method`]. Otherwise friction, contacts
+/// and play follow set-valued laws, and a time-stepping scheme of order 1 is used
+/// (`docs/simulator.md`).
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     device: Device,

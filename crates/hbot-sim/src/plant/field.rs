@@ -121,7 +121,8 @@ pub(super) struct Contact {
     th: f64,
     normal: Vec3,
     steer: Vec3,
-    /// The drive's row of the matrix G divided by `ratio`: (l.c1) g_th - c1.
+    /// The drive joint's row of the matrix G (from the sphere's angular velocity to joint rates),
+    /// divided by `ratio`: (l.c1) g_th - c1.
     per_radius: Vec3,
     /// Distance of the contact from the centre O of rotation, divided by the wheel's radius.
     ratio: f64,
@@ -189,8 +190,8 @@ impl<const P: usize, L: Load> Field<P> for Loaded<'_, L> {
         self.contacts(q, steer)
     }
 
-    /// The equations are those of section 5 of the physics notes. If the sphere is off centre, the
-    /// drive's row of G also changes with the distance of the contact from O.
+    /// Computes the accelerations by the equations of the physics notes, section 5. If the sphere
+    /// is off centre, the drive's row of G also changes with the distance of the contact from O.
     fn flow(&self, contacts: &[Contact; MAX_WHEELS], now: &L::Instant, q: Quat, omega: Vec3) -> Flow<P> {
         let (mut steer_rates, mut drive_rates) = ([Pair::ZERO; P], [Pair::ZERO; P]);
         let offset = q * self.extras.offset;

@@ -116,12 +116,12 @@ impl Module {
     }
 }
 
-/// Returns tan x / x. Near 0 it uses the series, so 0 is allowed.
+/// Returns tan x / x. Near 0 it uses a power series, so x can be 0.
 fn tan_ratio(x: f64) -> f64 {
     if x < 1.0e-4 { 1.0 + x * x / 3.0 } else { libm::tan(x) / x }
 }
 
-/// Returns sin x / x. Near 0 it uses the series, so 0 is allowed.
+/// Returns sin x / x. Near 0 it uses a power series, so x can be 0.
 fn sin_ratio(x: f64) -> f64 {
     if x.abs() < 1.0e-4 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
 }

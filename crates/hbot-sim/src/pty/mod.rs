@@ -242,8 +242,8 @@ impl Server {
     /// Waits for bytes, a message, a delayed frame, or the next update of the plant. Returns
     /// whether a message is waiting.
     ///
-    /// The poll never waits on a line that is hung up. Therefore, after each hang-up, one wait
-    /// leaves the line out.
+    /// A line that is hung up would end every wait at once. Therefore, the first wait after a
+    /// hang-up does not watch the line.
     fn wait(&self, hung_up: &mut bool) -> Result<bool, Errno> {
         let mut fds = [
             PollFd::from_borrowed_fd(self.wake.as_fd(), PollFlags::IN),

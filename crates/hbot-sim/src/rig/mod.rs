@@ -242,7 +242,7 @@ impl SimulatedRig {
         self.dynamics.encoder_rates(&self.state)
     }
 
-    /// Returns the torques that the motors give now, in N m. Each is positive in its joint's
+    /// Returns the torques that the motors give now, in N m. A positive torque acts in the joint's
     /// positive direction.
     #[must_use]
     pub fn joint_torque(&self) -> &JointTorques {

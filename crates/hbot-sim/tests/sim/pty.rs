@@ -155,8 +155,8 @@ fn a_panic_in_a_call_is_told_as_stopped() {
     assert!(matches!(rig.stop(), Err(PtyError::Stopped)));
 }
 
-/// A delayed answer arrives when it is due and not before. The host writes nothing meanwhile, and
-/// the rig's thread would otherwise sleep.
+/// On a line with latency, an answer arrives when it is due and not before. The host writes nothing
+/// meanwhile, and the rig's thread would otherwise sleep.
 #[test]
 fn a_late_answer_comes_by_itself() {
     let options = PtyOptions { idle: Duration::from_secs(3600), ..PtyOptions::default() };

@@ -15,8 +15,8 @@ use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_t
 /// its motor in one step.
 const SMALL_LOSS: f64 = 1.0e-9;
 
-/// Inertia that is given to a joint without inertia, relative to the sphere's inertia. It is a
-/// thousandth of a real joint's. With a much smaller value the solver would lose digits.
+/// Inertia that is given to a joint without inertia, as a fraction of the sphere's inertia. It is a
+/// thousandth of a real joint's inertia. With a much smaller value the solver would lose digits.
 const LEAST_MASS: f64 = 1.0e-6;
 
 /// The geometry of all contacts at the middle of a step. It is held constant during the step.
@@ -24,8 +24,8 @@ pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
     /// Distance of each contact from the centre O of rotation, m.
     radius: [f64; MAX_WHEELS],
-    /// Rows of the matrix G (steer, drive) of each wheel. They give the joint rates of a wheel that
-    /// does not slip.
+    /// Rows of the matrix G (steer, drive) of each wheel. They give the joint rates from the
+    /// sphere's angular velocity, for a wheel that does not slip.
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
 }
 
@@ -41,8 +41,8 @@ pub(super) struct Given<'a> {
     /// Guess of the speeds at the end of the step. The torques of the wheel modules are averaged
     /// over the motion that this guess makes.
     pub(super) guess: &'a Vector,
-    /// Whether to add a stiffness, so that a step cannot add energy although its guess of the
-    /// speeds is zero.
+    /// Whether to add a stiffness that keeps the step from adding energy. It is needed if `guess`
+    /// is zero instead of a solution.
     pub(super) bounded: bool,
 }
 

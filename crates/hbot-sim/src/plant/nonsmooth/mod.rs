@@ -40,8 +40,8 @@ type Vector = [f64; MAX_SPEEDS];
 /// Largest number of times that one step is solved. Each time, the torques of potentials and the
 /// gear losses are recomputed, which gains at least one digit.
 const MAX_SWEEPS: usize = 12;
-/// Relative change of the speeds below which a step need not be solved again. The error of the
-/// torque is then even smaller, by the factor of the turn in a step.
+/// Relative change of the speeds below which a step need not be solved again. The torques then have
+/// an even smaller error, because they depend only on the small turn within a step.
 const SETTLED: f64 = 1.0e-10;
 /// Smallest speed to which a change of the speeds is compared, rad/s. Slower speeds settle to 1e-12
 /// rad/s, which is about the remaining velocity of a sticking part.

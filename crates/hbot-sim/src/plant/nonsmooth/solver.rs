@@ -35,7 +35,7 @@ const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
 
 /// The quadratic part of the function that the solver minimises over the speeds. `mass` is stored
-/// by rows, and only its lower half is read.
+/// by rows, and only its lower half is used.
 #[derive(Debug, Clone)]
 pub(super) struct Problem {
     pub(super) n: usize,

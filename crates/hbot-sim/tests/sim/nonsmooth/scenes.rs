@@ -89,7 +89,8 @@ fn bump(t: f64, length: f64) -> f64 {
 
 const IDLE: Input = Input { tau: nothing, external: nothing, grip: None };
 
-/// A drive is pushed until its contact slips, and then released until the contact grips again.
+/// Returns a scene in which a drive is pushed until its contact slips, and is then released until
+/// the contact grips again.
 pub(super) fn slide() -> Scene {
     Scene {
         name: "slip onset, slide and stop",
@@ -102,8 +103,8 @@ pub(super) fn slide() -> Scene {
     }
 }
 
-/// Friction of joints, cage and contacts holds three quarters of the load that would move the
-/// sphere.
+/// Returns a scene in which the friction of joints, cage and contacts holds three quarters of the
+/// load that would move the sphere.
 pub(super) fn held() -> Scene {
     Scene {
         name: "sticking under load",
@@ -125,8 +126,8 @@ pub(super) fn held() -> Scene {
     }
 }
 
-/// A slow spring pulls joints whose friction falls when they begin to move, so that they stick and
-/// slip.
+/// Returns a scene in which a slow spring pulls joints whose friction falls when they begin to
+/// move, so that they stick and slip.
 pub(super) fn stick_slip() -> Scene {
     let hand = Hand { stiffness: 3.0, damping: 0.0, inertia: 0.0, amplitude: 0.25, rate: 0.25 };
     let start = State { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
@@ -149,7 +150,7 @@ pub(super) fn stick_slip() -> Scene {
     }
 }
 
-/// A drive moves to and fro through the play of its gear.
+/// Returns a scene in which a drive moves to and fro through the play of its gear.
 pub(super) fn backlash() -> Scene {
     Scene {
         name: "backlash crossing",
@@ -165,8 +166,8 @@ pub(super) fn backlash() -> Scene {
     }
 }
 
-/// A drive crosses the play of its gear and pushes. The sphere then drives it back across the play.
-/// The gear has losses in both directions.
+/// Returns a scene in which a drive crosses the play of its gear and pushes. The sphere then drives
+/// it back across the play. The gear has losses in both directions.
 pub(super) fn lossy() -> Scene {
     Scene {
         name: "backlash with losses",
@@ -184,7 +185,7 @@ pub(super) fn lossy() -> Scene {
     }
 }
 
-/// The friction of the cage brings a turning sphere to rest.
+/// Returns a scene in which the friction of the cage brings a turning sphere to rest.
 pub(super) fn cage() -> Scene {
     Scene {
         name: "cage friction",
@@ -197,7 +198,8 @@ pub(super) fn cage() -> Scene {
     }
 }
 
-/// Wheels slip while their contact patches resist turning about the contact normals.
+/// Returns a scene in which wheels slip while their contact patches resist turning about the
+/// contact normals.
 pub(super) fn pivoting() -> Scene {
     Scene {
         name: "pivoting",
@@ -214,7 +216,7 @@ pub(super) fn pivoting() -> Scene {
     }
 }
 
-/// All phenomena that act in the plant, at once.
+/// Returns a scene with all phenomena that act in the plant.
 pub(super) fn everything() -> Scene {
     let start = State { omega: Vec3::new(0.3, -0.2, 0.1), ..State::default() };
     Scene {
@@ -246,7 +248,7 @@ pub(super) fn everything() -> Scene {
     }
 }
 
-/// Off-centre masses and viscous joints, with nothing that sticks.
+/// Returns a scene with off-centre masses and viscous joints, in which nothing sticks.
 pub(super) fn smooth() -> Scene {
     Scene {
         name: "masses out of place",

@@ -18,7 +18,7 @@ const IDEAL: Motor = Motor {
     thermal_time_s: f64::INFINITY,
 };
 const STILL: [f64; 16] = [0.0; 16];
-/// Peak torque of a steer and a drive motor, in N m, in the number format of a command.
+/// Peak torque of a steer and a drive motor, in N m, as single-precision numbers, as in commands.
 const PEAK: [f32; 2] = [0.93, 0.14];
 const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 

@@ -81,7 +81,7 @@ impl Archive {
 /// points, spread evenly in the box, that are dominated. More designs never decrease it.
 #[derive(Debug, Clone)]
 pub(super) struct Volume {
-    /// Sample points that no design dominates yet.
+    /// Sample points of the volume that no design dominates yet.
     left: Vec<Costs>,
     points: usize,
 }

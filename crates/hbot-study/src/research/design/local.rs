@@ -82,8 +82,8 @@ impl Machine {
     }
 
     /// Returns the largest contact force for a torque of 1 N m on the sphere in the worst
-    /// direction, N. The joint torques are those of least cost, which the controller uses while no
-    /// motor is at its limit.
+    /// direction, N. The controller allocates this torque to the joints at least cost, as it does
+    /// while no motor is at its limit.
     fn load(&self, rows: &[Vec3]) -> f64 {
         // tau = W⁻¹ G A⁻¹ T with A = Gᵀ W⁻¹ G.
         let inverse = gram(rows, &self.give).inverse();

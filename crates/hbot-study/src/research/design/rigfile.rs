@@ -6,7 +6,7 @@ use super::margins::grip;
 use super::space::{DEGREE, Design, MODULE_MASS, Parts};
 use super::torus::Measures;
 
-/// The torque limit in the rig file, relative to the torque that motors and contacts can give.
+/// Torque limit in the rig file, as a fraction of the torque that motors and contacts can give.
 const RESERVE: f64 = 0.95;
 
 /// Returns the torque limit for the rig file of a design, N m, rounded down to 0.01 N m. Motors and

@@ -192,7 +192,7 @@ impl Design {
 
     /// Returns the half-angle of the cone that a module sweeps about its steering axis, seen from
     /// the sphere's centre, rad. The cone contains the far edge of the rim and its clearance. The
-    /// steering motor behind it is inside.
+    /// steering motor, which is behind the wheel, is inside this cone.
     pub(super) fn swept(&self, sphere_radius: f64) -> f64 {
         self.cone + libm::asin((self.radius + MODULE_ROOM) / (sphere_radius + self.radius))
     }

@@ -14,8 +14,8 @@ use crate::whole::prototype;
 
 /// Bandwidth that the paper reports about every axis, Hz (table II).
 const PAPER: f64 = 5.5;
-/// The settings of the position loop for all figures that state no others. The gain is chosen so
-/// that the bandwidth is near the paper's.
+/// The settings of the position loop that are used unless a figure states others. The gain is
+/// chosen so that the bandwidth is near the paper's.
 const STATED: Setting =
     Setting { gain: 50.0, inner_hz: 20.0, amplitude: 0.05, axis: Vec3::X, friction: false };
 /// Corner frequencies of the drives' rate loops that are tried, Hz.

@@ -259,8 +259,8 @@ fn check(report: &mut Report, rig: &Rig) {
     );
 }
 
-/// Searches for the posture whose torques come closest to table II, for several meanings of "mapped
-/// to the end-effector", and reports how close it comes.
+/// Searches for the posture whose torques come closest to the paper's table II, for several
+/// meanings of "mapped to the end-effector", and reports how close it comes.
 ///
 /// For each row of the table, `found` holds the smallest torques over all postures with four
 /// motors, and the medians with three.

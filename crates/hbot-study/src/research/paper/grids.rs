@@ -12,9 +12,9 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Reports how the mean indices for three motors converge on finer grids. The means on the finest
-/// grids are given. Returns the means on the finest of the paper's grids without weights, as the
-/// paper prints them.
+/// Reports how the mean indices for three motors converge on finer grids. `torus` and `so3` are the
+/// means on the finest grids. Returns the means on the finest of the paper's grids without weights,
+/// as the paper prints them.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,

@@ -61,8 +61,9 @@ impl Rig {
         choices.iter().map(each).collect()
     }
 
-    /// Returns the steer angles after the rig has turned the sphere to the orientation `q` in the
-    /// paper's way, rad. `start` are the steer angles before, when the orientation is the identity.
+    /// Returns the steer angles after the rig has turned the sphere from the identity to the
+    /// orientation `q` about one axis, as in the paper, rad. `start` are the steer angles before
+    /// the turn.
     pub(super) fn arrived(&self, q: Quat, start: [f64; 2]) -> [f64; 2] {
         self.turns.to(q, start)
     }

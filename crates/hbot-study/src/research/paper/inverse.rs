@@ -20,34 +20,34 @@ const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
 const PERIOD_S: f64 = 1.0e-3;
 /// Duration of a run of the control loop in our reading of the paper, s.
 const TIME_S: f64 = 1.0;
-/// Gain K_O of the run that gives the curves, 1/s. The error depends only on the product of gain
+/// Gain K_O of the run whose errors are plotted, 1/s. The error depends only on the product of gain
 /// and time.
 const GAIN: f64 = 14.0;
 /// A higher gain K_O, with which a smaller error remains than the paper reports, 1/s.
 const BETTER: f64 = 30.0;
 /// Number of ticks between two samples of the error.
 const EVERY: usize = 10;
-/// Largest allowed difference between the simulated loop and its closed form, rad. Joint rates are
-/// held constant for a tick, so the loop differs by K_O h/4 of the change, which is 1 % of an error
-/// that starts at 0.5.
+/// Largest allowed difference between the simulated control loop and its closed form, rad. Joint
+/// rates are held constant for a tick, so the loop differs by K_O h/4 of the change, which is 1 %
+/// of an error that starts at 0.5.
 const WITHIN: f64 = 5.0e-3;
 
 /// The root mean square of the error e_O over all orientations, about each axis, in rad. There is
 /// one entry for every sample in time.
 type Course = Vec<[f64; 3]>;
 
-/// Which of the two quaternions of a desired orientation is given to the loop.
+/// Which of the two quaternions of a desired orientation is given to the control loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sign {
-    /// The quaternion as eq. 23 gives it. In half of the cases it is the farther one, and the loop
-    /// turns the long way round.
+    /// The quaternion as eq. 23 gives it. In half of the cases it is the farther one, and the
+    /// control loop turns the sphere the long way round.
     Printed,
     /// The quaternion that is nearer to the present orientation.
     Nearest,
 }
 
-/// Simulates the loop for one desired orientation. Returns the squared error e_O about each axis,
-/// at each of `looks` samples in time.
+/// Simulates the control loop for one desired orientation. Returns the squared error e_O about each
+/// axis, at each of `looks` samples in time.
 fn follow(device: &Device, gain: f64, wanted: Quat, looks: usize) -> Course {
     let (mut q, mut th) = (Quat::IDENTITY, [0.0; 2]);
     let mut posture = Posture::new(device, &th);
@@ -87,7 +87,8 @@ fn rms(device: &Device, gain: f64, sign: Sign, samples: &[Quat], looks: usize) -
     (0..looks).map(mean).collect()
 }
 
-/// Returns the RMS error about each axis by the closed form, for a `product` of gain and time.
+/// Returns the RMS error of the control loop about each axis, computed by its closed form, for a
+/// `product` of gain and time.
 ///
 /// About a fixed axis the remaining angle p obeys dp/dt = -K_O sin(p/2). So tan(p/4) falls as
 /// exp(-K_O t/2), and |e_O| = sin(p/2).
@@ -124,7 +125,8 @@ fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     f64::NAN
 }
 
-/// The results of the loop if it is given one of the two quaternions of each orientation.
+/// Results of simulating the control loop with one of the two quaternions of each desired
+/// orientation.
 struct Run {
     /// Name of the run as shown in tables and plots.
     name: &'static str,
@@ -140,7 +142,7 @@ struct Run {
     product: f64,
     /// Product of gain and time at which the RMS error over the whole run equals the paper's.
     whole_product: f64,
-    /// Largest difference between the simulated loop and its closed form, rad.
+    /// Largest difference between the simulated control loop and its closed form, rad.
     off: f64,
 }
 
@@ -233,8 +235,8 @@ fn introduce(report: &mut Report, samples: usize) {
 }
 
 impl Run {
-    /// Evaluates a run of the loop. `course` is the RMS error about each axis at every sample in
-    /// time.
+    /// Evaluates a run of the control loop. `course` is the RMS error about each axis at every
+    /// sample in time.
     fn of(course: &Course, samples: &[Quat], sign: Sign, (name, id): (&'static str, &'static str)) -> Self {
         let target = mean(PAPER);
         let at = |k: usize| GAIN * PERIOD_S * (k * EVERY) as f64;
@@ -259,7 +261,7 @@ impl Run {
     }
 }
 
-/// Adds figures, a table and text about the runs of the loop to the report.
+/// Adds figures, a table and text about the runs of the control loop to the report.
 fn tell(report: &mut Report, runs: &[Run], left: &Left) {
     let Left { ours, better, grid } = left;
     let mut table = vec![row(["quaternion given", "RMS at the end: K_O t", "RMS over the whole run: K_O t"])];

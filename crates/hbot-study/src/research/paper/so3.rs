@@ -10,8 +10,8 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use hbot_core::{Quat, rotation};
 
-/// Number of angles psi for each point (theta, phi) of the sphere, at level 0. It doubles with each
-/// level.
+/// Number of angles psi for each point (theta, phi) of the sphere, in Hopf coordinates at level 0.
+/// It doubles with each level.
 const CIRCLE: u64 = 6;
 
 /// Returns the number of orientations that [`uniform`] gives at `level`: 72, 576, 4608, 36864,

@@ -45,8 +45,8 @@ const PEAK: f64 = 1.4;
 const SCALE: &str = "torque_scale";
 /// Largest allowed error of the stiffness on the ideal rig, in per cent.
 const IDEAL_WITHIN: f64 = 0.1;
-/// Largest allowed difference from 5 % of the error that a wrong torque constant alone causes, in
-/// per cent.
+/// Largest allowed difference between 5 % and the error that a wrong torque constant alone causes,
+/// in per cent.
 const SCALE_WITHIN: f64 = 0.1;
 /// Largest allowed error of the stiffness with all effects of a real rig, in per cent.
 const REAL_WITHIN: f64 = 6.0;
@@ -69,17 +69,19 @@ struct Found {
     effects: Vec<Effect>,
     /// Largest loads for which the fitted line is compared, N m.
     tried: &'static [f64],
-    /// For each row of table III: measurements with each law, on the ideal rig and with all
-    /// effects.
+    /// For each row of the paper's table III: measurements with each spring law, on the ideal rig
+    /// and with all effects.
     table: Vec<Measured>,
-    /// For each effect alone: measurements of each row of table III with the geodesic law.
+    /// For each effect alone: measurements of each row of the paper's table III, with the geodesic
+    /// spring law.
     singles: Vec<Measured>,
-    /// Measurements with each law on the ideal rig, with loads up to the motors' peak torque.
+    /// Measurements with each spring law on the ideal rig, with loads up to the motors' peak
+    /// torque.
     peaks: Vec<Measured>,
-    /// Measurements of each row of table III with the quaternion law and a torque constant that is
-    /// 5 % low.
+    /// Measurements of each row of the paper's table III, with the quaternion spring law and a
+    /// torque constant that is 5 % low.
     weak: Vec<Measured>,
-    /// For each largest load: measurements of each row of table III with all effects.
+    /// For each largest load: measurements of each row of the paper's table III, with all effects.
     ranges: Vec<Measured>,
 }
 
@@ -166,8 +168,8 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
     Ok(Found { effects, tried, table, singles, peaks, weak, ranges })
 }
 
-/// Adds the checks of the values in table III to the report. `scale` is the largest difference from
-/// 5 % of the error that the torque constant alone causes, in per cent.
+/// Adds the checks of the values in the paper's table III to the report. `scale` is the largest
+/// difference between 5 % and the error that the torque constant alone causes, in per cent.
 fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     let r2 = worst.r2;
     let active = found.table.iter().filter(|measured| measured.active).count();
@@ -195,9 +197,9 @@ fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
 
 /// Adds the checks of the causes of the paper's errors to the report. All errors are in per cent.
 ///
-/// `geodesic` and `quaternion` are the errors of the two laws with loads up to the motors' peak
-/// torque. `soft` holds the error in each row of table III with the quaternion law and a torque
-/// constant that is 5 % low.
+/// `geodesic` and `quaternion` are the errors of the two spring laws with loads up to the motors'
+/// peak torque. `soft` holds the error in each row of the paper's table III, with the quaternion
+/// law and a torque constant that is 5 % low.
 fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64; 2], soft: &[f64]) {
     let apart = ROWS.len();
     let unexplained = (0..apart).map(|k| {
@@ -223,18 +225,19 @@ fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64
     );
 }
 
-/// The worst errors of the stiffness and the worst R² among the rows of table III.
+/// The worst errors of the stiffness and the worst R² among the rows of the paper's table III.
 struct Worst {
-    /// Largest error of the geodesic law on the ideal rig, in per cent.
+    /// Largest error of the geodesic spring law on the ideal rig, in per cent.
     ideal: f64,
-    /// Smallest (most negative) error with all effects and either law, in per cent.
+    /// Smallest (most negative) error with all effects and either spring law, in per cent.
     softest: f64,
-    /// Largest error with all effects and either law, in per cent.
+    /// Largest error with all effects and either spring law, in per cent.
     stiffest: f64,
     r2: f64,
 }
 
-/// Reports the measurements for each row of table III. Returns the worst errors among them.
+/// Reports the measurements for each row of the paper's table III. Returns the worst errors among
+/// them.
 fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) -> Worst {
     let mut table = vec![row([
         "axis, asked, N m/rad",
@@ -286,8 +289,8 @@ fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) ->
     worst
 }
 
-/// Reports the errors of the stiffness with each effect alone. Returns the largest difference from
-/// 5 % for the torque constant alone, in per cent.
+/// Reports the errors of the stiffness with each effect alone. Returns the largest difference
+/// between 5 % and the error that the torque constant alone causes, in per cent.
 fn by_effect(report: &mut Report, effects: &[Effect], found: &[Measured]) -> f64 {
     let heads = ROWS.iter().map(|of| format!("{}: error, % (R²)", of.id.replace('_', ", ")));
     let mut table = vec![row(["one effect alone, geodesic law".to_owned()].into_iter().chain(heads))];

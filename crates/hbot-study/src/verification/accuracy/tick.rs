@@ -23,13 +23,13 @@ const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
 const TIME_S: u32 = 10;
 /// Rate of the control loop, Hz.
 const RATE: u32 = 1000;
-/// Share of a period that a tick can take. The reported highest rate is the one at which a tick
-/// takes this share.
+/// Share of a period that one tick is allowed to take. It determines the reported highest rate of
+/// the loop.
 const LOAD: f64 = 0.1;
 /// Number of ticks after which the soft start is over.
 const STARTED: usize = 600;
 
-/// Returns the configuration of the prototype with an accuracy preset.
+/// Returns the configuration of the prototype with the accuracy preset `preset`.
 fn rig(preset: &str) -> RigConfig {
     let with = Override { path: "loop.accuracy", value: json!(preset), from: "the study" };
     RigConfig::load(None, &[with]).unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"))

@@ -10,10 +10,10 @@ use serde_json::Value;
 use super::desk::{Desk, Setup};
 use crate::context::{Context, Interrupted};
 
-/// Number of ticks in the short of the two counted calls.
+/// Number of ticks in the shorter of the two calls whose instructions are counted.
 const FEW: usize = 20;
-/// Number of ticks in the long of the two counted calls. The difference from the short call is one
-/// period of the simulated rig's joint torques.
+/// Number of ticks in the longer of the two calls whose instructions are counted. The difference
+/// from the shorter call is one period of the simulated rig's joint torques.
 pub(super) const MANY: usize = FEW + 128;
 /// Full name of the function [`counted`], by which callgrind finds it.
 const FUNCTION: &str = concat!(module_path!(), "::counted");
@@ -28,7 +28,8 @@ pub struct Counter {
 }
 
 /// Runs the setups that `setups` (JSON) lists, so that callgrind can count their instructions. The
-/// program that [`Counter`] starts calls this function. It returns no result.
+/// program that [`Counter`] starts calls this function. The counts are in the files that callgrind
+/// writes.
 ///
 /// # Errors
 ///

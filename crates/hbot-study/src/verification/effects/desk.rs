@@ -20,7 +20,7 @@ use serde_json::{Map, Value, json};
 const STARTED: usize = 600;
 /// Number of ticks after which a change of scene has been blended in.
 const BLEND: usize = 60;
-/// Number of recorded readings. They last longer than all ticks that are run.
+/// Number of recorded readings, one per tick. It is larger than the number of ticks in any run.
 const RECORDED: usize = STARTED + 2 * BLEND + 1500;
 /// Sequence number of the first command. It is so large that all commands have the same number of
 /// bytes on the line.

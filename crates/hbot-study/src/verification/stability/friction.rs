@@ -14,7 +14,8 @@ const COULOMB: [f64; 4] = [0.0, 0.5e-3, 2.0e-3, 8.0e-3];
 /// Steps of the sphere's measured angle that are compared, rad. They belong to encoders with 16384,
 /// 2048 and 256 counts per turn of the steer, whose angle is 5.7 times the sphere's.
 const STEPS: [f64; 3] = [6.7e-5, 5.4e-4, 4.3e-3];
-/// Viscous damping of the mechanics (not of the wall) that is compared, N m s/rad.
+/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
+/// s/rad.
 const OWN: [f64; 2] = [0.001, 0.003];
 /// Period of the simulated loop, s.
 const PERIOD: f64 = 1.0e-3;
@@ -22,7 +23,7 @@ const PERIOD: f64 = 1.0e-3;
 const RELEASED: f64 = 0.05;
 /// Time after which the axis must be at rest, s.
 const TIME: f64 = 40.0;
-/// Ratio of each stiffness that is tried to the one before.
+/// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = 1.05;
 
 /// Returns whether the axis still moves at the end of a simulation and would not come to rest.

@@ -30,7 +30,7 @@ const LOSES: f64 = 1.0e-3;
 const FROM: f64 = 0.25;
 /// Highest stiffness that is tried, relative to the stability limit of the linear theory.
 const UP_TO: f64 = 32.0;
-/// Ratio of each stiffness that is tried to the one before.
+/// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;
 /// Number of bisections between the last two stiffnesses that were tried. They give the largest
 /// stable stiffness to 1 %.
@@ -109,7 +109,7 @@ struct Tapped {
     most: f64,
 }
 
-/// Taps the sphere, which a spring of `stiffness` (N m/rad) holds, and observes it. The sphere
+/// Taps the sphere, which is held by a spring of `stiffness` (N m/rad), and observes it. The sphere
 /// counts as at rest if it stays within the angle `floor` (rad).
 fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
     let mut run = Loop::new(&setting.wanted(stiffness, guard));

@@ -11,9 +11,10 @@ use crate::report::{Report, row};
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
 /// Delays from a reading to the torque computed from it that are compared, in ticks.
 const DELAYS: [usize; 3] = [0, 1, 2];
-/// Viscous damping of the mechanics (not of the wall) that is compared, N m s/rad.
+/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
+/// s/rad.
 const OWN: [f64; 3] = [0.001, 0.003, 0.01];
-/// Damping that the virtual wall renders, N m s/rad.
+/// Values of the damping that the virtual wall renders, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
 /// Largest allowed relative deviation of the measured stability limit from the predicted one.
 const WITHIN: f64 = 0.05;

@@ -23,7 +23,7 @@ const UNIT: f64 = 1.0e-12;
 /// in 1e8 steps would gain as much if all rounding errors had the same sign.
 const GAIN: f64 = 1.0e-7;
 
-/// What changed while the ideal plant was simulated for a day.
+/// How far conserved quantities changed while the ideal plant was simulated for a day.
 pub(super) struct Day {
     ticks: u64,
     seconds: f64,

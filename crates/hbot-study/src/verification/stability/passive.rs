@@ -11,9 +11,10 @@ use crate::report::{Report, row};
 
 /// Loop rates at which the largest passive stiffness is measured, Hz.
 const RATES: [u32; 3] = [500, 1000, 4000];
-/// Viscous damping of the mechanics (not of the wall) that is compared, N m s/rad.
+/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
+/// s/rad.
 const OWN: [f64; 2] = [0.01, 0.03];
-/// Damping that the virtual wall renders, N m s/rad. It can be negative.
+/// Values of the damping that the virtual wall renders, N m s/rad. They can be negative.
 const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
 /// Largest allowed relative deviation of the measured passive stiffness from the predicted one.
 const WITHIN: f64 = 0.1;
@@ -23,11 +24,11 @@ const SINES: usize = 160;
 /// Number of ticks for which each sine is simulated.
 const TICKS: usize = 40_000;
 
-/// Returns the damping that the mechanics need to absorb the energy that a wall delivers while it
-/// is moved along a sine. The sine advances by `phi` rad per tick.
+/// Returns the damping that the mechanics need, so that they absorb the energy that a wall delivers
+/// while it is moved along a sine. The sine advances by `phi` rad per tick.
 ///
-/// For a period of 1 s, the first result is in N m s/rad per N m/rad of the wall's stiffness, and
-/// the second per N m s/rad of its damping.
+/// The period is taken as 1 s. The first result is the damping needed for each N m/rad of the
+/// wall's stiffness, and the second for each N m s/rad of its damping, both in N m s/rad.
 fn asked(phi: f64, delay: usize) -> [f64; 2] {
     let first = delay + 1;
     // The sum goes from one zero crossing to another, so that the spring stores nothing at either

@@ -18,7 +18,7 @@ fn friction(limit: f64, rows: &[Row]) -> Element {
 }
 
 /// Solves one step for masses that are coupled only by `elements`. Returns their speeds at the end
-/// of the step and the solver's iterations.
+/// of the step, and how many iterations the solver needed.
 fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>, Effort) {
     let mut problem = Problem::EMPTY;
     problem.n = mass.len();
