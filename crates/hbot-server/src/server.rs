@@ -39,11 +39,11 @@ pub struct Options {
     /// Duration of the run, measured in the time of the loop. With `None` the server runs until it
     /// is stopped.
     pub duration: Option<Duration>,
-    /// The token that clients must show in their hello. With `None` no token is required.
+    /// The token that clients must send in their hello. With `None` no token is required.
     pub token: Option<String>,
     /// Motor buses that replace those of the rig file.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
-    /// How to start this program as the helper process that switches the motors off if the server
+    /// The command that starts the helper process, which switches the motors off if the server
     /// dies. The helper is used only on real serial ports. With `None` no helper is started.
     pub last_word: Option<Program>,
     /// The folder for flight logs. With `None` no logs are written.

@@ -4,7 +4,8 @@ use hbot_core::inputs::{Inputs, MAX_COMMANDS};
 use hbot_core::{CompiledScene, Controller};
 use hbot_host::sample::{Counters, Sample, Timing};
 
-/// Returns the sample of a loop that has just begun and has received nothing on its line.
+/// Returns a sample for tests with the tick number `tick`. It is that of a loop whose first tick
+/// this is and which has received no reading yet.
 pub(crate) fn still(tick: u64) -> Sample {
     let mut controller = Controller::new(hbot_config::RigConfig::prototype().rig);
     let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;

@@ -5,9 +5,10 @@ use hbot_host::conformance::Controllers;
 
 use super::{EXPIRED, Inbox, ON, STARTED, framed};
 
-/// The virtual controllers of several held motors.
+/// Virtual motor controllers that use the toy protocol. Their motors are held: they give torque but
+/// do not turn.
 pub struct HeldMotors {
-    /// Counts per turn of each encoder.
+    /// Encoder counts per turn of each joint.
     counts: Vec<u32>,
     inbox: Inbox,
     on: bool,

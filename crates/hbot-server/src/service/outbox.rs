@@ -8,7 +8,7 @@ use std::task::{Context, Poll, Waker};
 /// `info`, is far less than a tenth of it. The service's memory for messages is at most this times
 /// the number of clients.
 const MAX_BYTES: usize = 1 << 20;
-/// Largest buffer that an idle connection keeps, bytes.
+/// Largest buffer that a connection keeps after its messages are sent, bytes.
 const KEPT_BYTES: usize = 64 * 1024;
 
 /// The hub's end of the queue of messages for one client.
