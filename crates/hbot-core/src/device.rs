@@ -168,10 +168,9 @@ pub enum DeviceError {
     /// At some steer angles, the contact points of all wheels lie on one line through the sphere's
     /// centre (interior singularity). The wheels then cannot turn the sphere about this line.
     InteriorSingular {
-        /// Indices, counted from 0, of two wheels whose contact points can come to lie on this
-        /// line.
+        /// Indices, counted from 0, of two wheels whose contact points can meet.
         wheels: [usize; 2],
-        /// Whether the two contact points meet at one point or at opposite points of the sphere.
+        /// Whether the contact points can meet at one point or at opposite points of the sphere.
         meeting: Meeting,
     },
 }
@@ -347,8 +346,8 @@ impl Wheel {
         self.axis_c1
     }
 
-    /// Returns the component of the unit steer axis l along the rolling direction: l.c2 = sin a cos
-    /// b. The determinant of the wheel's matrix H is r R times this value.
+    /// Returns the component of the unit steer axis l along the rolling direction: l.c2 = sin a
+    /// cos b. The determinant of the wheel's matrix H is r R times this value.
     #[inline]
     #[must_use]
     pub fn axis_along_roll(&self) -> Real {
@@ -360,9 +359,9 @@ fn positive(x: Real) -> bool {
     x > 0.0 && x.is_finite()
 }
 
-/// Largest 1 + l3 at which the unit steer axis l counts as pointing straight down. With 64 bits, a
-/// difference of this size is lost in rounding. 32 bits use the same value, so that a steer angle
-/// of zero means the same direction in both builds.
+/// Largest value of 1 + l3 at which the unit steer axis l counts as pointing straight down. With
+/// 64 bits, a difference of this size is lost in rounding. 32 bits use the same value, so that a
+/// steer angle of zero means the same direction in both builds.
 const STRAIGHT_DOWN: Real = 1.0e-15;
 
 /// Returns the first two columns of A0, the smallest rotation that takes the axis n3 to `l`. The

@@ -99,8 +99,8 @@ impl Joints {
         self.begin(rig, feedback)
     }
 
-    /// Starts anew at the present joint angles. It is not known along which path the joints came to
-    /// these angles.
+    /// Starts measuring anew at the present joint angles, because the path of the joints up to now
+    /// is not known.
     fn begin(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
@@ -112,6 +112,7 @@ impl Joints {
     }
 
     /// Takes the next reading and returns the turn of the sphere since the last reading.
+    ///
     /// `late` is the number of ticks by which the reading came later than possible. `judged` is
     /// true if the motors are on or a fault is to be reset. In this case, changes of the encoder
     /// counts that are impossible within the speed limit are refused.

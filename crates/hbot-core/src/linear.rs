@@ -31,8 +31,8 @@ pub(crate) struct Adjugate {
 impl Sym3 {
     pub(crate) const ZERO: Self = Self { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 };
 
-    /// Adds the matrix I - n nᵀ for the unit vector `n`. The diagonal elements 1 - x² are computed
-    /// as y² + z², which loses no digits.
+    /// Adds the matrix I - n nᵀ for the unit vector `n`. A diagonal element such as 1 - n_x² is
+    /// computed as n_y² + n_z², which loses no digits.
     #[inline]
     pub(crate) fn add_plane(&mut self, n: Vec3) {
         self.xx += n.y * n.y + n.z * n.z;
@@ -140,13 +140,14 @@ impl Adjugate {
         self.det > ratio * self.pairs * self.sum && self.pairs > flat * self.sum * self.sum
     }
 
-    /// Returns the solution x of M x = v. Each component is divided by the determinant.
+    /// Returns the solution x of M x = v for the matrix M whose adjugate this is. Divides each
+    /// component by the determinant.
     #[inline]
     pub(crate) fn solve_by_division(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) / self.det
     }
 
-    /// Returns the solution x of M x = v. Faster than
+    /// Returns the solution x of M x = v for the matrix M whose adjugate this is. Faster than
     /// [`solve_by_division`](Self::solve_by_division), because it divides only once.
     #[inline]
     pub(crate) fn solve(&self, v: Vec3) -> Vec3 {

@@ -37,8 +37,8 @@ pub enum Cause {
     LinkLost,
     /// Too many frames on the line to the motor controllers were damaged.
     LinkCorrupt,
-    /// A motor controller reported a fault or rebooted, or its motors were on or off against the
-    /// command.
+    /// A motor controller reported a fault or rebooted, or its motors were on or off contrary to
+    /// the command.
     ControllerFault,
     /// The sphere turned faster than the rig's limit while the motors were on.
     Overspeed,

@@ -19,7 +19,7 @@ const ROOT3_12: Real = 0.144_337_567_297_406_44;
 /// constant rates. The joints begin at the steer angles `th` (one per wheel, rad) and move by
 /// `delta` (steer, drive of each wheel, rad).
 ///
-/// The error of the method falls with the step length to the power of its order: 1 for
+/// The error of the method falls with the n-th power of the step length. n is 1 for
 /// [`OdometryMethod::Euler`], 2 for [`Midpoint`](OdometryMethod::Midpoint) and 4 for
 /// [`Magnus4`](OdometryMethod::Magnus4) (Magnus expansion on two Gauss points; Iserles and Norsett
 /// 1999).

@@ -61,8 +61,8 @@ pub enum Refusal {
         /// Age of that state, in ticks.
         age_ticks: u64,
     },
-    /// The message names a tick that has not happened yet as the one whose state it was computed
-    /// from.
+    /// The client claims to have computed the message from the state of a tick that has not
+    /// happened yet.
     Ahead {
         /// Number of ticks by which that tick is in the future.
         ticks: u64,

@@ -57,7 +57,7 @@ impl Observer {
         given
     }
 
-    /// Returns the sum of the torques of the commands from number `answered` up to, but without,
+    /// Returns the sum of the torques of the commands from number `answered` to the one before
     /// `tick`, N m. No reading shows yet how much energy these torques give to the hand.
     #[inline]
     fn on_their_way(&self, answered: u32, tick: u32) -> Vec3 {
@@ -141,7 +141,7 @@ impl Guard {
     }
 }
 
-/// What the passivity controller must know about the present tick.
+/// Data about the present tick that the passivity controller needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moment {
     pub(crate) tick: u32,

@@ -8,7 +8,7 @@ use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
 
 /// Computes the torque of a scene, and keeps the memory that its effects need from tick to tick.
-/// The controller uses it; it also works alone in plots, studies and tests.
+/// The controller uses it. Plots, studies and tests also use it without a controller.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
@@ -38,9 +38,9 @@ impl Renderer {
         }
     }
 
-    /// Creates a memory for each effect of `scene` that has none yet. References that are relative
-    /// to the sphere are set relative to the orientation `q`. Returns true if `scene` is not the
-    /// one of the last tick. Call it before [`render`](Self::render).
+    /// Creates a memory for each effect of `scene` that has none yet. References with the anchor
+    /// [`Anchor::Here`] are placed relative to the orientation `q`. Returns true if `scene` is not
+    /// the one of the last tick. Call it before [`render`](Self::render).
     #[inline]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         self.placed = 0;
@@ -100,9 +100,9 @@ impl Renderer {
         effect.kind.excess(goal, q, scene.figures(effect.figures))
     }
 
-    /// Restarts all effects of `scene` when the rig is enabled. References that are relative to the
-    /// sphere are set relative to the orientation `q`. All other references jump to their goals.
-    /// Every effect fades in.
+    /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
+    /// [`Anchor::Here`] are placed relative to the orientation `q`. All other references jump to
+    /// their goals. Every effect fades in.
     pub(crate) fn enable(&mut self, scene: &CompiledScene, q: Quat) {
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];

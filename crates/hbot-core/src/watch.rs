@@ -31,7 +31,8 @@ const GRAIN: Real = 2.0;
 /// Longest interval between readings, and longest delay of a reading, in ticks, for which slip and
 /// rates are still checked. In a longer time the wheels can steer to positions that are not known.
 const COARSE: u32 = 5;
-/// Factor on the limits of speed and slip, above 1 to allow for the rounding of the encoder counts.
+/// Factor by which the limits of speed and slip are widened when a block is checked, to allow for
+/// the rounding of the encoder counts.
 const MARGIN: Real = 1.05;
 
 /// The motion of the joints and of the sphere between two readings.

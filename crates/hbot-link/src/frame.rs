@@ -124,8 +124,8 @@ const MAX_CHECKED_BODY: usize = MAX_FRAME - 2;
 
 const _: () = assert!(MAX_COMMAND_FRAME <= MAX_FRAME && MAX_DESCRIPTION_FRAME <= MAX_FRAME);
 
-/// Largest number of bytes that a field of each type takes in the body of a frame. Integers are
-/// encoded as varints, with 7 bits per byte.
+/// Largest number of bytes of a `u32` in the body of a frame. Integers are encoded as varints, with
+/// 7 bits per byte. The next constants are for the other types.
 const VARINT_U32: usize = 5;
 const VARINT_U16: usize = 3;
 const F32: usize = 4;

@@ -76,8 +76,8 @@ pub struct Description {
 /// The properties of one joint that a motor controller reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JointDescription {
-    /// Encoder counts per turn of the encoder, which sits before the gear; 1 or more. The host
-    /// compares the number with the rig file.
+    /// Encoder counts per turn of the encoder, which is on the motor side of the gear; 1 or more.
+    /// The host compares the number with the rig file.
     pub counts_per_turn: u32,
 }
 
@@ -96,8 +96,9 @@ pub struct Feedback {
 /// The reading of one joint: position, rate, current and temperature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointReading {
-    /// Position of the encoder, which sits before the gear, in counts. It wraps from [`i32::MAX`]
-    /// to [`i32::MIN`] and back. So the motion between two readings is their wrapping difference.
+    /// Position of the encoder, which is on the motor side of the gear, in counts. It wraps from
+    /// [`i32::MAX`] to [`i32::MIN`] and back. So the motion between two readings is their wrapping
+    /// difference.
     pub count: i32,
     /// Rate of the joint, after the gear, rad/s. Positive towards greater encoder counts.
     pub rate: f32,

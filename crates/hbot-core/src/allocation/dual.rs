@@ -18,9 +18,9 @@ use crate::real::{Real, Vec3, fabs};
 const MAX_STEPS: usize = 32;
 
 /// Largest residual torque with which a solution is still accepted, as a fraction of the largest
-/// term in the sum of torques. It is half of the digits of a [`Real`]. Only joints that act on the
-/// sphere in nearly parallel directions cause a residual of this size. For them, rounding also
-/// limits how accurately the largest reachable torque is known.
+/// term in the sum of torques. The value is about the square root of the rounding error of a
+/// [`Real`]. Only joints that act on the sphere in nearly parallel directions cause a residual of
+/// this size. For them, rounding also limits how accurately the largest reachable torque is known.
 const FORGIVEN: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
 /// Returns the vector y of three numbers from which the least-cost joint torques follow, if joints
@@ -135,10 +135,10 @@ pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]
     }
 }
 
-/// Returns three vectors for the joint torques `x`. The first is the residual: the part of `target`
-/// that `x` does not make. The second is the Newton step of the dual vector y for this residual.
-/// The third gives the rounding scale: for each component, the sum of the sizes of the residual's
-/// terms.
+/// Returns three vectors for the joint torques `x`. The first is the residual: the part of the
+/// torque `target` that `x` does not make. The second is the Newton step of the dual vector y for
+/// this residual. The third is a scale for rounding errors: for each component, the sum of the
+/// sizes of the residual's terms.
 fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec3, Vec3) {
     let mut left = target;
     let mut size = target.abs();

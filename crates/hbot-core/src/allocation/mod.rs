@@ -43,9 +43,9 @@ use weak::Share;
 /// rows g_j of G that belong to joints with a motor, each times the joint's largest torque t_j. The
 /// strength is divided by a reference level, which [`allocate`] defines.
 ///
-/// The prototype with all four motors never falls below 0.119. At 0.01, the joints can make only 1
-/// % as much torque in the weak direction as in the strong direction. If the allocation still kept
-/// the direction of the wanted torque, all components of the torque would become very small.
+/// The prototype with all four motors never falls below 0.119. At 0.01, the torque in the weak
+/// direction is only 1 % of that in the strong direction. If the allocation still kept the
+/// direction of the wanted torque, all components of the torque would become very small.
 pub const WHOLE: Real = 0.01;
 
 /// Relative strength below which a direction of torque counts as lost. It is on the same scale as
@@ -285,8 +285,8 @@ impl LeastCost {
     }
 }
 
-/// Implements [`allocate`] for rows in any container. The compiler inlines two copies: one for
-/// exactly four rows, one for any number.
+/// Implements [`allocate`]. The compiler makes two copies: a fast one for exactly four rows, and
+/// one for any number of rows.
 #[inline(always)]
 fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, wanted: Vec3) -> Allocation {
     let rows = rows.as_ref();

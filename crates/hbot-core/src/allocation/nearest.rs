@@ -11,8 +11,8 @@ use crate::real::{Real, Vec3, fabs};
 const ROUNDS: u32 = 32;
 
 /// Damping of the step in which all joints move together, relative to the strength of these joints.
-/// It is half of the digits of a [`Real`]. The step ignores directions weaker than the square root
-/// of this value.
+/// The value is about the square root of the rounding error of a [`Real`]. The step ignores
+/// directions that are weaker than the square root of the damping.
 const DAMPING: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
 /// Largest load of a contact that is still accepted, as a fraction of its grip. It is slightly
@@ -143,9 +143,9 @@ mod tests {
     }
 
     /// Checks that, with one dead motor, the search finds the torque that is nearest to the wanted
-    /// one. In one direction the joints are weak by a factor of 36. The expected distance, 0.164902
-    /// N m, comes from an independent solver of bounded least squares (SciPy's `lsq_linear`, method
-    /// `bvls`).
+    /// one. In one direction the joints are weak by a factor of 36. The expected distance,
+    /// 0.164902 N m, comes from an independent solver of bounded least squares (SciPy's
+    /// `lsq_linear`, method `bvls`).
     #[test]
     fn three_joints_come_as_near_as_they_can() {
         let rows = [

@@ -3,13 +3,13 @@
 
 use crate::real::{Real, Vec3, fabs};
 
-/// Amount by which rounding can raise a least-cost joint torque above its limit, as a fraction of
-/// the limit.
+/// Largest excess of a least-cost joint torque over its limit that can come from rounding alone, as
+/// a fraction of the limit.
 const DOUBT: Real = if Real::EPSILON < 1.0e-10 { 2.0e-10 } else { 1.0e-5 };
 
-/// Smallest change of a joint torque with the free parameter alpha at which the joint counts as
-/// depending on alpha. It is relative to the joint torque that changes most, and equals the square
-/// root of the rounding error.
+/// Joint torques change linearly with a free parameter alpha. If a joint torque changes by less
+/// than this fraction of the one that changes most, its change can come from rounding alone. The
+/// value is about the square root of the rounding error of a [`Real`].
 const HARDLY: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
 /// Returns the least-cost joint torques for the largest reachable torque along `u`, and the size of

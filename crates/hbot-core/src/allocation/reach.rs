@@ -8,10 +8,10 @@ use crate::device::MAX_JOINTS;
 use crate::linear::{Sym3, principal};
 use crate::real::{Real, Vec3, fabs, sqrt};
 
-/// Factor by which all joints together are stronger than the strongest single wheel, when a
-/// direction of torque counts as fully strong. The strength of a wheel is the torque that it can
-/// make in every direction of its contact. All joints of the prototype together reach 6 to 8 times
-/// this strength in their strongest direction, so for the prototype the factor changes little.
+/// Strength at which a direction of torque counts as fully strong, as a multiple of the strength of
+/// the strongest single wheel. The strength of a wheel is the torque that it can make in every
+/// direction of its contact. For the prototype, the strongest direction of all joints together has
+/// 6 to 8 times this strength, so the factor changes little there.
 const WHEELS: Real = 5.0;
 
 /// Smallest permitted reference level for the strength of a direction, relative to the largest
@@ -109,8 +109,8 @@ impl Reach {
         self.sigma
     }
 
-    /// Returns the reference level with which the strength of a direction is compared, divided by
-    /// the internal unit of torque.
+    /// Returns the reference level for the strength of a direction, divided by the internal unit of
+    /// torque. A direction that is much weaker than this level counts as lost.
     pub(super) fn level(&self) -> Real {
         self.level
     }
@@ -178,8 +178,8 @@ impl Reach {
         (x, reached * self.unit / size)
     }
 
-    /// Returns true if the torque on the sphere from the joint torques `x` differs by more than
-    /// rounding from the torque with the components `parts` along the principal axes.
+    /// Returns true if the joint torques `x` do not make the torque with the components `parts`
+    /// along the principal axes. Rounding errors are ignored.
     pub(super) fn strays(&self, x: &[Real; MAX_JOINTS], parts: [Real; 3]) -> bool {
         let mut left = parts.map(|part| part / self.unit);
         let mut terms = 0.0;

@@ -64,8 +64,8 @@ fn joints(
 }
 
 /// Generates joints whose rows of G lie along the edges and diagonals of a cube, and a torque to
-/// allocate. Limits and costs are equal. Such rows lead to facets of many rows, to edges, vertices
-/// and ties.
+/// allocate. Limits and costs are equal. Such joints lead to the special cases of the allocation:
+/// facets with many rows, edges, vertices and ties.
 fn lattice() -> impl Strategy<Value = (Vec<Vec3>, JointLimits, Vec3)> {
     let row = prop_oneof![
         Just(Vec3::X),

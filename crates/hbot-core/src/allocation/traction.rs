@@ -32,8 +32,8 @@ impl ContactArms {
         }
     }
 
-    /// Returns the default cost weights of the wheel's steer and drive joint, 1/m²: w_th = 1/(R sin
-    /// a cos b)² and w_ph = 1/r².
+    /// Returns the default cost weights of the wheel's steer and drive joint, 1/m²: w_th = 1/(R
+    /// sin a cos b)² and w_ph = 1/r².
     ///
     /// Without a toe angle, the sum of w tau² with these weights equals the sum of the squared
     /// contact forces. The least-cost joint torques then cause the smallest contact forces.

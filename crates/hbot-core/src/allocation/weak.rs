@@ -25,16 +25,15 @@ use super::reach::Reach;
 use super::{LOST, WHOLE};
 use crate::real::{Real, fabs, sqrt};
 
-/// Limits between which an axis changes from uncontrolled to fully controlled. They apply to the
-/// stray torque: the torque along the axis if it is not controlled, relative to the torque made.
-/// Below the first limit the axis is not controlled, above the second it is fully controlled. With
-/// these limits, the solution without the axis adds at most 0.6 % of stray torque, its weight
-/// included.
+/// Two limits on the stray torque of an axis: the torque along the axis if it is left uncontrolled,
+/// as a fraction of the torque made. Below the first limit the axis is left uncontrolled, and above
+/// the second it is fully controlled. With these limits, uncontrolled axes add at most 0.6 % of
+/// stray torque to the result.
 const STRAYS: [Real; 2] = [0.002, 0.02];
 
-/// One term of the weighted mean of solutions that replaces the exact solution if some axes are
-/// weak. The term is the solution for the torque along the first `kept` principal axes. The torque
-/// along the first `held` axes is controlled. `part` is the weight of the term.
+/// One term of a weighted mean of solutions. The mean replaces the exact solution if the joints are
+/// weak in some directions. The term makes the torque along the first `kept` principal axes and
+/// controls the torque along the first `held` axes. `part` is the weight of the term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Share {
     pub(super) kept: usize,

@@ -9,7 +9,7 @@ use crate::real::Real;
 
 /// Lateness of a tick above which the rig goes to fault, ns.
 pub const LATE_FAULT_NS: u64 = 20_000_000;
-/// Number of skipped ticks in a row above which the rig goes to fault.
+/// Number of skipped ticks in a row at which the rig goes to fault.
 pub const SKIPPED_FAULT: u64 = 10;
 /// Number of damaged frames at which the link counts as corrupt. Every [`CORRUPT_FORGIVEN_TICKS`]
 /// ticks the count falls by one. So 1 % of damaged frames is tolerated and 50 % is not.
@@ -32,8 +32,8 @@ pub const DISOBEDIENCE_S: Real = 0.02;
 pub(super) struct Silence {
     /// Ticks since the last reading.
     ticks: u64,
-    /// Number of ticks without a reading, less [`MISSED_FORGIVEN`] for each reading that has
-    /// arrived.
+    /// Number of missing readings, less [`MISSED_FORGIVEN`] for each reading that has arrived;
+    /// never below 0.
     owed: u64,
 }
 
@@ -60,7 +60,7 @@ impl Silence {
 
 impl Controller {
     /// Counts two kinds of events that become a fault only if they are frequent: damaged frames,
-    /// and ticks in which motors were on or off against the command. `elapsed` is the number of
+    /// and ticks in which motors were on or off contrary to the command. `elapsed` is the number of
     /// ticks since the last call.
     #[inline]
     pub(super) fn count_complaints(&mut self, inputs: &Inputs, elapsed: u64) {
@@ -118,8 +118,8 @@ impl Controller {
     }
 
     /// Returns the fault that the measured motion shows, such as excessive speed or slip. With
-    /// motors off, only the fault that the rig is already in counts, because a person may spin the
-    /// sphere by hand.
+    /// motors off, it returns only the fault that the rig is already in, because a person may then
+    /// spin the sphere by hand.
     #[inline]
     fn motion_fault(&self, powered: bool) -> Option<Cause> {
         let judged = |cause| powered || self.machine.cause == Some(cause);
@@ -154,7 +154,7 @@ impl Controller {
         behind > i64::from(timeout_ticks) || self.silence.too_long(timeout_ticks)
     }
 
-    /// Returns true if motors have been on or off against the command for longer than
+    /// Returns true if motors have been on or off contrary to the command for longer than
     /// [`DISOBEDIENCE_S`].
     #[inline]
     fn disobeyed(&self) -> bool {

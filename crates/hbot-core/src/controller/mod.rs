@@ -65,14 +65,14 @@ pub struct Controller {
     /// Sum of the torques of scene and stream in the last tick, after the torque limit, N m.
     last_asked: Vec3,
     last_stream: Stream,
-    /// Size of the torque on the sphere at the start of a soft start with motors on, N m. It fades
-    /// out during the soft start. `carried_s` is the time since then, s.
+    /// Size of the torque that the motors already made when a soft start began, N m. This torque
+    /// fades out at the beginning of the soft start. `carried_s` is the time since then, s.
     carried: Real,
     carried_s: Real,
     last_tick: Option<u64>,
     silence: Silence,
     corrupt: Real,
-    /// Number of ticks for which motors have been on or off against the command.
+    /// Number of ticks for which motors have been on or off contrary to the command.
     disobeyed_ticks: u64,
     /// True after homing. The zeros of the steer joints are then known, so the joint angles are
     /// those of the wheels.

@@ -16,7 +16,7 @@ pub enum Frame {
 /// An effect that makes a constant torque on the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constant {
-    /// Torque on the sphere, N m, in `frame`.
+    /// Torque on the sphere, N m. It is constant in the frame that `frame` names.
     pub torque: Vec3,
     /// Frame in which the torque is constant.
     pub frame: Frame,

@@ -58,8 +58,8 @@ impl Detents {
         }
     }
 
-    /// Returns the energy (J) and its slope (N m) at the distance `d` (rad) from a notch. `room` is
-    /// half of the distance to the next notch, rad.
+    /// Returns the dial's energy (J) and its slope (N m) at the distance `d` (rad) from a notch.
+    /// `room` is half of the distance to the next notch, rad.
     #[inline]
     fn notch(&self, d: Real, room: Real) -> (Real, Real) {
         let width = self.width.min(room);
@@ -71,8 +71,8 @@ impl Detents {
         (scale * (1.0 - cosine), self.strength * sine)
     }
 
-    /// Returns the energy (J) and its slope (N m) at the angle `d` (rad) beyond the first or last
-    /// notch.
+    /// Returns the dial's energy (J) and its slope (N m) at the angle `d` (rad) beyond the first or
+    /// last notch.
     #[inline]
     fn beyond(&self, d: Real) -> (Real, Real) {
         if self.end_stiffness > 0.0 {

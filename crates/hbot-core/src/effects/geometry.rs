@@ -87,7 +87,8 @@ pub(crate) struct Turns {
 }
 
 impl Turns {
-    /// Returns `psi` plus as many whole turns as bring it nearest to the last angle.
+    /// Returns the angle `psi` (rad), shifted by whole turns so that it is nearest to the last
+    /// angle.
     #[inline]
     pub(crate) fn unwrap(&self, psi: Real) -> Real {
         match self.last {
@@ -96,8 +97,8 @@ impl Turns {
         }
     }
 
-    /// Returns `psi` plus as many whole turns as bring it nearest to the last angle, and stores the
-    /// result as the last angle.
+    /// Returns the angle `psi` (rad), shifted by whole turns so that it is nearest to the last
+    /// angle. Stores the result as the last angle.
     #[inline]
     pub(crate) fn follow(&mut self, psi: Real) -> Real {
         let unwrapped = self.unwrap(psi);
@@ -116,8 +117,8 @@ pub(crate) struct Swing {
     pub(crate) gradient: Vec3,
 }
 
-/// Angular distance from the direction opposite to a cone within which the cone's wall fades, rad
-/// (20 degrees). In the opposite direction all ways out of the wall are equally long, so the torque
+/// Angle over which the wall of a cone fades near the direction opposite to the cone, rad (20
+/// degrees). In the opposite direction all ways out of the wall are equally long, so the torque
 /// must be zero.
 pub(crate) const SWING_FADE: Real = 0.35;
 

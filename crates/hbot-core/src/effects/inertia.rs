@@ -32,8 +32,9 @@ const PART: Real = 0.5;
 /// stays stable. Each item of `masses` is a mass M_v (kg m², with its gain) and the time constant
 /// of its smoothing (s).
 ///
-/// Let h be the `period` and a = h/(smoothing + h). The factor is 1 if the sum of a M_v is at most
-/// half of the sphere's own `inertia` (kg m²). Otherwise it scales the sum down to this limit.
+/// Let h be the `period` and a = h/(smoothing + h). The factor is 1 if the sum of the products a
+/// M_v is at most half of the sphere's own `inertia` (kg m²). Otherwise it scales this sum down to
+/// the limit.
 #[must_use]
 pub(crate) fn mass_scale(masses: impl Iterator<Item = (Real, Real)>, inertia: Real, period: Real) -> Real {
     let load: Real = masses.map(|(mass, smoothing)| mass * period / (smoothing + period)).sum();

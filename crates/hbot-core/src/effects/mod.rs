@@ -62,8 +62,8 @@ pub(crate) trait Law {
     /// Advances `memory` by one tick.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
 
-    /// Returns the energy that the effect stores, J. Returns `None` for effects whose torque is not
-    /// the gradient of an energy. Damping is ignored.
+    /// Returns the energy that the effect stores, J. Returns `None` if the effect's torque, apart
+    /// from damping, is not the gradient of an energy.
     fn energy(&self, _now: &mut Now<'_>, _memory: &Self::Memory) -> Option<Real> {
         None
     }
@@ -82,8 +82,9 @@ pub(crate) trait Law {
         None
     }
 
-    /// Returns the size and the smoothing time constant (s) of a virtual mass, or `None` for other
-    /// effects. The size is the largest eigenvalue of the mass or an upper bound of it, kg m².
+    /// Returns the inertia of a virtual mass (kg m²) and the time constant of its smoothing (s), or
+    /// `None` for other effects. The inertia is the largest eigenvalue of the mass or an upper
+    /// bound of it.
     fn mass(&self) -> Option<(Real, Real)> {
         None
     }
@@ -135,13 +136,13 @@ impl Effect {
     }
 }
 
-/// A part of a scene's table of numbers. Effects keep there what is too long for their parameters,
-/// such as way-points.
+/// A part of a scene's table of numbers. It contains data of an effect that are too long for the
+/// effect's parameters, such as way-points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
-    /// Index of the first number.
+    /// Index of the first number of the part, in the scene's table of numbers.
     pub start: u16,
-    /// Count of numbers.
+    /// How many numbers the part contains.
     pub len: u16,
 }
 
@@ -153,7 +154,8 @@ impl Span {
 /// The memory that an effect keeps from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EffectState {
-    /// Epoch of the effect to which this memory belongs; 0 if it belongs to none.
+    /// Epoch of the effect to which this memory belongs (see [`Effect::epoch`]); 0 if it belongs to
+    /// none.
     pub(crate) epoch: u32,
     pub(crate) reference_revision: u32,
     /// Time since the fade-in began, s. It stops growing at the end of the fade-in.

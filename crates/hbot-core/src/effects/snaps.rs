@@ -81,7 +81,7 @@ impl Snaps {
     }
 
     /// Returns a smooth measure U of the distance from the orientation `x` to the nearest
-    /// orientation of the set, and the gradient of U. At the nearest orientation U is 0.
+    /// orientation of the set, and the gradient of U. U is 0 at each orientation of the set.
     #[inline]
     fn ground(&self, x: Quat, figures: &[Real]) -> (Real, Vec3) {
         let wells = Wells::new(self.set, figures);
@@ -158,8 +158,8 @@ const S: Real = core::f64::consts::FRAC_1_SQRT_2;
 #[cfg(feature = "f32")]
 const S: Real = core::f32::consts::FRAC_1_SQRT_2;
 
-/// The rotations of the cube onto itself, as quaternions `[w, x, y, z]`. The first half of the
-/// table are the rotations of the tetrahedron.
+/// The rotations that bring a cube onto itself, as quaternions `[w, x, y, z]`. The first half of
+/// the table holds the rotations that also bring a tetrahedron onto itself.
 const CUBE: [[Real; 4]; 24] = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
@@ -189,7 +189,7 @@ const CUBE: [[Real; 4]; 24] = [
 
 static CUBE_TURNS: [[Real; 4]; 24] = CUBE;
 
-/// The rotations of the icosahedron onto itself, as quaternions `[w, x, y, z]`. They are the
+/// The rotations that bring an icosahedron onto itself, as quaternions `[w, x, y, z]`. They are the
 /// rotations of the tetrahedron, and the even permutations of (phi, +-1, +-1/phi, 0)/2 with phi the
 /// golden ratio.
 static ICOSAHEDRON: [[Real; 4]; 60] = icosahedron();

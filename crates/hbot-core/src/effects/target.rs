@@ -65,8 +65,8 @@ pub(crate) fn beyond(v: Vec3, deadband: Real) -> Vec3 {
     if length > deadband { v * (1.0 - deadband / length) } else { Vec3::ZERO }
 }
 
-/// Returns the derivative of [`beyond`] at `v`, times the vector `f`. The derivative is a symmetric
-/// matrix, so the order of its indices does not matter.
+/// Returns the derivative matrix of [`beyond`] at `v`, times the vector `f`. The matrix is
+/// symmetric, so it equals its transpose.
 #[inline]
 pub(crate) fn beyond_gradient(v: Vec3, deadband: Real, f: Vec3) -> Vec3 {
     let length = crate::real::sqrt(v.length_squared());

@@ -21,7 +21,7 @@ use crate::rotation::{self, from_parts, vector_part};
 pub enum Path {
     /// A swing about an axis: a sine whose frequency changes linearly over time.
     Swing {
-        /// Axis in frame N, a unit vector.
+        /// Axis of the swing, a unit vector in frame N.
         axis: Vec3,
         /// Amplitude of the swing, rad.
         amplitude: Real,

@@ -24,8 +24,8 @@ const ROUNDING: Real = 1.0 / 12.0;
 const LONGEST_STEP: u32 = 8;
 
 /// Smallest variance that is assumed for a reading, as a fraction of the acceleration's initial
-/// variance (both in units of counts and ticks). If the encoder is so fine that rounding does not
-/// matter, this value prevents that the covariance loses its accurate digits.
+/// variance (both in units of counts and ticks). It matters only for encoders that are so fine that
+/// rounding to counts is negligible. There it keeps the computed covariance accurate.
 const LEAST_NOISE: Real = if Real::EPSILON < 1.0e-10 { 1.0e-9 } else { 1.0e-3 };
 
 /// The Kalman filters of all joints, which estimate joint rates from encoder counts.
@@ -113,7 +113,8 @@ impl Filter {
     }
 
     /// Starts the filter from two readings, `n` ticks apart. The first estimate of the rate is the
-    /// mean rate between them. If the joint accelerates, this estimate is half of the time old.
+    /// mean rate between them. If the joint accelerates, this is the rate in the middle of the
+    /// interval, not at its end.
     fn begin(&mut self, counts: Real, n: Real) {
         (self.offset, self.rate, self.acceleration) = (0.0, counts / n, 0.0);
         self.p = Covariance {

@@ -30,7 +30,7 @@ pub const SLIP: Range = Range::above(0.0, 100.0, "m/s");
 pub const THERMAL_TIME: Range = Range::above(0.0, 100_000.0, "s");
 /// Permitted range of the energy that the rig may give to the hand in a burst, J.
 pub const BURST: Range = Range::above(0.0, 1000.0, "J");
-/// Permitted range of the power that the rig may give to the hand forever, W.
+/// Permitted range of the power that the rig may give to the hand continuously, W.
 pub const POWER: Range = Range::above(0.0, 1000.0, "W");
 /// Permitted range of the friction coefficient of a contact between wheel and sphere.
 pub const FRICTION: Range = Range::above(0.0, 10.0, "");

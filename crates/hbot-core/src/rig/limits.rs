@@ -109,7 +109,7 @@ impl Limits {
 pub struct EnergyLimit {
     /// Largest energy in excess of what `power` allows, J.
     pub burst: Real,
-    /// Power that the rig may give to the hand forever, W.
+    /// Power that the rig may give to the hand continuously, W.
     pub power: Real,
 }
 

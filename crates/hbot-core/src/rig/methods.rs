@@ -150,17 +150,18 @@ pub enum AllocationMethod {
 /// encoder counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RateEstimate {
-    /// The motor controllers report the rates.
+    /// The rates that the motor controllers report.
     Controller,
-    /// Rate = difference of the last two readings, divided by the time between them.
+    /// The rate is the difference of the last two readings, divided by the time between them.
     Difference,
-    /// Like `Difference`, with a first-order low-pass filter.
+    /// The rate is the same difference as in [`Difference`](Self::Difference), after a first-order
+    /// low-pass filter.
     LowPass {
         /// Cut-off frequency of the filter, Hz. At this frequency the gain is 1/sqrt 2.
         cutoff_hz: Real,
     },
-    /// Rate = slope of a chord, a straight line from an earlier reading to the last one. Each joint
-    /// uses the longest chord that is within a tolerance of every reading in between
+    /// The rate is the slope of a chord: a straight line from an earlier reading to the last one.
+    /// Each joint uses the longest chord that is within a tolerance of every reading in between
     /// (Janabi-Sharifi et al. 2000).
     AdaptiveWindow {
         /// Largest distance of a reading from the chord, in encoder counts. With 1, a chord can

@@ -138,8 +138,8 @@ impl RigParts {
 /// One joint of a wheel: its encoder, gear and motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Encoder counts per turn of the encoder, which sits before the gear. It is four times the
-    /// number of lines.
+    /// Encoder counts per turn of the encoder, which is on the motor side of the gear. It is four
+    /// times the number of lines.
     pub counts_per_turn: u32,
     /// Gear ratio: turns of the encoder for one turn of the joint.
     pub gear: Real,
@@ -150,8 +150,8 @@ pub struct Joint {
     pub zero: Zero,
     /// Largest torque of the joint, N m. 0 if the joint has no motor.
     pub peak: Real,
-    /// Torque that the motor can hold forever without overheating, N m; at most `peak`. Unused if
-    /// the joint has no motor.
+    /// Torque that the motor can hold continuously without overheating, N m; at most `peak`. Unused
+    /// if the joint has no motor.
     pub continuous: Real,
 }
 
@@ -165,8 +165,8 @@ impl Default for Joint {
 
 impl Joint {
     /// Creates a joint without a gear. Its encoder has `counts_per_turn` counts per turn. Its motor
-    /// has the largest torque `peak` (N m), which it can also hold forever. The zero is found by a
-    /// calibration.
+    /// has the largest torque `peak` (N m), which it can also hold continuously. The zero is found
+    /// by a calibration.
     #[must_use]
     pub const fn new(counts_per_turn: u32, peak: Real) -> Self {
         Self { counts_per_turn, gear: 1.0, reversed: false, zero: Zero::Calibrate, peak, continuous: peak }
