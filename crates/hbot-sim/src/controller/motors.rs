@@ -17,7 +17,7 @@ pub(super) struct Motors {
     motor: Motor,
     current: JointTorques,
     /// Running mean of the squared current of each motor over its thermal time constant, N² m². The
-    /// motor is hot if this exceeds the square of its continuous torque.
+    /// motor is hot if this reaches the square of its continuous torque.
     heat: JointTorques,
     /// Torques that act at the joints now, N m.
     pub(super) acting: JointTorques,

@@ -46,8 +46,8 @@ pub(super) struct Given<'a> {
     pub(super) bounded: bool,
 }
 
-/// The moving parts of the nonsmooth plant: sphere, wheels and motors, with the rates of the joints
-/// and motors.
+/// The moving parts of a plant that can stick, slip or have play: sphere, wheels and motors, with
+/// the rates of the joints and motors.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
     pub(super) device: Device,

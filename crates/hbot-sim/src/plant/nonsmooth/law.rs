@@ -98,8 +98,8 @@ pub(super) struct Response {
 }
 
 impl Element {
-    /// Returns the impulse of the law at the velocity `u` and its derivative, with the penalty
-    /// `rho` and the multiplier `last`.
+    /// Returns the impulse of the law at the velocity `u` and its derivative. `rho` is the penalty
+    /// of the solver's present round, and `last` the impulse of its last round.
     #[inline]
     pub(super) fn response(
         &self,

@@ -214,9 +214,9 @@ impl Workspace {
         }
     }
 
-    /// Minimises the function over the speeds while the multipliers stay fixed. Returns the number
-    /// of Newton steps, and whether the gradient is zero apart from rounding. `responses` are then
-    /// those at the minimum.
+    /// Finds the speeds that minimise the function while the multipliers stay fixed. Returns the
+    /// number of Newton steps, and whether the gradient is zero apart from rounding. `responses`
+    /// are then those at the minimum.
     fn minimize(&mut self, problem: &Problem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];

@@ -291,8 +291,8 @@ mod tests {
         }
     }
 
-    /// The contacts of neighbouring wheels never come closer than the gap between the wheel modules
-    /// plus the modules' width.
+    /// The smallest angle between the contacts of two neighbouring wheels is the gap between their
+    /// modules plus the width of the modules.
     #[test]
     fn room_between_modules_is_room_between_contacts() {
         let parts = Parts::prototype();

@@ -255,7 +255,7 @@ pub(super) struct Known {
 
 /// Checks that the indices have their expected values, and explains what the paper's two values
 /// probably are. `wheels` describes the influence of the wheel radius. `starts` is the range of the
-/// GCI over all starting postures.
+/// mean conditioning index (GCI) over all starting postures.
 fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, wheels: &str, starts: [f64; 2]) {
     // From an independent program: physics notes, section 11.
     let mut within = |what: &str, value: f64, [low, high]: [f64; 2]| {

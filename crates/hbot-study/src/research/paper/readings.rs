@@ -23,8 +23,8 @@ fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     made.unwrap_or_else(|error| unreachable!("radius and inertia make nothing singular: {error}"))
 }
 
-/// Reports how much the GCI depends on the wheel radius, which the paper does not give. Returns a
-/// sentence about this for the report.
+/// Reports how much the mean conditioning index (GCI) depends on the wheel radius, which the paper
+/// does not give. Returns a sentence about this for the report.
 pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
     context.part("indices against the wheel radius")?;
     report.family(

@@ -16,7 +16,7 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::whole::{Whole, prototype};
 
-/// Amplitude of the chirp, rad. It is 35 degrees, as in the paper.
+/// Amplitude of the chirp, rad. It is 35 degrees.
 const AMPLITUDE: f64 = 35.0 * PI / 180.0;
 /// Time in which the frequency of the chirp rises from 0 to 1 Hz, s.
 const TIME_S: f64 = 20.0;
