@@ -19,10 +19,11 @@ use thiserror::Error;
 
 use crate::sample::Sample;
 
-/// Capacity of the ring of samples. It lasts for half a second at 8 kHz while the service is busy.
+/// Number of samples that can wait for the service. At 8 kHz they last for half a second, in case
+/// the service is busy.
 const SAMPLES: usize = 4096;
-/// Number of samples after which the loop wakes the service, even if the service waits only for
-/// notable samples, such as a change of mode.
+/// Number of samples after the last wake-up at which the loop wakes the service, even if the
+/// service asked to be woken only for notable samples, such as a change of mode.
 const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
@@ -88,8 +89,8 @@ pub struct Bell(Arc<Waker>);
 #[derive(Clone)]
 pub struct EmergencyStop(Arc<Waker>);
 
-/// State shared by both ends of the bridge. It wakes the service only if the service sleeps, so
-/// that a busy service costs the loop no system call.
+/// State shared by both ends of the bridge, with which the loop wakes the service. The loop wakes
+/// it only if it sleeps, so that a busy service costs the loop no system call.
 struct Waker {
     /// Which samples wake the service: [`AWAKE`], [`NOTABLE`] or [`EVERY`].
     ear: AtomicU8,
@@ -107,8 +108,8 @@ struct Waker {
 
 /// Value of [`Waker::ear`]: the service is awake and needs no wake-up.
 const AWAKE: u8 = 0;
-/// Value of [`Waker::ear`]: the service sleeps until a notable sample is published, or many samples
-/// wait.
+/// Value of [`Waker::ear`]: the service sleeps until a notable sample is published, such as a
+/// change of mode, or many samples wait.
 const NOTABLE: u8 = 1;
 /// Value of [`Waker::ear`]: the service sleeps until the next sample is published.
 const EVERY: u8 = 2;
@@ -208,7 +209,8 @@ impl LoopEnd {
         self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
     }
 
-    /// Returns whether the ring of samples is full, so that the next sample would be dropped.
+    /// Returns whether no more samples can wait for the service, so that the next one would be
+    /// dropped.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.samples.is_full()

@@ -10,7 +10,8 @@ use crate::clock::{now_ns, sleep_until_ns};
 /// The lead is the time by which the loop wakes before a deadline. It is adapted so that one
 /// wake-up in this many comes too late for a rehearsal of the tick.
 const MISSES: u64 = 100;
-/// Consecutive on-time wake-ups after which the lead has decayed from its maximum to zero.
+/// Number of consecutive on-time wake-ups after which the lead has decayed from its maximum to
+/// zero.
 const FORGET: u64 = 20_000;
 
 /// The time by which the loop wakes before its deadlines, called the lead. It adapts to how late
@@ -24,8 +25,8 @@ pub(crate) struct Early {
 }
 
 impl Early {
-    /// Creates the lead with its maximum, `most_ns` limited to a quarter of the period. The lead
-    /// starts at this maximum. With 0 the loop sleeps until the deadline.
+    /// Creates the lead, which starts at its maximum: `most_ns`, but at most a quarter of the
+    /// period. If `most_ns` is 0, the loop sleeps until the deadline.
     pub(crate) fn new(most_ns: u64, period_ns: u64) -> Self {
         let most_ns = most_ns.min(period_ns / 4);
         Self { most_ns, lead_ns: most_ns, rehearsal_ns: 0 }

@@ -32,8 +32,8 @@ pub struct Engine {
     sent_at: Box<[(u32, u64); SENT]>,
     counters: Counters,
     recorder: Option<Recorder>,
-    /// True if the engine must enable the rig by itself when the mode becomes `idle`. It does so
-    /// only once.
+    /// True if the engine must enable the rig by itself when the mode becomes `idle`. It does so at
+    /// most once.
     enable_when_idle: bool,
     /// True if the mode was `idle` after the last tick.
     idle: bool,
@@ -91,7 +91,7 @@ impl Engine {
     }
 
     /// Sets whether the engine enables the rig by itself, once, in the first tick in which this is
-    /// possible. In virtual time, every run enables in the tick with the same number.
+    /// possible. In virtual time, this tick has the same number in every run.
     #[must_use]
     pub fn enabling(mut self, enable: bool) -> Self {
         self.enable_when_idle = enable;

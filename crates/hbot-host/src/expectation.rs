@@ -116,7 +116,7 @@ fn pick(all: &[Expectation], target: f64) -> Result<Expectation, Expectation> {
     }
 }
 
-/// One choice of methods while it is measured.
+/// One choice of methods and its results, while it is measured.
 struct Run {
     controller: Controller,
     /// Computed and true orientation at the first reading that is compared.
@@ -141,7 +141,7 @@ fn measured(rig: &Rig, choices: &[(OdometryMethod, PathFit)], time_ns: u64) -> V
 }
 
 /// Computes the orientation in the test motion with each of `choices`, and measures time and error.
-/// `N` is the number of joints plus four, for the orientation q.
+/// `N` is the number of joints plus four, for the four numbers of the orientation.
 fn follow<const N: usize>(
     rig: &Rig,
     choices: &[(OdometryMethod, PathFit)],
@@ -307,8 +307,9 @@ mod tests {
         assert_eq!(of(&rig).error, f64::INFINITY);
     }
 
-    /// Checks that a program that starts follows at most 20,000 ticks of the test motion at any
-    /// rate of the loop, and reports their duration. A search for a target always covers 10 s.
+    /// Checks that [`of`], which programs call when they start, follows at most 20,000 ticks of the
+    /// test motion at any rate of the loop, and reports their duration. A search for a target
+    /// always covers 10 s.
     #[test]
     fn a_quick_loop_is_followed_for_a_shorter_time() {
         let at = |hz: u64| of(&prototype(|parts| parts.timing.period_ns = 1_000_000_000 / hz));

@@ -20,7 +20,7 @@ use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{WakeLatency, lock_memory};
 use crate::run_loop::{Ended, StopFlag, Time, lockstep, wall};
 
-/// The options with which a rig is started.
+/// The options with which a rig and its control loop are started.
 pub struct Options {
     /// The configuration of the rig, including the ports to its motors.
     pub rig: RigConfig,
@@ -32,7 +32,7 @@ pub struct Options {
     pub time: Time,
     /// Number of ticks after which the loop ends. With `None` it runs until it is stopped.
     pub ticks: Option<u64>,
-    /// Motor buses that replace those of the rig file.
+    /// Motor buses to use instead of those in the rig file, if any.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
     /// The command that starts the helper process, which switches the motors off if this program
     /// dies. It is used on real serial ports. With `None` there is no helper.

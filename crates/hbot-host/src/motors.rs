@@ -187,7 +187,7 @@ impl Motors {
 
 impl Attached {
     /// Returns the complaints of the motor controllers on this bus. If its line was reopened, the
-    /// first message counts as an expired watchdog.
+    /// first message after that counts as an expired watchdog.
     fn complaints(&mut self, heard: &Heard) -> Complaints {
         self.lost |= heard.reopened;
         let says = heard.reading.is_some() || heard.complaints != Complaints::default();

@@ -22,8 +22,7 @@ impl StopFlag {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the atomic value behind the flag, for signal handlers, which can only set such a
-    /// value.
+    /// Returns the flag's atomic value, for signal handlers, which can only set such a value.
     pub(crate) fn shared(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.0)
     }

@@ -10,7 +10,7 @@ pub struct Sample {
     pub state: State,
     /// Nominal time of the tick since the start of the loop, ns.
     pub t_ns: u64,
-    /// Revision of the scene that was rendered.
+    /// Revision number of the scene that was rendered.
     pub scene: u64,
     /// Time that each part of this tick took.
     pub timing: Timing,
@@ -23,7 +23,7 @@ pub struct Sample {
 /// The loop's answer to one order of the service.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer {
-    /// Number that the order was given when it was sent.
+    /// Ticket number of the order, which was returned when the order was sent.
     pub ticket: u64,
     /// The control law's reply to the order.
     pub reply: Reply,

@@ -62,12 +62,11 @@ impl Expected {
         damping / (self.period * (0.5 + DELAY_TICKS))
     }
 
-    /// Returns the largest stiffness that a spring can have if its damping is chosen best, N m/rad,
-    /// and this damping, N m s/rad.
-    ///
-    /// A free inertia whose torque is read one tick before it acts, with k = K h²/J and d = B h/J,
-    /// has the characteristic polynomial z (z - 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions
-    /// it is stable if k < u - u², with u = d - k/2. The maximum is k = 1/4, at d = 5/8.
+    /// Returns the largest stiffness at which a spring is stable with the best choice of its
+    /// damping, N m/rad, and this damping, N m s/rad. > A free inertia whose torque is read one
+    /// tick before it acts, with k = K h²/J and d = B h/J, has the characteristic polynomial z (z -
+    /// 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions it is stable if k < u - u², with u = d -
+    /// k/2. The maximum is k = 1/4, at d = 5/8.
     #[must_use]
     pub fn most(&self) -> [f64; 2] {
         [0.25 * self.inertia / (self.period * self.period), 0.625 * self.inertia / self.period]

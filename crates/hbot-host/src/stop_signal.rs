@@ -14,7 +14,7 @@ pub struct StopSignal(Signals);
 
 impl StopSignal {
     /// Starts to receive SIGUSR1, which no longer ends the process. A signal that arrives before
-    /// [`obey`](Self::obey) is called is kept and obeyed then.
+    /// [`obey`](Self::obey) is called takes effect when it is called.
     ///
     /// # Errors
     /// Fails if the system provides no file descriptor.

@@ -38,7 +38,7 @@ pub struct Map {
     pub y: String,
     /// Range of both axes, degrees.
     pub span: Range<f64>,
-    /// Values at the centres of a square grid of equal cells, row by row from the lowest y.
+    /// Values at the centres of the cells of a square grid, row by row from the lowest y.
     pub values: Vec<f64>,
     /// Range of the colour bar. Values outside it have the colour of the nearer end.
     pub range: Range<f64>,

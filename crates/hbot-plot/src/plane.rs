@@ -20,14 +20,16 @@ pub(crate) struct Words<'a> {
     pub(crate) pale: usize,
 }
 
-/// Value of [`Words::x_marks`] for a plot that fills its picture.
+/// Approximate number of labels on the x axis of a plot that fills its picture, for
+/// [`Words::x_marks`].
 pub(crate) const MARKS: usize = 8;
-/// Value of [`Words::pale`] for a plot that fills its picture.
+/// Largest number of parts between two axis labels in a plot that fills its picture, for
+/// [`Words::pale`].
 pub(crate) const PALE: usize = 10;
 
-/// One axis of a plane, linear or logarithmic.
+/// One axis of a plot, linear or logarithmic.
 pub(crate) struct Axis<C> {
-    /// The plotters coordinate, which is linear or logarithmic.
+    /// The axis as the plotters library needs it, linear or logarithmic.
     pub(crate) coordinate: C,
     /// Values closer to zero than this are labelled 0, because the computed mark at zero can be off
     /// by a rounding error.
@@ -101,8 +103,8 @@ where
     Ok(chart)
 }
 
-/// Argument `top` of [`Legend::on`] that places the legend below the title, in a plot that fills
-/// its picture.
+/// Distance from the upper edge to the first legend entry in a plot with a title, pixels, for
+/// [`Legend::on`].
 pub(crate) const TOP: i32 = 56;
 
 /// A legend with one entry per line: the mark first, then its name.

@@ -56,8 +56,8 @@ struct Label {
 }
 
 impl Sketch {
-    /// Creates a sketch that shows the sphere's outline, seen from `azimuth` (about n3, from n1)
-    /// and `elevation`, degrees.
+    /// Creates a sketch that shows the sphere's outline, seen from the direction with the angles
+    /// `azimuth` (about axis n3, from n1) and `elevation`, degrees.
     #[must_use]
     pub fn new(title: impl Into<String>, azimuth: f64, elevation: f64) -> Self {
         let (sa, ca) = libm::sincos(azimuth.to_radians());

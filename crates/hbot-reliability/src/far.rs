@@ -34,8 +34,7 @@ struct Heard {
     commands: u64,
     /// Time from the start of the misbehaviour to the first command with zero torque, ns.
     zero_after_ns: Option<u64>,
-    /// Number of commands with motors off and zero torque that have come last, without another one
-    /// between them.
+    /// Number of commands with motors off and zero torque since the last command of another kind.
     last_zeros: u64,
 }
 

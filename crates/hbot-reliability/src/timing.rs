@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::bench::{Bench, Helper, Other};
 use crate::{Outcome, Row};
 
-/// Number of pairs of measurements, each with and without the disturbance.
+/// Number of pairs of measurements, one with and one without the disturbance.
 const PAIRS: u32 = 5;
 
 /// Sorts the values and returns the quantile at `share` (0 to 1), or NaN if there are none.

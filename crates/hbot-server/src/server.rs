@@ -41,7 +41,7 @@ pub struct Options {
     pub duration: Option<Duration>,
     /// The token that clients must send in their hello. With `None` no token is required.
     pub token: Option<String>,
-    /// Motor buses that replace those of the rig file.
+    /// Motor buses to use instead of those in the rig file, if any.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
     /// The command that starts the helper process, which switches the motors off if the server
     /// dies. The helper is used only on real serial ports. With `None` no helper is started.

@@ -4,8 +4,8 @@ use hbot_core::inputs::{Inputs, MAX_COMMANDS};
 use hbot_core::{CompiledScene, Controller};
 use hbot_host::sample::{Counters, Sample, Timing};
 
-/// Returns a sample for tests with the tick number `tick`. It is that of a loop whose first tick
-/// this is and which has received no reading yet.
+/// Returns a sample for tests, with the tick number `tick`. Its state is that after one tick of the
+/// control law without a reading from the motor controllers.
 pub(crate) fn still(tick: u64) -> Sample {
     let mut controller = Controller::new(hbot_config::RigConfig::prototype().rig);
     let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;

@@ -12,7 +12,7 @@ use super::{Bench, Interrupted};
 const RISE_S: f64 = 0.1;
 /// Longest time for which the full test torque is held, s.
 const HOLD_S: f64 = 0.5;
-/// The test ends when the joint has turned this far, rad.
+/// Turn of the joint after which the test ends, rad.
 const FAR: f64 = 0.3;
 /// Smallest turn of a joint that counts as motion, rad.
 const STILL: f64 = 0.02;
@@ -25,7 +25,7 @@ const DISAGREEMENT: f64 = 0.1;
 pub struct Outcome {
     /// Number of the joint, from 0, in the order steer, drive of each wheel.
     pub joint: usize,
-    /// Commanded torque with the controller's sign, N m.
+    /// Largest commanded torque, with the sign of the joint's controller, N m.
     pub torque: f64,
     /// Turn of the joint according to its encoder counts, with the controller's sign, rad.
     pub moved: f64,
@@ -46,8 +46,8 @@ pub enum Verdict {
     Turns,
     /// The encoder counts of neither this joint nor any other have changed.
     Stands,
-    /// The encoder counts of this joint did not change, but those of the joint with this number
-    /// did.
+    /// The encoder counts of this joint did not change, but those of another joint did, which has
+    /// this number.
     Another(usize),
     /// The encoder counts did not change, although the controller reports a rate of the joint.
     CountsStand,

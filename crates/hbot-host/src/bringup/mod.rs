@@ -43,9 +43,9 @@ pub enum Interrupted {
     Stopped,
 }
 
-/// Access to the motors of a rig without a control loop, for bringing up a new rig. Each exchange
-/// sends one command and receives one reading. The motors are switched off when the bench is
-/// dropped.
+/// Access to the motors of a rig without a control loop, for the first tests of a new rig. Each
+/// exchange sends one command and receives one reading. The motors are switched off when this value
+/// is dropped.
 pub struct Bench {
     motors: Motors,
     rig: Rig,
@@ -165,7 +165,7 @@ impl Bench {
         Err(Interrupted::Silent)
     }
 
-    /// Returns the time of the next command since the start of the bench, ns.
+    /// Returns the nominal time of the next command since the first one, ns.
     fn now_ns(&self) -> u64 {
         u64::from(self.tick) * self.rig.timing.period_ns
     }

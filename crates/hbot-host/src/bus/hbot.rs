@@ -215,14 +215,14 @@ fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     complaints
 }
 
-/// The property in which controllers differ from those of the rig.
+/// The property in which the controllers on a line differ from those in the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Difference {
     /// The version of the protocol.
     Version,
     /// The number of joints.
     Joints,
-    /// The encoder counts per turn of the joint at this place of the bus.
+    /// The encoder counts per turn of one joint. The value is the joint's place on the bus.
     Counts(usize),
 }
 

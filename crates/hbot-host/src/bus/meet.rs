@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::layout::Layout;
 use crate::line::Line;
 
-/// How many times a question is sent before the controllers count as silent.
+/// How many times a question is sent without an answer before the controllers count as silent.
 const TRIES: u32 = 10;
 /// How long the host waits for an answer to each question.
 const WAIT: Duration = Duration::from_millis(100);
@@ -102,7 +102,7 @@ pub struct ExpectedJoint {
 
 impl Expected {
     /// Returns the controllers of `rig` that belong on bus number `bus` of `layout`. `port` is the
-    /// name of the port for messages.
+    /// name of the port for error messages.
     #[must_use]
     pub fn new(port: &str, rig: &Rig, layout: &Layout, bus: usize) -> Self {
         let mut joints: Vec<_> = layout.joints(bus).collect();

@@ -30,7 +30,8 @@ use self::wire::{Tap, Wire};
 
 /// Virtual motor controllers at the far end of a line, against which the suite tests a driver.
 pub trait Controllers: Send {
-    /// Processes `bytes` that arrive at `now_ns`, and appends all answers to `answer` at once.
+    /// Processes `bytes` that arrive at `now_ns`, and appends all answers to `answer` without
+    /// delay.
     fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
 
     /// Returns the torque that each motor gives at `now_ns`, N m, in the order of the bus and with
@@ -97,8 +98,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Creates the virtual controllers and the bus of a driver, after the driver has identified the
-    /// controllers.
+    /// Creates virtual controllers, lets the driver identify them, and creates the driver's bus.
     fn new(subject: &Subject) -> Result<Self, String> {
         let (mut wire, tap) = Wire::new((subject.controllers)());
         let met = subject.protocol.meet(&mut wire, &subject.expected);

@@ -72,7 +72,8 @@ impl Tap {
         held(&self.0).pieces.drain(..).flat_map(|(_, bytes)| bytes).collect()
     }
 
-    /// Sends bytes to the controllers that the bus has not written. The answer goes to the bus.
+    /// Sends `bytes` to the controllers as another sender on the line would. The answer goes to the
+    /// bus.
     pub(super) fn write(&self, now_ns: u64, bytes: &[u8]) {
         held(&self.0).reach(now_ns, bytes);
     }

@@ -9,8 +9,8 @@ use super::{Finding, Mark};
 /// is a noticeable part of a tick.
 const WAKE_US: u64 = 50;
 
-/// The computer that runs hbot, as the files of its operating system describe it. Tests use another
-/// root directory.
+/// The computer that runs hbot, as the files of its operating system describe it. Tests read files
+/// in another root directory.
 pub struct Machine<'a> {
     root: &'a Path,
     /// Largest wake-up time of the processors that the server allows, µs, if it sets such a limit.

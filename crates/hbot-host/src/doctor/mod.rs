@@ -31,7 +31,7 @@ pub enum Mark {
     Good,
     /// The rig works, but other work on the machine can disturb it noticeably.
     Usable,
-    /// The rig does not work, or faults.
+    /// The rig does not work, or goes into a fault.
     NotSufficient,
 }
 
@@ -55,8 +55,8 @@ impl Finding {
     }
 }
 
-/// Checks whether this process gets real-time priority, by requesting it, and whether it can lock
-/// enough memory, by the limit or by locking it.
+/// Checks whether this process gets real-time priority and can lock enough memory. The priority is
+/// tried out. Locking is tried out only if the limit on locked memory is too low.
 #[must_use]
 pub fn rights() -> Vec<Finding> {
     let shown = |limit: Option<u64>| limit.map_or_else(|| "unlimited".to_owned(), |n| n.to_string());

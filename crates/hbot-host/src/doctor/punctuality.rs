@@ -83,9 +83,9 @@ pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctualit
     }
 }
 
-/// Grades a measurement. It is good if at most one tick in 10,000 is late (by more than a quarter
-/// period) and none by more than a period. It is usable if at most one in 100 is late and none by
-/// more than 20 ms, which would be a fault. Otherwise it is not sufficient.
+/// Grades a measurement of lateness. It is good if at most one tick in 10,000 is late (by more than
+/// a quarter period) and none by more than a period. It is usable if at most one in 100 is late and
+/// none by more than 20 ms, which would be a fault. Otherwise it is not sufficient.
 #[must_use]
 pub fn verdict(measured: &Punctuality) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);
@@ -116,8 +116,8 @@ pub fn verdict(measured: &Punctuality) -> Finding {
 }
 
 /// Estimates the lead that the loop will need if it can wake up to `early_ns` before each deadline,
-/// and the share of a processor that this costs. The mark is `Usable` instead of `Good` if 1 % of
-/// the wake-ups or more would be too late for this lead.
+/// and the share of a processor that this costs. The mark is `Usable` instead of `Good` if even the
+/// largest lead is too short for 1 % of the wake-ups or more.
 #[must_use]
 pub fn lead(measured: &Punctuality, early_ns: u64) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);

@@ -17,11 +17,10 @@ impl Desk {
         Self(Arc::new(Mutex::new(hub)))
     }
 
-    /// Returns exclusive access to the hub.
-    ///
+    /// Returns exclusive access to the hub. >
     /// # Panics
-    /// Panics if an earlier turn has panicked, because the hub's state may be inconsistent. This
-    /// ends the service, and with it the torque.
+    /// Panics if an earlier use of the hub has panicked, because the hub's state may be
+    /// inconsistent. This ends the service, and with it the torque.
     pub(super) fn hub(&self) -> MutexGuard<'_, Hub> {
         self.0.lock().unwrap_or_else(|_| resume_unwind(Box::new("a turn of the hub has panicked")))
     }
@@ -52,13 +51,13 @@ impl Desk {
         self.turn(|hub| hub.refuse_first(session, refusal));
     }
 
-    /// Passes a message after the first one to the hub. Returns whether the hub accepts more
+    /// Passes a message that follows the hello to the hub. Returns whether the hub accepts more
     /// messages from this connection.
     pub(super) fn message(&self, session: u64, message: Result<Request, RequestRefusal>) -> bool {
         self.turn(|hub| hub.message(session, message))
     }
 
-    /// Answers an `estop` request whose bytes already stopped the loop when they arrived. Returns
+    /// Answers an `estop` request, which already stopped the loop when its bytes arrived. Returns
     /// whether the hub accepts more messages from this connection.
     pub(super) fn stopped(&self, session: u64, id: Option<Id>) -> bool {
         self.turn(|hub| hub.stopped(session, id))

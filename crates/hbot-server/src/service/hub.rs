@@ -229,8 +229,8 @@ impl Hub {
         });
     }
 
-    /// Closes the connections of clients that do not read. Each closing can cause events, which can
-    /// overflow the queues of other clients.
+    /// Closes the connections of clients that do not read. Each closing can cause events that
+    /// overflow the queues of other clients, so this repeats until no such client is left.
     pub(super) fn bury(&mut self) {
         while let Some(session) = self.publisher.cut_next() {
             self.stats.counts.connections_cut += 1;
@@ -255,9 +255,9 @@ impl Hub {
         self.gone(session);
     }
 
-    /// Handles a client that sends no more requests. If it held the lease, the rig file's policy
-    /// for a lost client is ordered and the lease is freed. The client stays known until its
-    /// pending answers are sent.
+    /// Handles a client that sends no more requests. If it held the lease, this orders the loop to
+    /// apply the rig file's policy for a lost client, and frees the lease. The client stays known
+    /// until its pending answers are sent.
     pub(super) fn gone(&mut self, session: u64) {
         if !self.publisher.gone(session) {
             return;

@@ -36,8 +36,8 @@ impl Info {
         Self { fixed, limits: joint_limits(config) }
     }
 
-    /// Returns the complete answer to `info`. The torque capability is computed for the posture in
-    /// `sample`, and is absent without a sample.
+    /// Returns the complete answer to `info`. The largest torque about each axis is computed for
+    /// the posture in `sample`, and is absent without a sample.
     pub(super) fn answer(
         &self,
         config: &RigConfig,

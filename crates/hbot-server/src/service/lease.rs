@@ -76,7 +76,7 @@ impl Lease {
         Ok(Some(cause))
     }
 
-    /// Frees the lease if `session` holds it. Returns whether it did.
+    /// Frees the lease if `session` holds it. Returns true if the lease was freed.
     pub(super) fn free(&mut self, session: u64) -> bool {
         let held = self.is_held_by(session);
         if held {

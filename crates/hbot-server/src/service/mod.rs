@@ -92,7 +92,7 @@ pub struct Setup {
     pub encryption: Option<Encryption>,
     /// The folder for flight logs. With `None` no logs are written.
     pub flight_dir: Option<PathBuf>,
-    /// The names of the numerical methods in use, as text for the answer to `info`.
+    /// Name of the preset of numerical methods in use, for the answer to `info`.
     pub accuracy: String,
 }
 

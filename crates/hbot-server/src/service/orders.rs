@@ -78,8 +78,8 @@ impl Orders {
     }
 
     /// Sends an order from the service itself, now or when the ring to the loop has room. If it
-    /// equals the newest order, which is still pending, it is not sent again: no order came between
-    /// them, and the events that cause it can come faster than the loop takes orders.
+    /// equals the newest order and that one is still pending, it is not sent again: no order came
+    /// between them, and the events that cause it can come faster than the loop takes orders.
     pub(super) fn insist(&mut self, end: &mut ServiceEnd, asker: Asker, command: Command) {
         let on_its_way = !(self.pending.is_empty() && self.insisted.is_empty());
         if on_its_way && self.newest == Some(command) {

@@ -25,7 +25,7 @@ use super::scenes::Measured;
 use super::strangers::Taken;
 use super::{Control, Summary, connection};
 
-/// Period of the service's regular work, which no event triggers.
+/// Period of the service's regular work, such as updating its status, which no event triggers.
 const HEARTBEAT: Duration = Duration::from_millis(50);
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);

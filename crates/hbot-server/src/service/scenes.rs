@@ -84,7 +84,8 @@ impl Scenes {
         self.running.id_at(slot)
     }
 
-    /// Returns the place of the effect `id`, which must have a reference.
+    /// Returns the place of the effect `id` among the effects of the scene. The effect must have a
+    /// reference.
     ///
     /// # Errors
     /// Fails if the scene has no such effect, or if the effect has no reference.

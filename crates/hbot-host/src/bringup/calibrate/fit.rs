@@ -3,8 +3,8 @@
 
 use super::{Fit, Guess, PARAMETERS};
 
-/// Assumed standard deviation of the slip in one step, as a fraction of the root mean square
-/// rolling distance.
+/// Assumed standard deviation of a wheel's slip between two readings, as a fraction of the root
+/// mean square rolling distance.
 const STEP: f64 = 0.01;
 /// Assumed standard deviation of the wheel radii in the rig file, as a fraction of the radius.
 const RADIUS: f64 = 0.05;
@@ -12,9 +12,9 @@ const RADIUS: f64 = 0.05;
 const CONE: f64 = 0.05;
 
 impl Fit<'_> {
-    /// Returns the residuals of a guess in standard deviations: the slips of the wheels, and the
-    /// differences of radii and cone angles from the rig file. Returns `None` if the guess is not a
-    /// valid geometry.
+    /// Returns the residuals of a guess, each divided by its standard deviation: the slips of the
+    /// wheels, and the differences of radii and cone angles from the rig file. Returns `None` if
+    /// the guess is not a valid geometry.
     fn residuals(&self, guess: &Guess) -> Option<Vec<f64>> {
         let n = self.rig.device.wheels().len();
         let device = self.device(guess, n)?;

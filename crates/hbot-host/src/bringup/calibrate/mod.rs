@@ -16,7 +16,7 @@ use hbot_core::kinematics::Posture;
 
 pub use wiring::{exchanged, explains, still};
 
-/// A steering zero counts as determined if its standard deviation is below this value, rad.
+/// Standard deviation below which a steering zero counts as determined, rad.
 const KNOWN: f64 = 0.05;
 /// Number of fitted parameters per wheel: steering zero, logarithm of the radius divided by that of
 /// the rig file, and cone angle.
@@ -47,8 +47,8 @@ pub struct Calibration {
 pub struct WheelFound {
     /// For the steer joint and the drive joint: true if the sign in the rig file is wrong.
     pub wrong_sign: [bool; 2],
-    /// True steer angle at the position that the rig file takes for zero, rad, from -pi to pi. It
-    /// is the error of the rig file's zero.
+    /// True steer angle of the wheel where the rig file assumes its zero, rad, from -pi to pi. It
+    /// is the error of the zero in the rig file.
     pub zero: f64,
     /// Standard deviation of `zero`, rad.
     pub zero_deviation: f64,
@@ -165,8 +165,8 @@ impl<'a> Fit<'a> {
         Device::new(filed.sphere_radius(), filed.sphere_mass(), &specs).ok()
     }
 
-    /// Appends the slip of each wheel of `device` to `out`, divided by the rolling distance, for
-    /// every `every`th step.
+    /// Appends to `out` the slip that `guess` leaves at each wheel of `device`, divided by the
+    /// rolling distance. Only every `every`th step is used.
     fn slips(&self, guess: &Guess, device: &Device, every: usize, out: &mut Vec<f64>) {
         let count = device.wheels().len();
         for step in self.steps.iter().step_by(every.max(1)) {
@@ -182,8 +182,8 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Returns the root mean square slip under `guess`, divided by the rolling distance. It is
-    /// infinite if the guess is not a valid geometry.
+    /// Returns the root mean square slip that `guess` leaves, divided by the rolling distance. It
+    /// is infinite if the guess is not a valid geometry.
     fn share(&self, guess: &Guess) -> f64 {
         let Some(device) = self.device(guess, self.rig.device.wheels().len()) else { return f64::INFINITY };
         let mut slips = Vec::new();

@@ -8,15 +8,15 @@ const GRID: usize = 36;
 /// Largest number of steps that the search for signs and zeros uses. The fit that follows uses all
 /// steps.
 const COARSE: usize = 60;
-/// Number of guesses that are refined for each combination of signs.
+/// Number of guesses that are refined for each combination of signs, best first.
 const LOOKED_AT: usize = 6;
-/// Smallest difference between two guesses that are refined, in the zero of at least one wheel,
-/// rad.
+/// Smallest difference between two guesses that are both refined, in the steering zero of at least
+/// one wheel, rad.
 const APART: f64 = 0.4;
-/// A steering zero counts as correct in the rig file if its error is below this value, rad.
+/// Error below which a steering zero in the rig file counts as correct, rad.
 const RIGHT: f64 = 0.02;
-/// The guess with the fewest errors in the rig file is chosen, unless another guess leaves less
-/// than this share of its slip.
+/// Of several guesses, the one that implies the fewest errors in the rig file is chosen, unless
+/// another one leaves less than this share of its slip.
 const BELIEVED: f64 = 0.3;
 
 impl Guess {
@@ -63,8 +63,8 @@ impl Fit<'_> {
 
     /// Returns the most plausible of `guesses`, judged by the first `count` wheels. For each
     /// combination of signs, it refines the best guesses whose zeros differ clearly. Among the
-    /// guesses that then explain the readings well, it chooses the one with the fewest errors in
-    /// the rig file.
+    /// guesses that then explain the readings well, it chooses the one that implies the fewest
+    /// errors in the rig file.
     fn best(&self, filed: &Guess, guesses: Vec<Guess>, count: usize) -> Guess {
         let Some(device) = self.device(filed, count) else { return *filed };
         let every = self.steps.len().div_ceil(COARSE);

@@ -13,7 +13,7 @@ use super::Hub;
 use hbot_host::bridge::CONFIRMED;
 
 impl Hub {
-    /// Executes or refuses a message after the first one of a connection. Returns false if the
+    /// Executes or refuses a message that a client has sent after its hello. Returns false if the
     /// client is no longer known.
     pub(in crate::service) fn message(
         &mut self,
@@ -38,7 +38,7 @@ impl Hub {
         true
     }
 
-    /// Answers an `estop` request whose bytes already stopped the loop when they arrived. Returns
+    /// Answers an `estop` request, which already stopped the loop when its bytes arrived. Returns
     /// false if the client is no longer known.
     pub(in crate::service) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
         let there = self.publisher.knows(session);

@@ -28,7 +28,8 @@ impl Hub {
         self.orders.retry(&mut self.end);
     }
 
-    /// Processes one sample. In virtual time, samples arrive as fast as the loop can compute them.
+    /// Processes one sample. This must take little time, because in virtual time samples arrive as
+    /// fast as the loop can compute them.
     #[inline]
     fn take(&mut self, sample: &Sample) {
         self.stats.record(sample);
@@ -50,7 +51,8 @@ impl Hub {
         }
     }
 
-    /// Passes the answers in a sample on to those who sent the orders.
+    /// Passes each answer in a sample on to the client or the part of the service that sent the
+    /// order.
     fn answered(&mut self, sample: &Sample) {
         for answer in sample.answers.iter().flatten() {
             while let Some((asker, reply)) = self.orders.answered(answer) {
