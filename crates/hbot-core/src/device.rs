@@ -50,8 +50,8 @@ pub const MIN_BOUNDARY: Real = 1.0e-6;
 /// The design of one wheel, before it is checked by [`Device::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelSpec {
-    /// Direction of the steer axis, a line through the sphere's centre, in frame N. Any length
-    /// except zero.
+    /// Direction of the steer axis in frame N. The axis goes through the sphere's centre. The
+    /// vector can have any length except zero.
     pub axis: Vec3,
     /// Cone angle a between the steer axis and the line from the sphere's centre to the contact
     /// point, rad. Strictly between 0 and pi.
@@ -359,9 +359,9 @@ fn positive(x: Real) -> bool {
     x > 0.0 && x.is_finite()
 }
 
-/// Largest value of 1 + l3 at which the unit steer axis l counts as pointing straight down. With
-/// 64 bits, a difference of this size is lost in rounding. 32 bits use the same value, so that a
-/// steer angle of zero means the same direction in both builds.
+/// Largest value of 1 + l3 at which the unit steer axis l counts as pointing straight down. In the
+/// 64-bit build, a difference of this size is lost in rounding. The 32-bit build uses the same
+/// value, so that a steer angle of zero means the same direction in both builds.
 const STRAIGHT_DOWN: Real = 1.0e-15;
 
 /// Returns the first two columns of A0, the smallest rotation that takes the axis n3 to `l`. The

@@ -168,7 +168,7 @@ pub enum Command {
         q: Quat,
         /// Angular velocity at which the client moves the reference, in frame N, in rad/s.
         omega: Vec3,
-        /// Number of ticks for which `omega` is valid.
+        /// Number of ticks for which the angular velocity `omega` is valid.
         valid_ticks: u32,
         /// Labels of the message from the client: its sequence number, and the tick of the state
         /// from which it was computed.

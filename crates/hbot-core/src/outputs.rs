@@ -37,7 +37,7 @@ pub enum Reply {
         /// tick, rad.
         angle: Real,
     },
-    /// The command was refused, and nothing changed. The reason is given.
+    /// The command was refused, and nothing changed. The value gives the reason.
     Refused(Refusal),
 }
 
@@ -64,7 +64,7 @@ pub enum Refusal {
     /// The client claims to have computed the message from the state of a tick that has not
     /// happened yet.
     Ahead {
-        /// Number of ticks by which that tick is in the future.
+        /// How far the tick that the client named is in the future, in ticks.
         ticks: u64,
     },
     /// The tick that an `Align` command names is not in the history: it is too old, or in the

@@ -64,9 +64,9 @@ impl Path {
 pub struct Trail {
     /// Changes of the joint angles in earlier steps between readings, rad; the latest step first.
     delta: [[Real; MAX_JOINTS]; 2],
-    /// Durations of these steps, in any unit of time.
+    /// Durations of the earlier steps between readings, in any unit of time; the latest step first.
     time: [Real; 2],
-    /// Number of these steps that are known, 0 to 2.
+    /// Number of earlier steps that are stored, 0 to 2.
     known: usize,
 }
 

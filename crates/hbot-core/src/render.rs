@@ -14,8 +14,8 @@ pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
     shared: Shared,
     revision: Option<u64>,
-    /// One bit per effect, at the index `slot`. It is set if the scene of this tick has set the
-    /// effect's reference anew.
+    /// One bit per effect, at the index `slot`. It is set if the scene of this tick has given the
+    /// effect a new reference.
     placed: u32,
     /// Inertia of the sphere, kg m². Together with the loop's period (the next field, s), it limits
     /// virtual masses.
@@ -85,7 +85,8 @@ impl Renderer {
     }
 
     /// Returns true if an effect rests further than `limit` rad from the orientation `q`. If `any`
-    /// is false, only effects whose reference the scene of this tick has set anew are checked.
+    /// is false, only effects are checked to which the scene of this tick has given a new
+    /// reference.
     pub(crate) fn is_far(&self, scene: &CompiledScene, q: Quat, limit: Real, any: bool) -> bool {
         scene.effects().iter().filter(|effect| !effect.leaving).any(|effect| {
             let placed = any || self.placed & (1 << effect.slot) != 0;

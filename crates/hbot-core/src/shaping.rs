@@ -3,7 +3,7 @@
 
 use crate::real::{Real, Vec3, exp, sqrt};
 
-/// Duration of the blend from one scene to the next, s.
+/// Duration over which the torque blends from one scene to the next, s.
 pub(crate) const BLEND_S: Real = 0.05;
 /// Duration of the ramp in which a client's torque falls to zero after it has expired, s.
 pub(crate) const STREAM_RAMP_S: Real = 0.02;
@@ -25,7 +25,8 @@ pub(crate) struct Blend {
     speed: Vec3,
     /// Time since the last change of scene, s. It stops at the end of the blend.
     age_s: Real,
-    /// Torque of the scene in the last tick, without the added torque, N m.
+    /// Torque that the scene asked for in the last tick, N m, without the torque that the blend
+    /// adds.
     last: Vec3,
 }
 

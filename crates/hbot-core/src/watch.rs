@@ -29,7 +29,8 @@ const DISAGREEMENT_RATE: Real = 0.1;
 /// Number of encoder counts by which rounding can change the motion of a joint over a block.
 const GRAIN: Real = 2.0;
 /// Longest interval between readings, and longest delay of a reading, in ticks, for which slip and
-/// rates are still checked. In a longer time the wheels can steer to positions that are not known.
+/// rates are still checked. Over a longer time the wheels can steer far, and their positions in
+/// between are unknown.
 const COARSE: u32 = 5;
 /// Factor by which the limits of speed and slip are widened when a block is checked, to allow for
 /// the rounding of the encoder counts.

@@ -163,12 +163,11 @@ fn solve(moment: &Sym3, left: Vec3) -> Vec3 {
     moment.solve(left, if trace > 0.0 { 8.0 * Real::EPSILON * trace } else { 1.0 })
 }
 
-/// Returns the multiple of `step` at which the dual function D(`y` + multiple times `step`) is
-/// least.
+/// Returns the factor t at which the dual function D(`y` + t `step`) is smallest.
 ///
 /// Along `step`, the slope of D is piecewise linear. It changes at corners, where a joint reaches
 /// or leaves a limit. The search goes from corner to corner until the slope crosses zero or comes
-/// within `noise` of zero. `slope` is the negative slope at the start.
+/// within `noise` of zero. `slope` is the slope at the start, which is negative.
 ///
 /// If the wanted torque is on the border of the reachable set, the slope only approaches zero, and
 /// rounding could send y to infinity. The search therefore stops within `noise`. It also ignores

@@ -20,8 +20,9 @@ const WHEELS: Real = 5.0;
 /// its own strength.
 const NOISE: Real = 64.0 * Real::EPSILON / LOST;
 
-/// Ratio of the smallest to the largest singular value below which the principal axes are computed
-/// from the rows themselves. The moment matrix of the rows is then too inaccurate.
+/// Smallest ratio of the smallest to the largest singular value at which the moment matrix gives
+/// accurate principal axes. The moment matrix is the sum of the rows' outer products. Below this
+/// ratio, the axes are computed from the rows themselves.
 const WEAK: Real = 0.1;
 
 /// The driven rows of G, each times the largest torque of its joint, in the coordinates of their

@@ -38,8 +38,9 @@ pub(super) struct Silence {
 }
 
 impl Silence {
-    /// Advances the count by `elapsed` ticks. `news` is true if a reading arrived at their end.
-    /// `timeout_ticks` is the rig's limit on ticks without a reading.
+    /// Advances the count of missing readings by `elapsed` ticks. `news` is true if a reading
+    /// arrived at the end of this time. `timeout_ticks` is the rig's limit on ticks without a
+    /// reading.
     #[inline]
     pub(super) fn advance(&mut self, elapsed: u64, news: bool, timeout_ticks: u32) {
         // Skipped ticks asked for no reading, so only one is missing.

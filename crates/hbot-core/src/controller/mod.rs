@@ -81,8 +81,8 @@ pub struct Controller {
     /// homing are then no longer valid.
     rebooted: bool,
     client_lost: bool,
-    /// True if `enable` has just placed the effects' references anew at the present orientation.
-    /// The next tick then treats this as a change of scene.
+    /// True if `enable` has just placed the effects' references relative to the present
+    /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
 }

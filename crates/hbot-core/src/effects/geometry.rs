@@ -24,8 +24,8 @@ pub(crate) struct Dial {
     upright_gradient: Vec3,
 }
 
-/// Value of cos²(swing/2) below which the torque of a dial fades: a swing of 120 degrees. At 180
-/// degrees the torque is zero.
+/// Value of cos²(swing/2) below which the torque of a dial fades. It is reached when the dial's
+/// axis has swung away by 120 degrees. At 180 degrees the torque is zero.
 const FADE_BELOW: Real = 0.25;
 
 impl Dial {

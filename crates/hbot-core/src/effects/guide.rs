@@ -36,14 +36,14 @@ pub struct Guide {
     pub target: Target,
     /// Axis of the guide, a unit vector in the target's frame.
     pub axis: Vec3,
-    /// The turns that are free.
+    /// The turns of the sphere that are free. A spring holds the sphere in all other directions.
     pub free: Freedom,
-    /// Stiffness of the spring that holds the other turns, N m/rad.
+    /// Stiffness of the spring against turns that are not free, N m/rad.
     pub stiffness: Real,
-    /// Viscous damping of the turns that are held, N m s/rad.
+    /// Viscous damping of turns that are not free, N m s/rad.
     pub damping: Real,
-    /// Dead band, rad: there is no spring torque while the sphere is within this angle of where it
-    /// is held.
+    /// Dead band, rad: the spring makes no torque until the sphere has turned by this angle in a
+    /// direction that is not free.
     pub deadband: Real,
 }
 

@@ -140,9 +140,9 @@ impl Effect {
 /// effect's parameters, such as way-points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
-    /// Index of the first number of the part, in the scene's table of numbers.
+    /// Index of the first value of this part in the scene's table of numbers.
     pub start: u16,
-    /// How many numbers the part contains.
+    /// Count of values in this part of the scene's table of numbers.
     pub len: u16,
 }
 

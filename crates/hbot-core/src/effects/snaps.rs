@@ -29,12 +29,13 @@ const MAX_NEAR: usize = MAX_OWN;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SnapSet {
     /// The 12 rotations that bring a tetrahedron onto itself. They include half turns about the
-    /// axes.
+    /// coordinate axes.
     Tetrahedron,
-    /// The 24 rotations that bring a cube onto itself. They include quarter turns about the axes.
+    /// The 24 rotations that bring a cube onto itself. They include quarter turns about the
+    /// coordinate axes.
     Cube,
     /// The 60 rotations that bring an icosahedron onto itself. They include half turns about the
-    /// axes.
+    /// coordinate axes.
     Icosahedron,
     /// Orientations given one by one in the effect's table of numbers, 1 to [`MAX_OWN`]. Each is a
     /// unit quaternion `[w, x, y, z]`.

@@ -12,8 +12,8 @@ use crate::rotation::{angle_between, vector_part};
 pub enum SpringLaw {
     /// The torque is proportional to the angle, up to a half turn.
     Geodesic,
-    /// The law of the paper. If the stiffness is equal about all axes, the torque is proportional
-    /// to the sine of the angle.
+    /// The torque is computed from the vector part of a quaternion (paper eq. 25-29). If the
+    /// stiffness is equal about all axes, the torque is proportional to the sine of the angle.
     Quaternion,
 }
 

@@ -38,8 +38,8 @@ impl Target {
     }
 }
 
-/// The reference orientation of an effect while the effect runs. It can move: it approaches its
-/// goal.
+/// The reference orientation of an effect while its scene runs. It moves towards its goal at a
+/// limited rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reference {
     /// Present orientation of the reference.

@@ -96,13 +96,13 @@ pub struct RigParts {
     pub limits: Limits,
     /// Period of the loop, and the time after which missing readings are a fault.
     pub timing: Timing,
-    /// Numerical methods, where accuracy can be traded for computing time.
+    /// Choice of numerical methods, which trades accuracy for computing time.
     pub methods: Methods,
 }
 
 impl RigParts {
-    /// Returns the parts of a rig with the geometry `device` and default values for all else. The
-    /// default joints have no motors.
+    /// Returns the parts of a rig with the geometry `device` and default values for everything
+    /// else. The default joints have no motors.
     #[must_use]
     pub fn new(device: Device) -> Self {
         Self {

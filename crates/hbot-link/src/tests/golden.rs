@@ -93,8 +93,8 @@ fn every_frame_to_refuse_on_the_page_is_refused_so() {
     }
 }
 
-/// Checks the tables of docs/link.md that list frame sizes for several numbers of joints, and which
-/// share of a line's capacity the frames take.
+/// Checks that docs/link.md gives the correct frame sizes for several numbers of joints, and the
+/// correct share of a line's capacity that the frames take.
 #[test]
 fn sizes_on_the_page_are_those_of_the_functions() {
     for joints in [1, 2, 4, 8, MAX_JOINTS] {
@@ -126,7 +126,7 @@ fn sizes_on_the_page_are_those_of_the_functions() {
     }
 }
 
-/// Checks the tables of docs/link.md that list the names and bits of all flags.
+/// Checks that docs/link.md gives the correct names and bits of all flags.
 #[test]
 fn flags_on_the_page_are_those_of_the_types() {
     let flags = [
