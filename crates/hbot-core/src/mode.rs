@@ -128,8 +128,8 @@ impl Machine {
         }
     }
 
-    /// Starts the soft start. Has no effect unless the mode is `idle`. The caller must have checked
-    /// that [`obstacle`](Self::obstacle) returns `None`.
+    /// Begins the soft start of the torque. Has no effect unless the mode is `idle`. The caller
+    /// must have checked that [`obstacle`](Self::obstacle) returns `None`.
     pub(crate) fn enable(&mut self) {
         if self.mode == Mode::Idle {
             self.mode = Mode::Enabling;

@@ -20,13 +20,15 @@ const BLOCK_S: Real = 0.025;
 /// shows a faster motion must be wrong.
 const IMPOSSIBLE: Real = 4.0;
 /// Largest permitted difference between a joint's motion by its encoder counts and by its rates,
-/// over two blocks. It is a fraction of the longer of the two. A filtered rate lags by some
-/// milliseconds, and a lag of 8 ms in an oscillation of 20 Hz causes a difference of one half.
+/// over two blocks of readings. It is a fraction of the longer of the two motions. A filtered rate
+/// lags by some milliseconds, and a lag of 8 ms in an oscillation of 20 Hz causes a difference of
+/// one half.
 const DISAGREEMENT: Real = 0.5;
-/// Difference between encoder counts and rates that is permitted in addition, rad/s. It matters for
-/// a joint at rest.
+/// Difference between encoder counts and rates that is permitted in addition to [`DISAGREEMENT`],
+/// rad/s. It matters for a joint at rest.
 const DISAGREEMENT_RATE: Real = 0.1;
-/// Number of encoder counts by which rounding can change the motion of a joint over a block.
+/// Number of encoder counts by which rounding can change the measured motion of a joint over a
+/// block of readings.
 const GRAIN: Real = 2.0;
 /// Longest interval between readings, and longest delay of a reading, in ticks, for which slip and
 /// rates are still checked. Over a longer time the wheels can steer far, and their positions in
@@ -52,8 +54,8 @@ pub(crate) struct Interval<'a> {
     pub(crate) late: u32,
 }
 
-/// The motion of one joint over a block, once by its encoder counts and once by its rates. Each
-/// consists of the net change and the length of the path, rad.
+/// The motion of one joint over a block of readings, once by its encoder counts and once by its
+/// rates. Each consists of the net change and the length of the path, rad.
 #[derive(Debug, Clone, Copy, Default)]
 struct Way {
     counted: Real,
@@ -62,11 +64,11 @@ struct Way {
     rated_length: Real,
 }
 
-/// Checks the motion of the joints by encoder counts. It holds the sums since the start of the
-/// present block, and the results of earlier blocks.
+/// Checks the motion of the joints by encoder counts, in blocks of several readings. It holds the
+/// sums since the start of the present block, and the results of earlier blocks.
 #[derive(Debug, Clone)]
 pub(crate) struct Watch {
-    /// Duration of a block, in ticks.
+    /// Duration of a block of readings, in ticks.
     block: u32,
     period_s: Real,
     /// Angle that each joint turns in one tick at [`IMPOSSIBLE`] times the speed limit, rad.
@@ -77,13 +79,13 @@ pub(crate) struct Watch {
     /// for which it is largest, m.
     grain_slip: Real,
     ticks: u32,
-    /// Largest delay of a reading in this block, ticks. The times at which the block begins and
-    /// ends are uncertain by this much. `last_late` is the same for the last block.
+    /// Largest delay of a reading in the present block, ticks. The times at which the block begins
+    /// and ends are uncertain by this much. `last_late` is the largest delay in the block before.
     late: u32,
     last_late: u32,
     reading_late: u32,
-    /// True if the wheels may have steered far between two readings of the block. The slip of the
-    /// block is then not checked.
+    /// True if the wheels may have steered far between two readings of the present block. The slip
+    /// in this block is then not checked.
     coarse: bool,
     ways: [Way; MAX_JOINTS],
     last_ways: Option<[Way; MAX_JOINTS]>,
@@ -140,7 +142,8 @@ impl Watch {
         (self.most[joint] * ticks as Real + self.grain[joint]).min(PI)
     }
 
-    /// Returns the fault that the encoder counts of the last complete block showed, if any.
+    /// Returns the fault that the encoder counts of the last complete block of readings showed, if
+    /// any.
     #[inline]
     pub(crate) fn verdict(&self) -> Option<Cause> {
         self.verdict
@@ -176,8 +179,8 @@ impl Watch {
         }
     }
 
-    /// Ends the interval: adds its motion to the sums of the block, with the posture at its end.
-    /// Checks the block if it is complete.
+    /// Ends an interval between two readings: adds its motion to the sums of the block, with the
+    /// posture at its end. Checks the block if it is complete.
     #[inline]
     pub(crate) fn end(&mut self, rig: &Rig, posture: &Posture, moved: &Interval<'_>) {
         self.begin(rig, posture, moved.turn);

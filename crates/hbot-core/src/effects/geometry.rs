@@ -123,8 +123,8 @@ pub(crate) struct Swing {
 pub(crate) const SWING_FADE: Real = 0.35;
 
 impl Swing {
-    /// Returns the angle by which the rotation `x` swings the unit vector `axis` away, and its
-    /// gradient.
+    /// Returns the angle between the unit vector `axis` before and after the rotation `x`, and the
+    /// gradient of this angle.
     #[inline]
     pub(crate) fn new(x: Quat, axis: Vec3) -> Self {
         let at = x * axis;

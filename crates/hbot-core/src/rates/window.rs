@@ -17,10 +17,11 @@ const DEPTH: usize = LONGEST_WINDOW as usize;
 /// rate is the slope of a chord: a straight line from an earlier reading to the last one.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    /// Largest permitted distance between the chord and a reading that it passes, in encoder
-    /// counts.
+    /// Largest permitted distance between a chord and the readings in between, in encoder counts. A
+    /// chord is a straight line between two readings, whose slope is the estimated rate.
     tolerance: i64,
-    /// Longest permitted duration of a chord, ticks.
+    /// Longest permitted duration of a chord, ticks. A chord is a straight line between two
+    /// readings, whose slope is the estimated rate.
     longest: i64,
     /// Changes of the encoder counts between consecutive readings: a ring buffer for each joint.
     counts: [[i32; DEPTH]; MAX_JOINTS],
@@ -56,8 +57,8 @@ impl Window {
         self.known = (self.known + 1).min(DEPTH);
     }
 
-    /// Returns the slope of the longest valid chord of `joint`, in encoder counts per tick. The
-    /// chord over the last step alone is always valid, however long the step took.
+    /// Returns the estimated rate of `joint`, in encoder counts per tick: the slope of the longest
+    /// valid chord. The chord over the last step alone is always valid, however long the step took.
     #[inline]
     pub(super) fn slope(&self, joint: usize) -> Real {
         // The chord back to the present reading, and the longest one that passes: counts over
