@@ -22,8 +22,8 @@ use crate::sample::Sample;
 /// Number of samples that can wait for the service. At 8 kHz they last for half a second, in case
 /// the service is busy.
 const SAMPLES: usize = 4096;
-/// Number of samples after the last wake-up at which the loop wakes the service, even if the
-/// service asked to be woken only for notable samples, such as a change of mode.
+/// The loop wakes the service after this many samples, even if the service asked to be woken only
+/// for notable samples, such as a change of mode.
 const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;

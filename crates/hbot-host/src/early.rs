@@ -7,8 +7,8 @@
 
 use crate::clock::{now_ns, sleep_until_ns};
 
-/// The lead is the time by which the loop wakes before a deadline. It is adapted so that one
-/// wake-up in this many comes too late for a rehearsal of the tick.
+/// The lead is the time by which the loop wakes before a deadline. It is adapted so that one of
+/// this many wake-ups comes too late for a rehearsal of the tick.
 const MISSES: u64 = 100;
 /// Number of consecutive on-time wake-ups after which the lead has decayed from its maximum to
 /// zero.

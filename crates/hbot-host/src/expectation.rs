@@ -83,8 +83,8 @@ pub fn of(rig: &Rig) -> Expectation {
 }
 
 /// Measures the computing time and the orientation error over 10 s of the test motion, for every
-/// choice of odometry method and path that makes a difference. The results are in the order of
-/// methods and paths.
+/// choice of odometry method and path that makes a difference. The results are ordered by method,
+/// and then by path.
 #[must_use]
 pub fn of_all(rig: &Rig) -> Vec<Expectation> {
     let each = |method: OdometryMethod| {

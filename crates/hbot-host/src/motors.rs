@@ -75,8 +75,8 @@ pub struct News {
 }
 
 impl Motors {
-    /// Combines `buses`, which must be in the order of the buses of `layout`. The motor controllers
-    /// hold each command for `watchdog_ms`, ms.
+    /// Combines the motor buses of a rig into one set of joints. `buses` must be in the order of
+    /// the buses of `layout`. The motor controllers hold each command for `watchdog_ms`, ms.
     ///
     /// # Panics
     /// Panics if the number of buses differs from that of `layout`.

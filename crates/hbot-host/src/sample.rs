@@ -41,9 +41,9 @@ pub struct Timing {
     /// Time spent on the serial line, ns: reading, decoding, encoding and writing.
     pub link_ns: u64,
     /// Age of the torque, ns: the time from the measurement of the newest reading to sending this
-    /// tick's torque. A motor controller reads its encoders when it receives a command, so the
-    /// measurement counts from the sending of the command that the reading answers. `None` if this
-    /// tick has no new reading, or if the send time is no longer known.
+    /// tick's torque. A motor controller reads its encoders when it receives a command, so the send
+    /// time of the command that the reading answers is taken as the time of the measurement. `None`
+    /// if this tick has no new reading, or if the send time is no longer known.
     pub age_ns: Option<u64>,
 }
 

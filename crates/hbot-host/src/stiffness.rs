@@ -10,7 +10,7 @@ use hbot_sim::plant::{Plant, State};
 /// arrived in the last tick.
 pub const DELAY_TICKS: f64 = 1.0;
 
-/// Damping that is assumed where the stiffness of a spring is given as a single example, N m s/rad.
+/// Damping of a spring that is assumed when a stable stiffness is shown as an example, N m s/rad.
 /// The hand can feel it, and it is small enough that the steps of the encoder counts do not make it
 /// noisy.
 pub const USUAL_DAMPING: f64 = 0.02;
@@ -32,8 +32,8 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Computes the properties of the rig and loop of `config`. Returns `None` if its inertias
-    /// contradict each other.
+    /// Computes these properties for the rig and the loop rate of `config`. Returns `None` if the
+    /// inertias in the rig file contradict each other.
     #[must_use]
     pub fn of(config: &RigConfig) -> Option<Self> {
         let rig = &config.rig;
@@ -63,10 +63,11 @@ impl Expected {
     }
 
     /// Returns the largest stiffness at which a spring is stable with the best choice of its
-    /// damping, N m/rad, and this damping, N m s/rad. > A free inertia whose torque is read one
-    /// tick before it acts, with k = K h²/J and d = B h/J, has the characteristic polynomial z (z -
-    /// 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions it is stable if k < u - u², with u = d -
-    /// k/2. The maximum is k = 1/4, at d = 5/8.
+    /// damping, N m/rad, and this damping, N m s/rad.
+    ///
+    /// A free inertia whose torque is read one tick before it acts, with k = K h²/J and d = B h/J,
+    /// has the characteristic polynomial z (z - 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions
+    /// it is stable if k < u - u², with u = d - k/2. The maximum is k = 1/4, at d = 5/8.
     #[must_use]
     pub fn most(&self) -> [f64; 2] {
         [0.25 * self.inertia / (self.period * self.period), 0.625 * self.inertia / self.period]

@@ -6,8 +6,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{COLOURS, Failed, Surface, drawn, failed};
 
-/// Number of drawing points per pixel. plotters accepts only whole numbers, and a circle of whole
-/// pixels would look uneven.
+/// Number of drawing points per pixel. The library plotters accepts only whole numbers of drawing
+/// points, and a circle of whole pixels would look uneven.
 const FINE: u32 = 16;
 /// Converts pixels to drawing points.
 const fn pixels(count: u32) -> u32 {

@@ -26,7 +26,7 @@ const BEFORE: Duration = Duration::from_secs(1);
 /// How long after a fault its flight log ends.
 const AFTER: Duration = Duration::from_millis(100);
 /// Keeps the samples of the last second in memory. After a fault or an emergency stop, it returns
-/// them as a flight log.
+/// the samples before and after it as a flight log.
 pub struct FlightRecorder {
     dir: PathBuf,
     ring: Vec<Sample>,
@@ -124,7 +124,7 @@ pub fn prepare(dir: &Path) -> io::Result<()> {
 /// Minimum time between two reports that flight logs could not be written.
 const TELL_EVERY: Duration = Duration::from_secs(60);
 
-/// Limits the reports of flight logs that could not be written to one per minute.
+/// Limits the reports about flight logs that could not be written: at most one per minute is due.
 #[derive(Debug, Default)]
 pub(crate) struct Failures {
     told: Option<Instant>,

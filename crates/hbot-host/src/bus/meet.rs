@@ -65,9 +65,9 @@ pub enum MeetError {
         joint: usize,
         /// The joint's table in the rig file, such as `wheel[0].steer`.
         field: String,
-        /// Counts per turn that the controller reports.
+        /// Encoder counts per turn that the controller reports.
         theirs: u32,
-        /// Counts per turn in the rig file.
+        /// Encoder counts per turn in the rig file.
         ours: u32,
     },
     /// A setting of a controller makes torque commands impossible.
@@ -85,7 +85,7 @@ pub enum MeetError {
 pub struct Expected {
     /// Name of the port, used in error messages.
     port: String,
-    /// The joints in the order of the bus.
+    /// The expected joints, in their order on the bus.
     joints: Vec<ExpectedJoint>,
 }
 

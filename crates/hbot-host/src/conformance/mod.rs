@@ -42,7 +42,7 @@ pub trait Controllers: Send {
     fn lose_power(&mut self);
 }
 
-/// A driver under test, with virtual controllers that speak its protocol.
+/// A driver under test, with virtual controllers that use its protocol.
 pub struct Subject {
     /// The driver under test.
     pub protocol: &'static dyn Protocol,

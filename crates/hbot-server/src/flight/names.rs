@@ -64,13 +64,16 @@ impl fmt::Display for Name {
 }
 
 /// Removes flight logs beyond [`MAX_FILES`] from the folder of `newest`. The file `newest` always
-/// stays, even if a wrong clock makes it look old. > Files are removed in this order, oldest first
-/// within each group: >
+/// stays, even if a wrong clock makes it look old.
+///
+/// Files are removed in this order, oldest first within each group:
+///
 /// 1. incomplete files whose process has ended,
 /// 2. logs of emergency stops,
 /// 3. logs of faults that were not the first fault of a server's run,
 /// 4. logs of the first fault of a server's run.
-/// > Files with names that this program does not write stay and do not count.
+///
+/// Files with names that this program does not write stay and do not count.
 ///
 /// # Errors
 /// Returns the operating system's error if the folder cannot be read or a file cannot be removed.

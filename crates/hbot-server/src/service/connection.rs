@@ -91,7 +91,8 @@ enum Over {
     Writing(io::Result<()>),
 }
 
-/// Reads requests from and writes messages to a connection, until one of the two directions ends.
+/// Reads requests from a connection and writes messages to it, until one of the two directions
+/// ends. Returns which one ended, and how.
 async fn exchange<S: AsyncRead + AsyncWrite>(reader: &mut Reader<S>, writer: &mut Writer<S>) -> Over {
     loop {
         // The answers of this turn are sent right after it. A wake-up for them would only run the

@@ -17,7 +17,8 @@ impl Desk {
         Self(Arc::new(Mutex::new(hub)))
     }
 
-    /// Returns exclusive access to the hub. >
+    /// Returns exclusive access to the hub.
+    ///
     /// # Panics
     /// Panics if an earlier use of the hub has panicked, because the hub's state may be
     /// inconsistent. This ends the service, and with it the torque.

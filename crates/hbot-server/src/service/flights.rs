@@ -71,7 +71,8 @@ impl Flights {
         }
     }
 
-    /// Counts a flight log that was written or failed, and reports it in the program's log.
+    /// Counts a flight log that was written or could not be written, and reports it in the
+    /// program's log.
     pub(super) fn written(&mut self, written: Written) {
         match written {
             Ok((flight, Ok(()))) => {

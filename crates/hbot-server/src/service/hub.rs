@@ -199,7 +199,7 @@ impl Hub {
         self.publisher.cut_a_guess()
     }
 
-    /// Takes the waiting samples and returns the statistics of the run so far.
+    /// Processes the waiting samples and returns the statistics of the run so far.
     pub(super) fn summary(&mut self) -> StatsOk {
         self.drain();
         self.stats.summary(&self.flights)

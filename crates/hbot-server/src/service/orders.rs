@@ -59,7 +59,7 @@ impl Orders {
     /// Sends a client's order to the loop. The answer arrives with a later sample.
     ///
     /// # Errors
-    /// Fails if too many orders are pending for an order of the kind of `op`.
+    /// Fails if too many orders are pending for another order of `op`.
     pub(super) fn place(
         &mut self,
         end: &mut ServiceEnd,

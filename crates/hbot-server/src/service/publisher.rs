@@ -18,8 +18,8 @@ pub(super) struct Publisher {
     peers: BTreeMap<u64, Peer>,
     /// Number of clients that are subscribed to states.
     subscribers: usize,
-    /// The state event that is being published. It is reused, so that a sample allocates memory
-    /// only for its messages.
+    /// A state event whose memory is reused for each sample, so that a sample allocates memory only
+    /// for its messages.
     state: Event,
     frames: Frames,
     /// Clients that must be disconnected, because their queue had no room for a message.

@@ -64,7 +64,7 @@ pub(super) struct Reader<S> {
     long: Option<Vec<u8>>,
     stops: StopFinder,
     stop: EmergencyStop,
-    /// Number of bytes read so far.
+    /// Number of bytes read from the client so far.
     read: u64,
     /// Position after the last stop request in the bytes read so far.
     stop_at: u64,

@@ -32,7 +32,7 @@ fn few_descriptors(limit: Option<u64>) -> Option<String> {
     ))
 }
 
-/// Number of places for connections that are taken when a new connection arrives.
+/// How many places for connections are taken when a new connection arrives.
 pub(super) struct Taken {
     pub(super) all: usize,
     /// Places taken by connections from other machines.

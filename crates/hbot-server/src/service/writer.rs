@@ -65,8 +65,8 @@ impl<S: AsyncWrite> Writer<S> {
         }
     }
 
-    /// Returns the result of a poll, or an error if polls have been pending for too long. Most
-    /// polls are ready at once, and they start no timer.
+    /// Returns the result `polled` of sending, or an error if sending has made no progress for too
+    /// long. Most results are ready at once, and then no timer is started.
     fn in_time<T>(&mut self, context: &mut Context<'_>, polled: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if polled.is_ready() {
             self.deadline = None;

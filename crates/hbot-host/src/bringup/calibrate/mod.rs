@@ -30,7 +30,7 @@ pub type Counts = [i32; MAX_JOINTS];
 /// readings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// The values found for each wheel.
+    /// The values that the calibration found for each wheel.
     pub wheels: Vec<WheelFound>,
     /// Root mean square slip of the wheels divided by their rolling distance, with the values of
     /// the rig file.
@@ -42,7 +42,7 @@ pub struct Calibration {
     pub known: bool,
 }
 
-/// The values found for one wheel.
+/// The values that a calibration found for one wheel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelFound {
     /// For the steer joint and the drive joint: true if the sign in the rig file is wrong.
@@ -74,7 +74,7 @@ struct Guess {
     wheels: [[f64; PARAMETERS]; MAX_WHEELS],
 }
 
-/// Wraps an angle to the range from -pi to pi.
+/// Returns the angle wrapped to the range from -pi to pi, rad.
 fn within(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
 }
