@@ -330,7 +330,7 @@ impl Bell {
         let _ = rustix::io::read(&self.0.event, &mut count);
     }
 
-    /// Returns a duplicate of the descriptor that becomes readable at a notification.
+    /// Returns a duplicate of the file descriptor that becomes readable at a notification.
     ///
     /// # Errors
     /// Fails if the system provides no descriptor.

@@ -58,8 +58,8 @@ struct Attached {
 /// Everything that all buses have received since the previous tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct News {
-    /// The readings of all joints, with the age of the oldest of them; `None` if nothing new has
-    /// arrived.
+    /// The newest readings of all joints, with the sequence number of the oldest of them. `None` if
+    /// nothing new has arrived.
     pub feedback: Option<JointFeedback>,
     /// Number of buses that have delivered a reading.
     pub buses_with_reading: usize,

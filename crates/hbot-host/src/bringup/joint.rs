@@ -44,7 +44,7 @@ pub enum Verdict {
     Good,
     /// The joint already turned before the torque was applied, so it was not tested.
     Turns,
-    /// The encoder counts of neither this joint nor any other have changed.
+    /// According to the encoder counts, neither this joint nor any other has moved.
     Stands,
     /// The encoder counts of this joint did not change, but those of another joint did, which has
     /// this number.

@@ -106,7 +106,7 @@ impl Bench {
         &self.notices
     }
 
-    /// Returns the rig as its file describes it.
+    /// Returns the properties of the rig that its file describes.
     #[must_use]
     pub fn rig(&self) -> &Rig {
         &self.rig

@@ -94,7 +94,7 @@ struct HbotBus {
     /// True if the newest readings come from controllers that have restarted since
     /// [`Protocol::meet`], or from other controllers.
     undescribed: bool,
-    /// True if a request for a description follows the next command.
+    /// True if the bus must ask the controllers to describe themselves after the next command.
     asks: bool,
 }
 
@@ -194,8 +194,8 @@ fn reading(feedback: &Feedback) -> Reading {
     Reading { answers: feedback.sequence, joints }
 }
 
-/// Returns the complaints of the motor controllers in one message, including motors that are on or
-/// off against the command.
+/// Returns the complaints in one message from the motor controllers. Motors that are on or off
+/// against the command are a complaint, too.
 fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     let on = feedback.flags.contains(ControllerFlags::ENABLED);
     let reasons = ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT | ControllerFlags::UNDESCRIBED;

@@ -88,8 +88,8 @@ pub trait MotorBus: Send {
     /// Reads everything that has arrived. The loop calls it before it sends the command of `tick`.
     fn receive(&mut self, now_ns: u64, tick: u32) -> Heard;
 
-    /// Writes a command. Returns whether the line accepted all of its bytes. The rest of a command
-    /// that was cut short must not corrupt the next one.
+    /// Writes a command. Returns whether the line accepted all of its bytes. If a command is cut
+    /// short, the driver must make sure that its fragment does not corrupt the next one.
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool;
 
     /// Informs the bus that its motors are off and that no command follows. This call can block.

@@ -1,6 +1,6 @@
 //! Checks that motors are on or off as commanded.
 
-/// Number of newest commands that are remembered.
+/// Number of the most recent commands that are remembered.
 const COMMANDS: usize = 64;
 
 /// Remembers for each of the last 64 commands whether it switched the motors on, so that a bus can

@@ -59,7 +59,7 @@ pub(super) struct LongMessages {
 }
 
 impl LongMessages {
-    /// Returns the time before which no further long message may be read, or `None` if one may be
+    /// Returns the earliest time at which the next long message may be read, or `None` if it may be
     /// read now.
     pub(super) fn not_before(&self, now: Instant) -> Option<Instant> {
         self.next.filter(|next| *next > now)

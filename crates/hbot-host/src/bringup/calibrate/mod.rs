@@ -35,8 +35,8 @@ pub struct Calibration {
     /// Root mean square slip of the wheels divided by their rolling distance, with the values of
     /// the rig file.
     pub before: f64,
-    /// Root mean square slip of the wheels divided by their rolling distance, with the values
-    /// found.
+    /// Root mean square slip of the wheels divided by their rolling distance, with the values that
+    /// the calibration found.
     pub after: f64,
     /// True if the motion was sufficient to determine the steering zeros of all wheels.
     pub known: bool,

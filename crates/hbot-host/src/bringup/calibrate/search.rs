@@ -15,8 +15,8 @@ const LOOKED_AT: usize = 6;
 const APART: f64 = 0.4;
 /// Error below which a steering zero in the rig file counts as correct, rad.
 const RIGHT: f64 = 0.02;
-/// Of several guesses, the one that implies the fewest errors in the rig file is chosen, unless
-/// another one leaves less than this share of its slip.
+/// A guess is rejected if another one leaves less than this fraction of its slip. Of the remaining
+/// guesses, the one that implies the fewest errors in the rig file is chosen.
 const BELIEVED: f64 = 0.3;
 
 impl Guess {
