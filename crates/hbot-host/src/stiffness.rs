@@ -32,8 +32,8 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Computes these properties for the rig and the loop rate of `config`. Returns `None` if the
-    /// inertias in the rig file contradict each other.
+    /// Computes the properties that limit the stiffness, for the rig and the loop rate of `config`.
+    /// Returns `None` if the inertias in the rig file contradict each other.
     #[must_use]
     pub fn of(config: &RigConfig) -> Option<Self> {
         let rig = &config.rig;

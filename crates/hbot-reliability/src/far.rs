@@ -19,11 +19,11 @@ use crate::Outcome;
 /// How the simulated motor controllers answer commands.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Manner {
-    /// They send proper readings.
+    /// The controllers send proper readings.
     Well,
-    /// They send random bytes, as many as the line takes.
+    /// The controllers send random bytes, as many as the line takes.
     Babbles,
-    /// They send back the bytes that they received.
+    /// The controllers send back the bytes that they received.
     Echoes,
 }
 

@@ -111,8 +111,7 @@ fn echoes(count: u32) -> Outcome<Vec<f64>> {
     Ok(times)
 }
 
-/// Compares the round-trip time of pings that follow each other without a pause with that of an
-/// echo process.
+/// Compares the round-trip time of pings, sent without pauses, with that of an echo process.
 pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
     pings("one after the other", 200, Duration::ZERO, seconds)
 }

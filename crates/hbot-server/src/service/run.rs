@@ -236,8 +236,8 @@ impl Connections {
         }
     }
 
-    /// Handles the end of a connection's task. The task itself informs the hub that its client is
-    /// gone, except if it panics. In that case this function informs the hub.
+    /// Handles the end of a connection's task. Unless the task has panicked, the hub already knows
+    /// that the client is gone. After a panic, this function informs the hub.
     fn ended(&mut self, ended: Option<Result<(Id, ()), JoinError>>) {
         let id = match &ended {
             Some(Ok((id, ()))) => *id,
