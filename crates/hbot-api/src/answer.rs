@@ -6,23 +6,24 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::{Map, Value};
 
-/// Largest nesting depth of an answer. It exceeds that of a request, because an answer can contain
-/// the request's data.
+/// Largest nesting depth of lists and maps in an answer. It exceeds that of a request, because an
+/// answer can contain the request's data.
 const ANSWER_DEPTH: usize = crate::MAX_DEPTH + 8;
 
-/// The answer to one request: `{"id", "ok"}` or `{"id", "error"}`. `T` is the type of the body for
-/// the sender, such as [`PingOk`]. A receiver gets the body as an untyped value.
+/// The answer to one request, sent as `{"id", "ok"}` or `{"id", "error"}`. A sender uses the type
+/// of the body for `T`, such as [`PingOk`]. A receiver gets the body as an untyped value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response<T = Value> {
-    /// Id of the request. `None` if the request had no readable id.
+    /// Id of the request that is answered. `None` if the request had no readable id.
     pub id: Option<Id>,
-    /// The body, a map whose fields depend on the op; or the error if the request was refused.
+    /// The body of the answer, a map whose fields depend on the op; or the error if the request was
+    /// refused.
     pub result: Result<T, ErrorBody>,
 }
 
 impl<T: Serialize> Response<T> {
-    /// Creates the answer to a request that was carried out. Encoding it fails if `body` contains a
-    /// number that is not finite.
+    /// Creates the answer to a request that was carried out. It cannot be encoded if `body`
+    /// contains a number that is not finite.
     #[must_use]
     pub const fn ok(id: Option<Id>, body: T) -> Self {
         Self { id, result: Ok(body) }
@@ -61,7 +62,7 @@ impl<T: Serialize> Serialize for Response<T> {
     }
 }
 
-/// Any message that a client receives from the server.
+/// Any message that a client receives from the server: an answer or an event.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ServerMessage {
     /// The answer to one of the client's requests.
@@ -71,11 +72,13 @@ pub enum ServerMessage {
 }
 
 impl ServerMessage {
-    /// Reads a message of the server, without its newline or length.
+    /// Reads one message from the server. `bytes` is the message without the newline (JSON) or
+    /// length (MessagePack) that frames it.
     ///
     /// # Errors
     ///
-    /// Fails with a text for people if the bytes are not a message of this version's server.
+    /// Fails with a description for people if the bytes are not a message that a server of this
+    /// version sends.
     pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, String> {
         let untyped = untyped::read(encoding, bytes, ANSWER_DEPTH)?;
         if let Some(problem) = untyped.problem {
@@ -98,7 +101,7 @@ impl ServerMessage {
     }
 }
 
-/// The answer to the op `hello`: it describes the server.
+/// The answer to the op `hello`, which describes the server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HelloOk {
     /// Name and version of the server program, such as `hbot 0.1.0`.
@@ -110,27 +113,27 @@ pub struct HelloOk {
     /// Tick rate of the loop, Hz.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub rate_hz: f64,
-    /// Number of this connection, unique on this server.
+    /// Number of this connection. No other connection to the server has it.
     pub session: u64,
 }
 
-/// The answer to the op `subscribe`.
+/// The answer to the op `subscribe`, which starts state messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SubscribeOk {
     /// Number of ticks from one state message to the next, at least 1.
     pub every: u64,
 }
 
-/// The answer to the op `load_scene`.
+/// The answer to the op `load_scene`, which loads a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoadSceneOk {
-    /// Effects of the scene, in the order of the scene.
+    /// Effects of the loaded scene, in the order of the scene.
     pub effects: Vec<EffectCost>,
-    /// Phenomena of the scene's table `simulate` that are ignored because the rig is real.
+    /// Simulated phenomena in the scene that have no effect because the rig is real.
     pub ignored: Vec<String>,
 }
 
-/// An effect of a scene, and the computing time that it needs.
+/// An effect of a scene, with the computing time that it needs in each tick.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EffectCost {
     /// Id of the effect in the scene.
@@ -141,30 +144,31 @@ pub struct EffectCost {
     pub cost_ns: u64,
 }
 
-/// The answer to the ops `enable`, `disable`, `reset` and `estop`.
+/// The answer to the ops `enable`, `disable`, `reset` and `estop`, which change the mode of the
+/// rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModeOk {
     /// Mode of the rig from the next tick on.
     pub mode: Mode,
 }
 
-/// The answer to the op `align`.
+/// The answer to the op `align`, which sends an orientation measured from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignOk {
-    /// Angle between the orientation measured from outside and the server's own at that time, 0 to
-    /// pi rad.
+    /// Angle between the measured orientation and the server's own at the time of the measurement,
+    /// 0 to pi rad.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub angle: f64,
 }
 
-/// The answer to the op `ping`.
+/// The answer to the op `ping`, which tests the connection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PingOk {
     /// The data of the request, unchanged. Null if the request had none.
     pub data: Value,
-    /// Number of the loop's last tick.
+    /// Number of the last tick of the control loop.
     pub tick: u64,
-    /// Time of that tick since the loop began, s.
+    /// Time of the last tick since the control loop began, s.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
 }

@@ -18,10 +18,10 @@ use std::time::{Duration, Instant};
 use tls::TlsStream;
 
 /// Largest number of events kept for [`Client::next_event`]: the states of four seconds at 1 kHz.
-/// Beyond it, the oldest events are dropped.
+/// If more arrive, the oldest are dropped.
 const MAX_EVENTS: usize = 4096;
 
-/// Largest number of bytes read from the socket at a time.
+/// Largest number of bytes that one read takes from the socket.
 const PIECE_BYTES: usize = 16 * 1024;
 
 /// A connection to a server.
@@ -36,30 +36,30 @@ pub struct Client {
     stream: Stream,
     splitter: Splitter,
     hello: HelloOk,
-    /// Longest time to wait for an answer.
+    /// Longest time that a call waits for its answer.
     timeout: Duration,
     events: VecDeque<Event>,
     events_lost: u64,
     last_id: i64,
-    /// Buffer for sending. It is reused, so that sending a stream does not allocate.
+    /// Buffer for messages to send. It is reused, so that repeated sending does not allocate.
     out: Vec<u8>,
 }
 
 impl Client {
-    /// Returns the server's answer to the hello: its name, version, rig and tick rate.
+    /// Returns the server's answer to the first message: its name, version, rig and tick rate.
     #[must_use]
     pub const fn hello(&self) -> &HelloOk {
         &self.hello
     }
 
-    /// Returns the encoding that both sides use.
+    /// Returns the encoding of messages on this connection.
     #[must_use]
     pub const fn encoding(&self) -> Encoding {
         self.splitter.encoding()
     }
 
-    /// Returns the number of events that were dropped because the program did not fetch them in
-    /// time.
+    /// Returns the number of events that were dropped because the program did not call
+    /// [`next_event`](Self::next_event) often enough.
     #[must_use]
     pub const fn events_lost(&self) -> u64 {
         self.events_lost
@@ -105,8 +105,8 @@ impl Client {
         }
     }
 
-    /// Sends a request without waiting for an answer, for streams. If the server refuses it, an
-    /// [`Event::Refused`] arrives later.
+    /// Sends a request without waiting for an answer, as is usual for repeated commands (streams).
+    /// If the server refuses it, an [`Event::Refused`] arrives later.
     ///
     /// # Errors
     ///
@@ -116,9 +116,9 @@ impl Client {
         self.write(&Request { id: None, op })
     }
 
-    /// Returns the next event, beginning with those already kept. Returns `None` if no event
-    /// arrives within `timeout`. With a timeout of zero it returns only events that have already
-    /// arrived.
+    /// Returns the oldest event that has not been returned yet, and waits for one if necessary.
+    /// Returns `None` if no event arrives within `timeout`. A timeout of zero returns only events
+    /// that have already arrived.
     ///
     /// # Errors
     ///
@@ -155,7 +155,8 @@ impl Client {
         self.stream.send(&self.out).map_err(ClientError::from_io)
     }
 
-    /// Returns the next message. `None` if none arrives before the deadline.
+    /// Returns the next message from the server. Returns `None` if no message arrives before the
+    /// deadline.
     fn receive(&mut self, deadline: Instant) -> Result<Option<ServerMessage>, ClientError> {
         let encoding = self.encoding();
         loop {
@@ -170,7 +171,7 @@ impl Client {
     }
 }
 
-/// The connection's byte stream, plain or encrypted.
+/// The byte stream of a connection, either plain TCP or TLS.
 #[derive(Debug)]
 enum Stream {
     Plain(TcpStream),
@@ -208,8 +209,8 @@ impl Stream {
     }
 }
 
-/// Passes bytes that have arrived to the splitter, waiting for them if necessary. Returns false if
-/// the deadline passes first.
+/// Reads bytes from `stream` and passes them to the splitter, which finds the messages in them.
+/// Returns false if no bytes arrive before the deadline.
 fn read_piece(stream: &mut Stream, splitter: &mut Splitter, deadline: Instant) -> Result<bool, ClientError> {
     let mut piece = [0; PIECE_BYTES];
     loop {
@@ -226,7 +227,7 @@ fn read_piece(stream: &mut Stream, splitter: &mut Splitter, deadline: Instant) -
     }
 }
 
-/// Reads once and waits until the deadline at most. After the deadline it still reads bytes that
+/// Reads once, and waits until the deadline at most. After the deadline, it still reads bytes that
 /// have arrived, but does not wait. Operating systems round short timeouts up to milliseconds, and
 /// a client that polls once per frame of a game must not wait that long.
 fn read_before(stream: &mut Stream, piece: &mut [u8], deadline: Instant) -> io::Result<usize> {
@@ -241,8 +242,8 @@ fn read_before(stream: &mut Stream, piece: &mut [u8], deadline: Instant) -> io::
     stream.read(piece)
 }
 
-/// Returns whether an error means that a read timed out. Operating systems report this as different
-/// kinds.
+/// Returns whether an error means that a read timed out. Operating systems report a timeout as
+/// different kinds of error.
 fn is_timeout(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
 }

@@ -4,8 +4,8 @@ use crate::names::Name;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// A counter for each name of a closed list, such as [`Fault`](crate::Fault). In messages it is a
-/// map that contains every name, also those with a count of 0. Counting does not allocate.
+/// One counter for each name of a fixed list, such as [`Fault`](crate::Fault). In messages it is a
+/// map that contains every name, even if its count is 0. Counting does not allocate memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CountsByName<N>(Vec<(N, u64)>);
 
@@ -29,12 +29,12 @@ impl<N: Name> CountsByName<N> {
         self.iter().find(|(other, _)| *other == name).map_or(0, |(_, count)| count)
     }
 
-    /// Iterates over the names with their counts, in the order of the documentation.
+    /// Iterates over all names with their counts, in the order of the documentation.
     pub fn iter(&self) -> impl Iterator<Item = (N, u64)> + '_ {
         self.0.iter().copied()
     }
 
-    /// Returns the sum of all counts.
+    /// Returns the sum of the counts of all names.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.iter().map(|(_, count)| count).sum()
@@ -47,7 +47,8 @@ impl<N: Name> Serialize for CountsByName<N> {
     }
 }
 
-/// Reads counts from a map. Ignores unknown names, because a later server can add some.
+/// Reads the counts from a map. Unknown names are ignored, because a later version of the server
+/// can have more names.
 impl<'de, N: Name> Deserialize<'de> for CountsByName<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let told = BTreeMap::<String, u64>::deserialize(deserializer)?;

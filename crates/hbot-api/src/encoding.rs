@@ -5,24 +5,25 @@ use serde::Serialize;
 use std::fmt;
 
 names! {
-    /// The encoding of messages on a connection. Both encodings have the same fields.
+    /// The encoding of messages on a connection. Messages have the same fields in both encodings.
     #[derive(Default)]
     pub enum Encoding {
-        /// One JSON object per line, in UTF-8, ended by a newline.
+        /// One JSON object per line, in UTF-8. A newline ends the message.
         #[default]
         Json = "json",
-        /// A length of four bytes, most significant byte first, then a MessagePack map with named
-        /// fields.
+        /// A MessagePack map with named fields. A length of four bytes precedes it, most
+        /// significant byte first.
         Msgpack = "msgpack",
     }
 }
 
-/// Size of the length before a MessagePack map, in bytes.
+/// Number of bytes of the length that precedes a MessagePack map.
 pub(crate) const LENGTH_BYTES: usize = 4;
 
 impl Encoding {
-    /// Appends a complete message to `out`, with its newline or length. Does not allocate if `out`
-    /// has the capacity and the message is an [`Event::State`](crate::Event::State).
+    /// Appends a message to `out`, including the newline or length that frames it. Does not
+    /// allocate memory if `out` has the capacity and the message is an
+    /// [`Event::State`](crate::Event::State).
     ///
     /// # Errors
     ///

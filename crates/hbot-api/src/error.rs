@@ -5,67 +5,68 @@ use crate::{Id, OpName, SplitError};
 use serde::{Deserialize, Serialize};
 
 names! {
-    /// Why a request was refused, as a code for programs. The message that goes with it is for
-    /// people.
+    /// Why a request was refused, as a code that programs can check. An error also has a message
+    /// for people.
     pub enum ErrorCode {
-        /// The message could not be read, or a field is missing, unknown or not legal. Repeating
-        /// the request gives the same error.
+        /// The message could not be read, or one of its fields is missing, unknown or not legal.
+        /// Repeating the request gives the same error.
         BadRequest = "bad_request",
-        /// The hello names a version of the messages that this server does not support.
+        /// The client uses a version of the messages that this server does not support.
         UnsupportedVersion = "unsupported_version",
-        /// The token is missing or wrong.
+        /// The client sent no token or a wrong one.
         Unauthorized = "unauthorized",
-        /// Only the holder of the lease can use this op. Send `acquire` first.
+        /// Only the client that holds the lease can use this op. Send `acquire` first.
         NotHolder = "not_holder",
-        /// Another client holds the lease.
+        /// Another client holds the lease, which is the right to command.
         Busy = "busy",
-        /// The scene has no effect with this id.
+        /// The running scene has no effect with this id.
         UnknownEffect = "unknown_effect",
         /// The value is legal in general, but not for this rig, this effect or this moment.
         OutOfRange = "out_of_range",
-        /// The rig is in a fault or an emergency stop, or its cause is still present.
+        /// The rig is in a fault or an emergency stop, or the cause of the fault is still present.
         Faulted = "faulted",
-        /// The message is too long: more than
-        /// [`MAX_SHORT_REQUEST_BYTES`](crate::MAX_SHORT_REQUEST_BYTES), or than
-        /// [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) for an op that can be long.
+        /// The message is too long. The limit is [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES)
+        /// for an op that can be long, and
+        /// [`MAX_SHORT_REQUEST_BYTES`](crate::MAX_SHORT_REQUEST_BYTES) for any other.
         TooLarge = "too_large",
     }
 }
 
-/// The field `error` of an answer: a code for programs and a message for people.
+/// The field `error` of an answer: why the server refused the request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[error("{message} ({code})")]
 pub struct ErrorBody {
-    /// Reason of the refusal, for programs.
+    /// Reason of the refusal, as a code for programs.
     pub code: ErrorCode,
-    /// What was wrong, where, and what would be legal, for people.
+    /// Description for people: what was wrong, where, and which values are legal.
     pub message: String,
     /// Name of the client that holds the lease, if any. Present with [`ErrorCode::Busy`] and
     /// [`ErrorCode::NotHolder`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub holder: Option<String>,
-    /// Angle between the sphere and the reference, rad. Present with [`ErrorCode::OutOfRange`] from
-    /// `enable`.
+    /// Angle between the sphere and the reference, rad. Present if `enable` was refused with
+    /// [`ErrorCode::OutOfRange`] because this angle is too large.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "crate::finite::optional")]
     pub angle: Option<f64>,
 }
 
 impl ErrorBody {
-    /// Creates an error with a code and a message only.
+    /// Creates an error with a code and a message, and no other fields.
     pub fn new(code: ErrorCode, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), holder: None, angle: None }
     }
 }
 
-/// A request that could not be read, with the error to answer.
+/// A request that the server could not read, with the error for the answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{error}")]
 pub struct RequestRefusal {
-    /// Id of the request. `None` if it could not be read.
+    /// Id of the refused request. `None` if the id could not be read.
     pub id: Option<Id>,
-    /// Op of the request, if it is known. A refused stream message without id is counted by its op.
+    /// Op of the refused request, if it could be read. Refused stream messages without an id are
+    /// counted by op, because they are not answered.
     pub op: Option<OpName>,
-    /// What is wrong with the request.
+    /// The error that the server answers.
     pub error: ErrorBody,
 }
 
@@ -79,7 +80,7 @@ impl From<SplitError> for ErrorBody {
     }
 }
 
-/// A frame that the splitter refuses has no readable id.
+/// Converts the error for a message whose content was not read. The refusal therefore has no id.
 impl From<SplitError> for RequestRefusal {
     fn from(error: SplitError) -> Self {
         Self { id: None, op: None, error: error.into() }

@@ -8,21 +8,22 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// State of the rig in one tick. Sent to clients that have subscribed.
+    /// State of the rig in one tick. Sent only to clients that have subscribed.
     State(StateEvent),
     /// The rig has entered or left a fault or an emergency stop. Sent to all clients.
     Fault(FaultEvent),
-    /// The lease has changed hands. Sent to all clients, including the one that lost it.
+    /// The lease (the right to command) has changed hands. Sent to all clients, including the one
+    /// that lost it.
     Lease(LeaseEvent),
-    /// Another scene is being rendered. Sent to all clients.
+    /// The rig has begun to render another scene. Sent to all clients.
     Scene(SceneEvent),
-    /// States were dropped because this client reads too slowly.
+    /// State messages were dropped because this client reads too slowly.
     Dropped(DroppedEvent),
-    /// Stream messages of this client were refused. Sent at most once per second.
+    /// Some of this client's stream messages were refused. Sent at most once per second.
     Refused(RefusedEvent),
-    /// The server is stopping. This is the last message of a connection.
+    /// The server is stopping. This is the last message on a connection.
     Stopping(StoppingEvent),
-    /// An event of a later server that this version does not know. Ignore it.
+    /// An event that a later version of the server sends and this version cannot read. Ignore it.
     #[serde(other)]
     Unknown,
 }
@@ -48,7 +49,7 @@ names! {
 }
 
 impl Event {
-    /// Returns the name of the event. `None` for an event that this version does not know.
+    /// Returns the name of the event. Returns `None` for an event of a later version.
     #[must_use]
     pub const fn name(&self) -> Option<EventName> {
         Some(match self {
@@ -64,86 +65,88 @@ impl Event {
     }
 }
 
-/// The fields of [`Event::Fault`]: the rig has entered or left a fault or an emergency stop.
+/// The fields of [`Event::Fault`], sent when the rig has entered or left a fault or an emergency
+/// stop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEvent {
-    /// Tick in which the mode changed.
+    /// Number of the tick in which the mode changed.
     pub tick: u64,
-    /// Time of that tick since the loop began, s.
+    /// Time of the tick in which the mode changed, since the control loop began, s.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
-    /// Mode from this tick on: [`Mode::Fault`], [`Mode::Estop`], or the mode after a reset.
+    /// Mode after the change: [`Mode::Fault`], [`Mode::Estop`], or the mode after a reset.
     pub mode: Mode,
     /// Cause of the fault. `None` unless the mode is [`Mode::Fault`].
     pub fault: Option<Fault>,
-    /// What was measured, which limit it exceeded, and what to do, for people.
+    /// Description for people: what was measured, which limit it exceeded, and what to do.
     pub message: String,
 }
 
-/// The fields of [`Event::Lease`]: the lease has changed hands.
+/// The fields of [`Event::Lease`], sent when the lease (the right to command) has changed hands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeaseEvent {
     /// Name of the client that now holds the lease. `None` if the lease is free.
     pub holder: Option<String>,
-    /// Session of the client that now holds the lease, as in its [`HelloOk`](crate::HelloOk).
-    /// `None` if the lease is free.
+    /// Number of the connection of the client that now holds the lease, as in its
+    /// [`HelloOk`](crate::HelloOk). `None` if the lease is free.
     pub session: Option<u64>,
-    /// How the lease changed hands.
+    /// Why the lease changed hands.
     pub cause: LeaseCause,
 }
 
 names! {
-    /// How the lease changed hands.
+    /// Why the lease (the right to command) changed hands.
     pub enum LeaseCause {
         /// The lease was free, and a client took it.
         Acquired = "acquired",
-        /// The holder gave the lease back.
+        /// The client that held the lease gave it back.
         Released = "released",
-        /// Another client took the lease from its holder.
+        /// A client took the lease from another client.
         Stolen = "stolen",
-        /// The holder's connection ended.
+        /// The connection of the client that held the lease ended.
         Disconnected = "disconnected",
     }
 }
 
-/// The fields of [`Event::Scene`]: another scene is being rendered.
+/// The fields of [`Event::Scene`], sent when the rig has begun to render another scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneEvent {
-    /// First tick that renders the scene.
+    /// Number of the first tick that renders the scene.
     pub tick: u64,
-    /// Name of the scene.
+    /// Name of the new scene.
     pub name: String,
-    /// Effects of the scene.
+    /// Effects of the new scene, with the computing time that each needs.
     pub effects: Vec<EffectCost>,
 }
 
-/// The fields of [`Event::Dropped`]: states were dropped because the client reads too slowly.
+/// The fields of [`Event::Dropped`], sent when state messages were dropped because the client reads
+/// too slowly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DroppedEvent {
-    /// Number of states dropped since the last such event, at least 1.
+    /// Number of state messages dropped since the last event of this kind, at least 1.
     pub count: u64,
-    /// Number of states dropped on this connection so far.
+    /// Number of state messages dropped on this connection so far.
     pub total: u64,
 }
 
-/// The fields of [`Event::Refused`]: stream messages of this client were refused.
+/// The fields of [`Event::Refused`], sent when some of this client's stream messages were refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RefusedEvent {
-    /// Number of messages refused since the last such event, at least 1.
+    /// Number of stream messages refused since the last event of this kind, at least 1.
     pub count: u64,
-    /// Number of messages refused on this connection so far.
+    /// Number of stream messages refused on this connection so far.
     pub total: u64,
-    /// Op of the last refused message. `None` if it could not be read.
+    /// Op of the last refused message. `None` if the op could not be read.
     pub op: Option<String>,
-    /// Why the last message was refused, for programs.
+    /// Why the last message was refused, as a code for programs.
     pub code: ErrorCode,
-    /// Why the last message was refused, for people.
+    /// Why the last message was refused, described for people.
     pub message: String,
 }
 
-/// The fields of [`Event::Stopping`]: the server is stopping.
+/// The fields of [`Event::Stopping`], sent before the server stops.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StoppingEvent {
-    /// Why the server stops, for people.
+    /// Why the server stops, described for people.
     pub message: String,
 }

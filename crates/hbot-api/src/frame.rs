@@ -3,26 +3,27 @@
 use crate::encoding::LENGTH_BYTES;
 use crate::{Encoding, MAX_REQUEST_BYTES, asks_estop};
 
-/// Finds where messages begin and end in the bytes of a connection.
+/// Splits the bytes of a connection into messages.
 ///
 /// A message is returned whole or refused whole. Refusing one does not affect the next. Lines can
-/// end with `\r\n`. Blank lines and frames of length zero are skipped. Memory is bounded by twice
-/// the bytes that are pushed before they are taken out. A message that is too long is refused as
-/// soon as this is known, before memory is reserved for it.
+/// end with `\r\n`. Blank lines and frames of length zero are skipped. The memory in use is at most
+/// twice the bytes that are pushed before messages are taken out. A message that is too long is
+/// refused as soon as this is known, before memory is reserved for it.
 #[derive(Clone, Debug)]
 pub struct Splitter {
     encoding: Encoding,
     limit: usize,
-    /// Bytes received. Those from `start` on have not been taken out yet.
+    /// Bytes that were received. The bytes before `start` belong to messages that have been
+    /// returned.
     bytes: Vec<u8>,
     start: usize,
-    /// Number of untaken bytes known to contain no newline. A long line that arrives in small
-    /// pieces is thus searched only once.
+    /// Number of bytes from `start` on that contain no newline. They need not be searched again
+    /// when more bytes arrive.
     searched: usize,
     skipping: Skipping,
 }
 
-/// The part of a refused message that still has to be skipped.
+/// How much of a refused message still has to be skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Skipping {
     Nothing,
@@ -31,14 +32,14 @@ enum Skipping {
 }
 
 impl Splitter {
-    /// Creates a splitter for requests, with the limit [`MAX_REQUEST_BYTES`].
+    /// Creates a splitter for requests. It refuses requests longer than [`MAX_REQUEST_BYTES`].
     #[must_use]
     pub const fn new(encoding: Encoding) -> Self {
         Self::with_limit(encoding, MAX_REQUEST_BYTES)
     }
 
-    /// Creates a splitter with another size limit. The limit is in bytes of a line including its
-    /// newline, or of a map without its length.
+    /// Creates a splitter for messages of at most `limit` bytes. The newline of a line counts, but
+    /// the length before a MessagePack map does not.
     #[must_use]
     pub const fn with_limit(encoding: Encoding, limit: usize) -> Self {
         Self { encoding, limit, bytes: Vec::new(), start: 0, searched: 0, skipping: Skipping::Nothing }
@@ -50,39 +51,41 @@ impl Splitter {
         self.encoding
     }
 
-    /// Changes the encoding from the next untaken byte on, after a hello that asks for it.
+    /// Changes the encoding of all messages that have not been returned yet, after a client has
+    /// asked for another encoding.
     pub const fn set_encoding(&mut self, encoding: Encoding) {
         self.encoding = encoding;
         self.searched = 0;
     }
 
-    /// Changes the size limit. It is in bytes of a line including its newline, or of a map without
-    /// its length.
+    /// Changes the largest size of a message, in bytes. The newline of a line counts, but the
+    /// length before a MessagePack map does not.
     pub const fn set_limit(&mut self, limit: usize) {
         self.limit = limit;
     }
 
-    /// Returns the bytes that have arrived and are not yet part of a message that was taken out.
+    /// Returns the received bytes that follow the last returned message.
     #[must_use]
     pub fn waiting(&self) -> &[u8] {
         &self.bytes[self.start..]
     }
 
-    /// Returns the number of bytes that have arrived and are not yet part of a message that was
-    /// taken out. At the end of a connection, these bytes are an incomplete message.
+    /// Returns the number of received bytes that follow the last returned message. At the end of a
+    /// connection, these bytes are an incomplete message.
     #[must_use]
     pub const fn pending(&self) -> usize {
         self.bytes.len() - self.start
     }
 
-    /// Adds received bytes. Take out all messages before pushing more, or the memory grows.
+    /// Adds received bytes. Call [`next_message`](Self::next_message) until it returns `None`
+    /// before adding more, or the memory in use grows.
     pub fn push(&mut self, bytes: &[u8]) {
         self.space(bytes.len()).extend_from_slice(bytes);
     }
 
-    /// Returns the buffer to which received bytes can be appended directly, with room for `bytes`
-    /// more. This replaces [`push`](Self::push) without a copy. Bytes already in the buffer must
-    /// not be changed.
+    /// Returns the buffer for received bytes, with room for `bytes` more. The caller appends to it
+    /// directly, which avoids the copy that [`push`](Self::push) makes. The bytes already in the
+    /// buffer must not be changed.
     pub fn space(&mut self, bytes: usize) -> &mut Vec<u8> {
         // Moves the waiting bytes only if at least as many have been taken. Otherwise many waiting
         // bytes would be moved for every message taken.
@@ -94,8 +97,8 @@ impl Splitter {
         &mut self.bytes
     }
 
-    /// Returns the next message without its newline or length, or the error if it is refused.
-    /// Returns `None` if more bytes are needed.
+    /// Returns the next message without the newline or length that frames it, or an error if the
+    /// message is refused. Returns `None` if more bytes are needed.
     pub fn next_message(&mut self) -> Option<Result<&[u8], SplitError>> {
         loop {
             self.skip();
@@ -117,7 +120,7 @@ impl Splitter {
         }
     }
 
-    /// Skips any number of blank lines at once.
+    /// Skips all blank lines before the next message.
     fn pass_blank_lines(&mut self) {
         if self.searched == 0 {
             let waiting = &self.bytes[self.start..];
@@ -127,8 +130,8 @@ impl Splitter {
         }
     }
 
-    /// Returns the range of the next line in `bytes`, without the blanks around it. `None` if more
-    /// bytes are needed.
+    /// Returns the range in `bytes` of the next line, without blanks at its start and end. Returns
+    /// `None` if more bytes are needed.
     fn next_line(&mut self) -> Option<Result<(usize, usize), SplitError>> {
         let waiting = &self.bytes[self.start..];
         // The newline must be within the limit.
@@ -158,7 +161,8 @@ impl Splitter {
         Some(Ok((from + blanks, from + blanks + line.trim_ascii().len())))
     }
 
-    /// Returns the range of the next MessagePack map in `bytes`. `None` if more bytes are needed.
+    /// Returns the range in `bytes` of the next MessagePack map, without its length. Returns `None`
+    /// if more bytes are needed.
     fn next_map(&mut self) -> Option<Result<(usize, usize), SplitError>> {
         let length = *self.bytes[self.start..].first_chunk::<LENGTH_BYTES>()?;
         let (length, text) = (u32::from_be_bytes(length) as usize, length.starts_with(b"{"));
@@ -179,7 +183,7 @@ impl Splitter {
         Some(Ok((from, self.start)))
     }
 
-    /// Discards the bytes that belong to a refused message.
+    /// Discards the received bytes that belong to a refused message.
     fn skip(&mut self) {
         let waiting = &self.bytes[self.start..];
         match self.skipping {
@@ -208,30 +212,31 @@ fn newline(bytes: &[u8]) -> Option<usize> {
 /// The error returned when a message is refused before its content is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum SplitError {
-    /// The message is longer than the limit. This is reported once, and the rest of the message is
-    /// skipped.
+    /// The message is longer than the limit. The error is returned once, and the rest of the
+    /// message is skipped.
     #[error("message of {} bytes; at most {limit} are taken", Length(*length, *limit))]
     TooLarge {
-        /// Size limit, in bytes.
+        /// Largest legal size of a message, in bytes.
         limit: usize,
-        /// Size that the message announced, in bytes. `None` for a line, whose end has not been
-        /// received.
+        /// Size of the message in bytes, as announced before it. `None` for a line, whose size is
+        /// not known before its end.
         length: Option<usize>,
     },
-    /// The length of a frame begins with `{`: JSON was sent although the hello asked for
-    /// MessagePack. The announced bytes are skipped as for any frame that is too long. In practice
-    /// nothing after it is read.
+    /// The client sent JSON although it had asked for MessagePack: the length of the message begins
+    /// with `{`. The announced bytes are skipped, as with any message that is too long. They are so
+    /// many that in practice no later message is read.
     #[error("JSON where the hello has asked for MessagePack: send a 4-byte length, then a map")]
     LooksLikeJson,
-    /// A line is not UTF-8.
+    /// A line of JSON is not valid UTF-8.
     #[error("line is not UTF-8 from byte {at} on")]
     NotUtf8 {
-        /// Index of the first invalid byte in the line, from 0.
+        /// Index of the first invalid byte in the line, counted from 0.
         at: usize,
     },
 }
 
-/// Writes the length of a message that is too long, or the limit if its length is not known.
+/// Displays the length of a message that is too long, or "more than" the limit if the length is not
+/// known.
 struct Length(Option<usize>, usize);
 
 impl std::fmt::Display for Length {

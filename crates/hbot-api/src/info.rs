@@ -8,38 +8,38 @@ use crate::names::names;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The answer to `info`: it describes the rig and what is running.
+/// The answer to the op `info`, which describes the rig and the running scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct InfoOk {
     /// Description of the rig.
     pub rig: RigInfo,
-    /// Limits of the rig.
+    /// Limits on the torque, speed and energy of the rig.
     pub limits: LimitsInfo,
-    /// Estimates of what the rig can render. `None` if the inertias of a wheel contradict each
-    /// other.
+    /// Estimates of the stiffest springs that the rig can render. `None` if the inertias of a wheel
+    /// contradict each other.
     pub render: Option<RenderInfo>,
-    /// Preset of the numerical methods: `fast`, `balanced`, `exact`, or `custom` if the rig file
-    /// names each.
+    /// Name of the preset of numerical methods: `fast`, `balanced`, `exact`, or `custom` if the rig
+    /// file names each method.
     pub accuracy: String,
-    /// What happens to the torque when the connection of the lease's holder ends.
+    /// What happens to the torque when the connection of the client that holds the lease ends.
     pub on_client_lost: ClientLostPolicy,
-    /// Kinds of effects that a scene can use.
+    /// Kinds of effects that a scene can contain.
     pub effects: Vec<KindInfo>,
     /// Phenomena that a scene can switch on in a simulated rig. `None` if the rig is real.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phenomena: Option<Vec<KindInfo>>,
     /// The running scene, in the form that `load_scene` accepts.
     pub scene: Value,
-    /// Largest torque about n1, n2 and n3 at the current posture, N m. `None` before the first
-    /// tick.
+    /// Largest torque on the sphere about each axis of frame N (n1, n2, n3) at the present steer
+    /// angles, N m. `None` before the first tick.
     #[serde(serialize_with = "finite::optional_array")]
     pub capability: Option<[f64; 3]>,
-    /// Holder of the lease. `None` if the server does not send it.
+    /// The client that holds the lease. `None` if the server does not send this field.
     pub lease: Option<LeaseInfo>,
 }
 
-/// Description of a rig in [`InfoOk`].
+/// Description of the rig: its sphere, wheels and tick rate.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RigInfo {
@@ -51,11 +51,11 @@ pub struct RigInfo {
     pub rate_hz: u32,
     /// Sphere of the rig.
     pub sphere: SphereInfo,
-    /// Wheels of the rig, in the order of the joints of a state.
+    /// Wheels of the rig. State messages list the joints in the same order.
     pub wheels: Vec<WheelInfo>,
 }
 
-/// The sphere of a rig.
+/// Size and mass of the sphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SphereInfo {
@@ -67,13 +67,13 @@ pub struct SphereInfo {
     pub mass: f64,
 }
 
-/// A wheel of a rig, as described in the rig file.
+/// Position and size of one wheel, as described in the rig file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct WheelInfo {
     /// Name of the wheel. `None` if it has no name.
     pub name: Option<String>,
-    /// Steering axis in frame N, unit length.
+    /// Steering axis of the wheel, a unit vector in frame N.
     #[serde(serialize_with = "finite::array")]
     pub axis: [f64; 3],
     /// Cone angle between the steering axis and the contact normal, rad.
@@ -95,15 +95,15 @@ pub struct WheelInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct JointInfo {
-    /// Largest joint torque for a short time, N m.
+    /// Largest joint torque that the motor can give for a short time, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub peak: f64,
-    /// Largest joint torque without time limit, N m.
+    /// Joint torque that the motor can hold without time limit, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub continuous: f64,
 }
 
-/// The limits of a rig.
+/// The limits that the rig keeps while it renders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LimitsInfo {
@@ -116,31 +116,33 @@ pub struct LimitsInfo {
     /// Largest angular speed of the sphere while the motors are on, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub speed: f64,
-    /// Largest slip at a contact while the motors are on, m/s.
+    /// Largest slip between a wheel and the sphere while the motors are on, m/s.
     #[serde(serialize_with = "finite::scalar")]
     pub slip: f64,
-    /// Limit on the energy that goes into the hand. `None` if only torque and speed are limited.
+    /// Limit on the energy delivered to the hand. `None` if only torque and speed are limited.
     pub energy: Option<EnergyInfo>,
-    /// Friction limit of the contacts. `None` if the rig file does not give it.
+    /// Friction between wheels and sphere, which limits the torque. `None` if the rig file does not
+    /// give it.
     pub traction: Option<TractionInfo>,
-    /// Largest angle between an effect and its rest orientation at which rendering can begin, rad.
+    /// Largest angle between the sphere and the rest orientation of an effect at which rendering
+    /// can begin, rad.
     #[serde(serialize_with = "finite::scalar")]
     pub enable_max_angle: f64,
-    /// Rate at which `align` corrects the orientation, rad/s.
+    /// How fast the op `align` corrects the sphere's orientation, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub align_rate: f64,
-    /// Largest rate at which a reference moves towards one that a client sends, rad/s.
+    /// How fast a reference moves to a new orientation that a client sends, at most, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub reference_rate: f64,
-    /// Largest age of the `tick` that a stream message names, in ticks.
+    /// Largest age of a client's stream message, in ticks since the tick that it names.
     pub max_age_ticks: u32,
 }
 
-/// The limit on the energy delivered to the hand.
+/// Limit on the energy delivered to the hand: `power` for any time, and `burst` in addition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct EnergyInfo {
-    /// Energy that can be delivered in excess of `power`, J.
+    /// Energy that can be delivered at once in excess of `power`, J.
     #[serde(serialize_with = "finite::scalar")]
     pub burst: f64,
     /// Power that can be delivered without time limit, W.
@@ -148,11 +150,11 @@ pub struct EnergyInfo {
     pub power: f64,
 }
 
-/// The friction limit of the contacts.
+/// Friction between wheels and sphere, which limits the torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TractionInfo {
-    /// Friction coefficient of the contacts.
+    /// Friction coefficient between wheel and sphere.
     #[serde(serialize_with = "finite::scalar")]
     pub mu: f64,
     /// Normal force of each wheel on the sphere, N.
@@ -160,55 +162,56 @@ pub struct TractionInfo {
     pub normal_force: f64,
 }
 
-/// Estimates of the springs that a rig can render, without help from friction or a hand.
+/// Estimates of the stiffest springs that a rig can render, if neither friction nor a hand damps
+/// the sphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RenderInfo {
     /// Smallest apparent inertia of the sphere about any axis, kg m².
     #[serde(serialize_with = "finite::scalar")]
     pub inertia: f64,
-    /// Damping for which `stiffness_stable` holds, N m s/rad.
+    /// Damping of the spring to which `stiffness_stable` applies, N m s/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub damping: f64,
-    /// Largest stiffness at which a spring with this damping is stable in this loop, N m/rad.
+    /// Largest stiffness at which a spring is stable if its damping is `damping`, N m/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub stiffness_stable: f64,
-    /// Stiffness above which no spring is stable, whatever its damping, N m/rad.
+    /// Stiffness above which no spring is stable, with any damping, N m/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub stiffness_most: f64,
 }
 
-/// A kind of effect, or a phenomenon of the simulated rig.
+/// Description of a kind of effect, or of a phenomenon of the simulated rig.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct KindInfo {
-    /// Name of the kind or phenomenon in scenes.
+    /// Name of the kind or phenomenon in scene files.
     pub name: String,
-    /// What the kind or phenomenon does, for people.
+    /// What the kind or phenomenon does, described for people.
     pub description: String,
     /// JSON schema of the parameters, with the `unit` of each.
     pub schema: Value,
 }
 
-/// The client that holds the lease, if any.
+/// The client that holds the lease, which is the right to command.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LeaseInfo {
     /// Name of the client that holds the lease. `None` if the lease is free.
     pub holder: Option<String>,
-    /// Session of the client that holds the lease, as in its [`HelloOk`](crate::HelloOk). `None` if
-    /// the lease is free.
+    /// Number of the connection of the client that holds the lease, as in its
+    /// [`HelloOk`](crate::HelloOk). `None` if the lease is free.
     pub session: Option<u64>,
 }
 
 names! {
-    /// What happens to the torque when the connection of the lease's holder ends.
+    /// What happens to the torque when the connection of the client that holds the lease ends.
     #[derive(Default)]
     pub enum ClientLostPolicy {
-        /// The client's stream ramps out, and the scene stays.
+        /// The torque that the client streamed falls to zero gradually. The scene stays.
         #[default]
         Ramp = "ramp",
-        /// The client's stream and the scene stay as they are.
+        /// The torque that the client streamed and the scene stay as they are.
         Keep = "keep",
         /// The rig enters the fault `client_lost`.
         Fault = "fault",
@@ -216,7 +219,7 @@ names! {
 }
 
 impl InfoOk {
-    /// Returns the kind of effect with this name, if there is one.
+    /// Returns the kind of effect with this name, or `None` if there is no such kind.
     #[must_use]
     pub fn kind(&self, name: &str) -> Option<&KindInfo> {
         self.effects.iter().find(|kind| kind.name == name)

@@ -97,25 +97,27 @@ pub use stream::{
 };
 pub use text::{Plain, is_plain};
 
-/// Version of the messages. A client names its version in the hello. It increases with every change
-/// that would break a client written for the version before.
+/// Version of the messages. A client names its version in its first message. The version increases
+/// with every change that would break a client written for the version before.
 pub const PROTOCOL_VERSION: u64 = 1;
 
 /// Default TCP port of a server: the digits of HBOT on a phone's keypad.
 pub const DEFAULT_PORT: u16 = 4268;
 
-/// Largest size of a request, in bytes: a line including its newline, or a MessagePack map without
-/// its length. Only `load_scene` and `set` from the lease holder can be this long.
+/// Largest size of a request, in bytes. The newline of a JSON line counts, but the length before a
+/// MessagePack map does not. Only `load_scene` and `set` from the client that holds the lease can
+/// be this long.
 pub const MAX_REQUEST_BYTES: usize = 65_536;
 
-/// Largest size of every request except `load_scene` and `set`, in bytes: a line including its
-/// newline, or a MessagePack map without its length. A longer one is refused before it is parsed.
+/// Largest size of every request except `load_scene` and `set`, in bytes. The newline of a JSON
+/// line counts, but the length before a MessagePack map does not. A longer request is refused
+/// before it is parsed.
 pub const MAX_SHORT_REQUEST_BYTES: usize = 2048;
 
-/// Largest size of a message from the server, in bytes. Clients must be able to receive it. Only
-/// the answer to `info` comes near, because it contains the schema of every effect.
+/// Largest size of a message from the server, in bytes. Clients must be able to receive this size.
+/// Only the answer to `info` is nearly as long, because it contains the schema of every effect.
 pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 
-/// Largest nesting depth of lists and maps in a request. A scene with a 3x3 stiffness has six
-/// levels.
+/// Largest nesting depth of lists and maps in a request. For comparison: a scene with a 3x3
+/// stiffness has a depth of six.
 pub const MAX_DEPTH: usize = 64;

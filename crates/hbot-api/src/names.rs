@@ -1,7 +1,7 @@
 //! Closed lists of names: enums whose variants, order and text in messages are written once.
 
-/// Defines an enum of names. `ALL`, `as_str`, `Display`, `FromStr` and serde are all generated from
-/// one list, so none can miss a name.
+/// Defines an enum whose variants have names in messages. Generates `ALL`, `as_str`, `Display`,
+/// `FromStr` and serde from one list, so that none of them can miss a name.
 macro_rules! names {
     (
         $(#[$meta:meta])*
@@ -16,10 +16,10 @@ macro_rules! names {
         }
 
         impl $Type {
-            /// All values, in the order of the documentation.
+            /// All variants, in the order of the documentation.
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$Variant),+];
 
-            /// Returns the name as it is sent in messages.
+            /// Returns the name of this variant in messages.
             #[must_use]
             pub const fn as_str(self) -> &'static str {
                 match self {
@@ -57,12 +57,12 @@ macro_rules! names {
 
 pub(crate) use names;
 
-/// A name from a closed list, such as [`Fault`](crate::Fault) and [`ErrorCode`](crate::ErrorCode).
+/// A name from a fixed list, such as [`Fault`](crate::Fault) or [`ErrorCode`](crate::ErrorCode).
 pub trait Name: Copy + Eq + serde::Serialize + 'static {
     /// All names of the list, in the order of the documentation.
     const NAMES: &'static [Self];
 
-    /// Returns the name as it is sent in messages.
+    /// Returns the name as it is written in messages.
     #[must_use]
     fn as_str(self) -> &'static str;
 }

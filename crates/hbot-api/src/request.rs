@@ -12,118 +12,119 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
 
-/// Largest number of ticks from one state to the next that a subscription can ask for.
+/// Largest number of ticks between two state messages for which a client can ask.
 pub const MAX_EVERY: u64 = 1_000_000;
 
 /// Largest length of a client's name, in bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 64;
 
-/// One message from a client. A request that has been read is legal in itself: every number is
-/// finite and in range, and every quaternion has unit norm. The server checks whether it is legal
-/// for the rig, the scene and the moment.
+/// One message from a client. After reading, every number is finite and in range, and every
+/// quaternion has unit norm. The server checks later whether the request is legal for the rig, the
+/// scene and the moment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
-    /// Id that the answer repeats. A stream message without id is not answered.
+    /// Id of the request, which the answer repeats. A stream message without an id is not answered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<Id>,
-    /// The op, with its fields.
+    /// The op with its fields: what the client asks for.
     #[serde(flatten)]
     pub op: Op,
 }
 
-/// The ops that a client can request. `docs/api.md` describes each.
+/// The ops that a client can request. They are described in `docs/api.md`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 pub enum Op {
-    /// Introduces the client. It is the first message and is sent only once. Answer:
+    /// Introduces the client. This must be the first message, and is sent only once. Answer:
     /// [`HelloOk`](crate::HelloOk).
     Hello(Hello),
     /// Asks for the description of the rig, the kinds of effects and the scene. Answer:
     /// [`InfoOk`](crate::InfoOk).
     Info,
-    /// Subscribes to states, one every `every` ticks. Replaces an earlier subscription. Answer:
-    /// [`SubscribeOk`](crate::SubscribeOk).
+    /// Subscribes to state messages, one every `every` ticks. Replaces an earlier subscription.
+    /// Answer: [`SubscribeOk`](crate::SubscribeOk).
     Subscribe {
-        /// Number of ticks from one state to the next, from 1 to [`MAX_EVERY`].
+        /// Number of ticks from one state message to the next, from 1 to [`MAX_EVERY`].
         every: u64,
     },
-    /// Ends the subscription to states. The answer has no data.
+    /// Ends the subscription to state messages. The answer has no data.
     Unsubscribe,
-    /// Asks for the statistics and counters of the loop and the service. Answer:
+    /// Asks for the statistics and counters of the control loop and the service. Answer:
     /// [`StatsOk`](crate::StatsOk).
     Stats,
     /// Takes the lease, which is the right to command. The answer has no data, or is
     /// [`ErrorCode::Busy`](crate::ErrorCode::Busy).
     Acquire {
-        /// Whether to take the lease even from another client.
+        /// Whether to take the lease even if another client holds it.
         #[serde(skip_serializing_if = "is_false")]
         steal: bool,
     },
-    /// Gives the lease back. The answer has no data.
+    /// Gives the lease back, so that another client can take it. The answer has no data.
     Release,
-    /// Loads another scene and renders it. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
+    /// Loads another scene and starts to render it. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
     LoadScene {
-        /// The scene, a map with the structure of a scene file. Only its being a map has been
+        /// The scene, a map with the structure of a scene file. The content of the map has not been
         /// checked.
         scene: Value,
     },
-    /// Changes parameters of an effect. The torque changes gradually. The answer has no data.
+    /// Changes parameters of an effect in the running scene. The torque changes gradually. The
+    /// answer has no data.
     Set {
-        /// Id of an effect of the scene.
+        /// Id of an effect in the running scene.
         effect: String,
-        /// New values of at least one parameter of the effect's kind, unchecked. The names are
-        /// never `id`, `op`, `effect` or `kind`.
+        /// New values of at least one parameter of the effect. The values have not been checked. No
+        /// parameter is called `id`, `op`, `effect` or `kind`.
         #[serde(flatten)]
         parameters: Map<String, Value>,
     },
-    /// Streams a torque that the client computes itself. Answered only if the request has an id;
-    /// the answer has no data.
+    /// Sends a torque that the client computes itself. Clients send it repeatedly. It is answered
+    /// only if it has an id; the answer has no data.
     Torque(TorqueCommand),
-    /// Streams a new reference of an effect. Answered only if the request has an id; the answer has
-    /// no data.
+    /// Sends a new reference orientation for an effect. Clients send it repeatedly. It is answered
+    /// only if it has an id; the answer has no data.
     Reference(ReferenceCommand),
-    /// Sends the sphere's orientation as measured from outside. Answered only if the request has an
-    /// id: [`AlignOk`](crate::AlignOk).
+    /// Sends the sphere's orientation as measured from outside, for example by a camera. It is
+    /// answered only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
     Align(Align),
     /// Begins to render the scene. Answer: [`ModeOk`](crate::ModeOk).
     Enable,
-    /// Stops rendering. Answer: [`ModeOk`](crate::ModeOk).
+    /// Ends rendering. Answer: [`ModeOk`](crate::ModeOk).
     Disable,
-    /// Leaves a fault or an emergency stop. Answer: [`ModeOk`](crate::ModeOk).
+    /// Ends a fault or an emergency stop. Answer: [`ModeOk`](crate::ModeOk).
     Reset,
-    /// Stops at once. Never refused: other fields are ignored. Answer: [`ModeOk`](crate::ModeOk).
+    /// Performs an emergency stop. It is never refused, and all other fields of the message are
+    /// ignored. Answer: [`ModeOk`](crate::ModeOk).
     Estop,
-    /// Checks that the server answers. Answer: [`PingOk`](crate::PingOk).
+    /// Tests whether the server answers. Answer: [`PingOk`](crate::PingOk).
     Ping {
-        /// Any value. The answer returns it unchanged.
+        /// Any value. The answer contains it unchanged.
         #[serde(skip_serializing_if = "Value::is_null")]
         data: Value,
     },
 }
 
-/// The first message of a client.
+/// The first message of a client, which introduces it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hello {
     /// Version of the messages that the client uses: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
     pub version: u64,
-    /// Name of the client, for people: 1 to [`MAX_NAME_BYTES`] bytes without control or invisible
-    /// characters (see [`is_plain`](crate::is_plain)).
+    /// Name of the client, shown to people: 1 to [`MAX_NAME_BYTES`] bytes without control or
+    /// invisible characters (see [`is_plain`](crate::is_plain)).
     pub name: String,
-    /// Token of the server. A server that other machines can reach requires one.
+    /// Token of the server. A server that other machines can reach requires it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token: Option<Token>,
-    /// Encoding that both sides use after the answer to this message. The answer itself is still
-    /// JSON.
+    /// Encoding of all messages after the answer to this one. The answer itself is still JSON.
     pub encoding: Encoding,
 }
 
-/// A secret that is not shown in debug output.
+/// A secret text. Debug output does not show it.
 #[derive(Clone, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Token(String);
 
 impl Token {
-    /// Returns the secret itself. Compare it in constant time.
+    /// Returns the secret text. To check it, use a comparison that takes constant time.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.0
@@ -147,7 +148,7 @@ fn is_false(flag: &bool) -> bool {
 }
 
 impl Op {
-    /// Returns the name of the op. [`OpName::row`] gives its properties.
+    /// Returns the name of the op. [`OpName::row`] returns the op's properties.
     #[must_use]
     pub const fn name(&self) -> OpName {
         match self {

@@ -4,57 +4,59 @@ use crate::finite;
 use crate::names::names;
 use serde::{Deserialize, Serialize};
 
-/// The state of the rig in one tick, sent to clients that have subscribed. All fields belong to the
-/// same tick: `torque` is the torque rendered at the orientation `q`.
+/// The state of the rig in one tick, sent to clients that have subscribed. All fields belong to
+/// this tick: `torque` is the torque rendered at the orientation `q`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StateEvent {
     /// Number of the tick.
     pub tick: u64,
-    /// Time of the tick since the loop began, s.
+    /// Time of the tick since the control loop began, s.
     #[serde(serialize_with = "finite::scalar")]
     pub t: f64,
-    /// Mode of the rig.
+    /// Mode of the rig, such as active or stopped by a fault.
     pub mode: Mode,
     /// Cause of the fault. `None` unless the mode is [`Mode::Fault`].
     pub fault: Option<Fault>,
-    /// Orientation of the sphere, `[w, x, y, z]`, unit norm. Its sign never jumps from one tick to
-    /// the next.
+    /// Orientation of the sphere as a unit quaternion `[w, x, y, z]`. The quaternion never changes
+    /// its sign from one tick to the next.
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
-    /// Angular velocity of the sphere in frame N, rad/s.
+    /// Angular velocity of the sphere in frame N (fixed in space), rad/s.
     #[serde(serialize_with = "finite::array")]
     pub omega: [f64; 3],
-    /// Orientation that the first effect with a reference pulls towards in this tick, `[w, x, y,
-    /// z]`, unit norm. It includes the effect's anchor and changes by clients. `None` if no effect
-    /// has a reference.
+    /// Orientation towards which the scene pulls the sphere in this tick, as a unit quaternion `[w,
+    /// x, y, z]`: that of the first effect with a reference. It includes the effect's anchor and
+    /// changes by clients. `None` if no effect has a reference.
     #[serde(default, serialize_with = "finite::optional_array")]
     pub reference: Option<[f64; 4]>,
-    /// Torque on the sphere in frame N after all limits, N m.
+    /// Torque on the sphere after all limits, in frame N (fixed in space), N m.
     #[serde(serialize_with = "finite::array")]
     pub torque: [f64; 3],
-    /// All joints: steer and drive of the first wheel, then of the next.
+    /// All joints of the rig: steer and drive of the first wheel, then of the next.
     pub joints: Vec<JointState>,
-    /// Largest slip at a contact that the encoders can detect, m/s, at least 0.
+    /// Largest slip between a wheel and the sphere, as far as the encoders can detect it, m/s, at
+    /// least 0.
     #[serde(serialize_with = "finite::scalar")]
     pub slip: f64,
     /// Fraction of the requested torque that remains after the limits, 0 to 1.
     #[serde(serialize_with = "finite::scalar")]
     pub scale: f64,
-    /// Largest ratio of the tangential force at a contact to its friction limit, 0 to 1. It is 1
-    /// while friction limits the torque.
+    /// Largest ratio, over all wheels, of the tangential force on the sphere to the friction limit,
+    /// 0 to 1. It is 1 while friction limits the torque.
     #[serde(serialize_with = "finite::scalar")]
     pub traction: f64,
-    /// Energy delivered to the hand since the start, from the passivity observer, J. Negative if
-    /// more energy was absorbed from the hand.
+    /// Energy delivered to the hand since the start, as measured by the passivity observer, J.
+    /// Negative if the hand has delivered more energy than it received.
     #[serde(serialize_with = "finite::scalar")]
     pub energy: f64,
-    /// The last stream message that was accepted. `None` before the first.
+    /// The last stream message that the loop has accepted. `None` before the first.
     pub client: Option<ClientStream>,
-    /// Timing of the tick.
+    /// Times that this tick took.
     pub timing: StateTiming,
 }
 
-/// The state of an unknown rig: unreferenced, at the identity, at rest, and with no limit acting.
+/// Creates the state of a rig about which nothing is known: unreferenced, at the identity
+/// orientation, at rest, and with no limit acting.
 impl Default for StateEvent {
     fn default() -> Self {
         Self {
@@ -77,10 +79,10 @@ impl Default for StateEvent {
     }
 }
 
-/// The state of one joint in a [`StateEvent`].
+/// Angle, rate and torque of one joint in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
-    /// Angle of the joint from its zero within one turn, 0 to 2 pi rad.
+    /// Angle of the joint from its zero, 0 to 2 pi rad. Full turns are not counted.
     #[serde(serialize_with = "finite::scalar")]
     pub angle: f64,
     /// Rate of the joint, rad/s.
@@ -91,16 +93,17 @@ pub struct JointState {
     pub torque: f64,
 }
 
-/// The last stream message that the loop has accepted.
+/// The sequence number and age of the last stream message that the control loop has accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClientStream {
-    /// Field `seq` of the message. `None` if it had none.
+    /// Sequence number of the message (its field `seq`). `None` if it had none.
     pub seq: Option<u64>,
-    /// Ticks since the tick that the message named, or since it was accepted if it named none.
+    /// Age of the message in ticks: since the tick that it named, or since it was accepted if it
+    /// named none.
     pub age_ticks: u64,
 }
 
-/// Timing of one tick, in microseconds.
+/// Times that one tick took, in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StateTiming {
     /// Time from the tick's deadline to its start, us.
@@ -109,60 +112,59 @@ pub struct StateTiming {
     /// Computing time of the control law, from decoded readings to joint torques, us.
     #[serde(serialize_with = "finite::scalar")]
     pub compute_us: f64,
-    /// Time spent on the line: reading, decoding, encoding and writing, us.
+    /// Time spent on the serial line: reading, decoding, encoding and writing, us.
     #[serde(serialize_with = "finite::scalar")]
     pub link_us: f64,
     /// Time from the measurement of the joints to the sending of the torque computed from it, us.
-    /// The joints are measured when the command that the reading answers goes out.
+    /// Motor controllers measure when a command goes out to them, and report the result as the
+    /// reading.
     #[serde(serialize_with = "finite::scalar")]
     pub age_us: f64,
 }
 
 names! {
-    /// The mode of the rig, as clients read it. `Mode` of hbot-core has the same values. It is a
-    /// type of its own because this crate depends on no other crate of hbot, so that clients link
-    /// nothing else. `convert.rs` of hbot-server converts one into the other.
+    /// The mode of the rig, which says what the control law is doing.
     pub enum Mode {
-        /// The zeros of the steer joints are not known. No torque.
+        /// The zeros of the steer joints are not known yet. There is no torque.
         Unreferenced = "unreferenced",
-        /// The rig is ready. No torque.
+        /// The rig is ready to be enabled. There is no torque.
         Idle = "idle",
-        /// The rig is becoming active. The torque rises over 0.5 s.
+        /// The rig was enabled, and the torque rises over 0.5 s.
         Enabling = "enabling",
-        /// The scene is being rendered.
+        /// The rig renders the scene.
         Active = "active",
-        /// The rig was stopped by a fault. No torque until a reset.
+        /// A fault has stopped the rig. There is no torque until a reset.
         Fault = "fault",
-        /// The rig was stopped by an emergency stop. No torque until a reset.
+        /// An emergency stop has stopped the rig. There is no torque until a reset.
         Estop = "estop",
     }
 }
 
 names! {
-    /// The cause of a fault, which made the rig stop by itself.
+    /// The cause of a fault, which makes the rig stop by itself.
     pub enum Fault {
-        /// No new reading from a motor controller for `timeout_ticks` ticks (a key of the rig
+        /// No new reading came from a motor controller for `timeout_ticks` ticks (a key of the rig
         /// file).
         LinkLost = "link_lost",
-        /// Too many damaged frames on the serial line.
+        /// Too many damaged frames were received on the serial line.
         LinkCorrupt = "link_corrupt",
-        /// A motor controller reports a fault.
+        /// A motor controller has reported a fault.
         ControllerFault = "controller_fault",
         /// The sphere turns faster than the rig's limit.
         Overspeed = "overspeed",
-        /// A motor controller reports too much current, or the energy delivered to the hand exceeds
-        /// the rig's limit.
+        /// A motor controller has reported too much current, or the energy delivered to the hand
+        /// exceeds the rig's limit.
         Overtorque = "overtorque",
-        /// The slip at a contact exceeds the rig's limit.
+        /// The slip between a wheel and the sphere exceeds the rig's limit.
         Slip = "slip",
-        /// A computed value is not finite.
+        /// A computed value is not a finite number.
         NonFinite = "non_finite",
-        /// A reading has physically impossible values.
+        /// A reading from a motor controller contains values that are physically impossible.
         ImplausibleFeedback = "implausible_feedback",
-        /// The loop could not keep its rate.
+        /// The control loop could not keep its tick rate.
         Deadline = "deadline",
-        /// The connection of the lease holder ended, and the rig file asks for a fault in this
-        /// case.
+        /// The connection of the client that holds the lease ended, and the rig file makes this a
+        /// fault.
         ClientLost = "client_lost",
         /// A motor or its motor controller is too hot.
         Thermal = "thermal",

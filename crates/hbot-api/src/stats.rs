@@ -3,66 +3,66 @@
 use crate::{CountsByName, ErrorCode, Fault, finite};
 use serde::{Deserialize, Serialize};
 
-/// The answer to `stats`: distributions of times and counts of events since the server started. A
-/// field that the server does not send is read as 0.
+/// The answer to the op `stats`: distributions of times and counts of events since the server
+/// started. A field that the server does not send is read as 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StatsOk {
-    /// Number of ticks whose samples the service has received.
+    /// Number of ticks whose records the service has received from the control loop.
     pub ticks: u64,
-    /// Time that the loop was awake before a tick's deadline, waiting for it, us.
+    /// Time that the control loop was awake before a tick's deadline, waiting for it, us.
     pub awake_us: Distribution,
     /// Time from a tick's deadline to its start, us.
     pub lateness_us: Distribution,
     /// Computing time of the control law in a tick, us.
     pub compute_us: Distribution,
-    /// Time spent on the line in a tick: reading, decoding, encoding and writing, us.
+    /// Time spent on the serial line in a tick: reading, decoding, encoding and writing, us.
     pub link_us: Distribution,
     /// Time from the measurement of the joints to the sending of the torque computed from it, us.
     pub age_us: Distribution,
-    /// Late ticks: those that started more than a quarter period after their deadline.
+    /// Number of late ticks: those that started more than a quarter period after their deadline.
     pub late_ticks: u64,
-    /// Skipped ticks: those whose deadline passed before the tick before them ended.
+    /// Number of skipped ticks: those whose deadline passed before the tick before them ended.
     pub skipped_ticks: u64,
-    /// Missed ticks: those without a new reading.
+    /// Number of missed ticks: those without a new reading from the motor controllers.
     pub missed_ticks: u64,
-    /// Damaged frames received on the serial line.
+    /// Number of damaged frames received on the serial line.
     pub corrupt_frames: u64,
-    /// Undamaged frames received that were not for this rig.
+    /// Number of undamaged frames received that were not meant for this rig.
     pub foreign_frames: u64,
-    /// Commands that the serial line did not accept completely.
+    /// Number of commands that the serial line did not accept completely.
     pub send_failures: u64,
     /// Number of times that a serial line was lost and opened again.
     pub reopened_ports: u64,
-    /// Samples of the loop that the service did not fetch in time.
+    /// Number of ticks whose records were lost because the service did not fetch them in time.
     pub dropped_samples: u64,
-    /// Number of faults, by cause.
+    /// Number of faults for each cause.
     pub faults: CountsByName<Fault>,
     /// Number of emergency stops.
     pub estops: u64,
-    /// Number of requests read, including refused ones.
+    /// Number of requests that the server read, including those that it refused.
     pub requests: u64,
-    /// Number of requests refused, by error code, including stream messages.
+    /// Number of requests refused for each error code, including stream messages.
     pub refused: CountsByName<ErrorCode>,
     /// Number of stream messages refused.
     pub refused_streams: u64,
-    /// States that were dropped because a client read too slowly.
+    /// Number of state messages dropped because a client read too slowly.
     pub dropped_states: u64,
-    /// Number of connections accepted.
+    /// Number of connections that the server accepted.
     pub connections: u64,
-    /// Connections refused because there were too many.
+    /// Number of connections refused because there were too many.
     pub connections_turned_away: u64,
-    /// Connections to an encrypted port that did not complete the TLS handshake.
+    /// Number of connections to an encrypted port that did not complete the TLS handshake.
     pub handshakes_failed: u64,
-    /// Connections closed because their client did not read.
+    /// Number of connections that the server closed because the client did not read.
     pub connections_cut: u64,
-    /// Number of flight logs written.
+    /// Number of flight logs written to disk.
     pub flight_logs: u64,
-    /// Number of flight logs that could not be written.
+    /// Number of flight logs that could not be written to disk.
     pub flight_logs_failed: u64,
 }
 
-/// A distribution of times, us.
+/// A summary of measured times: percentiles, maximum and number, in us.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Distribution {
@@ -81,9 +81,9 @@ pub struct Distribution {
     /// 99.99th percentile: 99.99 % of the times are at most this long, us.
     #[serde(serialize_with = "finite::scalar")]
     pub p99_99: f64,
-    /// Longest time, us.
+    /// Longest time of all, us.
     #[serde(serialize_with = "finite::scalar")]
     pub max: f64,
-    /// Number of times in the distribution.
+    /// Number of times that were measured.
     pub count: u64,
 }

@@ -10,33 +10,35 @@ use crate::names::names;
 use memchr::memmem;
 
 names! {
-    /// A request that stops the rig. It is found in the received bytes before they are parsed.
+    /// The kind of a request that stops the rig. The server finds such requests in the received
+    /// bytes before it parses them.
     pub enum Stop {
-        /// The emergency stop, [`Op::Estop`](crate::Op::Estop).
+        /// An emergency stop, [`Op::Estop`](crate::Op::Estop).
         Estop = "estop",
         /// The end of rendering, [`Op::Disable`](crate::Op::Disable).
         Disable = "disable",
     }
 }
 
-/// Largest number of blanks on either side of the colon in JSON.
+/// Largest number of blanks on either side of the colon at which a stop in JSON is still found.
 const MAX_BLANKS: usize = 8;
-/// Largest part of a match that can be in earlier pieces, in bytes: `"op"`, blanks, colon, blanks,
-/// and `"disable"` without its closing quote.
+/// Number of last bytes that are kept, so that a stop is found if its bytes arrive in several
+/// pieces. This is the longest stop without its last byte: `"op"`, blanks, colon, blanks, and
+/// `"disable"` without its closing quote.
 const TAIL_BYTES: usize = 4 + MAX_BLANKS + 1 + MAX_BLANKS + 8;
 
-/// Finds stops in the bytes of a connection, which can arrive in pieces of any size. Does not
-/// allocate.
+/// Finds requests that stop the rig in the bytes of a connection. The bytes can arrive in pieces of
+/// any size. Does not allocate memory.
 #[derive(Clone, Debug, Default)]
 pub struct StopFinder {
-    /// The last `kept` bytes that have arrived.
+    /// The last bytes that have arrived. The first `kept` elements are in use.
     tail: [u8; TAIL_BYTES],
     kept: usize,
 }
 
 impl StopFinder {
-    /// Searches the next piece of bytes. Calls `found` with each stop and the number of bytes of
-    /// the piece up to the end of that stop.
+    /// Searches the next received bytes. Calls `found` for each stop, with the number of bytes in
+    /// `piece` up to the end of that stop.
     pub fn push(&mut self, piece: &[u8], mut found: impl FnMut(Stop, usize)) {
         let mut joined = [0; 2 * TAIL_BYTES];
         let head = piece.len().min(TAIL_BYTES);
@@ -63,8 +65,8 @@ impl StopFinder {
     }
 }
 
-/// Returns whether a message asks for an emergency stop. Other content is ignored, and the message
-/// can be damaged.
+/// Returns whether a message requests an emergency stop. The rest of the message is ignored and can
+/// be damaged.
 #[must_use]
 pub fn asks_estop(message: &[u8]) -> bool {
     let mut asks = false;
@@ -72,7 +74,7 @@ pub fn asks_estop(message: &[u8]) -> bool {
     asks
 }
 
-/// Returns whether a message looks like an op that is allowed to be long (see
+/// Returns whether a message seems to contain an op that is allowed to be long (see
 /// [`OpRow::long`](field@crate::OpRow::long)). It does not parse the message.
 #[must_use]
 pub fn may_be_long(message: &[u8]) -> bool {
@@ -82,19 +84,21 @@ pub fn may_be_long(message: &[u8]) -> bool {
     may
 }
 
-/// The value that follows a key `op`: the bytes from the value on, and the number of bytes between
-/// the `o` of the key and the value.
+/// The value of a key `op` that was found in a message: the bytes from the value on, and the number
+/// of bytes from the `o` of the key to the value.
 #[derive(Clone, Copy)]
 enum Found<'a> {
-    /// A JSON value: the bytes from its opening quote on.
+    /// A value in JSON: the bytes from its opening quote on, and the number of bytes from the key
+    /// to it.
     Json(&'a [u8], usize),
-    /// A MessagePack value: the bytes from its header on.
+    /// A value in MessagePack: the bytes from its header on, and the number of bytes from the key
+    /// to it.
     Msgpack(&'a [u8], usize),
 }
 
 impl Found<'_> {
-    /// Returns the number of bytes from the `o` of the key to the end of the value, if the value is
-    /// `name`.
+    /// Returns the number of bytes from the `o` of the key to the end of the value if the value is
+    /// `name`. Returns `None` for any other value.
     fn is(self, name: &str) -> Option<usize> {
         let (bytes, from) = match self {
             Self::Json(bytes, from) => {
@@ -114,8 +118,8 @@ impl Found<'_> {
     }
 }
 
-/// Returns the size of the MessagePack header in bytes, if `bytes` begins with a header of text or
-/// binary data of this length.
+/// Returns the size in bytes of the MessagePack header with which `bytes` begins. Returns `None`
+/// unless it is the header of text or binary data of this length.
 fn header(bytes: &[u8], length: usize) -> Option<usize> {
     let short = u8::try_from(length).ok()?;
     let (first, rest) = bytes.split_first()?;
@@ -128,8 +132,8 @@ fn header(bytes: &[u8], length: usize) -> Option<usize> {
     rest.starts_with(announced).then_some(1 + announced.len())
 }
 
-/// Calls `found` for each key `op` in `bytes`, with the index at which the key begins (its quote or
-/// header) and its value.
+/// Calls `found` for each key `op` in `bytes`, with its value and the index at which the key begins
+/// (its quote or header).
 fn each(bytes: &[u8], mut found: impl FnMut(usize, Found<'_>)) {
     for at in memmem::find_iter(bytes, b"op") {
         let Some(before) = at.checked_sub(1) else { continue };
@@ -154,8 +158,8 @@ fn without_blanks(bytes: &[u8]) -> &[u8] {
     &bytes[blanks..]
 }
 
-/// Returns the stop that the value names, if any, and the index of its end. `at` is the index at
-/// which the key begins, including its quote or header.
+/// Returns the stop that the value of a key `op` names, if any, and the index in the message at
+/// which this value ends. `at` is the index at which the key begins (its quote or header).
 fn stop(value: Found<'_>, at: usize) -> Option<(Stop, usize)> {
     Stop::ALL.into_iter().find_map(|stop| value.is(stop.as_str()).map(|length| (stop, at + 1 + length)))
 }

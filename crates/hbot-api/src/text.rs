@@ -2,12 +2,13 @@
 
 use std::fmt;
 
-/// Returns whether a character is displayed as itself. False for control characters, escapes,
-/// characters that change the direction of the text, invisible characters and ends of lines. Names
-/// of clients consist of such plain characters.
+/// Returns whether a character is displayed as it is. False for control characters, escapes,
+/// characters that change the direction of the text, invisible characters and ends of lines. The
+/// names of clients consist of such plain characters.
 ///
-/// The standard library decides, by the Unicode categories that `{:?}` escapes. Combining marks are
-/// plain, because some scripts need them. Two fixed-width spaces that people type are plain too.
+/// The rules are those of the standard library, by the Unicode categories that `{:?}` escapes.
+/// Combining marks are plain, because some scripts need them. Two fixed-width spaces that people
+/// type are plain too.
 #[must_use]
 pub fn is_plain(c: char) -> bool {
     if matches!(c, '"' | '\'' | '\\' | '\u{a0}' | '\u{3000}') {
@@ -20,8 +21,8 @@ pub fn is_plain(c: char) -> bool {
     std::str::from_utf8(&bytes[..end]).is_ok_and(|text| text.escape_debug().nth(1) == Some(c))
 }
 
-/// Displays text from an unknown client. Characters that are not [plain](is_plain) are escaped,
-/// such as `\u{202e}` or `\n`.
+/// Displays text from an unknown client safely. Characters that are not [plain](is_plain) are
+/// escaped, such as `\u{202e}` or `\n`.
 ///
 /// ```
 /// assert_eq!(hbot_api::Plain("a\u{1b}[2J\u{202e}b\n").to_string(), "a\\u{1b}[2J\\u{202e}b\\n");

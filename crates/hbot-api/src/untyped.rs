@@ -8,20 +8,21 @@ use serde_json::{Map, Number, Value};
 use std::borrow::Cow;
 use std::fmt;
 
-/// A decoded message.
+/// A message that has been decoded to an untyped value.
 pub(crate) struct Untyped {
     pub(crate) value: Value,
-    /// A mistake in a message that could still be read to its end. The answer can then contain the
-    /// id.
+    /// The first mistake in a message that could still be read to its end. The answer can then
+    /// contain the id of the request.
     pub(crate) problem: Option<IllegalValue>,
 }
 
-/// A mistake in a message: a value or key that is not allowed.
+/// A mistake in a message: a value or key that is not legal.
 #[derive(Debug)]
 pub(crate) struct IllegalValue {
     what: &'static str,
     legal: &'static str,
-    /// Path of the mistake, such as `joints[2].angle`. It is built from the inside out.
+    /// Path of the wrong value, such as `joints[2].angle`. It is built from its last part to its
+    /// first.
     path: String,
 }
 
@@ -32,29 +33,30 @@ impl fmt::Display for IllegalValue {
     }
 }
 
-/// Reads one message that takes up all of `bytes` and has at most `depth` levels. Fails with a text
-/// for people.
+/// Decodes a message. `bytes` must contain nothing else, and lists and maps can be nested at most
+/// `depth` levels deep. Fails with a description for people.
 pub(crate) fn read(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Untyped, String> {
     let mut problem = None;
     let value = decode(encoding, bytes, Builder { problem: &mut problem, depth })?;
     Ok(Untyped { value, problem })
 }
 
-/// The fields of a map, with their names. A name without escapes is borrowed from the message.
+/// The fields of a map, each with its name. A name without escapes is borrowed from the message
+/// instead of copied.
 pub(crate) type Named<'a> = Vec<(Cow<'a, str>, Value)>;
 
-/// A map with few fields: `op` and the others.
+/// A decoded message that has few fields. The field `op` is separate from the others.
 #[derive(Default)]
 pub(crate) struct Few<'a> {
     /// The text of the field `op`.
     pub(crate) op: Option<Cow<'a, str>>,
-    /// The other fields.
+    /// All fields except `op`.
     pub(crate) others: Named<'a>,
 }
 
-/// Reads a message that is a map of few fields with text for `op`, as nearly all requests are. It
-/// keeps the fields in a list, because for few fields a search is cheaper than a table. `None` if
-/// the message has another form or cannot be read.
+/// Decodes a message that is a map with few fields and a text as `op`, as nearly all requests are.
+/// The fields are kept in a list, because searching a short list is cheaper than building a table.
+/// Returns `None` if the message has another form or cannot be read.
 pub(crate) fn read_few(
     encoding: Encoding,
     bytes: &[u8],
@@ -89,10 +91,10 @@ fn decode<'de, S: DeserializeSeed<'de>>(
     }
 }
 
-/// Builds a value and records the first mistake in it.
+/// Builds an untyped value from a message, and records the first mistake in it.
 struct Builder<'a> {
     problem: &'a mut Option<IllegalValue>,
-    /// Number of levels that can still be opened.
+    /// Number of levels of lists and maps that can still be entered.
     depth: usize,
 }
 
@@ -110,7 +112,9 @@ impl Builder<'_> {
         self.problem.get_or_insert(IllegalValue { what, legal, path: String::new() });
     }
 
-    /// Adds one level at the front of the path of a mistake that was found below this level.
+    /// Adds the name of an enclosing list or map to the front of a mistake's path. Called after
+    /// reading each element, and does nothing if the mistake was `known_before` that element was
+    /// read.
     fn place(&mut self, known_before: bool, level: impl FnOnce() -> String) {
         if let (false, Some(problem)) = (known_before, self.problem.as_mut()) {
             let dot = if problem.path.is_empty() || problem.path.starts_with('[') { "" } else { "." };
@@ -207,10 +211,11 @@ impl<'de> Visitor<'de> for Builder<'_> {
     }
 }
 
-/// Largest number of fields in a map with few fields. Only `set` can have more.
+/// Largest number of fields, in addition to `op`, in a message with few fields. Only `set` can have
+/// more.
 const FEW: usize = 16;
 
-/// Builds a map with few fields.
+/// Builds a message with few fields, using the inner builder for their values.
 struct FewBuilder<'a>(Builder<'a>);
 
 impl<'de> DeserializeSeed<'de> for FewBuilder<'_> {
@@ -258,7 +263,7 @@ impl<'de> Visitor<'de> for FewBuilder<'_> {
     }
 }
 
-/// Reads text, and borrows it from the message if possible.
+/// Decodes text, and borrows it from the message instead of copying it if possible.
 struct Text;
 
 impl<'de> DeserializeSeed<'de> for Text {

@@ -5,9 +5,10 @@ use serde_json::Value;
 
 use crate::document::Report;
 
-/// Deserializes `value`, which is at `path` in the file, as a `T`. Returns `None` and adds a
-/// mistake to the report if this fails. After [`validate`](crate::validate::validate) it can fail
-/// only if the type is stricter than its schema.
+/// Converts `value` to the type `T`. `path` is the place of the value in the file, for the error
+/// message. If the conversion fails, adds a mistake to the report and returns `None`. After
+/// [`validate`](crate::validate::validate) this happens only if the type is stricter than its
+/// schema.
 pub(crate) fn decode<T: DeserializeOwned>(value: &Value, path: &str, report: &mut Report) -> Option<T> {
     match serde_path_to_error::deserialize(value) {
         Ok(decoded) => Some(decoded),

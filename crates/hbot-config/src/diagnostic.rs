@@ -3,23 +3,26 @@
 use std::fmt;
 use std::path::PathBuf;
 
-/// One mistake in a file or JSON value. Displayed as `rigs/x.toml:12:9: wheel[1].steer.gear: 0 is
-/// out of range; legal: > 0`; parts that are not known are left out.
+/// One mistake in a rig file, a scene file or a JSON value. It is displayed on one line, such as
+/// `rigs/x.toml:12:9: wheel[1].steer.gear: 0 is out of range; legal: > 0`. Unknown parts are left
+/// out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// Path of the file as the caller gave it, or the command line option that set the value.
-    /// `None` for a JSON value.
+    /// Path of the file that contains the mistake, as the caller gave it, or the command line
+    /// option that set the value. `None` for a JSON value.
     pub file: Option<String>,
-    /// Line in the file, counted from 1. `None` if there is no text, or no place in it to point at.
+    /// Line of the mistake in the file, counted from 1. `None` if the value did not come from a
+    /// text, or if the mistake has no place in the text.
     pub line: Option<usize>,
-    /// Column in the line, in characters, counted from 1. Known if and only if the line is known.
+    /// Column of the mistake in its line, in characters, counted from 1. `None` if and only if
+    /// `line` is `None`.
     pub column: Option<usize>,
-    /// Path of the wrong value, such as `wheel[1].steer.gear`. Wheels are counted from 0. Empty if
-    /// the mistake concerns the whole file.
+    /// Path of the wrong value in the file, such as `wheel[1].steer.gear`. Wheels are counted from
+    /// 0. Empty if the mistake concerns the whole file.
     pub path: String,
-    /// What is wrong, including the value that was found.
+    /// A description of the mistake, including the value that was found.
     pub message: String,
-    /// The legal values. `None` if the message already says it.
+    /// A description of the legal values. `None` if the message already contains it.
     pub legal: Option<String>,
 }
 
@@ -43,21 +46,22 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// All mistakes found in a file or JSON value: at least one, in the order of the file. Displayed
-/// with one mistake per line.
+/// All mistakes found in a file or JSON value, in the order of the file. There is at least one.
+/// They are displayed one per line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
 pub struct Diagnostics(Vec<Diagnostic>);
 
 impl Diagnostics {
-    /// Wraps at least one diagnostic and sorts them by line and column.
+    /// Creates the error from at least one mistake, and sorts the mistakes by line and column.
     pub(crate) fn new(mut all: Vec<Diagnostic>) -> Self {
         debug_assert!(!all.is_empty(), "an error needs a reason");
         all.sort_by_key(|d| (d.line, d.column));
         Self(all)
     }
 
-    /// Like [`new`](Self::new), and adds a last line that says that more mistakes were found.
+    /// Creates the error like [`new`](Self::new), and adds a last line which says that more
+    /// mistakes were found.
     pub(crate) fn cut_short(all: Vec<Diagnostic>) -> Self {
         let Self(mut all) = Self::new(all);
         let file = all.first().and_then(|first| first.file.clone());
@@ -78,7 +82,7 @@ impl std::ops::Deref for Diagnostics {
 /// The error returned when a rig or scene file cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// The file could not be read.
+    /// The file could not be read from disk.
     #[error("{}: cannot be read", path.display())]
     Read {
         /// Path of the file.

@@ -10,22 +10,22 @@ use toml::de::{DeTable, DeValue};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 
-/// A tree of values, and the report of the mistakes found in it.
+/// The values of a file as a tree, and the report of the mistakes found in them.
 pub(crate) struct Document {
     pub(crate) tree: Value,
     pub(crate) report: Report,
 }
 
-/// The mistakes found so far, and the data that locates them in the text.
+/// Collects the mistakes found in a file, and finds the line and column of each.
 #[derive(Default)]
 pub(crate) struct Report {
     file: Option<String>,
-    /// Byte offset of the start of each line.
+    /// Byte offset of the start of each line of the text.
     line_starts: Vec<usize>,
     text: String,
     places: HashMap<String, Place>,
-    /// Values that do not come from the file: each path, and the name of its source, such as an
-    /// option.
+    /// The values that do not come from the file: the path of each value and the source that
+    /// messages name instead, such as a command line option.
     origins: Vec<(String, String)>,
     /// The mistakes found so far, at most [`MOST_MISTAKES`].
     found: Vec<Diagnostic>,
@@ -38,20 +38,21 @@ struct Place {
     value: Range<usize>,
 }
 
-/// At most this many mistakes are reported. The limit also bounds how long the reader is busy with
-/// a value that consists only of mistakes, which any client can send.
+/// Largest number of mistakes that are reported. It also limits the time spent on a value that is
+/// full of mistakes, because any client can send such a value.
 const MOST_MISTAKES: usize = 100;
 
-/// At most this many syntax errors are reported. After the first few, the parser's messages are
-/// rarely useful.
+/// Largest number of syntax errors that are reported. After the first few, the parser's messages
+/// are rarely useful.
 const MOST_SYNTAX_ERRORS: usize = 10;
 
 impl Document {
-    /// Parses a TOML text. `file` is the name of the file in messages.
+    /// Parses a TOML text into a tree of values. `file` is the name of the file in messages.
     ///
     /// # Errors
     /// Fails if the text is not TOML. A value that the tree cannot hold (nan, inf, a date, an
-    /// integer of more than 64 bits) does not fail: it becomes null and is added to the report.
+    /// integer of more than 64 bits) does not fail: it becomes null, and a mistake is added to the
+    /// report.
     pub(crate) fn from_toml(text: &str, file: &str) -> Result<Self, Diagnostics> {
         let mut report = Report {
             file: Some(file.to_owned()),
@@ -76,13 +77,14 @@ impl Document {
         Ok(Self { tree, report })
     }
 
-    /// Wraps a JSON value, with an empty report.
+    /// Creates a document from a JSON value, with an empty report.
     pub(crate) fn from_json(tree: Value) -> Self {
         Self { tree, report: Report::default() }
     }
 
-    /// Sets the value at `path` (keys joined by dots), creating missing tables. Messages about this
-    /// value name `from` instead of the file. Does nothing if a parent of the value is not a table.
+    /// Sets the value at `path` (keys joined by dots), and creates missing tables. Error messages
+    /// about this value name `from` as its source instead of the file. Does nothing if a parent of
+    /// the value is not a table.
     pub(crate) fn replace(&mut self, path: &str, value: Value, from: &str) {
         let mut keys: Vec<&str> = path.split('.').collect();
         let Some(last) = keys.pop() else { return };
@@ -100,13 +102,13 @@ impl Document {
 }
 
 impl Report {
-    /// Adds a mistake about the value at `path`. `legal` says what would be right.
+    /// Adds a mistake about the value at `path` to the report. `legal` describes the legal values.
     pub(crate) fn push(&mut self, path: &str, message: impl Into<String>, legal: impl Into<Option<String>>) {
         self.push_at(path, false, message.into(), legal.into());
     }
 
-    /// Adds a mistake about the key at the end of `path`, such as an unknown key. It points at the
-    /// key instead of the value.
+    /// Adds a mistake about the last key of `path` to the report, such as an unknown key. Its line
+    /// and column are those of the key instead of the value.
     pub(crate) fn push_key(
         &mut self,
         path: &str,
@@ -116,38 +118,40 @@ impl Report {
         self.push_at(path, true, message.into(), legal.into());
     }
 
-    /// Returns whether no mistake was found in the value at `path` or in anything below it.
+    /// Returns whether no mistake was found in the value at `path` or in the values that it
+    /// contains.
     pub(crate) fn clean_under(&self, path: &str) -> bool {
         // A full report drops further mistakes, so none of its values can be called clean.
         !self.is_full() && !self.found.iter().any(|d| is_under(&d.path, path))
     }
 
-    /// Returns whether the report is full, so that further mistakes are dropped.
+    /// Returns whether the report holds its largest number of mistakes. Further mistakes are
+    /// dropped.
     pub(crate) fn is_full(&self) -> bool {
         self.found.len() == MOST_MISTAKES
     }
 
-    /// Records that more mistakes were found than are reported.
+    /// Records that mistakes were dropped because the report was full.
     pub(crate) fn more(&mut self) {
         self.more = true;
     }
 
-    /// Returns whether a mistake was found at exactly `path`.
+    /// Returns whether the report contains a mistake at exactly `path`.
     pub(crate) fn knows(&self, path: &str) -> bool {
         self.found.iter().any(|d| d.path == path)
     }
 
-    /// Adds the legal values to the mistake at `path`, if it has none yet.
+    /// Adds a description of the legal values to the mistake at `path`, unless it already has one.
     pub(crate) fn suggest(&mut self, path: &str, legal: String) {
         if let Some(d) = self.found.iter_mut().find(|d| d.path == path) {
             d.legal.get_or_insert(legal);
         }
     }
 
-    /// Returns `value` if no mistake was found.
+    /// Returns `value` if the report contains no mistake.
     ///
     /// # Errors
-    /// Fails with all mistakes that were found.
+    /// Fails with all mistakes in the report.
     pub(crate) fn finish<T>(self, value: Option<T>) -> Result<T, Diagnostics> {
         match value {
             Some(value) if self.found.is_empty() => Ok(value),
@@ -170,9 +174,9 @@ impl Report {
         self.found.push(Diagnostic { file, line, column, path: path.to_owned(), message, legal });
     }
 
-    /// Returns the bytes of the text that hold the value at `path`, or its key if `key` is true. If
-    /// the value is absent, returns those of the nearest table around it. `None` if there is no
-    /// such table.
+    /// Returns the byte range in the text of the value at `path`, or of its key if `key` is true.
+    /// For an absent value, returns the range of the nearest table around it, or `None` if there is
+    /// no such table.
     fn span(&self, path: &str, key: bool) -> Option<&Range<usize>> {
         let mut path = path;
         while !path.is_empty() {
@@ -184,7 +188,7 @@ impl Report {
         None
     }
 
-    /// Returns the line and column, counted from 1, of a byte offset in the text.
+    /// Converts a byte offset in the text to a line and a column, both counted from 1.
     fn position(&self, offset: usize) -> (usize, usize) {
         let line = self.line_starts.partition_point(|&start| start <= offset).max(1);
         let start = self.line_starts[line - 1];
@@ -193,7 +197,8 @@ impl Report {
     }
 }
 
-/// Returns the path of `key` in the table at `path`. A key that TOML cannot write bare is quoted.
+/// Returns `path` extended by `key`, with a dot between them. A key that is not legal in TOML
+/// without quotes is quoted.
 pub(crate) fn join(path: &str, key: &str) -> String {
     let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     let key = if bare { key.to_owned() } else { format!("{key:?}") };

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-/// Describes the values that a schema allows, such as `a number, 0 to 1000 N m/rad`.
+/// Describes in words which values a schema allows, such as `a number, 0 to 1000 N m/rad`.
 pub(crate) fn legal(schema: &Value) -> String {
     if let Some(words) = schema["legal"].as_str() {
         return words.to_owned();
@@ -37,16 +37,16 @@ pub(crate) fn legal(schema: &Value) -> String {
     }
 }
 
-/// Describes the values that a schema allows, like [`legal`], and adds the range of an array's
-/// elements.
+/// Describes in words which values a schema allows, like [`legal`]. For an array, adds the range of
+/// its elements.
 pub(crate) fn legal_with_elements(schema: &Value) -> String {
     let elements = range(&schema["items"]).filter(|_| schema.get("legal").is_none());
     let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
     elements.map_or_else(|| legal(schema), |range| format!("{}, each {range}{unit}", legal(schema)))
 }
 
-/// Returns the range of a number with its unit, such as `> 0 and <= 10 m` or `0 to 1000`. `None` if
-/// the schema has no bounds.
+/// Returns the range that a schema allows for a number, with its unit, such as `> 0 and <= 10 m` or
+/// `0 to 1000`. Returns `None` if the schema has no bounds.
 pub(crate) fn range(schema: &Value) -> Option<String> {
     let bound = |key: &str| schema.get(key).filter(|v| v.is_number());
     let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
@@ -61,8 +61,8 @@ pub(crate) fn range(schema: &Value) -> Option<String> {
     (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(" and ")))
 }
 
-/// Returns the legal number of elements of an array, such as `3` or `2 to 8`. `None` if the schema
-/// does not limit it.
+/// Returns the number of elements that a schema allows for an array, such as `3` or `2 to 8`.
+/// Returns `None` if the schema does not limit it.
 fn lengths(schema: &Value) -> Option<String> {
     match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
         (Some(min), Some(max)) if min == max => Some(min.to_string()),
@@ -73,8 +73,8 @@ fn lengths(schema: &Value) -> Option<String> {
     }
 }
 
-/// Returns the values of a schema that lists each legal value. Empty if the schema has no such
-/// list.
+/// Returns the legal values of a schema that lists them one by one. Returns an empty list for any
+/// other schema.
 pub(crate) fn names(schema: &Value) -> Vec<&Value> {
     if let Some(all) = schema["enum"].as_array() {
         return all.iter().collect();
@@ -87,17 +87,17 @@ pub(crate) fn names(schema: &Value) -> Vec<&Value> {
     }
 }
 
-/// Returns the alternatives of a schema (`oneOf` or `anyOf`), if it has any.
+/// Returns the alternatives that a schema offers (`oneOf` or `anyOf`), if it has any.
 pub(crate) fn branches(schema: &Value) -> Option<&Vec<Value>> {
     schema["oneOf"].as_array().or_else(|| schema["anyOf"].as_array())
 }
 
-/// Joins values with commas, as in `"a", "b", 3`. Strings are in quotes.
+/// Writes values as a list with commas, such as `"a", "b", 3`. Strings are in quotes.
 pub(crate) fn list(values: &[&Value]) -> String {
     values.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(", ")
 }
 
-/// Describes a value that was found, such as `the string "0.1"`. Long strings are cut.
+/// Describes a wrong value for an error message, such as `the string "0.1"`. A long string is cut.
 pub(crate) fn found(value: &Value) -> String {
     const MOST_CHARS: usize = 40;
     match value {
@@ -114,8 +114,8 @@ pub(crate) fn found(value: &Value) -> String {
     }
 }
 
-/// Returns the word in `known` that was most likely meant by `word`. `None` if no word is close
-/// enough.
+/// Returns the word in `known` that is most similar to the unknown word `word`, for the hint "did
+/// you mean". Returns `None` if no word is similar enough.
 pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     // No known word is this long, and the comparison takes time proportional to both lengths.
     if word.len() > 100 {
@@ -130,7 +130,7 @@ pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>)
         .map(|(_, k)| k)
 }
 
-/// Writes a value as a person would: `[1, 0, 0]`, not `[1.0,0.0,0.0]`.
+/// Writes a value in a short form that people prefer: `[1, 0, 0]` instead of `[1.0,0.0,0.0]`.
 pub(crate) fn short(value: &Value) -> String {
     match value {
         Value::Array(all) => format!("[{}]", all.iter().map(short).collect::<Vec<_>>().join(", ")),
@@ -139,7 +139,8 @@ pub(crate) fn short(value: &Value) -> String {
     }
 }
 
-/// Writes a number as a person would: `10`, not `10.0`, and `1e-5` for a small one.
+/// Writes a number in a short form that people prefer: `10` instead of `10.0`, and `1e-5` for a
+/// small number.
 pub(crate) fn number(value: &Value) -> String {
     match value.as_f64() {
         Some(x) if x.abs() < 1.0e-3 && x != 0.0 => format!("{x:e}"),

@@ -8,7 +8,8 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value};
 
-/// Returns the JSON schema of a type, with all references replaced by what they refer to.
+/// Returns the JSON schema of a type. Each reference in it is replaced by the schema to which it
+/// refers.
 pub(crate) fn of<T: JsonSchema>() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|s| {
         s.inline_subschemas = true;
@@ -39,7 +40,7 @@ fn unwrap_descriptions(schema: &mut Value) {
     }
 }
 
-/// Returns the properties of an object's schema. Empty if there are none.
+/// Returns the properties in the JSON schema of an object. Returns an empty map if there are none.
 pub(crate) fn properties(schema: &Value) -> Map<String, Value> {
     schema["properties"].as_object().cloned().unwrap_or_default()
 }

@@ -7,8 +7,8 @@ use std::path::Path;
 /// Largest size of a rig file, scene file or recorded path, in bytes (1 MiB).
 pub const MAX_TEXT: u64 = 1 << 20;
 
-/// Returns the text of a regular file of at most [`MAX_TEXT`] bytes. A path that names an open
-/// descriptor, such as `/dev/stdin` or `/dev/fd/63`, can be any kind of file.
+/// Reads a text file of at most [`MAX_TEXT`] bytes. The path must name a regular file, or an open
+/// descriptor of any kind, such as `/dev/stdin` or `/dev/fd/63`.
 ///
 /// # Errors
 /// Fails if the operating system reports an error, if the file is too long or not UTF-8, or if the
@@ -27,7 +27,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|_| wrong("it is not text (UTF-8)"))
 }
 
-/// Returns whether the path names an open descriptor of this process.
+/// Returns whether the path names a file descriptor that this process already has open.
 fn is_open_already(path: &Path) -> bool {
     path == Path::new("/dev/stdin") || path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd")
 }

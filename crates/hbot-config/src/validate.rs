@@ -8,8 +8,8 @@ use serde_json::{Map, Value};
 use crate::document::{Report, join};
 use crate::legal::{branches, did_you_mean, found, legal, list, names, range};
 
-/// Checks `value`, which is at `path` in the file, and reports everything that the schema does not
-/// allow.
+/// Checks a value against a JSON schema, and adds a mistake to the report for everything that the
+/// schema does not allow. `path` is the place of the value in the file.
 pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut Report) {
     if report.knows(path) {
         // The tree cannot hold this value (nan, a date), and the mistake is already reported. Only
@@ -110,7 +110,7 @@ fn validate_name(names: &[&Value], value: &Value, path: &str, report: &mut Repor
     report.push(path, message, list(names));
 }
 
-/// Returns whether a value has the type that a schema asks for, whether or not it is legal.
+/// Returns whether a value has the type that a schema requires. Ranges are not checked.
 fn is_of_type(schema: &Value, value: &Value) -> bool {
     let listed = names(schema);
     if !listed.is_empty() {

@@ -7,7 +7,8 @@
 use crate::real::Real;
 use crate::rig::EnergyLimit;
 
-/// The energy given to the hand beyond what the permitted power allows, J.
+/// Counts the energy that the rig has recently given to the hand in excess of a permitted constant
+/// power, J. It serves to detect a burst of energy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Burst {
     limit: EnergyLimit,
@@ -19,21 +20,22 @@ impl Burst {
         Self { limit, level: 0.0 }
     }
 
-    /// Lowers the level by the energy that the permitted power allows in `dt` seconds. Sets it to
-    /// zero if the motors are off, because no energy is then given out.
+    /// Lowers the counted energy by what the permitted power allows in `dt` seconds. If the motors
+    /// are off (`powered` is false), sets it to zero, because no energy is given to the hand.
     #[inline]
     pub(crate) fn leak(&mut self, dt: Real, powered: bool) {
         self.level = if powered { (self.level - self.limit.power * dt).max(0.0) } else { 0.0 };
     }
 
-    /// Records the energy given to the hand, J; negative if energy was absorbed. Absorbed energy
-    /// gives no credit for later.
+    /// Adds `energy` to the counted energy, J. It is positive if it was given to the hand, and
+    /// negative if it was absorbed. The count never falls below zero, so absorbed energy is no
+    /// credit for later.
     #[inline]
     pub(crate) fn add(&mut self, energy: Real) {
         self.level = (self.level + energy).max(0.0);
     }
 
-    /// Returns true if the level is above the burst limit.
+    /// Returns true if the counted energy is above the burst limit.
     #[inline]
     pub(crate) fn over(&self) -> bool {
         self.level > self.limit.burst

@@ -42,35 +42,38 @@ pub const MAX_WHEELS: usize = 8;
 /// Largest number of joints of a device: the steer and the drive joint of each wheel, in that
 /// order.
 pub const MAX_JOINTS: usize = 2 * MAX_WHEELS;
-/// Smallest permitted sin a cos b of a wheel with cone angle a and toe angle b. Below it the steer
-/// and the drive joint move the contact in almost the same direction. The determinant of the
-/// wheel's matrix H is r R sin a cos b.
+/// Smallest permitted value of sin a cos b for a wheel with cone angle a and toe angle b. Below it,
+/// the steer and the drive joint move the contact in almost the same direction. The determinant of
+/// the wheel's matrix H is r R sin a cos b.
 pub const MIN_BOUNDARY: Real = 1.0e-6;
 
 /// The design of one wheel, before it is checked by [`Device::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelSpec {
-    /// Direction of the steer axis through the sphere's centre, in frame N. Any length except zero.
+    /// Direction of the steer axis in frame N. The axis goes through the sphere's centre. The
+    /// vector can have any length except zero.
     pub axis: Vec3,
-    /// Cone angle a between the steer axis and the contact point, rad, strictly between 0 and pi.
+    /// Cone angle a between the steer axis and the line from the sphere's centre to the contact
+    /// point, rad. Strictly between 0 and pi.
     pub cone: Real,
-    /// Toe angle b about the contact normal, rad, strictly between -pi/2 and pi/2.
+    /// Toe angle b: turn of the wheel about the contact normal, rad. Strictly between -pi/2 and
+    /// pi/2.
     pub toe: Real,
     /// Wheel radius r, m.
     pub radius: Real,
-    /// Inertia J_th about the steer axis of everything that turns with the wheel, kg m².
+    /// Inertia J_th of all parts that turn with the wheel about the steer axis, kg m².
     pub steer_inertia: Real,
-    /// Inertia J_ph about the wheel's axle, kg m². It includes the rotor's inertia as seen through
-    /// the gear.
+    /// Inertia J_ph of the drive joint about the wheel's axle, kg m². It includes the inertia of
+    /// the motor's rotor as seen through the gear.
     pub drive_inertia: Real,
-    /// The wheel's own inertia I_axial about its axle, kg m². Usually left at 0. If the toe angle
-    /// is not zero, it couples the two joints by J_c = I_axial sin a sin b.
+    /// Inertia I_axial of the wheel alone about its axle, kg m². Usually left at 0. If the toe
+    /// angle is not zero, this inertia couples the two joints by J_c = I_axial sin a sin b.
     pub axial_inertia: Real,
 }
 
 impl Default for WheelSpec {
     /// Returns a wheel of 10 mm radius straight below the sphere, with a cone angle of 0.26 rad (15
-    /// degrees) and no inertia. Use it as the base of other wheels.
+    /// degrees) and no inertia. Useful as a base for other wheels.
     fn default() -> Self {
         Self {
             axis: Vec3::new(0.0, 0.0, -1.0),
@@ -84,22 +87,25 @@ impl Default for WheelSpec {
     }
 }
 
-/// A checked wheel with the constants of its geometry.
+/// A wheel whose design has been checked, with constants from which its contact frame is computed
+/// quickly.
 ///
-/// Each column of the contact frame at the steer angle th is C(th) = `p` cos th + `q` sin th + `s`.
+/// At the steer angle th, each column of the contact frame is C(th) = `p` cos th + `q` sin th +
+/// `s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wheel {
     spec: WheelSpec,
     pub(crate) p: [Vec3; 3],
     pub(crate) q: [Vec3; 3],
     pub(crate) s: [Vec3; 3],
-    /// l.c1 = sin a sin b: component of the unit steer axis l along the wheel's axle.
+    /// Component of the unit steer axis l along the wheel's axle: l.c1 = sin a sin b.
     pub(crate) axis_c1: Real,
-    /// l.c2 = sin a cos b: component of the unit steer axis l along the rolling direction.
+    /// Component of the unit steer axis l along the rolling direction: l.c2 = sin a cos b.
     pub(crate) axis_c2: Real,
 }
 
-/// A checked design of a sphere and its wheels. Lengths are in m, masses in kg, axes in frame N.
+/// The design of a sphere and its wheels, after it has been checked. Lengths are in m, masses in
+/// kg, axes in frame N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Device {
     sphere_radius: Real,
@@ -108,8 +114,8 @@ pub struct Device {
     wheels: [Wheel; MAX_WHEELS],
 }
 
-/// The reason why a design is not a valid device. The fields count wheels from 0; the messages
-/// count them from 1.
+/// The reason why a design of a sphere and wheels is not valid. Fields count wheels from 0, but
+/// messages for people count them from 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DeviceError {
     /// There are fewer than 2 or more than [`MAX_WHEELS`] wheels.
@@ -151,7 +157,7 @@ pub enum DeviceError {
         /// The given inertia, kg m².
         value: Real,
     },
-    /// The steer and the drive joint of a wheel move the contact in almost the same direction
+    /// At this wheel, the steer and the drive joint move the contact in almost the same direction
     /// (boundary singularity): sin a cos b is below [`MIN_BOUNDARY`].
     BoundarySingular {
         /// Index of the wheel, counted from 0.
@@ -159,12 +165,12 @@ pub enum DeviceError {
         /// Value of sin a cos b for the wheel, with cone angle a and toe angle b.
         margin: Real,
     },
-    /// At some steer angles the contact points of all wheels lie on one line through the sphere's
-    /// centre (interior singularity).
+    /// At some steer angles, the contact points of all wheels lie on one line through the sphere's
+    /// centre (interior singularity). The wheels then cannot turn the sphere about this line.
     InteriorSingular {
-        /// Indices of two wheels whose contact points can meet, counted from 0.
+        /// Indices, counted from 0, of two wheels whose contact points can meet.
         wheels: [usize; 2],
-        /// Whether they meet at one point or at opposite points.
+        /// Whether the contact points can meet at one point or at opposite points of the sphere.
         meeting: Meeting,
     },
 }
@@ -218,11 +224,12 @@ impl fmt::Display for DeviceError {
 impl core::error::Error for DeviceError {}
 
 impl Device {
-    /// Creates a device with a sphere (radius in m, mass in kg) and 2 to 8 wheels. Checks the
-    /// design over all steer angles.
+    /// Creates a device from the sphere's radius (m), its mass (kg) and 2 to 8 wheels. Checks that
+    /// the design works at all steer angles.
     ///
     /// # Errors
-    /// Returns the first reason why the design is not valid, in the order of [`DeviceError`].
+    /// Returns the first reason why the design is not valid, in the order of the variants of
+    /// [`DeviceError`].
     pub fn new(sphere_radius: Real, sphere_mass: Real, wheels: &[WheelSpec]) -> Result<Self, DeviceError> {
         if !(2..=MAX_WHEELS).contains(&wheels.len()) {
             return Err(DeviceError::WheelCount(wheels.len()));
@@ -258,13 +265,14 @@ impl Device {
         self.sphere_mass
     }
 
-    /// Returns the inertia of the hollow sphere about any axis through its centre, 2/3 m R², kg m².
+    /// Returns the inertia of the sphere about any axis through its centre, kg m². The sphere is a
+    /// thin shell, so it is 2/3 m R².
     #[must_use]
     pub fn sphere_inertia(&self) -> Real {
         2.0 / 3.0 * self.sphere_mass * self.sphere_radius * self.sphere_radius
     }
 
-    /// Returns the wheels, 2 to 8.
+    /// Returns the wheels of the device, 2 to 8.
     #[inline]
     #[must_use]
     pub fn wheels(&self) -> &[Wheel] {
@@ -323,14 +331,14 @@ impl Wheel {
         })
     }
 
-    /// Returns the design of the wheel, with its axis scaled to unit length.
+    /// Returns the design of the wheel, with the steer axis scaled to unit length.
     #[inline]
     #[must_use]
     pub fn spec(&self) -> &WheelSpec {
         &self.spec
     }
 
-    /// Returns l.c1 = sin a sin b, the component of the unit steer axis l along the wheel's axle.
+    /// Returns the component of the unit steer axis l along the wheel's axle: l.c1 = sin a sin b.
     /// It does not depend on the steer angle.
     #[inline]
     #[must_use]
@@ -338,8 +346,8 @@ impl Wheel {
         self.axis_c1
     }
 
-    /// Returns l.c2 = sin a cos b, the component of the unit steer axis l along the rolling
-    /// direction. The determinant of H is r R times this value.
+    /// Returns the component of the unit steer axis l along the rolling direction: l.c2 = sin a
+    /// cos b. The determinant of the wheel's matrix H is r R times this value.
     #[inline]
     #[must_use]
     pub fn axis_along_roll(&self) -> Real {
@@ -351,13 +359,13 @@ fn positive(x: Real) -> bool {
     x > 0.0 && x.is_finite()
 }
 
-/// A unit steer axis l counts as straight down if 1 + l3 is at most this value. In 64 bits such a
-/// difference is lost in rounding. The constant is the same for 32 bits, so that a steer angle of
-/// zero means the same in both widths.
+/// Largest value of 1 + l3 at which the unit steer axis l counts as pointing straight down. In the
+/// 64-bit build, a difference of this size is lost in rounding. The 32-bit build uses the same
+/// value, so that a steer angle of zero means the same direction in both builds.
 const STRAIGHT_DOWN: Real = 1.0e-15;
 
-/// Returns the first two columns of A0, the least rotation that takes n3 to `l`. The third column
-/// is `l` itself.
+/// Returns the first two columns of A0, the smallest rotation that takes the axis n3 to `l`. The
+/// third column is `l` itself.
 fn least_rotation(l: Vec3) -> [Vec3; 2] {
     // 1 + l3, without cancellation if l points down.
     let flat = l.x * l.x + l.y * l.y;

@@ -7,19 +7,23 @@
 use crate::real::{Real, TURN};
 use crate::rig::Joint;
 
-/// Number of fractional bits of a stored count. A gear can make the counts of a turn fractional;
-/// with units of 2⁻²⁴ counts a turn is exact to 3e-8 counts.
+/// Number of fractional bits with which encoder counts are stored. A gear can make the number of
+/// counts per turn of the joint fractional. With units of 2⁻²⁴ counts, a turn is exact to 3e-8
+/// counts.
 const FRACTION_BITS: u32 = 24;
 
-/// The encoder of one joint: the last count and the angle within a turn.
+/// Follows the encoder of one joint: stores the last encoder count and computes the joint's angle
+/// within a turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Encoder {
     last: i32,
-    /// Angle within a turn, in 2⁻²⁴ counts; 0 <= position < turn.
+    /// Angle within a turn of the joint, in units of 2⁻²⁴ encoder counts. It is at least 0 and less
+    /// than `turn`.
     position: i64,
     turn: i64,
     radians_per_unit: Real,
-    /// Angle of one count, rad. Negative if the motor controller counts against the joint.
+    /// Angle that the joint turns per encoder count, rad. Negative if the encoder counts up when
+    /// the joint turns backwards.
     radians_per_count: Real,
     reversed: bool,
 }
@@ -38,7 +42,8 @@ impl Encoder {
         }
     }
 
-    /// Takes the reading `count` as the absolute angle from the motor controller's zero.
+    /// Sets the joint's angle from the encoder count `count`, measured from the motor controller's
+    /// zero.
     pub(crate) fn take(&mut self, count: i32) {
         self.last = count;
         let signed = if self.reversed { -i64::from(count) } else { i64::from(count) };
@@ -46,28 +51,28 @@ impl Encoder {
         self.position = (signed << FRACTION_BITS).rem_euclid(self.turn);
     }
 
-    /// Returns the angle, rad, that the joint has turned from the last reading to `count`. Does not
-    /// store `count`.
+    /// Returns the angle that the joint has turned since the last encoder count was stored, rad.
+    /// Does not store `count`.
     #[inline]
     pub(crate) fn peek(&self, count: i32) -> Real {
         self.counted(count) as Real * self.radians_per_count
     }
 
-    /// Returns the counts from the last reading to `count`, in the motor controller's direction.
-    /// Does not store `count`.
+    /// Returns the change of the encoder count since the last stored one, in the motor controller's
+    /// direction. Does not store `count`.
     #[inline]
     pub(crate) fn counted(&self, count: i32) -> i32 {
         count.wrapping_sub(self.last)
     }
 
-    /// Returns the joint's angle for one count, rad. Negative if the motor controller counts
-    /// against the joint.
+    /// Returns the angle that the joint turns per encoder count, rad. Negative if the encoder
+    /// counts up when the joint turns backwards.
     #[inline]
     pub(crate) fn radians_per_count(&self) -> Real {
         self.radians_per_count
     }
 
-    /// Stores the next reading and adds its change to the angle.
+    /// Stores the encoder count `count` and adds its change to the joint's angle.
     #[inline]
     pub(crate) fn advance(&mut self, count: i32) {
         let delta = i64::from(count.wrapping_sub(self.last)) << FRACTION_BITS;
@@ -78,14 +83,14 @@ impl Encoder {
         }
     }
 
-    /// Returns the angle within a turn, rad, 0 to 2 pi.
+    /// Returns the joint's angle within a turn, rad, from 0 to 2 pi.
     #[inline]
     pub(crate) fn angle(&self) -> Real {
         self.position as Real * self.radians_per_unit
     }
 
-    /// Converts a torque or a rate between the joint's direction and the motor controller's
-    /// direction.
+    /// Converts a torque or a rate from the joint's direction to the motor controller's direction,
+    /// or back.
     #[inline]
     pub(crate) fn signed(&self, x: Real) -> Real {
         if self.reversed { -x } else { x }

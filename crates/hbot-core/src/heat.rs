@@ -9,22 +9,25 @@ use crate::device::MAX_JOINTS;
 use crate::real::Real;
 use crate::rig::Rig;
 
-/// The estimated heat of all motors.
+/// The estimated heat of all motors, from the torques that they were commanded to make.
 #[derive(Debug, Clone)]
 pub(crate) struct Heat {
     time_s: Real,
     joints: usize,
-    /// 1 / tau_c² of each joint, 1/(N m)²; 0 if the joint has no motor.
+    /// 1 / tau_c² of each joint, 1/(N m)², with the motor's continuous torque tau_c. 0 if the joint
+    /// has no motor.
     scale: [Real; MAX_JOINTS],
-    /// The value of `share` that the present torques would lead to.
+    /// Heat that each motor would reach if the present torques were held forever. 1 is as hot as
+    /// allowed.
     end: [Real; MAX_JOINTS],
-    /// The heat s of each joint's motor, from 0 (cold) to 1 (as hot as allowed).
+    /// Present heat of each joint's motor, from 0 (cold) to 1 (as hot as allowed).
     share: [Real; MAX_JOINTS],
     too_hot: bool,
 }
 
 impl Heat {
-    /// Creates cold motors that average over `time_s` seconds.
+    /// Creates the estimate with all motors cold. `time_s` is the thermal time constant of the
+    /// motors, s.
     pub(crate) fn new(rig: &Rig, time_s: Real) -> Self {
         let mut scale = [0.0; MAX_JOINTS];
         for (scale, joint) in scale.iter_mut().zip(&rig.joints[..rig.device.joints()]) {
@@ -42,7 +45,8 @@ impl Heat {
         }
     }
 
-    /// Heats the motors for `dt` seconds with the latest torques.
+    /// Advances the estimated heat by `dt` seconds, during which the motors made the latest
+    /// torques.
     #[inline]
     pub(crate) fn advance(&mut self, dt: Real) {
         // Implicit Euler: with a step of any length the value stays between the old one and the end
@@ -56,13 +60,13 @@ impl Heat {
         self.too_hot = hot;
     }
 
-    /// Returns true if a motor is as hot as allowed.
+    /// Returns true if at least one motor is as hot as allowed or hotter.
     #[inline]
     pub(crate) fn too_hot(&self) -> bool {
         self.too_hot
     }
 
-    /// Sets the torques that are held from now on, N m.
+    /// Sets the joint torques that the motors make from now on, N m.
     #[inline]
     pub(crate) fn hold(&mut self, torque: &[Real; MAX_JOINTS]) {
         for i in 0..self.joints {

@@ -10,7 +10,7 @@
 use crate::real::{Mat3, Quat, Real, Vec3, fabs};
 use crate::rotation::{self, angle_over_sine, shortest, vector_part};
 
-/// The torque of a spring on the sphere and the energy stored in the spring.
+/// The torque of a spring on the sphere, and the energy stored in the spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elastic {
     /// Torque on the sphere in frame N, N m.
@@ -19,11 +19,12 @@ pub struct Elastic {
     pub energy: Real,
 }
 
-/// Returns the torque and energy of the quaternion spring law (paper eq. 25-29): T = -R_d 2 Eᵀ K e
-/// with E = eta I - \[e\], energy 2 eᵀ K e.
+/// Returns the torque and energy of the quaternion spring law (paper eq. 25-29). The torque is T =
+/// -R_d 2 Eᵀ K e with E = eta I - \[e\], and the energy is 2 eᵀ K e.
 ///
-/// (eta, e) is the actual orientation in the desired frame. The law is smooth everywhere. For an
-/// isotropic K the torque is K sin(angle): soft beyond a quarter turn and zero at a half turn.
+/// (eta, e) is the actual orientation relative to the desired one. The law is smooth everywhere. If
+/// the stiffness is K about all axes, the torque is K sin(angle): it falls beyond a quarter turn
+/// and is zero at a half turn.
 #[inline]
 #[must_use]
 pub fn quaternion_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic {
@@ -33,21 +34,23 @@ pub fn quaternion_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic 
     Elastic { torque: desired * quaternion_pull(x.w, e, ke), energy: 2.0 * e.dot(ke) }
 }
 
-/// Returns -2 Eᵀ f, in the desired frame: the torque of an energy that depends on e and has the
-/// gradient 4 f.
+/// Returns the torque -2 Eᵀ f in the desired frame. It belongs to an energy that depends on the
+/// quaternion's vector part e and has the gradient 4 f with respect to e.
 #[inline]
 pub(crate) fn quaternion_pull(eta: Real, e: Vec3, f: Vec3) -> Vec3 {
     // Eᵀ = eta I + [e]
     (f * eta + e.cross(f)) * -2.0
 }
 
-/// Returns the torque and energy of the geodesic spring law: T = -R_d Mᵀ K p with p = log x, energy
-/// 1/2 pᵀ K p. Also returns p (rad, desired frame), which is the next `branch`.
+/// Returns the torque and energy of the geodesic spring law. The torque is T = -R_d Mᵀ K p with p =
+/// log x, and the energy is 1/2 pᵀ K p. Also returns the rotation vector p (rad, in the desired
+/// frame), which the caller passes as `branch` in the next call.
 ///
-/// x is the actual orientation in the desired frame. The torque is linear in the angle up to a half
-/// turn. M = I - 1/2 \[p\] + (1/t²)(1 - (t/2) cot(t/2)) \[p\]² with t = |p| is the Jacobian of the
-/// logarithm for a turn in the desired frame. At exactly a half turn both +p and -p are valid; the
-/// one nearer to `branch`, the previous rotation vector, is kept.
+/// x is the actual orientation relative to the desired one. The torque is linear in the angle up to
+/// a half turn. M = I - 1/2 \[p\] + (1/t²)(1 - (t/2) cot(t/2)) \[p\]² with t = |p| is the Jacobian
+/// of the logarithm for a turn in the desired frame. At exactly a half turn both +p and -p are
+/// valid. The function then takes the one nearer to `branch`, the rotation vector of the previous
+/// call.
 #[inline]
 #[must_use]
 pub fn geodesic_law(desired: Quat, actual: Quat, stiffness: &Mat3, branch: Vec3) -> (Elastic, Vec3) {
@@ -63,8 +66,9 @@ pub fn geodesic_law(desired: Quat, actual: Quat, stiffness: &Mat3, branch: Vec3)
     (Elastic { torque: desired * torque, energy: 0.5 * p.dot(kp) }, p)
 }
 
-/// Returns -Mᵀ f, in the desired frame: the torque of an energy that depends on p = log x and has
-/// the gradient f. `factor` is t / sin(t/2).
+/// Returns the torque -Mᵀ f in the desired frame. It belongs to an energy that depends on the
+/// rotation vector p = log x and has the gradient f with respect to p. `factor` is t / sin(t/2)
+/// with t = |p|.
 #[inline]
 pub(crate) fn geodesic_pull(eta: Real, factor: Real, p: Vec3, f: Vec3) -> Vec3 {
     let c = log_jacobian_coefficient(eta, factor, p.length_squared());
@@ -73,14 +77,15 @@ pub(crate) fn geodesic_pull(eta: Real, factor: Real, p: Vec3, f: Vec3) -> Vec3 {
     -(f + pf * 0.5 + p.cross(pf) * c)
 }
 
-/// Returns the torque T = -2 R_d K e, the first-order form of both spring laws. It serves only for
-/// comparisons.
+/// Returns the torque T = -2 R_d K e, to which both spring laws simplify for small angles. It
+/// serves only for comparisons.
 ///
-/// For an isotropic K it differs from the other laws by the third power of the angle: it is 2 K
-/// sin(angle/2) with energy 4 K (1 - eta), still a gradient. For another K it differs by the second
-/// power and is **not a gradient**: it lacks the term e x K e and releases energy around some
-/// closed paths. For this reason no effect offers it. The returned energy is the isotropic formula
-/// applied to any K, 4 eᵀ K e / (1 + eta).
+/// If the stiffness is K about all axes, the torque differs from the other laws only by the third
+/// power of the angle. It is 2 K sin(angle/2) with the energy 4 K (1 - eta), so it is still a
+/// gradient. For any other K it differs by the second power and is **not a gradient**: it lacks the
+/// term e x K e and releases energy around some closed paths. For this reason no effect uses it.
+/// The returned energy is 4 eᵀ K e / (1 + eta), which is correct only if the stiffness is equal
+/// about all axes.
 #[inline]
 #[must_use]
 pub fn first_order_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic {
@@ -90,7 +95,8 @@ pub fn first_order_law(desired: Quat, actual: Quat, stiffness: &Mat3) -> Elastic
     Elastic { torque: desired * (ke * -2.0), energy: 4.0 * e.dot(ke) / (1.0 + x.w) }
 }
 
-/// Returns (1/t²)(1 - (t/2) cot(t/2)), computed from eta = cos(t/2), t / sin(t/2) and t².
+/// Returns the coefficient (1/t²)(1 - (t/2) cot(t/2)) in the Jacobian of the logarithm of a turn by
+/// the angle t. The arguments are eta = cos(t/2), t / sin(t/2) and t².
 #[inline]
 fn log_jacobian_coefficient(eta: Real, angle_over_sine: Real, t2: Real) -> Real {
     if t2 < 0.09 {
@@ -102,21 +108,23 @@ fn log_jacobian_coefficient(eta: Real, angle_over_sine: Real, t2: Real) -> Real 
     (1.0 - 0.5 * angle_over_sine * eta) / t2
 }
 
-/// Returns the torque of a damper, T = -R_d D R_dᵀ (w - w_d), with the rates in frame N (rad/s). It
-/// takes energy out.
+/// Returns the torque of a viscous damper, T = -R_d D R_dᵀ (w - w_d). The rates w and w_d are in
+/// frame N (rad/s), the matrix D in the desired frame. The damper absorbs energy of motion relative
+/// to w_d.
 #[inline]
 #[must_use]
 pub fn damper(desired: Quat, damping: &Mat3, omega: Vec3, desired_omega: Vec3) -> Vec3 {
     -(desired * (*damping * (desired.conjugate() * (omega - desired_omega))))
 }
 
-/// Returns the rotation vector of the actual orientation in the desired frame, log(q_d⁻¹ q), rad.
+/// Returns the turn from the desired to the actual orientation as a rotation vector in the desired
+/// frame, log(q_d⁻¹ q), rad.
 #[must_use]
 pub fn rotation_vector(desired: Quat, actual: Quat) -> Vec3 {
     rotation::log(desired.conjugate() * actual)
 }
 
-/// Returns true if `m` is a valid stiffness or damping: finite, symmetric and positive
+/// Returns true if `m` is valid as a stiffness or damping matrix: finite, symmetric and positive
 /// semidefinite, up to rounding.
 #[must_use]
 pub fn is_impedance(m: &Mat3) -> bool {

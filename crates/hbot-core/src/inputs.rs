@@ -4,28 +4,30 @@
 use crate::device::MAX_JOINTS;
 use crate::real::{Quat, Real, Vec3};
 
-/// Largest number of commands in one tick.
+/// Largest number of commands that one tick can take.
 pub const MAX_COMMANDS: usize = 8;
 
 /// All inputs of one tick of the control law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
-    /// Number of the tick. Skipped ticks leave a gap in the numbers.
+    /// Number of the tick. If ticks are skipped, their numbers are skipped too.
     pub tick: u64,
-    /// Time from the tick's deadline to its start, ns; 0 in virtual time.
+    /// Time from the tick's deadline to its start, ns; 0 in a run in virtual time.
     pub lateness_ns: u64,
-    /// The newest reading of all joints since the last tick, or `None` if none has arrived.
+    /// The newest reading of all joints that has arrived since the last tick, or `None` if none has
+    /// arrived.
     pub feedback: Option<JointFeedback>,
-    /// Number of damaged frames since the last tick.
+    /// Number of damaged frames received since the last tick.
     pub corrupt_frames: u16,
     /// True if a motor controller has rebooted and has not described itself to the host again yet.
     pub rebooted: bool,
-    /// Live commands, in the order in which they arrived.
+    /// Commands of clients that arrived for this tick, in the order of arrival.
     pub commands: Commands,
 }
 
 impl Inputs {
-    /// Returns the inputs of a tick that is on time and to which nothing has arrived.
+    /// Returns the inputs of tick `tick` if it is on time and nothing has arrived: no reading, no
+    /// damaged frames, no commands.
     #[must_use]
     pub fn quiet(tick: u64) -> Self {
         Self {
@@ -39,17 +41,18 @@ impl Inputs {
     }
 }
 
-/// One reading of all joints, in the order steer, drive of each wheel. Signs are those of the motor
-/// controllers.
+/// One reading of all joints, in the order steer, drive of each wheel. All signs follow the motor
+/// controllers' directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointFeedback {
-    /// Number of the command that the reading answers: the low 32 bits of its tick.
+    /// Number of the command that this reading answers: the low 32 bits of the number of the tick
+    /// that sent the command.
     pub sequence: u32,
-    /// Encoder counts. They wrap at 32 bits.
+    /// Encoder counts of the joints. They wrap at 32 bits.
     pub counts: [i32; MAX_JOINTS],
-    /// Joint rates, rad/s.
+    /// Joint rates that the motor controllers report, rad/s.
     pub rates: [Real; MAX_JOINTS],
-    /// One bit per joint, set if its encoder has seen the index mark.
+    /// One bit per joint. It is set if the joint's encoder has passed its index mark.
     pub index_seen: u16,
     /// Faults and warnings that the motor controllers report about themselves.
     pub complaints: Complaints,
@@ -74,7 +77,7 @@ pub struct Complaints {
 }
 
 impl Complaints {
-    /// Returns the complaints that are in `self`, in `other` or in both.
+    /// Returns the complaints that are present in `self`, in `other`, or in both.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -118,91 +121,96 @@ impl Commands {
         self.len
     }
 
-    /// Returns true if there are no commands.
+    /// Returns true if the list contains no commands.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Returns the commands, in the order in which they were added.
+    /// Returns an iterator over the commands, in the order in which they were added.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = &Command> {
         self.list[..self.len].iter().flatten()
     }
 }
 
-/// A live command to the control law. Vectors and orientations are in frame N, in SI units.
+/// A command of a client to the control law. Vectors and orientations are in frame N, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command {
-    /// Switches the torque on with a soft start. Refused if an effect's reference is too far from
-    /// the present orientation.
+    /// Switches the torque on with a soft start. Refused if the sphere is too far from an
+    /// orientation at which the effects rest.
     Enable,
     /// Goes to mode `idle` and ramps the torque down to zero.
     Disable,
-    /// Stops the torque in this tick. It stays zero until a reset.
+    /// Emergency stop: sets the torque to zero in this tick. It stays zero until a reset.
     Estop,
-    /// Leaves mode `fault` or `estop`. Refused while the cause is still present.
+    /// Leaves mode `fault` or `estop`. Refused while the cause of the fault is still present.
     Reset,
     /// A torque that a client streams. It is added to the scene's torque.
     Stream {
-        /// Torque on the sphere, N m; must be finite.
+        /// Torque on the sphere in frame N, in N m. It must be finite.
         torque: Vec3,
         /// Number of ticks for which the torque is valid, including this one.
         valid_ticks: u32,
-        /// Sequence number of the message and the state that it was computed from, as given by the
-        /// client.
+        /// Labels of the message from the client: its sequence number, and the tick of the state
+        /// from which it was computed.
         stamp: Stamp,
     },
-    /// Moves the reference of an effect.
+    /// Moves the reference orientation of an effect.
     Reference {
-        /// Slot of the effect.
+        /// Index of the effect's memory (see [`Effect::slot`](crate::effects::Effect::slot)).
         slot: u8,
-        /// Epoch of the effect. A message to an effect that no longer exists is refused.
+        /// Number that identifies the effect (see
+        /// [`Effect::epoch`](crate::effects::Effect::epoch)). The command is refused if the scene
+        /// no longer contains this effect.
         epoch: u32,
         /// New reference orientation in frame N, a unit quaternion.
         q: Quat,
-        /// Rate at which the client moves the reference, in frame N, rad/s.
+        /// Angular velocity at which the client moves the reference, in frame N, in rad/s.
         omega: Vec3,
-        /// Number of ticks for which `omega` is valid.
+        /// Number of ticks for which the angular velocity `omega` is valid.
         valid_ticks: u32,
-        /// Sequence number of the message and the state that it was computed from, as given by the
-        /// client.
+        /// Labels of the message from the client: its sequence number, and the tick of the state
+        /// from which it was computed.
         stamp: Stamp,
     },
-    /// Corrects the orientation by one that was measured from outside, for example by a camera.
+    /// Corrects the sphere's orientation with one that was measured independently, for example by a
+    /// camera.
     Align {
-        /// Measured orientation in frame N, a unit quaternion.
+        /// Measured orientation of the sphere in frame N, a unit quaternion.
         q: Quat,
-        /// Fraction of the difference that is corrected, 0 to 1. With 0 the difference is only
-        /// reported.
+        /// Fraction of the difference by which the orientation is corrected, 0 to 1. With 0, the
+        /// difference is only reported.
         weight: Real,
-        /// The tick at which the orientation was measured: one of the last
+        /// The tick at which the orientation was measured. It must be one of the last
         /// [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY) ticks.
         tick: u64,
     },
-    /// Reports that the client that held the lease has gone. The rig reacts as given.
+    /// Reports that a client no longer holds the lease, for example because its connection ended.
+    /// The value says how the rig reacts.
     ClientLost(OnClientLost),
 }
 
-/// The labels of a stream message: its sequence number and the tick of the state that it was
-/// computed from.
+/// Labels that a client gives to a message of a stream: a sequence number, and the tick of the
+/// state from which the client computed the message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stamp {
-    /// The client's sequence number of the message.
+    /// Sequence number that the client has given to the message, if any.
     pub seq: Option<u64>,
-    /// The tick of the state that the client computed the message from.
+    /// Number of the tick whose state the client used to compute the message, if given.
     pub tick: Option<u64>,
 }
 
-/// The reaction of a rig when the client that held the lease has gone.
+/// The reaction of a rig when the client that held the lease no longer holds it, for example
+/// because its connection ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum OnClientLost {
-    /// The client's stream ramps down to zero. The scene goes on.
+    /// The torque that the client streams ramps down to zero. The scene goes on.
     Ramp,
-    /// No reaction: the client's stream ends when it expires.
+    /// No reaction: the torque that the client streams ends when its validity expires.
     Keep,
-    /// The rig goes to mode `fault`.
+    /// The rig goes to mode `fault`, in which the torque is off.
     Fault,
 }

@@ -14,14 +14,15 @@ use crate::real::{PI, Real, Vec3, fabs, sqrt};
 use crate::rig::{OdometryMethod, PathFit, Rig, Zero};
 use crate::watch::{Interval, Watch};
 
-/// Largest plausible joint rate, rad/s: about 100,000 turns a minute.
+/// Largest joint rate that is still plausible, rad/s: about 100,000 turns a minute. A larger
+/// reported rate is a fault.
 const MAX_RATE: Real = 1.0e4;
 
-/// The joints, with the posture and the motion of the sphere that follow from them.
+/// Angles and rates of all joints, and the motion of the sphere that follows from them.
 #[derive(Debug, Clone)]
 pub(crate) struct Joints {
     encoders: [Encoder; MAX_JOINTS],
-    /// Number of the last command that a reading has answered.
+    /// Number of the last command that a reading has answered. `None` before the first reading.
     sequence: Option<u32>,
     estimator: Rates,
     trail: Trail,
@@ -30,16 +31,18 @@ pub(crate) struct Joints {
     pub(crate) rate: [Real; MAX_JOINTS],
     pub(crate) omega: Vec3,
     pub(crate) slip: Real,
-    /// Checks the counts against the rates and against the limits.
+    /// Compares the encoder counts with the joint rates and with the rig's limits, to detect
+    /// faults.
     pub(crate) watch: Watch,
 }
 
-/// The result of taking a reading.
+/// The result of taking a reading: how far the sphere has turned since the last one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Step {
-    /// Turn of the sphere since the last reading, rad, in frame N.
+    /// Turn of the sphere since the last reading, as a rotation vector in frame N, in rad.
     pub(crate) turn: Vec3,
-    /// Numbers of the commands that the last reading and this one answer.
+    /// Numbers of two commands: the one that the last reading answered, and the one that this
+    /// reading answers.
     pub(crate) answered: [u32; 2],
 }
 
@@ -60,23 +63,24 @@ impl Joints {
         }
     }
 
-    /// Returns true if `feedback` is newer than the last reading taken and its number is not after
-    /// `tick`. A reading with a number from the future is not taken, because all later ones would
-    /// then look old.
+    /// Returns true if `feedback` is newer than the last reading taken, and if its number is not
+    /// later than `tick`. A reading with a number from the future is refused, because all correct
+    /// readings after it would look old.
     #[inline]
     pub(crate) fn is_news(&self, feedback: &JointFeedback, tick: u64) -> bool {
         (tick as u32).wrapping_sub(feedback.sequence) as i32 >= 0
             && self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
     }
 
-    /// Returns the number of the last command that a reading has answered, if any.
+    /// Returns the number of the last command that a reading has answered, or `None` before the
+    /// first reading.
     #[inline]
     pub(crate) fn answered(&self) -> Option<u32> {
         self.sequence
     }
 
-    /// Returns true if the zeros of all steer joints are known. `first` means that these motor
-    /// controllers have not rebooted since the start.
+    /// Returns true if the zeros of all steer joints are known. `first` is true if no motor
+    /// controller has rebooted since the start.
     pub(crate) fn zeros_known(rig: &Rig, feedback: &JointFeedback, first: bool) -> bool {
         (0..rig.device.joints()).step_by(2).all(|i| match rig.joints[i].zero {
             Zero::Assume => first,
@@ -86,8 +90,8 @@ impl Joints {
         })
     }
 
-    /// Takes a reading as the first one: angles count from the motor controllers' zeros, and no
-    /// turn is recorded.
+    /// Takes the first reading. Angles are measured from the motor controllers' zeros, and the
+    /// sphere has not turned yet.
     pub(crate) fn start(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
         for i in 0..rig.device.joints() {
             self.encoders[i].take(feedback.counts[i]);
@@ -95,7 +99,8 @@ impl Joints {
         self.begin(rig, feedback)
     }
 
-    /// Continues from the present joint angles. The path that led there is not known.
+    /// Starts measuring anew at the present joint angles, because the path of the joints up to now
+    /// is not known.
     fn begin(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
@@ -106,11 +111,11 @@ impl Joints {
         Ok(())
     }
 
-    /// Takes the next reading and returns the turn of the sphere since the last one.
+    /// Takes the next reading and returns the turn of the sphere since the last reading.
     ///
-    /// `late` is the number of ticks by which the reading came later than possible. If `judged` is
-    /// true (the motors are on, or a fault is to be reset), counts that the speed limit rules out
-    /// are refused.
+    /// `late` is the number of ticks by which the reading came later than possible. `judged` is
+    /// true if the motors are on or a fault is to be reset. In this case, changes of the encoder
+    /// counts that are impossible within the speed limit are refused.
     #[inline]
     pub(crate) fn advance(
         &mut self,
@@ -166,8 +171,9 @@ impl Joints {
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }
 
-    /// Adds one reading to the path that is fitted to the last ones. Returns the turn along it
-    /// (rad, frame N). A separate function, so that it costs nothing if the path is straight.
+    /// Computes the turn of the sphere from the last to this reading (rotation vector, rad, frame
+    /// N), along a curve that is fitted to the last few readings. It is a separate function, so
+    /// that it costs nothing if the rig uses straight paths.
     #[inline(never)]
     fn advance_along_a_curve(
         &mut self,
@@ -180,8 +186,8 @@ impl Joints {
         odometry::turn_along(&rig.device, rig.methods.odometry, start, &path)
     }
 
-    /// Sets the joint rates by the rig's method of estimation. `moved` holds the change of each
-    /// joint (rad) and the number of ticks since the last reading.
+    /// Sets the joint rates by the method that the rig selects. `moved` holds the change of each
+    /// joint's angle (rad) and the number of ticks since the last reading.
     #[inline]
     fn update_rates(
         &mut self,
@@ -207,9 +213,9 @@ impl Joints {
         Ok(())
     }
 
-    /// Advances the estimate of rates from counts by one reading and sets `rate` to it. The rates
-    /// are zero if there is only one reading. A separate function, so that it costs nothing if the
-    /// motor controllers report rates.
+    /// Estimates the joint rates from encoder counts and writes them to `rate`. They are zero if
+    /// there is only one reading. It is a separate function, so that it costs nothing if the motor
+    /// controllers report rates.
     #[inline(never)]
     fn estimate_rates(
         &mut self,
@@ -229,8 +235,8 @@ impl Joints {
         self.estimator.advance(rig, &self.encoders, &Moved { delta, counts: &counts, ticks }, rate);
     }
 
-    /// Updates the angles, the posture, and the sphere's rate and slip that follow from the joint
-    /// rates.
+    /// Updates the joint angles and the posture, and computes the sphere's angular velocity and the
+    /// slip from the joint rates.
     #[inline]
     fn locate(&mut self, rig: &Rig) {
         let n = rig.device.joints();
@@ -247,7 +253,7 @@ impl Joints {
         self.slip = largest_slip(&forward.slip, n / 2);
     }
 
-    /// Converts a joint torque to the direction of its motor controller.
+    /// Converts a joint torque to the sign convention of the joint's motor controller.
     #[inline]
     pub(crate) fn in_controller_sense(&self, joint: usize, torque: Real) -> Real {
         self.encoders[joint].signed(torque)

@@ -10,19 +10,20 @@ use crate::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, sincos};
 
-/// A wheel's contact frame in frame N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
+/// A wheel's contact frame, expressed in frame N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactFrame {
-    /// Direction of the wheel's axle.
+    /// Direction of the wheel's axle, a unit vector.
     pub c1: Vec3,
-    /// Rolling direction of the wheel.
+    /// Rolling direction of the wheel, a unit vector.
     pub c2: Vec3,
-    /// Outward normal of the sphere at the contact. The contact point is R c3.
+    /// Outward normal of the sphere at the contact. The contact point is R c3, with the sphere's
+    /// radius R.
     pub c3: Vec3,
 }
 
 impl ContactFrame {
-    /// Returns the contact frame of `wheel` at the steer angle `th`, rad.
+    /// Returns the contact frame of `wheel` at the steer angle `th` (rad).
     #[inline]
     #[must_use]
     pub fn at(wheel: &Wheel, th: Real) -> Self {
@@ -32,7 +33,8 @@ impl ContactFrame {
     }
 }
 
-/// The contact frames of all wheels and the rows of G, for given steer angles.
+/// The contact frames of all wheels and the rows of the matrix G, for given steer angles. G maps
+/// the sphere's angular velocity to joint rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posture {
     wheels: usize,
@@ -40,14 +42,14 @@ pub struct Posture {
     rows: [Vec3; MAX_JOINTS],
 }
 
-/// The motion of the sphere and the slip of the wheels that follow from joint rates.
+/// The motion of the sphere and the slip of the wheels, computed from joint rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forward {
-    /// Angular velocity of the sphere in frame N, rad/s. If angles are given instead of rates, the
-    /// turn in rad.
+    /// Angular velocity of the sphere in frame N, rad/s. If it was computed from changes of joint
+    /// angles instead of rates, it is the turn in rad.
     pub omega: Vec3,
-    /// Slip velocity of each wheel, wheel minus sphere, along its c1 and c2, m/s. It is the motion
-    /// of the wheels that no angular velocity of the sphere explains.
+    /// Slip velocity of each wheel (wheel minus sphere) along its axes c1 and c2, m/s. It is the
+    /// part of the wheels' motion that no angular velocity of the sphere can explain.
     pub slip: [[Real; 2]; MAX_WHEELS],
 }
 
@@ -62,8 +64,8 @@ impl Posture {
         posture
     }
 
-    /// Updates this posture in place to the steer angles `th` (rad, one per wheel). Unused elements
-    /// are not cleared.
+    /// Updates the posture in place to the steer angles `th` (rad, one per wheel). Elements beyond
+    /// the device's wheels are not cleared.
     #[inline]
     pub fn update(&mut self, device: &Device, th: &[Real]) {
         self.wheels = device.wheels().len();
@@ -76,23 +78,23 @@ impl Posture {
         }
     }
 
-    /// Returns the contact frames, one per wheel.
+    /// Returns the contact frames of all wheels, in frame N.
     #[inline]
     #[must_use]
     pub fn frames(&self) -> &[ContactFrame] {
         &self.frames[..self.wheels]
     }
 
-    /// Returns the rows of G (2n x 3), dimensionless, in the order steer, drive of each wheel. G w
-    /// are the joint rates for the angular velocity w of the sphere.
+    /// Returns the rows of the matrix G (2n x 3, dimensionless), in the order steer, drive of each
+    /// wheel. The product G w gives the joint rates for the angular velocity w of the sphere.
     #[inline]
     #[must_use]
     pub fn rows(&self) -> &[Vec3] {
         &self.rows[..2 * self.wheels]
     }
 
-    /// Returns the joint rates zd = G w, rad/s, of a sphere that turns with `omega` (frame N,
-    /// rad/s) and does not slip.
+    /// Returns the joint rates zd = G w (rad/s) at which the wheels roll without slip, if the
+    /// sphere turns with the angular velocity `omega` (frame N, rad/s).
     #[must_use]
     pub fn inverse(&self, omega: Vec3) -> [Real; MAX_JOINTS] {
         let mut rates = [0.0; MAX_JOINTS];
@@ -102,8 +104,8 @@ impl Posture {
         rates
     }
 
-    /// Returns the torque on the sphere in frame N, N m, of the joint torques `tau` (N m): T = Gᵀ
-    /// tau. Power is conserved: T.w = tau.zd.
+    /// Returns the torque on the sphere in frame N, in N m, that the joint torques `tau` (N m)
+    /// make: T = Gᵀ tau. Power is conserved: T.w = tau.zd.
     #[inline]
     #[must_use]
     pub fn torque_on_sphere(&self, tau: &[Real]) -> Vec3 {
@@ -114,8 +116,9 @@ impl Posture {
         torque
     }
 
-    /// Returns the angular velocity of the sphere that fits the joint rates `zd` (rad/s) best, in
-    /// the sense of least squares of the slip. Also returns this slip.
+    /// Returns the angular velocity of the sphere that fits the joint rates `zd` (rad/s) best, and
+    /// the slip that remains at each wheel. The best fit has the smallest sum of squared slip
+    /// velocities.
     #[inline]
     #[must_use]
     pub fn forward(&self, device: &Device, zd: &[Real]) -> Forward {
@@ -130,8 +133,8 @@ impl Posture {
     }
 }
 
-/// Returns the two rows of G of one wheel, steer then drive: g_th = c2 / (l.c2) and g_ph = (R/r)
-/// ((l.c1) g_th - c1).
+/// Returns the two rows of G that belong to one wheel, steer then drive: g_th = c2 / (l.c2) and
+/// g_ph = (R/r) ((l.c1) g_th - c1).
 #[inline]
 fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
     let steer = frame.c2 / wheel.axis_c2;
@@ -139,19 +142,20 @@ fn rows_of(device: &Device, wheel: &Wheel, frame: &ContactFrame) -> [Vec3; 2] {
     [steer, drive]
 }
 
-/// Returns the velocity of a wheel's contact point along c1 and c2, m/s, for its joint rates
-/// (rad/s): H zd.
+/// Returns the velocity of a wheel's surface at the contact, along c1 and c2, m/s: H zd. `steer`
+/// and `drive` are the rates of the wheel's joints, rad/s.
 #[inline]
 pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive: Real) -> [Real; 2] {
     let r = device.sphere_radius();
     [r * wheel.axis_c2 * steer, wheel.spec().radius * drive - r * wheel.axis_c1 * steer]
 }
 
-/// Returns the angular velocity of the sphere (frame N, rad/s) that fits the joint rates `zd`
-/// (rad/s) best: w = -(ZᵀZ)⁻¹ Zᵀ H zd.
+/// Returns the angular velocity of the sphere (frame N, rad/s) that fits the joint rates `zd` best:
+/// w = -(ZᵀZ)⁻¹ Zᵀ H zd.
 ///
-/// `frames` are the contact frames, one per wheel. `zd` is in the order steer, drive of each wheel.
-/// The result is linear in `zd`: angles in rad give a turn in rad.
+/// `frames` are the contact frames, one per wheel. `zd` are joint rates (rad/s), in the order
+/// steer, drive of each wheel. The result is linear in `zd`: from changes of joint angles in rad it
+/// gives the turn of the sphere in rad.
 #[inline]
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {

@@ -15,24 +15,24 @@ pub(crate) struct Sym3 {
     yz: Real,
 }
 
-/// The adjugate of a [`Sym3`], with the matrix's invariants. It solves a linear system by three dot
-/// products and a division.
+/// The adjugate of a symmetric 3x3 matrix M, with the invariants of M. It solves M x = v quickly,
+/// by three dot products and a division.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Adjugate {
     adjugate: Sym3,
-    /// Product of the eigenvalues: the determinant.
+    /// Determinant of the matrix: the product of its three eigenvalues.
     det: Real,
-    /// Sum of the products of two eigenvalues each.
+    /// Sum of the products of each two of the three eigenvalues.
     pairs: Real,
-    /// Sum of the eigenvalues: the trace.
+    /// Trace of the matrix: the sum of its three eigenvalues.
     sum: Real,
 }
 
 impl Sym3 {
     pub(crate) const ZERO: Self = Self { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 };
 
-    /// Adds I - n nᵀ for the unit vector `n`. The diagonal is computed without cancellation, as 1 -
-    /// x² = y² + z².
+    /// Adds the matrix I - n nᵀ for the unit vector `n`. A diagonal element such as 1 - n_x² is
+    /// computed as n_y² + n_z², which loses no digits.
     #[inline]
     pub(crate) fn add_plane(&mut self, n: Vec3) {
         self.xx += n.y * n.y + n.z * n.z;
@@ -43,7 +43,7 @@ impl Sym3 {
         self.yz -= n.y * n.z;
     }
 
-    /// Adds `weight` times the outer product of `g` with itself.
+    /// Adds the matrix `weight` g gᵀ: the outer product of `g` with itself, times `weight`.
     #[inline]
     pub(crate) fn add(&mut self, g: Vec3, weight: Real) {
         let h = g * weight;
@@ -83,11 +83,13 @@ impl Sym3 {
         Adjugate { adjugate: a, det, pairs, sum }
     }
 
-    /// Returns the solution of M x = v by LDLᵀ decomposition, with pivots of at least `floor`.
+    /// Returns the solution x of M x = v by LDLᵀ decomposition. Pivots below `floor` are raised to
+    /// `floor`.
     ///
-    /// For a positive definite M the error grows with the condition number. The adjugate's error
-    /// grows with its square if two eigenvalues are small. For a singular M the result solves the
-    /// system of a positive definite matrix that differs from M by about `floor`.
+    /// If M is positive definite, the error grows only with the condition number of M. The error of
+    /// [`Adjugate::solve`] grows with its square if two eigenvalues are small. If M is singular,
+    /// the result solves the system of a positive definite matrix that differs from M by about
+    /// `floor`.
     pub(crate) fn solve(&self, v: Vec3, floor: Real) -> Vec3 {
         let d1 = self.xx.max(floor);
         let (l21, l31) = (self.xy / d1, self.xz / d1);
@@ -102,8 +104,8 @@ impl Sym3 {
         Vec3::new(v.x / d1 - l21 * y - l31 * z, y, z)
     }
 
-    /// Returns the eigenvalues, largest first, and their unit eigenvectors. Uses cyclic Jacobi
-    /// rotations.
+    /// Returns the eigenvalues in descending order, and their unit eigenvectors. They are found by
+    /// cyclic Jacobi rotations.
     pub(crate) fn eigen(&self) -> ([Real; 3], [Vec3; 3]) {
         let mut a = [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]];
         let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -125,33 +127,36 @@ impl Sym3 {
 }
 
 impl Adjugate {
-    /// Returns true if the least eigenvalue is certainly above `ratio` times the largest, despite
-    /// rounding.
+    /// Returns true if the smallest eigenvalue is certainly larger than `ratio` times the largest
+    /// one, despite rounding errors.
     ///
-    /// det / (pairs sum) is at most the ratio of the two eigenvalues and at least a ninth of it. If
-    /// it is above `ratio`, pairs / sum² is above ratio / 9. The rounding of det is a few units of
-    /// sum³. The second bound makes sure that it is below the required det.
+    /// The quantity det / (pairs sum) is at most the ratio of the two eigenvalues, and at least a
+    /// ninth of it. If it is above `ratio`, pairs / sum² is above ratio / 9. Rounding changes det
+    /// by a few units in the last place of sum³. The second condition ensures that this error is
+    /// smaller than the required det.
     #[inline]
     pub(crate) fn rank_above(&self, ratio: Real) -> bool {
         let flat = Real::max(ratio / 9.0, 8.0 * Real::EPSILON / ratio);
         self.det > ratio * self.pairs * self.sum && self.pairs > flat * self.sum * self.sum
     }
 
-    /// Returns the solution of M x = v, with one division per component.
+    /// Returns the solution x of M x = v for the matrix M whose adjugate this is. Divides each
+    /// component by the determinant.
     #[inline]
     pub(crate) fn solve_by_division(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) / self.det
     }
 
-    /// Returns the solution of M x = v, with a single division.
+    /// Returns the solution x of M x = v for the matrix M whose adjugate this is. Faster than
+    /// [`solve_by_division`](Self::solve_by_division), because it divides only once.
     #[inline]
     pub(crate) fn solve(&self, v: Vec3) -> Vec3 {
         self.adjugate.times(v) * (1.0 / self.det)
     }
 }
 
-/// Applies one Jacobi rotation: makes a\[p\]\[q\] zero and rotates the columns p and q of v
-/// accordingly.
+/// Applies one Jacobi rotation to the symmetric matrix `a`, which makes the element a\[p\]\[q\]
+/// zero. Applies the same rotation to the columns p and q of `v`.
 fn rotate(a: &mut [[Real; 3]; 3], v: &mut [[Real; 3]; 3], p: usize, q: usize) {
     let apq = a[p][q];
     if apq == 0.0 {
@@ -179,11 +184,11 @@ fn rotate(a: &mut [[Real; 3]; 3], v: &mut [[Real; 3]; 3], p: usize, q: usize) {
     }
 }
 
-/// Returns the singular values of `rows` (at most [`MAX_JOINTS`]), largest first, with their axes.
-/// `axes` must be close to these axes.
+/// Returns the singular values of `rows` (at most [`MAX_JOINTS`]) in descending order, and their
+/// axes. `axes` is a first approximation of these axes.
 ///
-/// Uses one-sided Jacobi rotations, which are accurate even for the least value (Demmel and Veselic
-/// 1992).
+/// Uses one-sided Jacobi rotations, because they are accurate even for the smallest singular value
+/// (Demmel and Veselic 1992).
 pub(crate) fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3; 3]) {
     let lengths = orthogonalise(rows, &mut axes);
     let mut order = [0, 1, 2];
@@ -191,8 +196,9 @@ pub(crate) fn principal(rows: &[Vec3], mut axes: [Vec3; 3]) -> ([Real; 3], [Vec3
     (order.map(|i| lengths[i]), order.map(|i| axes[i]))
 }
 
-/// Rotates the orthonormal `axes` until the columns of products (row . axis) are at right angles to
-/// each other. Returns the lengths of these columns, in the order of the axes. Takes at most
+/// Rotates the three orthonormal `axes` until they are the principal axes of `rows`. Then the
+/// columns of the products row . axis are at right angles to each other. Returns the lengths of
+/// these columns, which are the singular values, in the order of the axes. Takes at most
 /// [`MAX_JOINTS`] rows.
 fn orthogonalise(rows: &[Vec3], axes: &mut [Vec3; 3]) -> [Real; 3] {
     let m = rows.len();

@@ -2,64 +2,66 @@
 
 use crate::real::Real;
 
-/// Duration of the soft start, s.
+/// Duration of the soft start, in which the torque rises from zero to its full value, s.
 pub const SOFT_START_S: Real = 0.5;
-/// Duration of the ramp to zero at disable, s.
+/// Duration of the ramp in which the torque falls to zero after a disable, s.
 pub const DISABLE_RAMP_S: Real = 0.05;
 
-/// The mode of the control law. It decides whether the motors make torque.
+/// The mode of the control law, which decides whether the motors make torque.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// A steer zero is not known yet, so there is no torque. Changes to `Idle` when all zeros are
-    /// known (homing).
+    /// The zero of a steer joint is not known yet, so there is no torque. The mode changes to
+    /// `Idle` when homing has found all zeros.
     Unreferenced,
-    /// Ready, without torque. After a disable, the torque still ramps down for 50 ms. Changes to
-    /// `Enabling` by enable.
+    /// Ready, without torque. For 50 ms after a disable, the torque still ramps down to zero. The
+    /// command `enable` changes the mode to `Enabling`.
     Idle,
-    /// The torque rises over half a second. Changes to `Active` by itself, or to `Idle` by disable.
+    /// The torque rises over half a second. Then the mode changes to `Active`. The command
+    /// `disable` changes it to `Idle`.
     Enabling,
-    /// The scene is rendered with full torque. Changes to `Idle` by disable.
+    /// The scene is rendered with full torque. The command `disable` changes the mode to `Idle`.
     Active,
-    /// A fault occurred: zero torque. Left by reset when the cause is gone, to `Idle`, or to
-    /// `Unreferenced` if the rig is not homed.
+    /// A fault occurred, and the torque is zero. If the cause is gone, the command `reset` changes
+    /// the mode to `Idle`, or to `Unreferenced` if the rig is not homed.
     Fault,
-    /// The rig was stopped by command: zero torque. Left in the same way as `Fault`.
+    /// A client stopped the rig by command, and the torque is zero. The command `reset` ends this
+    /// mode in the same way as `Fault`.
     Estop,
 }
 
 /// The reason why the rig went to [`Mode::Fault`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// No reading came for `timeout_ticks`, readings are too old or mostly missing, or the watchdog
-    /// of a motor controller expired.
+    /// The link to the motor controllers is lost. No reading came for `timeout_ticks`, readings are
+    /// too old or mostly missing, or the watchdog of a motor controller expired.
     LinkLost,
-    /// Too many frames were damaged.
+    /// Too many frames on the line to the motor controllers were damaged.
     LinkCorrupt,
-    /// A motor controller reports a fault or has rebooted, or its motors are on or off against the
-    /// command.
+    /// A motor controller reported a fault or rebooted, or its motors were on or off contrary to
+    /// the command.
     ControllerFault,
-    /// The sphere, with motors on, turns faster than the rig's limit.
+    /// The sphere turned faster than the rig's limit while the motors were on.
     Overspeed,
-    /// A motor controller reports more current than allowed, or more energy was given to the hand
-    /// than the rig's limit.
+    /// A motor controller reported more current than allowed, or the rig gave more energy to the
+    /// hand than its limit allows.
     Overtorque,
-    /// The wheels, with motors on, slip faster than the rig's limit.
+    /// The wheels slipped faster than the rig's limit while the motors were on.
     Slip,
-    /// A reading or a torque contains a number that is not finite.
+    /// A reading or a computed torque contained a number that is not finite.
     NonFinite,
-    /// A joint moved further between two readings than possible, or its counts and rates disagreed
-    /// for 50 ms.
+    /// A joint moved further between two readings than is possible, or its encoder counts and its
+    /// rate disagreed for 50 ms.
     ImplausibleFeedback,
     /// A tick started more than 20 ms late, or 10 ticks in a row were skipped.
     Deadline,
-    /// The holder of the lease has gone, and the rig file makes this a fault.
+    /// The client that held the lease is gone, and the rig file makes this a fault.
     ClientLost,
-    /// A motor is too hot.
+    /// A motor is hotter than allowed.
     Thermal,
 }
 
 impl Cause {
-    /// All causes, in the order of the enum.
+    /// All causes of faults, in the order of the enum.
     pub const ALL: [Self; 11] = [
         Self::LinkLost,
         Self::LinkCorrupt,
@@ -75,45 +77,48 @@ impl Cause {
     ];
 }
 
-/// The state machine: the mode with its cause and the factor on torque.
+/// The state machine of the rig: its mode, the cause of a fault, and the factor by which torque is
+/// ramped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ModeMachine {
     pub(crate) mode: Mode,
     pub(crate) cause: Option<Cause>,
-    /// Factor on torque, 0 to 1, for the soft start and the disable ramp.
+    /// Factor on the torque, 0 to 1. It ramps up in the soft start and down after a disable.
     pub(crate) gain: Real,
-    /// Fault condition of the last tick. It tells a new condition from a lasting one.
+    /// Fault condition of the last tick. It is compared with that of the next tick, to distinguish
+    /// a new condition from a lasting one.
     present: Option<Cause>,
 }
 
 /// The reason why `enable` or `reset` was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Obstacle {
-    /// The rig is in mode `fault`, or the cause of the fault is still present at a reset.
+    /// The rig is in mode `fault`, or `reset` was refused because the cause of the fault is still
+    /// present.
     Faulted(Cause),
-    /// The rig was stopped by command and must be reset first.
+    /// The rig was stopped by command. It must be reset first.
     Stopped,
-    /// The zero of a steer joint is not known.
+    /// The zero of a steer joint is not known: the rig is not homed.
     Unreferenced,
 }
 
 impl ModeMachine {
     pub(crate) const START: Self = Self { mode: Mode::Unreferenced, cause: None, gain: 0.0, present: None };
 
-    /// Returns true if the motors are allowed to make torque.
+    /// Returns true if the motors may make torque in the present mode.
     #[inline]
     pub(crate) fn powered(&self) -> bool {
         self.gain > 0.0 || matches!(self.mode, Mode::Enabling | Mode::Active)
     }
 
-    /// Leaves the mode `unreferenced`, because all steer zeros are known.
+    /// Leaves the mode `unreferenced`, after the zeros of all steer joints have been found.
     pub(crate) fn end_homing(&mut self) {
         if self.mode == Mode::Unreferenced {
             self.mode = Mode::Idle;
         }
     }
 
-    /// Returns the reason why the rig cannot be enabled, if there is one.
+    /// Returns the reason why the rig cannot be enabled, or `None` if it can.
     pub(crate) fn obstacle(&self) -> Option<Obstacle> {
         match (self.mode, self.cause) {
             (Mode::Fault, cause) => Some(Obstacle::Faulted(cause.unwrap_or(Cause::ControllerFault))),
@@ -123,8 +128,8 @@ impl ModeMachine {
         }
     }
 
-    /// Enables the rig. The caller must have checked that there is no obstacle. Has no effect
-    /// unless the mode is `idle`.
+    /// Begins the soft start of the torque. Has no effect unless the mode is `idle`. The caller
+    /// must have checked that [`obstacle`](Self::obstacle) returns `None`.
     pub(crate) fn enable(&mut self) {
         if self.mode == Mode::Idle {
             self.mode = Mode::Enabling;
@@ -143,8 +148,8 @@ impl ModeMachine {
         self.gain = 0.0;
     }
 
-    /// Leaves `fault` or `estop`, to `idle`, or to `unreferenced` if the rig is not `homed`. Has no
-    /// effect in other modes. Fails if the cause is still present.
+    /// Leaves mode `fault` or `estop`. The new mode is `idle`, or `unreferenced` if `homed` is
+    /// false. Has no effect in other modes. Fails if the cause of the fault is still present.
     pub(crate) fn reset(&mut self, homed: bool) -> Result<(), Obstacle> {
         if !matches!(self.mode, Mode::Fault | Mode::Estop) {
             return Ok(());
@@ -157,9 +162,9 @@ impl ModeMachine {
         Ok(())
     }
 
-    /// Takes the fault condition of this tick, if there is one. A new condition leads from any mode
-    /// to `fault`. While the condition lasts, only `fault` and `estop` are possible. The first
-    /// cause is kept until reset.
+    /// Takes the fault condition of this tick, if any, and sets the torque to zero if there is one.
+    /// A new condition changes any mode to `fault`. While a condition lasts, the mode can only be
+    /// `fault` or `estop`. The first cause is kept until reset.
     pub(crate) fn take_condition(&mut self, present: Option<Cause>) {
         let rises = present.is_some() && present != self.present;
         self.present = present;
@@ -175,12 +180,12 @@ impl ModeMachine {
         self.gain = 0.0;
     }
 
-    /// Restarts the soft start without a change of mode.
+    /// Restarts the soft start: the torque rises from zero again. The mode does not change.
     pub(crate) fn soften(&mut self) {
         self.gain = 0.0;
     }
 
-    /// Advances the factor on torque by `dt` seconds.
+    /// Advances the factor on the torque by `dt` seconds along the soft start or the disable ramp.
     #[inline]
     pub(crate) fn ramp(&mut self, dt: Real) {
         match self.mode {

@@ -8,20 +8,21 @@ use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
 use crate::rotation::{self, renormalized};
 
-/// sqrt(3)/6: the distance of the two Gauss points from the middle of the step.
+/// sqrt(3)/6: distance of the two Gauss points from the middle of an integration step of length 1.
 #[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
 const ROOT3_6: Real = 0.288_675_134_594_812_9;
-/// sqrt(3)/12: the factor of the cross product in the Magnus expansion.
+/// sqrt(3)/12: factor of the cross product in the Magnus expansion of order 4.
 #[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
 const ROOT3_12: Real = 0.144_337_567_297_406_44;
 
-/// Returns the turn of the sphere in frame N as a rotation vector (rad), for joints that move at
-/// constant rates. They move from the steer angles `th` (one per wheel, rad) by `delta` (steer,
-/// drive of each wheel, rad).
+/// Returns how far the sphere turns in frame N, as a rotation vector (rad), if all joints move at
+/// constant rates. The joints begin at the steer angles `th` (one per wheel, rad) and move by
+/// `delta` (steer, drive of each wheel, rad).
 ///
-/// The order of the method is 1 for [`OdometryMethod::Euler`], 2 for
-/// [`Midpoint`](OdometryMethod::Midpoint) and 4 for [`Magnus4`](OdometryMethod::Magnus4) (Magnus
-/// expansion on two Gauss points; Iserles and Norsett 1999).
+/// The error of the method falls with the n-th power of the step length. n is 1 for
+/// [`OdometryMethod::Euler`], 2 for [`Midpoint`](OdometryMethod::Midpoint) and 4 for
+/// [`Magnus4`](OdometryMethod::Magnus4) (Magnus expansion on two Gauss points; Iserles and Norsett
+/// 1999).
 #[inline]
 #[must_use]
 pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]) -> Vec3 {
@@ -36,22 +37,24 @@ pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]
     }
 }
 
-/// Returns the orientation `q` after a `turn` (rad, frame N): exp(turn) q, kept at unit length.
+/// Returns the orientation that `q` becomes after a `turn` (rotation vector in frame N, rad):
+/// exp(turn) q, normalised to unit length.
 #[inline]
 #[must_use]
 pub fn advance(q: Quat, turn: Vec3) -> Quat {
     renormalized(rotation::exp(turn) * q)
 }
 
-/// Returns the turn over a step. `first` and `second` are the turns for constant rates equal to
-/// those at the step's two Gauss points.
+/// Returns the turn of the sphere over one step by the Magnus expansion. `first` and `second` are
+/// the turns that would result if the rates at the step's first or second Gauss point lasted for
+/// the whole step.
 #[inline]
 fn magnus(first: Vec3, second: Vec3) -> Vec3 {
     (first + second) * 0.5 - first.cross(second) * ROOT3_12
 }
 
-/// Returns the contact frames at the point `s` (0 to 1) of `path`, which begins at the steer angles
-/// `th` (rad).
+/// Returns the contact frames of all wheels at the point `s` (0 to 1) of `path`. The path begins at
+/// the steer angles `th` (rad).
 #[inline]
 fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactFrame; MAX_WHEELS] {
     let mut frames = [ContactFrame::default(); MAX_WHEELS];
@@ -61,14 +64,15 @@ fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactF
     frames
 }
 
-/// Returns the turn of the sphere in frame N as a rotation vector (rad), for joints that move along
-/// `path` from the steer angles `th` (one per wheel, rad).
+/// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the joints move
+/// along `path`. The joints begin at the steer angles `th` (one per wheel, rad).
 ///
-/// The contact frames are those at the path's angles. [`Magnus4`](OdometryMethod::Magnus4) also
-/// uses the path's rates at its two points, so its order is that of the path: 3 for a quadratic, 4
-/// for a cubic. The other methods use the measured change of the joints, so that no motion is lost,
-/// and keep their own orders. For [`Midpoint`](OdometryMethod::Midpoint) a curved path changes the
-/// angles at mid-step. For [`Euler`](OdometryMethod::Euler) it changes nothing.
+/// The contact frames are those at the angles of the path. [`Magnus4`](OdometryMethod::Magnus4)
+/// also uses the rates of the path at its two Gauss points, so its order is that of the path: 3 for
+/// a quadratic, 4 for a cubic. The other methods use the measured change of the joint angles and
+/// keep their own orders. A curved path changes the result of
+/// [`Midpoint`](OdometryMethod::Midpoint), because the steer angles in mid-step change. It does not
+/// change the result of [`Euler`](OdometryMethod::Euler).
 #[inline]
 #[must_use]
 pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &Path) -> Vec3 {
@@ -90,7 +94,8 @@ pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &P
     }
 }
 
-/// Returns the turn with constant contact frames: those at the fraction `part` of the step.
+/// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the contact frames
+/// are constant. They are those at the fraction `part` (0 to 1) of the step.
 #[inline]
 fn turn_at(device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
     let mut frames = [ContactFrame::default(); MAX_WHEELS];

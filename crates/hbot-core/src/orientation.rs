@@ -6,26 +6,27 @@ use crate::real::{Quat, Real, Vec3};
 use crate::rotation::{self, renormalized};
 use crate::shaping::limited;
 
-/// Number of past orientations that a controller remembers, one per tick. An
-/// [`Align`](crate::inputs::Command::Align) command can be this many ticks old: one second at 1
-/// kHz. Older ones are refused.
+/// Number of past orientations that a controller stores, one per tick. It limits how old an
+/// [`Align`](crate::inputs::Command::Align) command can be: one second at 1 kHz. Older commands are
+/// refused.
 ///
 /// Each entry holds a tick number and a quaternion: 40 bytes with f64, 24 with f32. The history is
-/// the largest part of a controller. The length is a power of two, so that an index is found
+/// the largest part of a controller. Its length is a power of two, so that an index is computed
 /// without a division.
 pub const ALIGN_HISTORY: usize = 1024;
 
-/// The orientation of the sphere with its history.
+/// The orientation of the sphere and its history.
 ///
-/// The correction from outside is a turn in frame N and is kept apart from the integral of the
-/// turns: q = correction * integral. So the history stays valid after later corrections.
+/// The orientation is q = correction * integral. The integral comes from the turns measured at the
+/// wheels, the correction from independent measurements. The history contains only the integral, so
+/// later corrections also apply to past orientations.
 #[derive(Debug, Clone)]
 pub(crate) struct Orientation {
     /// Orientation of the sphere, a unit quaternion.
     pub(crate) q: Quat,
     integral: Quat,
     correction: Quat,
-    /// The part of the correction that is not applied yet, rad, in frame N.
+    /// The part of the correction that is not applied yet, as a rotation vector in frame N, in rad.
     pending: Vec3,
     history: [(u64, Quat); ALIGN_HISTORY],
 }
@@ -42,13 +43,14 @@ impl Orientation {
         }
     }
 
-    /// Adds a turn (rad, frame N) that was measured at the wheels.
+    /// Adds a turn of the sphere that was measured at the wheels (rotation vector in frame N, rad).
     #[inline]
     pub(crate) fn advance(&mut self, turn: Vec3) {
         self.integral = odometry::advance(self.integral, turn);
     }
 
-    /// Advances the correction by at most `step` rad. Then sets `q` for this tick and records it.
+    /// Ends the orientation of tick `tick`: applies at most `step` rad of the pending correction,
+    /// sets `q`, and adds an entry to the history.
     #[inline]
     pub(crate) fn settle(&mut self, tick: u64, step: Real) {
         self.history[tick as usize % ALIGN_HISTORY] = (tick, self.integral);
@@ -65,15 +67,15 @@ impl Orientation {
         };
     }
 
-    /// Returns the orientation at `tick` with all corrections so far, or `None` if it is not in the
-    /// history.
+    /// Returns the orientation of the sphere at tick `tick`, with all corrections until now.
+    /// Returns `None` if the tick is not in the history.
     pub(crate) fn at(&self, tick: u64) -> Option<Quat> {
         let (when, integral) = self.history[tick as usize % ALIGN_HISTORY];
         (when == tick).then(|| self.correction * integral)
     }
 
-    /// Starts to correct the fraction `weight` of `delta` (rad, frame N). Replaces a correction
-    /// that is still pending.
+    /// Starts a correction of the orientation by the fraction `weight` of the turn `delta`
+    /// (rotation vector in frame N, rad). It replaces a correction that is still pending.
     pub(crate) fn correct(&mut self, delta: Vec3, weight: Real) {
         self.pending = delta * weight;
     }

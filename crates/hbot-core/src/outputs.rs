@@ -5,67 +5,72 @@ use crate::inputs::MAX_COMMANDS;
 use crate::mode::{Cause, Mode, Obstacle};
 use crate::real::{Quat, Real, Vec3};
 
-/// All outputs of one tick: a command to the motors, replies to commands, and the state to publish.
+/// All outputs of one tick: the command to the motors, the replies to clients' commands, and the
+/// state to publish.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outputs {
-    /// The command to the motor controllers.
+    /// The command to the motors.
     pub drive: Drive,
-    /// The replies to the tick's commands, in their order.
+    /// The replies to the commands of the tick, in the order of the commands.
     pub replies: [Option<Reply>; MAX_COMMANDS],
-    /// The state that is published to clients.
+    /// The state of the rig, which is published to clients.
     pub state: State,
 }
 
-/// The command to the motors.
+/// The command to all motors for one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
     /// True if the motors are on.
     pub enable: bool,
-    /// Torque at each joint, N m, in the direction of its motor controller.
+    /// Torque at each joint, N m. The sign is that of the joint's motor controller.
     pub torque: [Real; MAX_JOINTS],
 }
 
-/// The reply to a command.
+/// The reply to a client's command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reply {
     /// The command was executed.
     Done,
-    /// An align command was executed.
+    /// An `Align` command was executed.
     Aligned {
-        /// Angle between the orientation measured from outside and the odometry, rad.
+        /// Angle between the orientation in the command and the rig's own estimate for the same
+        /// tick, rad.
         angle: Real,
     },
-    /// The command was refused, and nothing changed.
+    /// The command was refused, and nothing changed. The value gives the reason.
     Refused(Refusal),
 }
 
 /// The reason why a command was refused.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Refusal {
-    /// The mode does not allow the command.
+    /// The present mode does not allow the command.
     Mode(Obstacle),
-    /// An effect's reference is too far from the orientation to enable.
+    /// The sphere is too far from an orientation at which an effect rests, so `enable` is refused.
     TooFar {
-        /// Slot of the effect.
+        /// Index of the effect's memory (see [`Effect::slot`](crate::effects::Effect::slot)).
         slot: u8,
-        /// Distance of the orientation from where the effect rests, rad.
+        /// Distance between the sphere's orientation and the nearest one at which the effect rests,
+        /// rad.
         angle: Real,
     },
-    /// The effect does not exist any more or has no reference.
+    /// The effect that the command names is not in the scene, or has no reference orientation.
     NoReference,
-    /// The state that the message was computed from is too old.
+    /// The client computed the message from a state that is too old.
     TooOld {
-        /// Age of that state, ticks.
+        /// Age of that state, in ticks.
         age_ticks: u64,
     },
-    /// The message names the tick of a state that does not exist yet.
+    /// The client claims to have computed the message from the state of a tick that has not
+    /// happened yet.
     Ahead {
-        /// Number of ticks by which the named tick is in the future.
+        /// How far the tick that the client named is in the future, in ticks.
         ticks: u64,
     },
-    /// The named tick is not in the history: too old, or in the future.
+    /// The tick that an `Align` command names is not in the history: it is too old, or in the
+    /// future.
     NotInHistory,
-    /// A number is not finite or not in its range, or a quaternion is not of unit length.
+    /// A number is not finite or outside of its range, or a quaternion is not of unit length.
     NotFinite,
 }
 
@@ -74,57 +79,61 @@ pub enum Refusal {
 pub struct State {
     /// Number of the tick.
     pub tick: u64,
-    /// Mode of the control law.
+    /// Present mode of the control law.
     pub mode: Mode,
-    /// Cause of the fault, or `None`.
+    /// Cause of the fault, or `None` if the rig is not in a fault.
     pub cause: Option<Cause>,
-    /// Orientation of the sphere. Its sign is continuous from tick to tick.
+    /// Orientation of the sphere, which maps sphere axes to frame N. The sign of the quaternion
+    /// does not jump from tick to tick.
     pub q: Quat,
     /// Angular velocity of the sphere in frame N, rad/s.
     pub omega: Vec3,
-    /// Reference of the first effect in the scene that has one, as it is in this tick. It maps
-    /// sphere axes to frame N. `None` if no effect has a reference.
+    /// Present reference orientation of the first effect in the scene that has one. It maps sphere
+    /// axes to frame N. `None` if no effect has a reference.
     pub reference: Option<Quat>,
-    /// Torque on the sphere that this tick asks of the motors, in frame N, N m. It was computed
-    /// from the `q` of this state.
+    /// Torque on the sphere in frame N, in N m, that the motors are commanded to make from this
+    /// tick on. It was computed from the orientation `q` of this state.
     pub torque: Vec3,
-    /// Number of joints.
+    /// Number of joints of the rig.
     pub joints: usize,
-    /// Joint angles within a turn, rad.
+    /// Joint angles within a turn, rad, in the order steer, drive of each wheel.
     pub angle: [Real; MAX_JOINTS],
-    /// Joint rates, rad/s.
+    /// Joint rates, rad/s, in the order steer, drive of each wheel.
     pub rate: [Real; MAX_JOINTS],
-    /// Joint torques, N m.
+    /// Joint torques, N m, in the order steer, drive of each wheel.
     pub joint_torque: [Real; MAX_JOINTS],
-    /// Largest slip of a wheel, m/s.
+    /// Slip of the wheel that slips most, m/s.
     pub slip: Real,
-    /// Fraction of the wanted torque that the limits of torque, motors and traction left, 0 to 1.
+    /// Fraction of the wanted torque that remains after the limits of torque, motors and traction,
+    /// 0 to 1.
     pub scale: Real,
-    /// True if the motors cannot make a part of the wanted torque at this posture, however small.
+    /// True if a component of the wanted torque was left out or reduced, because the motors cannot
+    /// make it at this posture.
     pub deficient: bool,
-    /// Load |f| / (mu N) of the most loaded contact under the torques sent, 0 to 1. It is 1 if
-    /// traction limits the torque, and 0 if the rig has no traction limit.
+    /// Load of the most loaded contact: its force |f| divided by the force mu N that it can hold, 0
+    /// to 1. It is 1 if traction limits the torque, and 0 if the rig has no traction limit.
     pub traction: Real,
-    /// Energy given to the hand since the start, J (passivity observer).
+    /// Energy that the rig has given to the hand since the start, J. The passivity observer
+    /// computes it; it is negative if more was absorbed.
     pub energy: Real,
-    /// Damping that the passivity controller adds in this tick, N m s/rad; 0 if the rig has no
+    /// Damping that the passivity controller adds in this tick, N m s/rad. 0 if the rig has no
     /// passivity controller.
     pub damping: Real,
-    /// The last stream or reference message that was accepted.
+    /// The last streamed message that was accepted from a client; `None` if there was none.
     pub client: Option<TakenStream>,
     /// True if this tick took a new reading.
     pub fresh: bool,
 }
 
-/// The last stream or reference message that was accepted from a client.
+/// Labels of the last message of a torque or reference stream that was accepted from a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TakenStream {
-    /// The client's sequence number of the message.
+    /// Sequence number that the client has given to the message, if any.
     pub seq: Option<u64>,
-    /// Age in ticks of the state that the message was computed from. If the message names none,
-    /// ticks since it was accepted.
+    /// Age, in ticks, of the state from which the client computed the message. If the message names
+    /// no state, the number of ticks since the message was accepted.
     pub age_ticks: u64,
 }
 
-/// Slip of each wheel along c1 and c2, m/s.
+/// Slip velocity of each wheel along its contact directions c1 and c2, m/s.
 pub(crate) type Slip = [[Real; 2]; MAX_WHEELS];

@@ -9,25 +9,26 @@
 use crate::real::{Real, Vec3};
 use crate::rig::PassivityLimit;
 
-/// Number of torques remembered, one per tick. It is more than the longest `timeout_ticks` of a rig
-/// file. So the torque is known for every turn, unless the link is lost.
+/// Number of past torques that are stored, one per tick. It is above the largest `timeout_ticks`
+/// that a rig can have. So the torque is known for every turn of the sphere, unless the link is
+/// lost.
 const DEPTH: usize = 1024;
 
-/// The energy given out since the start, J, and the last torques, which are not yet matched with a
-/// turn.
+/// Computes the energy that the rig has given to the hand since the start, J. It stores the torques
+/// of the last commands, until readings show how far the sphere turned under them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Observer {
     energy: Real,
     torques: [Vec3; DEPTH],
-    /// Number of the last command.
+    /// Number of the last command whose torque was recorded.
     newest: u32,
 }
 
 impl Observer {
     pub(crate) const START: Self = Self { energy: 0.0, torques: [Vec3::ZERO; DEPTH], newest: 0 };
 
-    /// Records the torque of command `sequence`, N m. In ticks skipped since the last command, the
-    /// last torque was held.
+    /// Records the torque of the command with the number `sequence`, N m. If ticks were skipped
+    /// since the last command, its torque was held in these ticks.
     #[inline]
     pub(crate) fn record(&mut self, sequence: u32, torque: Vec3) {
         let ahead = sequence.wrapping_sub(self.newest) as i32;
@@ -41,8 +42,9 @@ impl Observer {
         self.torques[sequence as usize % DEPTH] = torque;
     }
 
-    /// Adds the energy given out while the sphere made `turn` (rad, frame N), between the readings
-    /// that answer the commands `from` and `to`. Returns this energy, J.
+    /// Adds the energy that was given to the hand while the sphere made `turn` (rotation vector in
+    /// frame N, rad). The turn was made between the readings that answer the commands `from` and
+    /// `to`. Returns this energy, J.
     #[inline]
     pub(crate) fn advance(&mut self, from: u32, to: u32, turn: Vec3) -> Real {
         let steps = (to.wrapping_sub(from) as usize).clamp(1, DEPTH);
@@ -55,8 +57,8 @@ impl Observer {
         given
     }
 
-    /// Returns the sum of the torques held from command `answered` to before `tick`, N m. No
-    /// reading shows yet how much energy these torques give out.
+    /// Returns the sum of the torques of the commands from number `answered` to the one before
+    /// `tick`, N m. No reading shows yet how much energy these torques give to the hand.
     #[inline]
     fn on_their_way(&self, answered: u32, tick: u32) -> Vec3 {
         let mut sum = Vec3::ZERO;
@@ -70,25 +72,28 @@ impl Observer {
         sum
     }
 
-    /// Returns the energy given to the hand since the start, J; negative if more was absorbed.
+    /// Returns the energy that the rig has given to the hand since the start, J. Negative if more
+    /// was absorbed.
     #[inline]
     pub(crate) fn energy(&self) -> Real {
         self.energy
     }
 }
 
-/// The passivity controller. It adds damping if the energy given out would be more than what came
-/// in plus an allowance.
+/// The passivity controller. It adds damping if the rig would otherwise give more energy to the
+/// hand than it has absorbed from it plus an allowance.
 ///
-/// A reading does not yet answer the newest commands. Their torques are held whatever is decided
-/// now. So the energy that they will give out is predicted from the rate of the reading. The
-/// damping of the new torque then keeps the sum within the allowance until the end of its own tick.
+/// The newest commands are not answered by a reading yet, and their torques can no longer be
+/// changed. So the controller predicts, from the last measured rate, how much energy these torques
+/// will give out. It then chooses the damping so that the energy stays within the allowance until
+/// the end of the present tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Guard {
     limit: PassivityLimit,
-    /// Energy given out, J. It never falls below `-limit.store`.
+    /// Energy given to the hand since the motors were enabled, J. Negative if more was absorbed,
+    /// but never below `-limit.store`.
     energy: Real,
-    /// Damping of the last tick, N m s/rad.
+    /// Damping that was added in the last tick, N m s/rad.
     damping: Real,
 }
 
@@ -97,19 +102,20 @@ impl Guard {
         Self { limit, energy: 0.0, damping: 0.0 }
     }
 
-    /// Sets the energy to zero. Called when the motors have just been enabled.
+    /// Resets the energy to zero. Called when the motors have just been enabled.
     pub(crate) fn restart(&mut self) {
         self.energy = 0.0;
     }
 
-    /// Records the energy given to the hand, J; negative if energy was absorbed.
+    /// Adds `energy` to the energy given to the hand, J. Negative if it was absorbed.
     #[inline]
     pub(crate) fn add(&mut self, energy: Real) {
         self.energy = (self.energy + energy).max(-self.limit.store);
     }
 
-    /// Sets the damping that the torque `wanted` (N m) needs in this tick, at the rate `omega`
-    /// (rad/s) of the last reading. Returns the torque with the damping, N m.
+    /// Computes the damping for this tick, so that the torque `wanted` (N m) does not give out too
+    /// much energy. `omega` is the sphere's angular velocity in the last reading, rad/s. Returns
+    /// `wanted` plus the damping torque, N m.
     #[inline]
     pub(crate) fn damp(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
         let held = observer.on_their_way(now.answered, now.tick) + wanted;
@@ -124,27 +130,28 @@ impl Guard {
         wanted - omega * self.damping
     }
 
-    /// Sets the damping of this tick to zero.
+    /// Sets the damping of this tick to zero. Called if the motors make no torque.
     pub(crate) fn rest(&mut self) {
         self.damping = 0.0;
     }
 
-    /// Returns the damping of the last tick, N m s/rad.
+    /// Returns the damping that was added in the last tick, N m s/rad.
     pub(crate) fn damping(&self) -> Real {
         self.damping
     }
 }
 
-/// The time and the state of the loop when the passivity controller runs.
+/// Data about the present tick that the passivity controller needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moment {
     pub(crate) tick: u32,
-    /// Number of the last command that a reading has answered: the low 32 bits of its tick.
+    /// Number of the last command that a reading has answered: the low 32 bits of the number of the
+    /// tick that sent it.
     pub(crate) answered: u32,
-    /// Time for which a command is held, s.
+    /// Time for which the motors hold the torque of one command, s.
     pub(crate) period: Real,
-    /// Factor of the soft start or disable ramp, 0 to 1. The damping is scaled by it like all other
-    /// torque.
+    /// Factor of the soft start or of the disable ramp, 0 to 1. The damping is multiplied by it,
+    /// like all other torque.
     pub(crate) gain: Real,
 }
 

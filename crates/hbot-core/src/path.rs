@@ -10,18 +10,18 @@ use crate::device::MAX_JOINTS;
 use crate::real::Real;
 use crate::rig::PathFit;
 
-/// Smallest length of an earlier interval, relative to the last one, with which its reading is
-/// used. A fit through readings that are close together would extend their rounding over a long
-/// gap, magnified by the ratio of the lengths.
+/// Shortest earlier interval between readings that a fit may use, as a fraction of the last
+/// interval. A fit through readings that are close together extrapolates their rounding errors over
+/// a long gap: it magnifies them by the ratio of the two lengths.
 const LEAST_RATIO: Real = 0.25;
 
-/// The angles of all joints over the last interval, as functions of s from 0 (its start) to 1 (its
-/// end).
+/// The angles of all joints between the last two readings, as polynomials of s. At s = 0 the
+/// interval begins, at s = 1 it ends.
 ///
 /// angle(s) - angle(0) = delta s + bend s (s - 1) + twist s (s - 1) (s + before)
 ///
-/// This is Newton's form of the polynomial. `before` is the length of the previous interval,
-/// relative to the last one.
+/// This is Newton's form of the polynomial. `before` is the length of the previous interval as a
+/// fraction of the last one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Path {
     delta: [Real; MAX_JOINTS],
@@ -31,22 +31,23 @@ pub struct Path {
 }
 
 impl Path {
-    /// Returns the total change of each joint over the interval, rad. It is the measured one,
-    /// whatever the fit.
+    /// Returns the change of each joint's angle over the interval, rad. It is always the measured
+    /// change, whichever curve is fitted.
     #[inline]
     #[must_use]
     pub fn delta(&self) -> &[Real; MAX_JOINTS] {
         &self.delta
     }
 
-    /// Returns the angle, rad, that `joint` has turned from the start of the interval to `s`.
+    /// Returns the angle that `joint` has turned from the start of the interval to the point `s`,
+    /// rad.
     #[inline]
     #[must_use]
     pub fn turned(&self, joint: usize, s: Real) -> Real {
         s * (self.delta[joint] + (s - 1.0) * (self.bend[joint] + (s + self.before) * self.twist[joint]))
     }
 
-    /// Returns the rate of `joint` at `s`, in rad per interval.
+    /// Returns the rate of `joint` at the point `s` of the path, in rad per interval.
     #[inline]
     #[must_use]
     pub fn rate(&self, joint: usize, s: Real) -> Real {
@@ -57,26 +58,27 @@ impl Path {
     }
 }
 
-/// A record of the joints' last steps, to which a path is fitted.
+/// Stores how the joints moved between the last few readings, so that a path can be fitted through
+/// these readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trail {
-    /// Changes of the joints between earlier readings, rad, the latest first.
+    /// Changes of the joint angles in earlier steps between readings, rad; the latest step first.
     delta: [[Real; MAX_JOINTS]; 2],
-    /// Durations of these steps, in any unit.
+    /// Durations of the earlier steps between readings, in any unit of time; the latest step first.
     time: [Real; 2],
-    /// Number of these steps that are known.
+    /// Number of earlier steps that are stored, 0 to 2.
     known: usize,
 }
 
 impl Trail {
-    /// A trail without steps.
+    /// A trail in which no step is stored.
     pub const START: Self = Self { delta: [[0.0; MAX_JOINTS]; 2], time: [0.0; 2], known: 0 };
 
-    /// Returns the path of the step in which the joints turned by `delta` (rad) in `time`, and
-    /// remembers the step.
+    /// Fits a path to the newest step, in which the joints turned by `delta` (rad) in the time
+    /// `time`, and stores the step. Returns the path.
     ///
-    /// `time` must be positive and always in the same unit. If there are too few earlier steps, or
-    /// if they are much shorter than this one, the fit has a lower degree.
+    /// `time` must be positive and always in the same unit. If too few earlier steps are stored, or
+    /// if they are much shorter than this one, the path is a polynomial of lower degree.
     #[inline]
     #[must_use]
     pub fn step(&mut self, fit: PathFit, delta: &[Real; MAX_JOINTS], time: Real) -> Path {
@@ -116,8 +118,8 @@ impl Trail {
 mod tests {
     use super::*;
 
-    /// Returns the path of the last step, for readings at the given uneven times. Joint 0 follows
-    /// the function `of`, joint 3 its negative.
+    /// Returns the path that is fitted to the last step between readings at the given `times`,
+    /// which can be uneven. Joint 0 follows the function `of`, and joint 3 its negative.
     fn fitted(fit: PathFit, times: &[Real], of: impl Fn(Real) -> Real) -> Path {
         let mut trail = Trail::START;
         let mut path = None;
@@ -129,8 +131,8 @@ mod tests {
         path.unwrap()
     }
 
-    /// The rounding of a divided difference of numbers of size 1 over intervals of at least a
-    /// quarter: about 100 units.
+    /// Tolerance for rounding errors of the fit. A divided difference of numbers of size 1, over
+    /// intervals of at least a quarter, has an error of about 100 units in the last place.
     const ROUNDING: Real = 256.0 * Real::EPSILON;
 
     #[test]

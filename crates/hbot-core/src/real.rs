@@ -7,7 +7,7 @@
 
 #[cfg(not(feature = "f32"))]
 mod width {
-    /// A real number: `f64` here, `f32` in `hbot-core-f32`.
+    /// A real number: `f64` in this crate, `f32` in `hbot-core-f32`.
     pub type Real = f64;
     /// A vector of three reals.
     pub type Vec3 = glam::DVec3;
@@ -21,7 +21,7 @@ mod width {
 
 #[cfg(feature = "f32")]
 mod width {
-    /// A real number: `f32` here, `f64` in `hbot-core`.
+    /// A real number: `f32` in this crate, `f64` in `hbot-core`.
     pub type Real = f32;
     /// A vector of three reals.
     pub type Vec3 = glam::Vec3;
@@ -38,5 +38,5 @@ mod width {
 
 pub use width::*;
 
-/// One turn, rad.
+/// Angle of a full turn, 2 pi, rad.
 pub(crate) const TURN: Real = 2.0 * PI;

@@ -7,22 +7,25 @@ use crate::rotation;
 use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
 
-/// Computes the torque of a scene and keeps the memories of its effects. Used by the controller,
-/// and alone for plots, studies and tests.
+/// Computes the torque of a scene, and keeps the memory that its effects need from tick to tick.
+/// The controller uses it. Plots, studies and tests also use it without a controller.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
     shared: Shared,
     revision: Option<u64>,
-    /// One bit per slot, set if the scene of this tick has placed the effect's reference anew.
+    /// One bit per effect, at the index `slot`. It is set if the scene of this tick has given the
+    /// effect a new reference.
     placed: u32,
-    /// The sphere's own inertia, kg m², and the loop's period, s. Both limit virtual masses.
+    /// Inertia of the sphere, kg m². Together with the loop's period (the next field, s), it limits
+    /// virtual masses.
     inertia: Real,
     period: Real,
 }
 
 impl Renderer {
-    /// Creates a renderer for `rig`. No effect has a memory yet.
+    /// Creates a renderer for `rig`. It holds no state of any effect until [`adopt`](Self::adopt)
+    /// is called with a scene.
     #[must_use]
     pub fn new(rig: &Rig) -> Self {
         Self {
@@ -35,9 +38,9 @@ impl Renderer {
         }
     }
 
-    /// Creates a memory, anchored at the orientation `q`, for each effect of `scene` that has none.
-    /// Returns true if `scene` differs from that of the last tick. Call it before
-    /// [`render`](Self::render).
+    /// Creates a memory for each effect of `scene` that has none yet. References with the anchor
+    /// [`Anchor::Here`] are placed relative to the orientation `q`. Returns true if `scene` is not
+    /// the one of the last tick. Call it before [`render`](Self::render).
     #[inline]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         self.placed = 0;
@@ -68,8 +71,8 @@ impl Renderer {
         true
     }
 
-    /// Returns the slot of the first effect that is not at rest within `limit` rad of `q`, and its
-    /// distance in rad. Returns `None` if all effects are near enough.
+    /// Returns the first effect that rests further than `limit` rad from the orientation `q`: its
+    /// slot, and the distance in rad. Returns `None` if there is no such effect.
     pub(crate) fn too_far(&self, scene: &CompiledScene, q: Quat, limit: Real) -> Option<(u8, Real)> {
         scene.effects().iter().find_map(|effect| {
             let (_, anchor) = effect.kind.reference()?;
@@ -81,8 +84,9 @@ impl Renderer {
         })
     }
 
-    /// Returns true if an effect that the scene of this tick has placed anew rests further than
-    /// `limit` rad from `q`. With `any`, all effects count.
+    /// Returns true if an effect rests further than `limit` rad from the orientation `q`. If `any`
+    /// is false, only effects are checked to which the scene of this tick has given a new
+    /// reference.
     pub(crate) fn is_far(&self, scene: &CompiledScene, q: Quat, limit: Real, any: bool) -> bool {
         scene.effects().iter().filter(|effect| !effect.leaving).any(|effect| {
             let placed = any || self.placed & (1 << effect.slot) != 0;
@@ -90,15 +94,16 @@ impl Renderer {
         })
     }
 
-    /// Returns the distance in rad from `q` to where `effect` rests, or `None` for kinds that rest
-    /// everywhere or nowhere.
+    /// Returns the distance from the orientation `q` to the nearest orientation at which `effect`
+    /// rests, rad. Returns `None` for kinds of effects without such a distance.
     fn distance(&self, scene: &CompiledScene, effect: &Effect, q: Quat) -> Option<Real> {
         let goal = self.states[usize::from(effect.slot)].reference.goal;
         effect.kind.excess(goal, q, scene.figures(effect.figures))
     }
 
-    /// Restarts the effects at enable. Relative references are anchored at `q`, absolute ones jump
-    /// to their goals, and every effect fades in.
+    /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
+    /// [`Anchor::Here`] are placed relative to the orientation `q`. All other references jump to
+    /// their goals. Every effect fades in.
     pub(crate) fn enable(&mut self, scene: &CompiledScene, q: Quat) {
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
@@ -115,8 +120,9 @@ impl Renderer {
         self.shared.restart();
     }
 
-    /// Sets the goal of an effect's reference, and the rate that the client states for it until
-    /// tick `omega_until`. Returns false if the effect does not exist or has no reference.
+    /// Sets the orientation that an effect's reference approaches. `omega` is the angular velocity
+    /// of the reference, which is used until tick `omega_until`. `key` is the effect's slot and
+    /// epoch. Returns false if the effect does not exist or has no reference.
     pub(crate) fn set_reference(
         &mut self,
         scene: &CompiledScene,
@@ -138,8 +144,8 @@ impl Renderer {
         true
     }
 
-    /// Returns the present reference of the first effect that has one and is not fading out. It
-    /// maps sphere axes to frame N.
+    /// Returns the present reference orientation of the first effect that has one and is not fading
+    /// out. It maps sphere axes to frame N.
     #[inline]
     #[must_use]
     pub fn reference(&self, scene: &CompiledScene) -> Option<Quat> {
@@ -148,8 +154,9 @@ impl Renderer {
         Some(self.states[usize::from(effect.slot)].reference.q)
     }
 
-    /// Advances all effects by `dt` seconds, the time since the last tick, and turns references by
-    /// at most `reach` rad. Returns the scene's torque on the sphere in frame N, N m.
+    /// Returns the torque of the scene on the sphere in frame N, in N m. Advances all effects by
+    /// `dt` seconds, the time since the last tick. References turn towards their goals by at most
+    /// `reach` rad.
     #[inline]
     pub fn render(
         &mut self,
@@ -197,9 +204,9 @@ impl Renderer {
         torque
     }
 
-    /// Returns the energy stored in the effects at the orientation `q`, J, with their gains. Only
-    /// effects count whose torque, apart from damping, is the gradient of an energy. Returns `None`
-    /// if there are none.
+    /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their
+    /// gains. It includes only effects whose torque, apart from damping, is the gradient of an
+    /// energy. Returns `None` if there are none.
     #[must_use]
     pub fn energy(&self, scene: &CompiledScene, q: Quat) -> Option<Real> {
         let motion = Motion { q, omega: Vec3::ZERO };
@@ -222,8 +229,8 @@ impl Renderer {
     }
 }
 
-/// Sets the reference of an effect by its anchor. An absolute reference is set only if `fresh`,
-/// since a client may have moved it.
+/// Sets the reference of an effect as the scene gives it. If the reference is absolute and `fresh`
+/// is false, it is left unchanged, because a client may have moved it.
 fn anchor(effect: &Effect, state: &mut EffectState, q: Quat, fresh: bool) {
     let Some((reference, anchor)) = effect.kind.reference() else { return };
     if fresh || anchor == Anchor::Here {
@@ -232,7 +239,8 @@ fn anchor(effect: &Effect, state: &mut EffectState, q: Quat, fresh: bool) {
     }
 }
 
-/// Returns the orientation in frame N of a reference of the scene. `q` is the present orientation.
+/// Returns a reference of the scene as an orientation in frame N. `q` is the sphere's present
+/// orientation, to which the reference can be relative.
 fn anchored(reference: Quat, anchor: Anchor, q: Quat) -> Quat {
     match anchor {
         Anchor::Absolute => reference,
@@ -240,7 +248,7 @@ fn anchored(reference: Quat, anchor: Anchor, q: Quat) -> Quat {
     }
 }
 
-/// Turns `q` towards `goal` by at most `reach` rad.
+/// Turns the orientation `q` towards `goal` by at most `reach` rad.
 fn approach(q: &mut Quat, goal: Quat, reach: Real) {
     let way = rotation::difference(goal, *q);
     let step = limited(way, reach);

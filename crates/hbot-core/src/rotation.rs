@@ -21,10 +21,10 @@ pub fn from_parts(eta: Real, e: Vec3) -> Quat {
     Quat::from_xyzw(e.x, e.y, e.z, eta)
 }
 
-/// Returns the quaternion `[w, x, y, z]`, scaled to unit length, or `None` if it is zero or not
-/// finite.
+/// Returns the unit quaternion in the direction of the four numbers `[w, x, y, z]`. Returns `None`
+/// if all are zero or if one is not finite.
 ///
-/// The components are first scaled by the largest one, so the length never overflows or underflows.
+/// The numbers are first divided by the largest one, so that no square overflows or underflows.
 #[must_use]
 pub fn from_wxyz(c: [Real; 4]) -> Option<Quat> {
     let largest = c.iter().fold(0.0, |m: Real, x| if fabs(*x) > m || x.is_nan() { fabs(*x) } else { m });
@@ -35,15 +35,15 @@ pub fn from_wxyz(c: [Real; 4]) -> Option<Quat> {
     Some(q * (1.0 / sqrt(q.length_squared())))
 }
 
-/// Returns a quaternion as `[w, x, y, z]`.
+/// Returns the four components of a quaternion as `[w, x, y, z]`.
 #[inline]
 #[must_use]
 pub fn to_wxyz(q: Quat) -> [Real; 4] {
     [q.w, q.x, q.y, q.z]
 }
 
-/// Returns the rotation by the vector `v` (axis times angle, rad): exp(v) = (cos(|v|/2), v
-/// sin(|v|/2)/|v|).
+/// Returns the quaternion of the rotation by the rotation vector `v` (axis times angle, rad):
+/// exp(v) = (cos(|v|/2), v sin(|v|/2)/|v|).
 ///
 /// # Preconditions
 /// `v` is finite and |v|² does not overflow.
@@ -63,10 +63,11 @@ pub fn exp(v: Vec3) -> Quat {
     from_parts(c, v * (s / t))
 }
 
-/// Returns the rotation vector of the unit quaternion `q`, rad. It is the shortest one, |log q| <=
-/// pi, for either sign of `q`.
+/// Returns the rotation vector of the unit quaternion `q` (axis times angle, rad). Its length is at
+/// most pi. `q` and `-q` give the same vector, as they are the same rotation.
 ///
-/// At exactly a half turn (eta = 0) both `e` and `-e` would be valid; the result is `pi e`.
+/// At exactly a half turn (eta = 0) the two vectors `pi e` and `-pi e` are both valid. The result
+/// is then `pi e`.
 #[inline]
 #[must_use]
 pub fn log(q: Quat) -> Vec3 {
@@ -74,15 +75,15 @@ pub fn log(q: Quat) -> Vec3 {
     vector_part(q) * (angle_over_sine(q.w, vector_part(q)))
 }
 
-/// Returns `q` or `-q`, whichever has eta >= 0. Both are the same rotation.
+/// Returns `q` or `-q`, the one whose scalar part eta is not negative. Both are the same rotation.
 #[inline]
 #[must_use]
 pub fn shortest(q: Quat) -> Quat {
     if q.w < 0.0 { -q } else { q }
 }
 
-/// Returns t / sin(t/2) for the unit quaternion (eta, e) with eta >= 0, where t is its angle. It
-/// gives the logarithm: log q = e t / sin(t/2).
+/// Returns the factor t / sin(t/2), where t is the rotation angle of the unit quaternion (eta, e)
+/// with eta >= 0. The rotation vector is this factor times e.
 #[inline]
 #[must_use]
 pub(crate) fn angle_over_sine(eta: Real, e: Vec3) -> Real {
@@ -98,40 +99,42 @@ pub(crate) fn angle_over_sine(eta: Real, e: Vec3) -> Real {
     2.0 * atan2(s, eta) / s
 }
 
-/// Returns `q` scaled to unit length. `q` must differ from unit length only by rounding.
+/// Returns `q` normalised to unit length. The length of `q` must differ from 1 only by rounding
+/// errors.
 ///
-/// One step of Newton's iteration for 1/sqrt. A deviation d of |q|² from 1 becomes 3/8 d², which is
-/// below rounding for d < 1e-8.
+/// It takes one step of Newton's iteration for 1/sqrt. A deviation d of |q|² from 1 becomes 3/8 d²,
+/// which is below rounding for d < 1e-8.
 #[inline]
 #[must_use]
 pub fn renormalized(q: Quat) -> Quat {
     q * (1.5 - 0.5 * q.length_squared())
 }
 
-/// Returns the rotation of `to` relative to `from` as a vector in frame N: log(to from⁻¹), rad.
+/// Returns the turn that leads from the orientation `from` to the orientation `to`, as a rotation
+/// vector in frame N (rad): log(to from⁻¹).
 #[inline]
 #[must_use]
 pub fn difference(to: Quat, from: Quat) -> Vec3 {
     log(to * from.conjugate())
 }
 
-/// Returns the angle between two orientations, rad, 0 to pi.
+/// Returns the angle of the turn from one orientation to the other, rad, 0 to pi.
 #[must_use]
 pub fn angle_between(a: Quat, b: Quat) -> Real {
     let x = shortest(a * b.conjugate());
     2.0 * atan2(vector_part(x).length(), x.w)
 }
 
-/// Returns the error vector of the paper's eq. 24 in frame N: eta e_d - eta_d e - \[e_d\] e. It is
-/// the vector part of q_d q⁻¹.
+/// Returns the orientation error of the paper's eq. 24 in frame N: eta e_d - eta_d e - \[e_d\] e.
+/// It is the vector part of the quaternion q_d q⁻¹.
 #[must_use]
 pub fn error_eq24(desired: Quat, actual: Quat) -> Vec3 {
     let (ed, e) = (vector_part(desired), vector_part(actual));
     ed * actual.w - e * desired.w - ed.cross(e)
 }
 
-/// Returns the unit quaternion for Hopf coordinates: theta from 0 to pi, phi and psi from 0 to 2 pi
-/// (paper eq. 23 as corrected in the physics notes, section 10).
+/// Returns the unit quaternion with the Hopf coordinates theta (0 to pi), phi and psi (0 to 2 pi),
+/// rad (paper eq. 23, as corrected in the physics notes, section 10).
 #[must_use]
 pub fn from_hopf(theta: Real, phi: Real, psi: Real) -> Quat {
     let (st, ct) = sincos(0.5 * theta);
@@ -140,7 +143,7 @@ pub fn from_hopf(theta: Real, phi: Real, psi: Real) -> Quat {
     Quat::from_xyzw(ct * sp, st * cb, st * sb, ct * cp)
 }
 
-/// Returns `angle` reduced by whole turns to the interval (-pi, pi].
+/// Returns `angle` (rad) plus or minus as many whole turns as bring it into the interval (-pi, pi].
 #[must_use]
 pub fn wrap_angle(angle: Real) -> Real {
     let r = crate::real::fmod(angle, TURN);

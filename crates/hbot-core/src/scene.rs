@@ -6,12 +6,12 @@ use crate::real::{Real, Vec3};
 /// Largest number of effects in a scene.
 pub const MAX_EFFECTS: usize = 32;
 
-/// Largest number of figures of all effects of a scene together. Figures are numbers such as
-/// positions, orientations and way-points.
+/// Largest count of numbers in a scene's table of numbers. The table holds positions, orientations
+/// and way-points for all effects of the scene.
 pub const MAX_FIGURES: usize = 4096;
 
-/// A scene in the form that a tick runs. It is made outside the loop, passed by reference and never
-/// changed.
+/// A scene in the form that a tick needs: its effects and a table of numbers for them. It is
+/// compiled outside the loop and never changed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompiledScene {
     revision: u64,
@@ -20,15 +20,16 @@ pub struct CompiledScene {
     figures: [Real; MAX_FIGURES],
 }
 
-/// The reason why effects cannot form a scene.
+/// The reason why a list of effects is not a valid scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneError {
-    /// There are more than [`MAX_EFFECTS`] effects.
+    /// There are more than [`MAX_EFFECTS`] effects. The value is their number.
     TooMany(usize),
-    /// Two effects have the same slot, or a slot is not below [`MAX_EFFECTS`].
+    /// Two effects have the same slot, or a slot is not below [`MAX_EFFECTS`]. The value is this
+    /// slot.
     Slot(u8),
-    /// There are more than [`MAX_FIGURES`] figures, or an effect refers to figures that do not
-    /// exist.
+    /// There are more than [`MAX_FIGURES`] numbers in the table, or an effect refers to numbers
+    /// that are not in it. The value is the count of numbers.
     Figures(usize),
 }
 
@@ -45,21 +46,22 @@ impl core::fmt::Display for SceneError {
 impl core::error::Error for SceneError {}
 
 impl CompiledScene {
-    /// Creates a scene of `effects`, whose torques are added in this order. The effects must not
-    /// need figures. If `revision` differs from that of the running scene, the controller blends
-    /// from one to the other over 50 ms.
+    /// Creates a scene from `effects`, without a table of numbers. The torques of the effects are
+    /// added in their order. If `revision` differs from that of the running scene, the controller
+    /// blends from the running scene to this one over 50 ms.
     ///
     /// # Errors
-    /// Fails if there are too many effects or if their slots are not unique.
+    /// Fails if there are too many effects, if their slots are not unique, or if an effect refers
+    /// to a table of numbers.
     pub fn new(revision: u64, effects: &[Effect]) -> Result<Self, SceneError> {
         Self::with_figures(revision, effects, &[])
     }
 
-    /// Creates a scene of `effects` with a table of `figures`. The spans of the effects refer to
-    /// this table.
+    /// Creates a scene from `effects` and a table of numbers, `figures`. The [`Span`] of each
+    /// effect refers to a part of this table.
     ///
     /// # Errors
-    /// Fails if there are too many effects or figures, if slots are not unique, or if a span is not
+    /// Fails if there are too many effects or numbers, if slots are not unique, or if a span is not
     /// within the table.
     pub fn with_figures(revision: u64, effects: &[Effect], figures: &[Real]) -> Result<Self, SceneError> {
         if effects.len() > MAX_EFFECTS {
@@ -88,7 +90,7 @@ impl CompiledScene {
         Ok(scene)
     }
 
-    /// Returns a scene without effects, with revision 0.
+    /// Returns an empty scene, which makes no torque. Its revision is 0.
     #[must_use]
     pub fn empty() -> Self {
         let nothing = Kind::Constant(Constant { torque: Vec3::ZERO, frame: Frame::World });
@@ -96,23 +98,24 @@ impl CompiledScene {
         Self { revision: 0, len: 0, effects: [unused; MAX_EFFECTS], figures: [0.0; MAX_FIGURES] }
     }
 
-    /// Returns the number that distinguishes this scene from others.
+    /// Returns the revision of the scene: a number by which the controller recognises a change of
+    /// scene.
     #[inline]
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
-    /// Returns the effects, in the order in which their torques are added.
+    /// Returns the effects of the scene, in the order in which their torques are added.
     #[inline]
     #[must_use]
     pub fn effects(&self) -> &[Effect] {
         &self.effects[..self.len]
     }
-    /// Returns a part of the table of figures.
+    /// Returns the part `span` of the scene's table of numbers.
     ///
     /// # Panics
-    /// Panics if `span` is not within the table's maximum size, [`MAX_FIGURES`].
+    /// Panics if `span` is not within the largest possible table, [`MAX_FIGURES`].
     #[inline]
     #[must_use]
     pub fn figures(&self, span: Span) -> &[Real] {
@@ -120,7 +123,7 @@ impl CompiledScene {
         &self.figures[start..start + usize::from(span.len)]
     }
 
-    /// Returns a scene with only the effect at index `effect`.
+    /// Returns a scene that contains only the effect with the index `effect` in this scene.
     ///
     /// # Panics
     /// Panics if `effect` is not below [`MAX_EFFECTS`].

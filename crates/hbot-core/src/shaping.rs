@@ -3,45 +3,47 @@
 
 use crate::real::{Real, Vec3, exp, sqrt};
 
-/// Duration of the blend from one scene to another, s.
+/// Duration over which the torque blends from one scene to the next, s.
 pub(crate) const BLEND_S: Real = 0.05;
-/// Duration of the ramp that ends an expired stream, s.
+/// Duration of the ramp in which a client's torque falls to zero after it has expired, s.
 pub(crate) const STREAM_RAMP_S: Real = 0.02;
 
-/// Makes a change of scene continuous. The step in torque that the change causes is added with the
-/// opposite sign and fades to zero.
+/// Prevents a step in torque when the scene changes. It adds a torque that is opposite to the step,
+/// and lets this torque fade to zero.
 ///
-/// The step includes only the change of scene. Both scenes are evaluated at the motion of the last
-/// tick, so the motion since then is rendered at once. Consecutive steps add up, and their sum
-/// always fades. So a client that sets a parameter in every tick still gets a spring that acts.
+/// The step is the difference of the two scenes' torques at the motion of the last tick. So the
+/// motion since the last tick acts at once, without blending. The steps of several changes add up,
+/// and their sum always fades. So a spring still acts if a client sets one of its parameters in
+/// every tick.
 ///
-/// The input torques are already within the rig's limit. If the step of an unlimited torque faded
-/// instead, a scene that asks for a hundred times the limit would reach the limit at once.
+/// The torques must already be within the rig's torque limit. Without this rule, the blend to a
+/// scene that asks for a hundred times the limit would reach the limit at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Blend {
-    /// Torque that is added to the scene's, N m, and its rate, N m/s.
+    /// Torque that is added to the torque of the scene, N m. `speed` is its rate of change, N m/s.
     offset: Vec3,
     speed: Vec3,
-    /// Time since the last change of scene, s.
+    /// Time since the last change of scene, s. It stops at the end of the blend.
     age_s: Real,
-    /// Torque of the last tick without the offset, N m.
+    /// Torque that the scene asked for in the last tick, N m, without the torque that the blend
+    /// adds.
     last: Vec3,
 }
 
-/// Rate of the critically damped fade of a blend, 1/s. The fade has no corner, and its steepest
-/// slope is 74 % of the step in 10 ms. After [`BLEND_S`], 0.05 % of the step is left, which is then
-/// removed.
+/// Rate at which the added torque of a blend fades, 1/s. The fade is critically damped: it has no
+/// corner, and its steepest slope is 74 % of the step in 10 ms. After [`BLEND_S`] only 0.05 % of
+/// the step is left, which is then removed.
 const BLEND_RATE: Real = 10.0 / BLEND_S;
 
 impl Blend {
     pub(crate) const DONE: Self =
         Self { offset: Vec3::ZERO, speed: Vec3::ZERO, age_s: BLEND_S, last: Vec3::ZERO };
 
-    /// Advances the fade by `dt` seconds and returns the torque to add to `torque` in this tick, N
-    /// m.
+    /// Advances the fade by `dt` seconds. Returns the torque that must be added to the scene's
+    /// `torque` in this tick, N m.
     ///
-    /// If the scene differs from that of the last tick, `before` is the torque of the new scene at
-    /// the motion of the last tick, N m.
+    /// `before` is given only if the scene has changed since the last tick. It is the torque of the
+    /// new scene at the motion of the last tick, N m.
     #[inline]
     pub(crate) fn advance(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
         if self.age_s < BLEND_S {
@@ -63,13 +65,13 @@ impl Blend {
     }
 }
 
-/// A torque that a client streams.
+/// A torque that a client streams, with the time until which it is valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stream {
     torque: Vec3,
-    /// Factor on the torque: 1 while valid, then falling to 0.
+    /// Factor on the torque. It is 1 while the torque is valid, and then ramps down to 0.
     level: Real,
-    /// Last tick for which the stream is valid.
+    /// Number of the last tick in which the torque is valid.
     until: u64,
 }
 
@@ -80,12 +82,13 @@ impl Stream {
         *self = Self { torque, level: 1.0, until };
     }
 
-    /// Ends the stream: its ramp to zero begins after `tick`.
+    /// Ends the validity of the streamed torque at `tick`. After this tick it ramps down to zero.
     pub(crate) fn end(&mut self, tick: u64) {
         self.until = self.until.min(tick);
     }
 
-    /// Advances the ramp by `dt` seconds if the stream has expired.
+    /// Advances the ramp-down by `dt` seconds if the streamed torque is no longer valid in tick
+    /// `tick`.
     #[inline]
     pub(crate) fn advance(&mut self, tick: u64, dt: Real) {
         if tick > self.until && self.level > 0.0 {
@@ -93,12 +96,12 @@ impl Stream {
         }
     }
 
-    /// Returns the torque `scene` plus the stream, limited to `limit` (N m), and the fraction of
-    /// the sum that the limit left, 0 to 1.
+    /// Returns the sum of the torque `scene` and the streamed torque, limited to the size `limit`
+    /// (N m). Also returns the fraction of the sum that remains after the limit, 0 to 1.
     ///
-    /// The ramp of an expired stream leads from the limited sum to the limited scene. If the ramp
-    /// were applied before the limit, a stream of a thousand times the limit would stay at full
-    /// torque until the last tick of its ramp.
+    /// After the streamed torque has expired, the result ramps from the limited sum to the limited
+    /// torque of the scene. If the ramp were applied before the limit, a streamed torque of a
+    /// thousand times the limit would keep the full torque until the end of its ramp.
     #[inline]
     pub(crate) fn added_to(&self, scene: Vec3, limit: Real) -> (Vec3, Real) {
         if self.level == 0.0 {
@@ -113,14 +116,14 @@ impl Stream {
     }
 }
 
-/// Returns `v`, shortened to the length `limit` if it is longer.
+/// Returns the vector `v`, shortened to the length `limit` if it is longer.
 #[inline]
 pub(crate) fn limited(v: Vec3, limit: Real) -> Vec3 {
     shortened(v, limit).0
 }
 
-/// Returns `v`, shortened to the length `limit` if it is longer, and the fraction that is left of
-/// it, 0 to 1.
+/// Returns the vector `v`, shortened to the length `limit` if it is longer. Also returns the ratio
+/// of the new length to the old one, 0 to 1.
 #[inline]
 pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
     let length2 = v.length_squared();
@@ -138,8 +141,8 @@ pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
     }
 }
 
-/// Returns the point on the line from `from` to `to` that is at most `step` away from `from`. This
-/// is `to` itself if it is within reach.
+/// Returns the point that is reached from `from` by a step of at most `step` straight towards `to`.
+/// It is `to` itself if it is near enough.
 #[inline]
 pub(crate) fn slewed(from: Vec3, to: Vec3, step: Real) -> Vec3 {
     from + limited(to - from, step)

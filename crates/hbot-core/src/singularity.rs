@@ -6,30 +6,31 @@ use crate::kinematics::Posture;
 use crate::linear;
 use crate::real::{PI, Real, Vec3, acos, cos, fabs, sincos, sqrt};
 
-/// The way in which two contact points come to lie on one line through the sphere's centre.
+/// The way in which two wheels' contact points come to lie on one line through the sphere's centre.
+/// If all contact points lie on such a line, the design is singular.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meeting {
-    /// The two contact points are at the same point. The wheels would also collide there.
+    /// The two contact points coincide. The wheels would also collide there.
     Collocated,
-    /// The two contact points are at opposite points of the sphere.
+    /// The two contact points lie at opposite points of the sphere.
     Antipodal,
 }
 
-/// Angles closer than this count as touching, rad. It is above the rounding of a sum of four
-/// angles.
+/// Largest angle between two contact points at which they count as meeting, rad. It allows for the
+/// rounding of a sum of four angles.
 const TOUCH: Real = 32.0 * Real::EPSILON;
 
-/// Returns the determinant of the matrix H of `wheel`, r R sin a cos b, m². H maps the wheel's
-/// joint rates to the velocity of its contact point. The determinant is a constant of the design.
-/// If it is zero, the design has a boundary singularity.
+/// Returns the determinant of the matrix H of `wheel`, r R sin a cos b, in m². H maps the wheel's
+/// joint rates to the velocity of its contact point. If this constant of the design is zero, the
+/// design has a boundary singularity.
 #[must_use]
 pub fn boundary_determinant(device: &Device, wheel: &Wheel) -> Real {
     wheel.spec().radius * device.sphere_radius() * wheel.axis_along_roll()
 }
 
-/// Returns the interior margin of a posture, sigma_min(Z)/R, dimensionless. It is 0 if all contact
-/// points lie on one line through the centre. It equals the square root of the least eigenvalue of
-/// sum (I - c3 c3ᵀ).
+/// Returns how far a posture is from the interior singularity, at which all contact points lie on
+/// one line through the sphere's centre. The value is sigma_min(Z)/R, dimensionless, and 0 at the
+/// singularity. It equals the square root of the smallest eigenvalue of sum (I - c3 c3ᵀ).
 #[must_use]
 pub fn interior_margin(posture: &Posture) -> Real {
     // The rows of Z/R are -c2 and c1 of each wheel.
@@ -41,11 +42,11 @@ pub fn interior_margin(posture: &Posture) -> Real {
     singular_values(&rows[..2 * posture.frames().len()])[2]
 }
 
-/// Returns the least interior margin over all steer angles.
+/// Returns the smallest value of [`interior_margin`] over all steer angles.
 ///
-/// For two wheels it is exact: sqrt(1 - cos g), where g is the smallest angle between the contact
-/// points, or between one and the antipode of the other. For more wheels it is the margin of the
-/// best pair, which is a lower bound.
+/// For two wheels the result is exact: sqrt(1 - cos g). Here g is the smallest angle between the
+/// two contact points, or between one contact point and the point opposite to the other. For more
+/// wheels the result is that of the best pair of wheels, which is a lower bound.
 #[must_use]
 pub fn interior_margin_over_all(device: &Device) -> Real {
     let mut best: Real = 0.0;
@@ -60,9 +61,9 @@ pub fn interior_margin_over_all(device: &Device) -> Real {
     best
 }
 
-/// Returns the actuation margin at a posture: sigma_min / sigma_max of the rows of G that have a
-/// motor. `driven` has one flag per joint. The margin is 0 if the motors cannot make torque in
-/// every direction.
+/// Returns how evenly the motors can turn the sphere at a posture: sigma_min / sigma_max of the
+/// rows of G that belong to a joint with a motor. `driven` has one flag per joint, true if it has a
+/// motor. The result is 0 if the motors cannot make torque in every direction.
 #[must_use]
 pub fn actuation_margin(posture: &Posture, driven: &[bool]) -> Real {
     let mut rows = [Vec3::ZERO; MAX_JOINTS];
@@ -74,9 +75,9 @@ pub fn actuation_margin(posture: &Posture, driven: &[bool]) -> Real {
     Indices::of(&rows[..n]).spectral
 }
 
-/// Returns the smallest angle, rad, between two contact points over all steer angles. For
-/// [`Meeting::Antipodal`] it is the angle between one point and the antipode of the other. It is 0
-/// if they can meet.
+/// Returns the smallest angle between the contact points of two wheels over all steer angles, rad.
+/// It is 0 if the points can meet. For [`Meeting::Antipodal`], it is the angle between one contact
+/// point and the point opposite to the other.
 #[must_use]
 pub fn closest_approach(a: &Wheel, b: &Wheel, meeting: Meeting) -> Real {
     let dot = a.spec().axis.dot(b.spec().axis).clamp(-1.0, 1.0);
@@ -91,11 +92,13 @@ pub fn closest_approach(a: &Wheel, b: &Wheel, meeting: Meeting) -> Real {
     gap.max(0.0)
 }
 
-/// Returns two wheels whose contact points can meet if the whole design can become singular, or
-/// `None` if it cannot.
+/// Checks whether the contact points of all wheels can come to lie on one line through the sphere's
+/// centre, which makes the design singular. Returns two of the wheels and the way in which their
+/// contact points meet, or `None` if the design cannot become singular.
 ///
-/// A design can become singular if some line through the centre meets the contact circles (or their
-/// antipodes) of all wheels. The check is exact for any number of wheels.
+/// Over all steer angles, the contact point of each wheel moves on a circle. The design can become
+/// singular if some line through the centre meets the circles of all wheels, or their mirror images
+/// through the centre. The check is exact for any number of wheels.
 pub(crate) fn interior_singularity(device: &Device) -> Option<([usize; 2], Meeting)> {
     let mut worst = None;
     let mut safe = false;
@@ -115,8 +118,10 @@ pub(crate) fn interior_singularity(device: &Device) -> Option<([usize; 2], Meeti
     if safe || (device.wheels().len() > 2 && !common_line(device)) { None } else { worst }
 }
 
-/// Returns true if there is a unit vector u with u.l = +-cos a for every wheel. The candidates are
-/// the points where the circles of one pair of wheels cross.
+/// Returns true if one line through the sphere's centre meets the contact circles of all wheels.
+/// This means that a unit vector u satisfies u.l = +-cos a for every wheel, with its steer axis l
+/// and cone angle a. The function tries the points at which the circles of one pair of wheels
+/// cross.
 fn common_line(device: &Device) -> bool {
     let wheels = device.wheels();
     let on_circle = |u: Vec3, w: &Wheel| fabs(fabs(u.dot(w.spec().axis)) - fabs(cos(w.spec().cone)));
@@ -160,19 +165,20 @@ fn for_each_pair(device: &Device, mut each: impl FnMut(usize, usize, &Wheel, &Wh
     }
 }
 
-/// Measures of how evenly a set of joints can turn the sphere (physics notes, section 10).
+/// Measures of how evenly a set of joints can turn the sphere, from the singular values sigma of
+/// their rows of G (physics notes, section 10).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Indices {
-    /// Spectral index sigma_min / sigma_max of G, 0 to 1.
+    /// Spectral index: sigma_min / sigma_max, 0 to 1.
     pub spectral: Real,
-    /// Frobenius index 3 / sqrt(sum sigma² sum sigma⁻²), 0 to 1 (paper eq. 17-18 with W = I/3).
+    /// Frobenius index: 3 / sqrt(sum sigma² sum sigma⁻²), 0 to 1 (paper eq. 17-18 with W = I/3).
     pub frobenius: Real,
-    /// Manipulability 1 / (sigma_1 sigma_2 sigma_3), infinite at a singularity.
+    /// Manipulability: 1 / (sigma_1 sigma_2 sigma_3). Infinite at a singularity.
     pub manipulability: Real,
 }
 
 impl Indices {
-    /// Returns the indices of all rows of G (2n x 3) or of some of them.
+    /// Computes the indices from `rows`: all rows of G (2n x 3), or some of them.
     #[must_use]
     pub fn of(rows: &[Vec3]) -> Self {
         let [a, b, c] = singular_values(rows);
@@ -185,11 +191,11 @@ impl Indices {
     }
 }
 
-/// Returns the singular values, largest first, of an m x 3 matrix given by its rows. Only the first
-/// [`MAX_JOINTS`] rows count.
+/// Returns the three singular values, in descending order, of the matrix with the given rows. Only
+/// the first [`MAX_JOINTS`] rows are used.
 ///
-/// Uses one-sided Jacobi rotations, which are accurate even for the least value (Demmel and Veselic
-/// 1992).
+/// Uses one-sided Jacobi rotations, because they are accurate even for the smallest singular value
+/// (Demmel and Veselic 1992).
 #[must_use]
 pub fn singular_values(rows: &[Vec3]) -> [Real; 3] {
     linear::principal(&rows[..rows.len().min(MAX_JOINTS)], [Vec3::X, Vec3::Y, Vec3::Z]).0

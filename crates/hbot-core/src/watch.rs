@@ -14,44 +14,48 @@ use crate::outputs::Slip;
 use crate::real::{PI, Real, Vec3, fabs, floor, sqrt};
 use crate::rig::Rig;
 
-/// Length of a block, s.
+/// Duration of a block, the time over which encoder counts are summed before they are checked, s.
 const BLOCK_S: Real = 0.025;
-/// Factor on the speed limit above which a joint's motion is impossible, so that its count must be
-/// wrong.
+/// Factor on the speed limit above which the motion of a joint is impossible. An encoder count that
+/// shows a faster motion must be wrong.
 const IMPOSSIBLE: Real = 4.0;
-/// Largest disagreement of counts and rates of a joint over two blocks, as a fraction of the longer
-/// of the two paths. A filtered rate lags by some milliseconds. A lag of 8 ms in an oscillation of
-/// 20 Hz causes one half.
+/// Largest permitted difference between a joint's motion by its encoder counts and by its rates,
+/// over two blocks of readings. It is a fraction of the longer of the two motions. A filtered rate
+/// lags by some milliseconds, and a lag of 8 ms in an oscillation of 20 Hz causes a difference of
+/// one half.
 const DISAGREEMENT: Real = 0.5;
-/// Disagreement of counts and rates that is allowed in addition, rad/s. It matters for a joint at
-/// rest.
+/// Difference between encoder counts and rates that is permitted in addition to [`DISAGREEMENT`],
+/// rad/s. It matters for a joint at rest.
 const DISAGREEMENT_RATE: Real = 0.1;
-/// Number of counts by which rounding can change the path over a block.
+/// Number of encoder counts by which rounding can change the measured motion of a joint over a
+/// block of readings.
 const GRAIN: Real = 2.0;
-/// Largest number of ticks of an interval, or of a reading's delay, with which slip and agreement
-/// are still checked. If it is longer, the positions of the wheels in between are unknown.
+/// Longest interval between readings, and longest delay of a reading, in ticks, for which slip and
+/// rates are still checked. Over a longer time the wheels can steer far, and their positions in
+/// between are unknown.
 const COARSE: u32 = 5;
-/// Factor on the limits of speed and slip. It allows for the rounding of the counts.
+/// Factor by which the limits of speed and slip are widened when a block is checked, to allow for
+/// the rounding of the encoder counts.
 const MARGIN: Real = 1.05;
 
-/// The motion of the joints between two readings.
+/// The motion of the joints and of the sphere between two readings.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interval<'a> {
-    /// Change of each joint, rad.
+    /// Change of each joint's angle, rad.
     pub(crate) delta: &'a [Real; MAX_JOINTS],
-    /// Rate of each joint at the end, rad/s.
+    /// Rate of each joint at the end of the interval, rad/s.
     pub(crate) rate: &'a [Real; MAX_JOINTS],
-    /// Turn of the sphere in frame N, rad.
+    /// Turn of the sphere, as a rotation vector in frame N, in rad.
     pub(crate) turn: Vec3,
-    /// Duration of the interval, ticks.
+    /// Duration of the interval, in ticks.
     pub(crate) ticks: u32,
-    /// Delay of the reading in ticks, if it came later than in the next tick. It was taken at an
-    /// unknown time in between.
+    /// Number of ticks by which the reading came later than possible. It was taken at an unknown
+    /// moment within this time.
     pub(crate) late: u32,
 }
 
-/// The path of one joint over a block, by its counts and by its rates: the net change and the
-/// length, rad.
+/// The motion of one joint over a block of readings, once by its encoder counts and once by its
+/// rates. Each consists of the net change and the length of the path, rad.
 #[derive(Debug, Clone, Copy, Default)]
 struct Way {
     counted: Real,
@@ -60,26 +64,28 @@ struct Way {
     rated_length: Real,
 }
 
-/// The sums since the start of the block, and the results of the last blocks.
+/// Checks the motion of the joints by encoder counts, in blocks of several readings. It holds the
+/// sums since the start of the present block, and the results of earlier blocks.
 #[derive(Debug, Clone)]
 pub(crate) struct Watch {
-    /// Length of a block, ticks.
+    /// Duration of a block of readings, in ticks.
     block: u32,
     period_s: Real,
-    /// Turn of each joint in one tick at [`IMPOSSIBLE`] times the speed limit, rad.
+    /// Angle that each joint turns in one tick at [`IMPOSSIBLE`] times the speed limit, rad.
     most: [Real; MAX_JOINTS],
-    /// Turn of each joint for [`GRAIN`] counts, rad.
+    /// Angle that each joint turns in [`GRAIN`] encoder counts, rad.
     grain: [Real; MAX_JOINTS],
-    /// Path at the contact for [`GRAIN`] counts of both joints, for the most sensitive wheel, m.
+    /// Distance that the contact moves in [`GRAIN`] encoder counts of both joints, for the wheel
+    /// for which it is largest, m.
     grain_slip: Real,
     ticks: u32,
-    /// Largest delay of a reading in this block and in the last one, ticks. The times of the blocks
-    /// are uncertain by this much.
+    /// Largest delay of a reading in the present block, ticks. The times at which the block begins
+    /// and ends are uncertain by this much. `last_late` is the largest delay in the block before.
     late: u32,
     last_late: u32,
     reading_late: u32,
-    /// True if the wheels may have steered far between two readings of the block. The slip of the
-    /// block is then not known.
+    /// True if the wheels may have steered far between two readings of the present block. The slip
+    /// in this block is then not checked.
     coarse: bool,
     ways: [Way; MAX_JOINTS],
     last_ways: Option<[Way; MAX_JOINTS]>,
@@ -129,20 +135,21 @@ impl Watch {
         }
     }
 
-    /// Returns the largest turn, rad, that `joint` can have made in `ticks`. It is never more than
-    /// half a turn, because beyond it the direction of the motion is ambiguous.
+    /// Returns the largest angle that `joint` can have turned in `ticks` ticks, rad. It is at most
+    /// half a turn, because the direction of a larger motion would be ambiguous.
     #[inline]
     pub(crate) fn most(&self, joint: usize, ticks: u32) -> Real {
         (self.most[joint] * ticks as Real + self.grain[joint]).min(PI)
     }
 
-    /// Returns the fault that the counts showed last, if any.
+    /// Returns the fault that the encoder counts of the last complete block of readings showed, if
+    /// any.
     #[inline]
     pub(crate) fn verdict(&self) -> Option<Cause> {
         self.verdict
     }
 
-    /// Clears all sums and results, so that past motion is not judged.
+    /// Clears all sums and results, so that earlier motion is no longer checked.
     pub(crate) fn restart(&mut self) {
         self.begin_block();
         self.last_ways = None;
@@ -159,8 +166,8 @@ impl Watch {
         self.slip = [[0.0; 2]; MAX_WHEELS];
     }
 
-    /// Takes the posture at the start of an interval in which the sphere makes `turn` (rad, frame
-    /// N).
+    /// Starts an interval between two readings, with the posture at its start. `turn` is how far
+    /// the sphere turns in the interval (rotation vector in frame N, rad).
     #[inline]
     pub(crate) fn begin(&mut self, rig: &Rig, posture: &Posture, turn: Vec3) {
         // The contact frames at the start and at the end count half each. This is exact to second
@@ -172,8 +179,8 @@ impl Watch {
         }
     }
 
-    /// Takes the motion of the interval, with the posture at its end. Judges the block if it is
-    /// complete.
+    /// Ends an interval between two readings: adds its motion to the sums of the block, with the
+    /// posture at its end. Checks the block if it is complete.
     #[inline]
     pub(crate) fn end(&mut self, rig: &Rig, posture: &Posture, moved: &Interval<'_>) {
         self.begin(rig, posture, moved.turn);
@@ -209,7 +216,7 @@ impl Watch {
         }
     }
 
-    /// Returns the most serious fault that the completed block shows, if any.
+    /// Returns the most serious fault that the completed block of readings shows, if any.
     #[inline(never)]
     fn judge(&self, rig: &Rig) -> Option<Cause> {
         // A late reading may cover a longer motion.

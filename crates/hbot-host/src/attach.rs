@@ -19,7 +19,7 @@ use crate::line::{Line, Memory, SimulatorCall};
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 use crate::run_loop::Time;
 
-/// The reason why the motors of a rig could not be attached.
+/// The reason why the program could not connect to the motors of a rig.
 #[derive(Debug, Error)]
 pub enum AttachError {
     /// A serial port could not be opened.
@@ -34,7 +34,7 @@ pub enum AttachError {
     /// The pseudo-terminal of the simulated rig could not be created.
     #[error(transparent)]
     Pty(#[from] PtyError),
-    /// The system provides no thread.
+    /// The operating system could not start a thread.
     #[error("the system refuses: {0}")]
     System(#[from] std::io::Error),
 }
@@ -46,9 +46,10 @@ pub struct Simulator(Place);
 /// The thread in which the simulated rig runs.
 #[derive(Clone)]
 enum Place {
-    /// The loop's own thread.
+    /// The rig runs in the thread of the control loop.
     Loop(mpsc::Sender<SimulatorCall>),
-    /// A separate thread behind a pseudo-terminal. It ends when the last handle is dropped.
+    /// The rig runs in a separate thread behind a pseudo-terminal. The thread ends when the last
+    /// handle is dropped.
     Terminal(Arc<PtyRig>),
 }
 
@@ -62,15 +63,15 @@ impl Simulator {
         }
     }
 
-    /// Replaces the phenomena that the simulated rig shows.
+    /// Replaces the phenomena, such as play, that are switched on in the simulated rig.
     pub fn show(&self, phenomena: Phenomena) {
         self.post(Box::new(move |rig| rig.set_phenomena(phenomena)));
     }
 }
 
-/// Creates the bus of a simulated rig that shows `phenomena`, with a handle to the rig. The
-/// controllers have been checked. In virtual time the line is in memory, otherwise it is a
-/// pseudo-terminal.
+/// Creates a simulated rig with the given phenomena, checks its motor controllers, and returns its
+/// bus with a handle to the rig. In virtual time the bus uses a line in memory. In real time it
+/// uses a pseudo-terminal.
 pub(crate) fn simulated(
     rig: &RigConfig,
     layout: &Layout,
@@ -102,8 +103,8 @@ pub(crate) fn simulated(
     Ok((bus, simulator))
 }
 
-/// Returns the bus of a simulated rig after checking its controllers. The simulated rig speaks
-/// hbot's own link, whatever `link.protocol` states for the real one.
+/// Checks the simulated motor controllers at the far end of `line`, and returns the bus for them.
+/// They always use hbot's own protocol, whatever `link.protocol` in the rig file states.
 pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,
@@ -123,8 +124,9 @@ fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
     spawn_pty(rig, PtyOptions { on_start: Box::new(on_start), ..PtyOptions::default() })
 }
 
-/// Opens the buses on real serial ports: checks their controllers, starts `helper` for each, and
-/// reopens lost lines if `reopened` is true. Adds notices for the user to `notices`.
+/// Opens the rig's serial ports and checks the motor controllers on them. Starts a process of
+/// `helper` for each port, which switches the motors off if this program dies. If `reopened` is
+/// true, lines that are lost are reopened. Adds notices for the user to `notices`.
 pub(crate) fn serial(
     rig: &RigConfig,
     devices: &[String],
@@ -155,7 +157,8 @@ pub(crate) fn serial(
     devices.iter().enumerate().map(open).collect()
 }
 
-/// Returns a notice if a USB serial chip holds readings back for more than 1 ms.
+/// Returns a notice for the user if the USB serial chip of `device` delays received data by more
+/// than 1 ms.
 fn held_back(device: &str) -> Option<String> {
     let timer = LatencyTimer::of(Path::new(device)).filter(|timer| timer.ms > 1)?;
     Some(format!(

@@ -19,16 +19,19 @@ use thiserror::Error;
 
 use crate::sample::Sample;
 
-/// Capacity of the ring of samples: half a second at 8 kHz, in case the service is busy.
+/// Number of samples that can wait for the service. At 8 kHz they last for half a second, in case
+/// the service is busy.
 const SAMPLES: usize = 4096;
-/// Number of samples after which the service is woken even if it asked only for notable ones.
+/// The loop wakes the service after this many samples, even if the service asked to be woken only
+/// for notable samples, such as a change of mode.
 const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
 
-/// The command that follows an emergency stop through the ring. Its answer comes with the tick of
-/// the stop or a later one. The command itself does nothing: a second stop some ticks after the
-/// first would undo a reset that was ordered in between.
+/// The command that is sent through the ring after an emergency stop, so that the stop gets an
+/// answer. The answer comes with the tick of the stop or a later one. The command itself does
+/// nothing: a second stop a few ticks after the first would undo a reset that was ordered in
+/// between.
 pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 
 /// A command on its way to the loop, with the number that identifies its answer.
@@ -36,34 +39,35 @@ pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 pub struct Order {
     /// Number of the order, returned with the answer in [`Sample::answers`].
     pub ticket: u64,
-    /// The command that the controller of hbot-core carries out.
+    /// The command, which the control law of hbot-core carries out.
     pub command: Command,
 }
 
-/// The error for an order or scene that cannot be sent, because the loop has not yet taken the
-/// earlier ones.
+/// Error: an order or scene cannot be sent, because the ring to the loop is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the loop has not yet taken what it was given before")]
 pub struct Busy;
 
-/// The loop's end of the bridge: it takes orders and scenes, and publishes samples.
+/// The control loop's end of the bridge to the service. It receives orders and scenes, and sends
+/// samples.
 pub struct LoopEnd {
     orders: Consumer<Order>,
     scenes: Consumer<Box<CompiledScene>>,
     retired: Producer<Box<CompiledScene>>,
     samples: Producer<Sample>,
     waker: Arc<Waker>,
-    /// Mode, cause and scene of the last sample.
+    /// Mode, fault cause and scene of the last published sample, to detect a change.
     last: Option<Situation>,
     /// Number of samples since the service was last woken.
     unheard: usize,
 }
 
-/// The parts of a sample that are notable when they change: mode, cause of a fault, and revision of
+/// The parts of a sample whose change wakes the service: mode, cause of a fault, and revision of
 /// the scene.
 type Situation = (Mode, Option<Cause>, u64);
 
-/// The service's end of the bridge: it sends orders and scenes, and receives samples.
+/// The service's end of the bridge to the control loop. It sends orders and scenes, and receives
+/// samples.
 pub struct ServiceEnd {
     orders: Producer<Order>,
     scenes: Producer<Box<CompiledScene>>,
@@ -73,24 +77,27 @@ pub struct ServiceEnd {
     next_ticket: u64,
 }
 
-/// A notification that the loop has published samples: its event descriptor becomes readable. It is
-/// separate from [`ServiceEnd`], so that one task can wait for it while another uses that end.
+/// A notification from the loop that samples are waiting: its file descriptor becomes readable. It
+/// is separate from [`ServiceEnd`], so that one task can wait for it while another uses the
+/// `ServiceEnd`.
 #[derive(Clone)]
 pub struct Bell(Arc<Waker>);
 
-/// A handle that stops the loop at its next tick, from any thread. It only writes to memory and
-/// shares no channel and no lock, so nothing that the service does can delay it.
+/// A handle that requests an emergency stop at the loop's next tick, from any thread. It only
+/// writes to memory and shares no channel and no lock, so nothing that the service does can delay
+/// it.
 #[derive(Clone)]
 pub struct EmergencyStop(Arc<Waker>);
 
-/// State shared by both ends of the bridge. It wakes the service only if the service sleeps, so
-/// that a busy service costs the loop no system call.
+/// State shared by both ends of the bridge, with which the loop wakes the service. The loop wakes
+/// it only if it sleeps, so that a busy service costs the loop no system call.
 struct Waker {
     /// Which samples wake the service: [`AWAKE`], [`NOTABLE`] or [`EVERY`].
     ear: AtomicU8,
-    /// Tick of the last sample.
+    /// Tick number of the newest sample that the loop has published.
     tick: AtomicU64,
-    /// True if an emergency stop is requested. It overtakes everything that waits in the ring.
+    /// True if an emergency stop is requested. It takes effect before all orders that wait in the
+    /// ring.
     estop: AtomicBool,
     /// True if a signal requested the emergency stop and the service has not noticed it yet.
     signalled: AtomicBool,
@@ -99,14 +106,16 @@ struct Waker {
     event: OwnedFd,
 }
 
-/// The service is awake and needs no wake-up.
+/// Value of [`Waker::ear`]: the service is awake and needs no wake-up.
 const AWAKE: u8 = 0;
-/// The service sleeps until something notable happens, or many samples wait.
+/// Value of [`Waker::ear`]: the service sleeps until a notable sample is published, such as a
+/// change of mode, or many samples wait.
 const NOTABLE: u8 = 1;
-/// The service sleeps until the next sample.
+/// Value of [`Waker::ear`]: the service sleeps until the next sample is published.
 const EVERY: u8 = 2;
 
-/// Creates a bridge and returns both of its ends.
+/// Creates the bridge between the control loop and the service. Returns the loop's end and the
+/// service's end.
 ///
 /// # Errors
 /// Fails if the system provides no event descriptor.
@@ -147,14 +156,14 @@ pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
 }
 
 impl LoopEnd {
-    /// Takes the oldest order that waits, if any.
+    /// Removes and returns the oldest waiting order, if any.
     #[inline]
     pub fn take_order(&mut self) -> Option<Order> {
         self.orders.pop().ok()
     }
 
-    /// Replaces `scene` by the newest scene that waits, if any. The replaced scenes are sent back,
-    /// so that their memory is freed outside the loop.
+    /// Replaces `scene` by the newest waiting scene, if any. Sends the replaced scenes back to the
+    /// service, so that their memory is freed outside the loop.
     #[inline]
     pub fn adopt_scene(&mut self, scene: &mut Box<CompiledScene>) {
         while let Ok(newer) = self.scenes.pop() {
@@ -164,8 +173,8 @@ impl LoopEnd {
         }
     }
 
-    /// Publishes a sample. Returns false if the ring was full and the sample was dropped. Makes at
-    /// most one system call, a non-blocking write to the event.
+    /// Sends a sample to the service. Returns false if the ring was full and the sample was
+    /// dropped. Makes at most one system call, a non-blocking write to the event.
     #[inline]
     pub fn publish(&mut self, sample: Sample) -> bool {
         let situation = Some((sample.state.mode, sample.state.cause, sample.scene));
@@ -200,7 +209,8 @@ impl LoopEnd {
         self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
     }
 
-    /// Returns whether the ring of samples is full, so that the next sample would be dropped.
+    /// Returns whether no more samples can wait for the service, so that the next one would be
+    /// dropped.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.samples.is_full()
@@ -208,8 +218,8 @@ impl LoopEnd {
 }
 
 impl ServiceEnd {
-    /// Sends a command to the loop and returns its ticket. The answer comes with a sample, under
-    /// this ticket. An emergency stop takes effect even if the ring is full.
+    /// Sends a command to the loop. Returns its ticket: the number under which a later sample
+    /// contains the answer. An emergency stop takes effect even if the ring is full.
     ///
     /// # Errors
     /// Fails if 256 orders wait already. The loop takes up to 7 in each tick.
@@ -226,19 +236,21 @@ impl ServiceEnd {
         Ok(ticket)
     }
 
-    /// Returns a handle that stops the loop without an order.
+    /// Returns a handle that requests an emergency stop from any thread, even if the ring of orders
+    /// is full.
     #[must_use]
     pub fn emergency_stop(&self) -> EmergencyStop {
         EmergencyStop(Arc::clone(&self.waker))
     }
 
-    /// Returns whether a signal has stopped the loop since the last call.
+    /// Returns whether a signal has requested an emergency stop since the last call.
     #[must_use]
     pub fn take_signalled(&self) -> bool {
         self.waker.signalled.swap(false, Ordering::AcqRel)
     }
 
-    /// Returns whether a scene can be installed now. Frees the scenes that the loop has sent back.
+    /// Returns whether the ring to the loop has room for another scene. Also frees the scenes that
+    /// the loop has sent back.
     pub fn can_install(&mut self) -> bool {
         while self.retired.pop().is_ok() {}
         !self.scenes.is_full()
@@ -255,12 +267,13 @@ impl ServiceEnd {
         self.scenes.push(scene).map_err(|_| Busy)
     }
 
-    /// Fetches the oldest sample, if one waits.
+    /// Removes and returns the oldest waiting sample, if any.
     pub fn try_sample(&mut self) -> Option<Sample> {
         self.samples.pop().ok()
     }
 
-    /// Returns the tick of the newest sample, fetched or not, or 0 before the first sample.
+    /// Returns the tick number of the newest sample that the loop has published, or 0 before the
+    /// first sample.
     #[must_use]
     pub fn tick(&self) -> u64 {
         self.waker.tick.load(Ordering::Relaxed)
@@ -279,7 +292,7 @@ impl ServiceEnd {
         self.waker.ended.load(Ordering::SeqCst) && self.samples.is_empty()
     }
 
-    /// Returns the notification for new samples.
+    /// Returns a handle with which a task can wait for new samples.
     #[must_use]
     pub fn bell(&self) -> Bell {
         Bell(Arc::clone(&self.waker))
@@ -287,12 +300,13 @@ impl ServiceEnd {
 }
 
 impl EmergencyStop {
-    /// Stops the loop at its next tick.
+    /// Requests an emergency stop at the loop's next tick.
     pub fn stop(&self) {
         self.0.estop.store(true, Ordering::Release);
     }
 
-    /// Stops the loop at its next tick, and notes for the service that a signal did it.
+    /// Requests an emergency stop at the loop's next tick, and records for the service that a
+    /// signal caused it.
     pub fn stop_by_signal(&self) {
         self.0.signalled.store(true, Ordering::Release);
         self.stop();
@@ -301,22 +315,22 @@ impl EmergencyStop {
 
 impl Bell {
     /// Requests the next notification. If `every` is true, the next sample triggers it. Otherwise
-    /// the next notable sample does: one with another mode, cause or scene, or with an answer. It
-    /// also comes after many samples, and at the end of the loop. After this call, check again for
-    /// samples: only later ones trigger the notification.
+    /// only a notable sample does: one whose mode, fault cause or scene has changed, or that
+    /// contains an answer. Many waiting samples and the end of the loop trigger it as well. After
+    /// this call, check again for samples, because only later ones trigger the notification.
     pub fn set(&self, every: bool) {
         self.0.ear.store(if every { EVERY } else { NOTABLE }, Ordering::SeqCst);
         fence(Ordering::SeqCst);
     }
 
-    /// Acknowledges the notification, so that its descriptor is no longer readable.
+    /// Clears the notification, so that its descriptor is no longer readable.
     pub fn heard(&self) {
         let mut count = [0; 8];
         // The read fails if another holder of the event has already read it, which does no harm.
         let _ = rustix::io::read(&self.0.event, &mut count);
     }
 
-    /// Returns a duplicate of the descriptor that becomes readable at a notification.
+    /// Returns a duplicate of the file descriptor that becomes readable at a notification.
     ///
     /// # Errors
     /// Fails if the system provides no descriptor.

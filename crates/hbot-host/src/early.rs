@@ -7,31 +7,34 @@
 
 use crate::clock::{now_ns, sleep_until_ns};
 
-/// The lead is adapted so that one wake-up in this many comes too late for a rehearsal.
+/// The lead is the time by which the loop wakes before a deadline. It is adapted so that one of
+/// this many wake-ups comes too late for a rehearsal of the tick.
 const MISSES: u64 = 100;
-/// Consecutive on-time wake-ups after which the lead has decayed from its maximum to zero.
+/// Number of consecutive on-time wake-ups after which the lead has decayed from its maximum to
+/// zero.
 const FORGET: u64 = 20_000;
 
-/// The adaptive lead with which the loop wakes before its deadlines.
+/// The time by which the loop wakes before its deadlines, called the lead. It adapts to how late
+/// this machine wakes the thread.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Early {
     most_ns: u64,
     lead_ns: u64,
-    /// Duration of the most recent first rehearsal after a sleep, ns.
+    /// Duration of the most recent rehearsal that directly followed a sleep, ns.
     rehearsal_ns: u64,
 }
 
 impl Early {
-    /// Starts with a lead of `most_ns`, which is also its maximum. The maximum is limited to a
-    /// quarter of the period. With 0 the loop sleeps until the deadline.
+    /// Creates the lead, which starts at its maximum: `most_ns`, but at most a quarter of the
+    /// period. If `most_ns` is 0, the loop sleeps until the deadline.
     pub(crate) fn new(most_ns: u64, period_ns: u64) -> Self {
         let most_ns = most_ns.min(period_ns / 4);
         Self { most_ns, lead_ns: most_ns, rehearsal_ns: 0 }
     }
 
-    /// Returns at `deadline_ns`, or as soon after it as the system allows. If there is time, it
-    /// runs `rehearse` at least once, the last time shortly before the deadline. Returns how long
-    /// the thread was awake before the deadline, ns.
+    /// Waits until `deadline_ns`. If there is time, it runs `rehearse`, a trial run of the tick, at
+    /// least once, the last time shortly before the deadline. Returns how long the thread was awake
+    /// before the deadline, ns.
     pub(crate) fn wait(&mut self, deadline_ns: u64, mut rehearse: impl FnMut()) -> u64 {
         sleep_until_ns(deadline_ns.saturating_sub(self.lead_ns));
         if self.most_ns == 0 {
@@ -56,9 +59,9 @@ impl Early {
         awake_ns
     }
 
-    /// Adapts the lead so that one wake-up in [`MISSES`] comes too late. A late wake-up raises the
-    /// lead by `MISSES - 1` times the step by which an on-time one lowers it (stochastic
-    /// approximation of a quantile, Robbins and Monro, 1951).
+    /// Adapts the lead so that one wake-up in [`MISSES`] comes too late for a rehearsal. A late
+    /// wake-up raises the lead by `MISSES - 1` times the step by which an on-time one lowers it
+    /// (stochastic approximation of a quantile, Robbins and Monro, 1951).
     fn learn(&mut self, in_time: bool) {
         let step = (self.most_ns / FORGET).max(1);
         self.lead_ns = if in_time {
@@ -82,7 +85,7 @@ fn rehearsed(now: &mut u64, rehearse: &mut impl FnMut()) -> u64 {
     *now - start
 }
 
-/// Waits for `deadline_ns` without sleeping. Returns the time when the wait ended, ns.
+/// Waits until `deadline_ns` without sleeping. Returns the time when the wait ended, ns.
 fn awake_until(deadline_ns: u64) -> u64 {
     loop {
         let now = now_ns();
@@ -99,8 +102,8 @@ mod tests {
 
     use super::*;
 
-    /// Feeds `n` wake-ups to the adaptation; wake-up `k` is `late(k)` ns late. Returns which share
-    /// of the second half came too late.
+    /// Adapts `early` to `n` simulated wake-ups, of which wake-up `k` is `late(k)` ns late. Returns
+    /// the share of the second half that came too late.
     fn learnt(early: &mut Early, n: u64, late: impl Fn(u64) -> u64) -> f64 {
         let mut misses = 0;
         for k in 0..n {

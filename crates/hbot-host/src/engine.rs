@@ -20,18 +20,20 @@ const SENT: usize = 1024;
 /// How many times the final zero-torque command is sent, in case a frame is lost.
 const STOPS: u32 = 3;
 
-/// The state of the control loop: everything that a tick uses. After construction nothing here
-/// allocates or frees memory, or waits.
+/// The state of the control loop: everything that a tick uses. A tick neither allocates nor frees
+/// memory, and never waits.
 pub struct Engine {
     motors: Motors,
     controller: Controller,
     scene: Box<CompiledScene>,
     bridge: LoopEnd,
-    /// Sequence number and send time, ns, of each of the last commands.
+    /// Sequence number and send time (ns) of each of the last commands, from which the age of a
+    /// reading is computed.
     sent_at: Box<[(u32, u64); SENT]>,
     counters: Counters,
     recorder: Option<Recorder>,
-    /// True if the engine enables the rig by itself as soon as it is idle. This happens once.
+    /// True if the engine must enable the rig by itself when the mode becomes `idle`. It does so at
+    /// most once.
     enable_when_idle: bool,
     /// True if the mode was `idle` after the last tick.
     idle: bool,
@@ -39,14 +41,14 @@ pub struct Engine {
     now_ns: u64,
 }
 
-/// Ticket of the commands that the engine gives itself. Nobody waits for their answers.
+/// Ticket of commands that come from the engine itself. Nobody waits for their answers.
 const OWN: u64 = 0;
 
 /// A callback that receives the scene, the inputs and the outputs of each tick. The scenes and
 /// inputs suffice to replay a run bit for bit.
 pub type Recorder = Box<dyn FnMut(&CompiledScene, &Inputs, &hbot_core::Outputs) + Send>;
 
-/// The timing of one tick.
+/// The number and the timing of a tick that begins.
 #[derive(Debug, Clone, Copy)]
 pub struct TickTime {
     /// Number of the tick, from 0.
@@ -57,15 +59,15 @@ pub struct TickTime {
     pub awake_ns: u64,
     /// Time from the deadline to the start of the tick, ns.
     pub lateness_ns: u64,
-    /// True if the tick counts as late.
+    /// True if the tick began more than a quarter period after its deadline.
     pub late: bool,
     /// Number of ticks that were skipped since the previous tick.
     pub skipped: u64,
 }
 
 impl Engine {
-    /// Creates an engine that renders `scene` with `controller` on `motors`. `recorder`, if given,
-    /// sees every tick.
+    /// Creates an engine that renders `scene` with `controller` on `motors`. If `recorder` is
+    /// given, it is called in every tick.
     #[must_use]
     pub fn new(
         motors: Motors,
@@ -89,7 +91,7 @@ impl Engine {
     }
 
     /// Sets whether the engine enables the rig by itself, once, in the first tick in which this is
-    /// possible. In virtual time this is the same tick number in every run.
+    /// possible. In virtual time, this tick has the same number in every run.
     #[must_use]
     pub fn enabling(mut self, enable: bool) -> Self {
         self.enable_when_idle = enable;
@@ -106,7 +108,8 @@ impl Engine {
         &self.bridge
     }
 
-    /// Runs one tick.
+    /// Runs one tick: reads the motors, computes the torques, sends the command and publishes a
+    /// sample.
     pub fn tick(&mut self, moment: &TickTime) {
         let started = now_ns();
         self.now_ns = moment.t_ns;
@@ -167,9 +170,9 @@ impl Engine {
         }
     }
 
-    /// Runs `tick` in advance on a copy of the controller and discards the result. It assumes that
-    /// the motor controllers repeat their last reading. Afterwards the code and data of a tick are
-    /// in the processor's caches, and nothing else has changed.
+    /// Runs `tick` in advance on a copy of the controller and discards the result, so that the code
+    /// and data of a tick are in the processor's caches. Assumes that the motor controllers repeat
+    /// their last reading. Nothing else changes.
     #[inline(never)]
     pub fn rehearse(&self, tick: u64) {
         let readings = self.motors.readings();
@@ -185,8 +188,8 @@ impl Engine {
         black_box(self.controller.clone().tick(&self.scene, black_box(&inputs)));
     }
 
-    /// Ends the session with the last word: zero torque, motors off. It is sent several times,
-    /// `pause` apart, in case a frame is damaged on the line. Then the buses are released.
+    /// Ends the session: sends the command for zero torque and motors off several times, `pause`
+    /// apart, in case a frame is damaged on the line. Then releases the buses.
     pub fn stop(&mut self, tick: u32, pause: Duration) {
         for k in 0..STOPS {
             if k > 0 {
@@ -198,7 +201,8 @@ impl Engine {
         self.motors.release();
     }
 
-    /// Returns the commands for this tick and their tickets, at most as many as a tick can take.
+    /// Takes the commands for this tick from the bridge, at most as many as a tick can carry out.
+    /// Returns the commands and their tickets.
     fn orders(&mut self) -> (Commands, [u64; MAX_COMMANDS]) {
         let mut commands = Commands::default();
         let mut tickets = [OWN; MAX_COMMANDS];

@@ -53,8 +53,8 @@ impl Bench {
         Self { engine, end, scenes, mode: Mode::Unreferenced, seen: 0 }
     }
 
-    /// Sends commands and scenes and fetches samples, as the service does. The scenes are allocated
-    /// in advance.
+    /// Acts as the service between two ticks: sends commands and scenes, and fetches samples. The
+    /// scenes were allocated in advance.
     fn outside(&mut self, tick: u64) {
         let stamp = Stamp { seq: Some(tick), tick: Some(tick) };
         match tick % 100 {
@@ -77,8 +77,8 @@ fn moment(tick: u64) -> TickTime {
     TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
-/// Runs ticks and rehearsals, and returns how many allocations they made. Only `outside` and
-/// `between` are allowed to allocate.
+/// Runs ticks and rehearsals of the engine. Returns how many memory allocations they made; those of
+/// `outside` and `between` are not counted.
 fn allocations(bench: &mut Bench, mut between: impl FnMut()) -> u64 {
     let mut found = 0;
     for tick in 0..TICKS {

@@ -17,37 +17,39 @@ use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
 use hbot_sim::motion::{LEAD, MOTIONS, TrueMotion};
 
-/// The motion for which errors are measured: brisk, without reversal of its direction.
+/// The test motion for which errors are measured: brisk, without reversals of its direction.
 const MOTION: TrueMotion = MOTIONS[1];
-/// How long the motion is followed, ns.
+/// Duration of the test motion, ns.
 const TIME_NS: u64 = 10_000_000_000;
-/// Largest number of ticks that are simulated at the start of a program.
+/// Largest number of ticks that are simulated when a program starts, so that the start is not
+/// delayed for long.
 const TICKS: u64 = 20_000;
-/// Number of ticks that are timed together.
+/// Number of ticks whose computing time is measured in one piece.
 const CHUNK: usize = 200;
-/// Ratio up to which two computing times count as equal.
+/// Largest ratio of two computing times that count as equal.
 const SAME: f64 = 1.05;
 
-/// The measured cost and error of one choice of methods.
+/// The measured computing time and error of one choice of methods for computing the sphere's
+/// orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expectation {
-    /// Method by which orientation is integrated.
+    /// Method by which the sphere's orientation is integrated.
     pub odometry: OdometryMethod,
-    /// Path that is assumed between two readings.
+    /// Shape of the joints' path that is assumed between two readings.
     pub path: PathFit,
-    /// Computing time from counts to orientation and rates, ns per tick: the median of many
-    /// measurements. The time for a scene is not included.
+    /// Median computing time from encoder counts to orientation and rates, ns per tick. The time
+    /// for a scene is not included.
     pub ns: f64,
-    /// Largest error of the orientation in the test motion, rad, caused by method, path and counts
-    /// together. It is infinite if a joint turns by half a turn or more in one tick, because counts
-    /// are then ambiguous.
+    /// Largest error of the computed orientation in the test motion, rad, caused by method, path
+    /// and encoder counts together. It is infinite if a joint turns by half a turn or more in one
+    /// tick, because its counts are then ambiguous.
     pub error: f64,
-    /// Duration of the motion that was followed, s.
+    /// Duration of the test motion that was followed, s.
     pub time_s: f64,
 }
 
 impl Expectation {
-    /// Returns the names of the methods as rig files spell them.
+    /// Returns the names of the odometry method and of the path, as rig files spell them.
     #[must_use]
     pub fn name(&self) -> String {
         format!("{}, {}", self.odometry.name(), self.path.name())
@@ -59,7 +61,7 @@ impl Expectation {
         format!("{} s of brisk motion ({} rad/s)", three_digits(self.time_s), MOTION.speed)
     }
 
-    /// Returns `methods` with this choice of odometry and path.
+    /// Returns `methods` with the odometry method and the path of this choice.
     #[must_use]
     pub fn chosen(&self, methods: &Methods) -> Methods {
         Methods { odometry: self.odometry, path: self.path, ..*methods }
@@ -72,16 +74,17 @@ fn three_digits(value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
-/// Measures the cost and error of `rig` with its own methods, over 10 s or 20,000 ticks, whichever
-/// is shorter.
+/// Measures the computing time and the orientation error of `rig` with the methods of its rig file,
+/// over 10 s or 20,000 ticks of the test motion, whichever is shorter.
 #[must_use]
 pub fn of(rig: &Rig) -> Expectation {
     let own = (rig.methods.odometry, rig.methods.path);
     measured(rig, &[own], TIME_NS.min(TICKS * rig.timing.period_ns))[0]
 }
 
-/// Measures the cost and error over 10 s of every choice of odometry and path that makes a
-/// difference, in the order of methods and paths.
+/// Measures the computing time and the orientation error over 10 s of the test motion, for every
+/// choice of odometry method and path that makes a difference. The results are ordered by method,
+/// and then by path.
 #[must_use]
 pub fn of_all(rig: &Rig) -> Vec<Expectation> {
     let each = |method: OdometryMethod| {
@@ -92,8 +95,9 @@ pub fn of_all(rig: &Rig) -> Vec<Expectation> {
     measured(rig, &OdometryMethod::ALL.into_iter().flat_map(each).collect::<Vec<_>>(), TIME_NS)
 }
 
-/// Returns the cheapest methods for `rig` whose error is at most `target`, rad, in 10 s. Among
-/// methods whose cost is equal to within 5 %, it returns the most accurate.
+/// Returns the cheapest methods for `rig` whose orientation error is at most `target`, rad, in 10 s
+/// of the test motion. Among methods whose cost is equal to within 5 %, it returns the most
+/// accurate.
 ///
 /// # Errors
 /// If no methods meet the target, returns the most accurate ones as the error.
@@ -112,15 +116,15 @@ fn pick(all: &[Expectation], target: f64) -> Result<Expectation, Expectation> {
     }
 }
 
-/// One choice of methods while it is measured.
+/// One choice of methods and its results, while it is measured.
 struct Run {
     controller: Controller,
-    /// Computed and true orientation at the reading from which errors are measured.
+    /// Computed and true orientation at the first reading that is compared.
     zero: Option<[Quat; 2]>,
     error: f64,
-    /// Computing times of all chunks, ns per tick.
+    /// Computing time of each chunk of ticks, ns per tick.
     samples: Vec<f64>,
-    /// The orientations that were computed in the last chunk.
+    /// The orientations that were computed in the most recent chunk of ticks.
     q: Vec<Quat>,
 }
 
@@ -136,8 +140,8 @@ fn measured(rig: &Rig, choices: &[(OdometryMethod, PathFit)], time_ns: u64) -> V
     }
 }
 
-/// Follows the test motion with all `choices`. `N` is the number of joints plus four, for the
-/// orientation q.
+/// Computes the orientation in the test motion with each of `choices`, and measures time and error.
+/// `N` is the number of joints plus four, for the four numbers of the orientation.
 fn follow<const N: usize>(
     rig: &Rig,
     choices: &[(OdometryMethod, PathFit)],
@@ -187,8 +191,9 @@ fn expectations<'a>(
     choices.iter().zip(runs).map(each).collect()
 }
 
-/// Returns the inputs of tick `tick` that the motor controllers of `rig` would send. `h` is the
-/// period, s, and `y` holds the true orientation and joint angles.
+/// Returns the inputs of the control law in tick `tick`, with the readings that the motor
+/// controllers of `rig` would send. `h` is the period, s, and `y` holds the true orientation and
+/// joint angles.
 fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inputs {
     let n = rig.device.joints();
     let th: Vec<f64> = (0..n / 2).map(|i| y[4 + 2 * i]).collect();
@@ -218,7 +223,8 @@ impl Run {
         Self { controller, zero: None, error: 0.0, samples: Vec::new(), q: Vec::with_capacity(CHUNK) }
     }
 
-    /// Runs the ticks of one chunk and measures their time.
+    /// Runs the control law on the readings of one chunk of ticks, and measures the computing time
+    /// per tick.
     fn take(&mut self, readings: &[Inputs]) {
         let scene = CompiledScene::empty();
         self.q.clear();
@@ -229,8 +235,9 @@ impl Run {
         self.samples.push(start.elapsed().as_secs_f64() * 1.0e9 / readings.len() as f64);
     }
 
-    /// Compares the computed orientations with the true ones. The comparison starts at the first
-    /// reading that has as many readings before it as a path needs.
+    /// Compares the orientations computed in one chunk of ticks with the true ones, and keeps the
+    /// largest error. The comparison starts at the first reading that has as many readings before
+    /// it as a path needs.
     fn judge<const N: usize>(&mut self, done: usize, truth: &[[f64; N]]) {
         for (k, (q, y)) in self.q.iter().zip(truth).enumerate() {
             let truth = Quat::from_xyzw(y[1], y[2], y[3], y[0]);
@@ -271,8 +278,8 @@ mod tests {
         hbot_config::RigConfig::prototype().rig.with(alter).unwrap()
     }
 
-    /// With encoders ten thousand times finer, only the errors of the method and of the path
-    /// remain.
+    /// Checks that methods of higher order are more accurate if the encoders are so fine that only
+    /// the errors of the method and of the path remain.
     #[test]
     fn fine_encoders_leave_the_methods_error() {
         let error = |odometry, path| {
@@ -300,8 +307,9 @@ mod tests {
         assert_eq!(of(&rig).error, f64::INFINITY);
     }
 
-    /// However fast the loop, a program that starts follows at most 20,000 ticks and reports their
-    /// duration. A search for a target always covers 10 s.
+    /// Checks that [`of`], which programs call when they start, follows at most 20,000 ticks of the
+    /// test motion at any rate of the loop, and reports their duration. A search for a target
+    /// always covers 10 s.
     #[test]
     fn a_quick_loop_is_followed_for_a_shorter_time() {
         let at = |hz: u64| of(&prototype(|parts| parts.timing.period_ns = 1_000_000_000 / hz));

@@ -20,24 +20,24 @@ use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{WakeLatency, lock_memory};
 use crate::run_loop::{Ended, StopFlag, Time, lockstep, wall};
 
-/// The options with which a rig is started.
+/// The options with which a rig and its control loop are started.
 pub struct HostOptions {
-    /// The rig, including the line to its motors.
+    /// The configuration of the rig, including the ports to its motors.
     pub rig: RigConfig,
     /// The scene that the loop renders first.
     pub scene: Box<CompiledScene>,
-    /// Phenomena of the simulated rig. They have no effect on a real rig.
+    /// Phenomena of the simulated rig, such as play. They have no effect on a real rig.
     pub phenomena: Phenomena,
-    /// Wall-clock or virtual time.
+    /// Whether the loop runs in wall-clock or in virtual time.
     pub time: Time,
     /// Number of ticks after which the loop ends. With `None` it runs until it is stopped.
     pub ticks: Option<u64>,
-    /// Motor buses that replace those of the rig file.
+    /// Motor buses to use instead of those in the rig file, if any.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
-    /// The command that starts this program as the helper that switches the motors off if it dies.
-    /// It is used on real serial ports. With `None` there is no helper.
+    /// The command that starts the helper process, which switches the motors off if this program
+    /// dies. It is used on real serial ports. With `None` there is no helper.
     pub last_word: Option<Program>,
-    /// A callback that receives the inputs and outputs of every tick, in the loop's thread. For
+    /// A callback that receives the inputs and outputs of every tick, in the loop's thread, for
     /// tests and replay.
     pub recorder: Option<Recorder>,
 }
@@ -45,13 +45,13 @@ pub struct HostOptions {
 /// The reason why a rig could not be started.
 #[derive(Debug, Error)]
 pub enum HostError {
-    /// The motors could not be attached.
+    /// The program could not connect to the motors.
     #[error(transparent)]
     Attach(#[from] AttachError),
     /// The number of motor buses differs from the number of ports in the rig file.
     #[error("{given} motor buses were given, the rig file has joints on {ours}")]
     Buses {
-        /// Number of buses that were given.
+        /// Number of buses in [`Options::buses`].
         given: usize,
         /// Number of buses in the rig file.
         ours: usize,
@@ -62,24 +62,26 @@ pub enum HostError {
     /// Virtual time was requested for a real rig.
     #[error("virtual time needs the simulated rig: use `--port sim`, or `--time wall` for {0}")]
     VirtualHardware(String),
-    /// The system provides no thread or no event descriptor.
+    /// The operating system could not provide a thread or an event descriptor.
     #[error("the system refuses: {0}")]
     System(#[from] std::io::Error),
 }
 
-/// A rig whose loop is running. Dropping it stops the loop, so that no motor runs without an owner
-/// that can stop it.
+/// A rig whose loop is running. Dropping it stops the loop, so that the motors never run without a
+/// program that can stop them.
 pub struct Host {
     stop: StopFlag,
     thread: Option<JoinHandle<Ended>>,
     notices: Vec<String>,
-    /// The simulated rig. It must outlive the loop's thread, so it is declared after it.
+    /// The simulated rig, if any. This field comes after `thread`, so that the rig is dropped after
+    /// the loop's thread has ended.
     simulator: Option<Simulator>,
     _wake_latency: Option<WakeLatency>,
 }
 
 impl Host {
-    /// Attaches the motors, checks their controllers and starts the loop.
+    /// Connects to the motors, checks their controllers and starts the loop. Returns the running
+    /// rig and the service's end of the bridge to its loop.
     ///
     /// # Errors
     /// Fails if a port cannot be opened, the controllers are not accepted, or the system refuses.
@@ -131,7 +133,7 @@ impl Host {
         &self.notices
     }
 
-    /// Returns the simulated rig, or `None` if the motors are real.
+    /// Returns a handle to the simulated rig, or `None` if the motors are real.
     #[must_use]
     pub fn simulator(&self) -> Option<&Simulator> {
         self.simulator.as_ref()
@@ -156,7 +158,7 @@ impl Drop for Host {
     }
 }
 
-/// Starts a loop in lock-step with the simulated rig.
+/// Starts the loop in virtual time, in lock-step with the simulated rig.
 fn in_virtual_time(
     engine: Engine,
     rig: &RigConfig,
@@ -167,8 +169,8 @@ fn in_virtual_time(
     spawn(move || lockstep(engine, period_ns, ticks, &stop))
 }
 
-/// Starts a loop in wall-clock time, and waits until its thread has requested its processor and its
-/// priority. Adds a notice for each refusal.
+/// Starts the loop in wall-clock time, and waits until its thread has requested its processor and
+/// its real-time priority. Adds a notice for the user for each refusal.
 fn by_the_clock(
     engine: Engine,
     rig: &RigConfig,
@@ -201,7 +203,7 @@ fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinH
     std::thread::Builder::new().name("hbot-loop".to_owned()).spawn(body)
 }
 
-/// Returns a notice for each wheel whose steering zero is not known yet.
+/// Returns a notice for the user for each wheel whose steering zero is not known yet.
 fn uncalibrated(rig: &RigConfig) -> Vec<String> {
     let wheels = rig.wheels.iter().enumerate();
     wheels
@@ -215,8 +217,8 @@ fn uncalibrated(rig: &RigConfig) -> Vec<String> {
         .collect()
 }
 
-/// Keeps processors out of deep sleep as the rig file asks, for as long as the result exists. Adds
-/// a notice if the system refuses.
+/// Limits the time that processors take to wake from sleep, as the rig file asks. The limit lasts
+/// for as long as the result exists. Adds a notice for the user if the system refuses.
 fn limit_wake_latency(rig: &RigConfig, time: Time, notices: &mut Vec<String>) -> Option<WakeLatency> {
     let limit = rig.wake_us.filter(|_| time == Time::Wall).map(WakeLatency::limit).transpose();
     limit.unwrap_or_else(|reason| {

@@ -30,22 +30,24 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use crate::realtime::{LOOP_PRIORITY, lock_memory, real_time};
 use crate::signals;
 
-/// How many times the frame is written, in case one is damaged on the line.
+/// How many times the frame that switches the motors off is written, in case one is damaged on the
+/// line.
 const TIMES: u32 = 3;
-/// Pause between two repetitions of the frame.
+/// Pause between two repetitions of the frame that switches the motors off.
 const PAUSE: Duration = Duration::from_millis(3);
 /// How long the helper tries to write one frame to a line that accepts no bytes.
 const ROOM: Duration = Duration::from_millis(100);
-/// Longest time in which a helper must start.
+/// Longest time that a helper process can take to start.
 const START: Duration = Duration::from_secs(5);
-/// Longest time in which a helper must end before it is killed.
+/// Longest time that a helper process can take to end before it is killed.
 const END: Duration = Duration::from_secs(1);
-/// Byte by which the server reports that the motors are off.
+/// Byte that the server sends to a helper process when the motors are off.
 const ALL_SAID: u8 = 1;
-/// Byte by which a helper reports that it is ready.
+/// Byte that a helper process sends to the server when it is ready.
 const READY: u8 = 2;
 
-/// The command that starts this program as a helper.
+/// The command that starts this program as a helper process, which switches the motors off if the
+/// server dies.
 #[derive(Debug, Clone)]
 pub struct Program {
     path: PathBuf,
@@ -53,9 +55,9 @@ pub struct Program {
 }
 
 impl Program {
-    /// Returns the command that starts the running program again with one argument. With this
-    /// argument the program must call [`run`]. It works even if the program's file has been
-    /// replaced or removed.
+    /// Returns the command that starts the running program again with `argument`. With this
+    /// argument the program must call [`run`]. The command works even if the program's file has
+    /// been replaced or removed.
     #[must_use]
     pub fn this(argument: &str) -> Self {
         Self { path: "/proc/self/exe".into(), arguments: vec![argument.to_owned()] }
@@ -67,7 +69,7 @@ impl Program {
     }
 }
 
-/// The helper process of one line.
+/// The helper process of one serial line. It switches the motors off if this process dies.
 #[derive(Debug)]
 pub struct LastWord {
     /// The pipe to the helper. It is `None` after the helper was ordered to end.
@@ -118,7 +120,7 @@ impl LastWord {
         pipe.write_all(frame)
     }
 
-    /// Ends the helper without writing anything to the line, because the motors are off or the line
+    /// Orders the helper to end without writing to the line, because the motors are off or the line
     /// is lost. Waits until the helper has ended.
     pub fn all_said(&mut self) {
         let Some(mut pipe) = self.pipe.take() else { return };
@@ -156,7 +158,7 @@ impl LastWord {
     }
 }
 
-/// Closes the pipe, so that the helper writes the last word unless it was ordered to end.
+/// Closes the pipe to the helper, so that it switches the motors off unless it was ordered to end.
 impl Drop for LastWord {
     fn drop(&mut self) {
         held(&self.helper).dismissed = true;
@@ -170,7 +172,7 @@ impl Drop for LastWord {
 pub(crate) struct Watched(Arc<Mutex<Helper>>);
 
 impl Watched {
-    /// Returns whether the helper has ended without being ordered to.
+    /// Returns whether the helper has ended although it was not ordered to.
     pub(crate) fn is_lost(&self) -> bool {
         let mut helper = held(&self.0);
         !helper.dismissed && matches!(helper.child.try_wait(), Ok(Some(_)))
@@ -205,8 +207,8 @@ fn wait_for(descriptor: &impl AsFd, what: PollFlags, most: Duration) -> io::Resu
 }
 
 /// Prevents a core file if this process crashes. The system writes a core file before it closes the
-/// pipes, which takes longer than a controller's watchdog. The limit is one byte, not zero: the
-/// kernel then also skips core dumps that it would pipe to a program (core(5)).
+/// pipe to the helper, and this takes longer than a motor controller's watchdog. The limit is one
+/// byte, not zero: the kernel then also skips core dumps that it would pipe to a program (core(5)).
 pub(crate) fn without_core_file() {
     let maximum = getrlimit(Resource::Core).maximum;
     // If the system refuses, the last word is only written later.
@@ -214,8 +216,9 @@ pub(crate) fn without_core_file() {
         setrlimit(Resource::Core, Rlimit { current: Some(maximum.map_or(1, |most| most.min(1))), maximum });
 }
 
-/// Runs the helper. `frames` is the pipe from the server, `line` is the serial line, and `answer`
-/// is where the helper reports that it is ready.
+/// Runs this program as a helper: it waits until the server ends, and then switches the motors off
+/// if the server has not done so. `frames` is the pipe from the server, `line` is the serial line,
+/// and `answer` is where the helper reports that it is ready.
 ///
 /// # Errors
 /// Fails if the pipe delivers no complete frame, or if the line is lost.
@@ -229,7 +232,8 @@ pub fn run(frames: impl Read, line: impl AsFd, answer: impl io::Write) -> io::Re
     serve(frames, &line, answer)
 }
 
-/// Waits for the server to end, and then writes the frame unless the motors are already off.
+/// Waits until the server ends. Then writes the frame that switches the motors off, unless the
+/// server has reported that they are off.
 fn serve(mut frames: impl Read, line: &impl AsFd, mut answer: impl io::Write) -> io::Result<()> {
     let mut length = [0];
     frames.read_exact(&mut length)?;
@@ -243,7 +247,7 @@ fn serve(mut frames: impl Read, line: &impl AsFd, mut answer: impl io::Write) ->
     }
 }
 
-/// Writes the frame [`TIMES`] times.
+/// Writes `frame` to the line [`TIMES`] times.
 fn say(line: &impl AsFd, frame: &[u8]) -> io::Result<()> {
     for k in 0..TIMES {
         if k > 0 {

@@ -5,13 +5,14 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_core::MAX_JOINTS;
 
-/// The places and zero offsets of all joints of a rig. Signs and gears are not part of it: the
-/// controller of hbot-core works with the motor controllers' signs and knows both.
+/// The place of each joint of a rig on the motor buses, and the offset of its zero. Signs and gear
+/// ratios are not part of the layout, because the control law of hbot-core applies them.
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// JointPlace of each joint, in the order steer, drive of each wheel.
     pub places: Vec<JointPlace>,
-    /// Counts that are added to the count of each joint, so that the sum is zero at the rig's zero.
+    /// Encoder counts that are added to the count of each joint, so that the sum is zero at the
+    /// rig's zero.
     pub offsets: [i32; MAX_JOINTS],
 }
 
@@ -27,7 +28,7 @@ pub struct JointPlace {
 }
 
 impl Layout {
-    /// Returns the layout of a rig file.
+    /// Returns the layout that a rig file describes.
     #[must_use]
     pub fn of(rig: &RigConfig) -> Self {
         let mut offsets = [0; MAX_JOINTS];
@@ -66,13 +67,14 @@ impl Layout {
         Self { places, offsets: [0; MAX_JOINTS] }
     }
 
-    /// Returns the number of buses.
+    /// Returns the number of motor buses.
     #[must_use]
     pub fn buses(&self) -> usize {
         self.places.iter().map(|place| place.bus + 1).max().unwrap_or(0)
     }
 
-    /// Returns the joints on one bus: each joint's number in the rig, and its place on the bus.
+    /// Returns the joints on motor bus number `bus`: each joint's number in the rig, and its place
+    /// on the bus.
     pub fn joints(&self, bus: usize) -> impl Iterator<Item = (usize, usize)> {
         self.on(bus).map(|(joint, place)| (joint, place.at))
     }

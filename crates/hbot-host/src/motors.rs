@@ -12,7 +12,7 @@ use crate::layout::Layout;
 /// The command that switches the motors off.
 pub(crate) const OFF: Drive = Drive { enable: false, torque: [0.0; MAX_JOINTS] };
 
-/// The readings before any bus has sent one.
+/// The joint readings before the first one has arrived: all values are zero.
 const NO_READINGS: JointFeedback = JointFeedback {
     sequence: 0,
     counts: [0; MAX_JOINTS],
@@ -30,52 +30,53 @@ const NO_COMPLAINTS: Complaints = Complaints {
     not_finite: false,
 };
 
-/// The motor buses of a rig, which present all joints in the order of the rig.
+/// All motor buses of a rig. They are presented as one list of joints, in the order of the rig.
 pub struct Motors {
     buses: Vec<Attached>,
     offsets: [i32; MAX_JOINTS],
     watchdog_ms: u16,
-    /// The last readings of the joints of all buses. They can differ in age.
+    /// The newest readings of the joints on all buses. Readings from different buses can differ in
+    /// age.
     readings: JointFeedback,
 }
 
-/// One bus and its state.
+/// One motor bus of a rig, with its joints and its state.
 struct Attached {
     bus: Box<dyn MotorBus>,
     /// The joints on this bus: each joint's number in the rig, and its place on the bus.
     joints: Vec<(usize, usize)>,
-    /// The tick of the command that its newest reading answers.
+    /// The tick of the command that the newest reading of this bus answers.
     answers: Option<u32>,
     /// True if a call of the bus has panicked. It is not called again, so that its helper process,
-    /// if any, writes the last word.
+    /// if any, switches the motors off.
     broken: bool,
-    /// True if the line was reopened. The next reading then reports an expired watchdog, so that
-    /// torque returns only after `reset` and `enable`.
+    /// True if the line of this bus was reopened and no reading has followed yet. The next reading
+    /// then reports an expired watchdog, so that torque returns only after `reset` and `enable`.
     lost: bool,
 }
 
 /// Everything that all buses have received since the previous tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct News {
-    /// The readings of all joints, with the age of the oldest of them; `None` if nothing new has
-    /// arrived.
+    /// The newest readings of all joints, with the sequence number of the oldest of them. `None` if
+    /// nothing new has arrived.
     pub feedback: Option<JointFeedback>,
     /// Number of buses that have delivered a reading.
     pub buses_with_reading: usize,
-    /// Number of damaged frames.
+    /// Number of damaged frames received.
     pub damaged: u16,
-    /// Number of intact frames that are not from these controllers, or answer a command that was
-    /// never sent.
+    /// Number of intact frames that came from other controllers or answer a command that was never
+    /// sent.
     pub foreign: u64,
-    /// True if the controllers of some bus may have lost their zeros.
+    /// True if the motor controllers of a bus may have lost their zeros.
     pub zeros_lost: bool,
     /// Number of lines that were lost and have been reopened.
     pub reopened: u64,
 }
 
 impl Motors {
-    /// Combines `buses`, which must be in the order of the buses of `layout`. The controllers hold
-    /// each command for `watchdog_ms`, ms.
+    /// Combines the motor buses of a rig into one set of joints. `buses` must be in the order of
+    /// the buses of `layout`. The motor controllers hold each command for `watchdog_ms`, ms.
     ///
     /// # Panics
     /// Panics if the number of buses differs from that of `layout`.
@@ -97,7 +98,7 @@ impl Motors {
         }
     }
 
-    /// Returns the number of buses.
+    /// Returns the number of motor buses.
     #[must_use]
     pub fn buses(&self) -> usize {
         self.buses.len()
@@ -108,7 +109,7 @@ impl Motors {
         self.buses.iter().any(|attached| attached.answers.is_some())
     }
 
-    /// Returns the last readings of all joints. They can differ in age.
+    /// Returns the newest readings of all joints. Readings from different buses can differ in age.
     pub(crate) fn readings(&self) -> &JointFeedback {
         &self.readings
     }
@@ -161,8 +162,8 @@ impl Motors {
         refused
     }
 
-    /// Writes the command that switches the motors off to all buses, even if the call of one of
-    /// them panics. Returns how many did not accept it completely.
+    /// Commands all buses to switch their motors off, even if one of the buses panics. Returns how
+    /// many did not accept the command completely.
     pub fn switch_off(&mut self, now_ns: u64, tick: u32) -> u64 {
         let command =
             BusCommand { tick, enable: false, watchdog_ms: self.watchdog_ms, torque: [0.0; MAX_JOINTS] };
@@ -185,8 +186,8 @@ impl Motors {
 }
 
 impl Attached {
-    /// Returns the complaints of this bus. The first message after its line was reopened counts as
-    /// a complaint.
+    /// Returns the complaints of the motor controllers on this bus. If its line was reopened, the
+    /// first message after that counts as an expired watchdog.
     fn complaints(&mut self, heard: &Heard) -> Complaints {
         self.lost |= heard.reopened;
         let says = heard.reading.is_some() || heard.complaints != Complaints::default();
@@ -217,7 +218,7 @@ mod tests {
     use super::*;
     use crate::layout::JointPlace;
 
-    /// A bus that records its calls. It panics at every command if the flag is set.
+    /// A motor bus that records its calls. If the second field is true, it panics at every command.
     struct Noted(Arc<Mutex<Vec<String>>>, bool);
 
     impl MotorBus for Noted {

@@ -1,7 +1,7 @@
 //! Absolute deadlines that keep their phase.
 
-/// Deadlines at whole periods after a start time. Deadlines that have passed are skipped, not
-/// caught up.
+/// The deadlines of a loop, at whole periods after a start time. Deadlines that have passed are
+/// skipped, not caught up.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
     start_ns: u64,
@@ -21,8 +21,8 @@ pub struct Beat {
 }
 
 impl Pace {
-    /// Sets the deadline of tick 0 to `start_ns`; one more follows every `period_ns`, which must
-    /// not be zero.
+    /// Creates the deadlines of a loop: that of tick 0 is `start_ns`, and one more follows every
+    /// `period_ns`, which must not be zero.
     #[must_use]
     pub fn new(start_ns: u64, period_ns: u64) -> Self {
         Self { start_ns, period_ns: period_ns.max(1), next: 0 }
@@ -34,7 +34,8 @@ impl Pace {
         self.start_ns + self.next * self.period_ns
     }
 
-    /// Returns the tick that begins at `now_ns`. Its deadline must have passed.
+    /// Returns the number and the lateness of the tick that begins at `now_ns`. Its deadline must
+    /// have passed.
     #[must_use]
     pub fn beat(&self, now_ns: u64) -> Beat {
         let lateness_ns = now_ns.saturating_sub(self.deadline_ns());

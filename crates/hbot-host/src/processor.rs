@@ -20,9 +20,9 @@ pub struct NoProcessor {
 }
 
 impl Processor {
-    /// Checks that the program can run on processor `number`, counted from 0. The check pins a
-    /// short-lived thread to it: a processor that the system keeps free (`isolcpus`) is not in the
-    /// list of processors that a program is given.
+    /// Checks that the program can run on processor `number`, counted from 0, by pinning a
+    /// short-lived thread to it. The list of processors that the system gives a program would not
+    /// suffice: it omits processors that are kept free with `isolcpus`.
     ///
     /// # Errors
     /// Fails if the processor does not exist, or if this program must not use it.

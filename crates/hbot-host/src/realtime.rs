@@ -15,7 +15,7 @@ pub const LOOP_PRIORITY: u8 = 49;
 /// SCHED_FIFO priority of the simulated rig's thread: just below the loop.
 pub const SIMULATOR_PRIORITY: u8 = 48;
 
-/// Stack that a real-time thread touches before its first tick, bytes.
+/// Size of the stack that a real-time thread touches before its first tick, bytes.
 const STACK: usize = 256 * 1024;
 
 /// Gives the calling thread the scheduling policy SCHED_FIFO at `priority`.
@@ -43,7 +43,7 @@ pub fn lock_memory() -> Result<(), String> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| e.to_string())
 }
 
-/// The system's file for the limit on how long processors can take to wake (PM QoS, kernel
+/// The system file that sets a limit on how long processors can take to wake (PM QoS, kernel
 /// documentation power/pm_qos_interface).
 const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
 
@@ -71,7 +71,8 @@ fn in_words(error: std::io::Error) -> String {
     format!("{WAKE_LATENCY}: {error}")
 }
 
-/// Touches the stack that the thread will use, so that no page fault occurs later.
+/// Writes to the stack that the calling thread will use, so that its first use causes no page fault
+/// later.
 #[inline(never)]
 pub fn touch_stack() {
     let mut pages = [0_u8; STACK];

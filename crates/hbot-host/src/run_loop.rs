@@ -22,7 +22,7 @@ impl StopFlag {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the flag itself, for signal handlers, which can only set an atomic value.
+    /// Returns the flag's atomic value, for signal handlers, which can only set such a value.
     pub(crate) fn shared(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.0)
     }
@@ -102,7 +102,8 @@ pub fn lockstep(mut engine: Engine, period_ns: u64, ticks: Option<u64>, stop: &S
     })
 }
 
-/// Runs `ticks` and switches the motors off at the end, even if `ticks` panics.
+/// Runs `ticks`, which runs the loop and returns the next tick number. Then switches the motors
+/// off, even if `ticks` panics.
 fn guarded(engine: &mut Engine, pause: Duration, ticks: impl FnOnce(&mut Engine) -> u64) -> Ended {
     // The engine's state is not used after a panic: `stop` writes a newly built frame.
     let last = catch_unwind(AssertUnwindSafe(|| ticks(engine)));

@@ -6,44 +6,44 @@ use hbot_core::outputs::{Reply, State};
 /// The record of one tick that the loop publishes to the rest of the program.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// State of the controller after the tick.
+    /// State of the control law after the tick.
     pub state: State,
     /// Nominal time of the tick since the start of the loop, ns.
     pub t_ns: u64,
-    /// Revision of the scene that was rendered.
+    /// Revision number of the scene that was rendered.
     pub scene: u64,
     /// Time that each part of this tick took.
     pub timing: TickTiming,
     /// Counts of events since the start of the loop.
     pub counters: Counters,
-    /// Answers to the orders that this tick took.
+    /// Answers to the orders that the loop took from the service in this tick.
     pub answers: [Option<Answer>; MAX_COMMANDS],
 }
 
-/// The answer to one order.
+/// The loop's answer to one order of the service.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer {
-    /// Ticket of the order.
+    /// Ticket number of the order, which was returned when the order was sent.
     pub ticket: u64,
-    /// The controller's reply to the order.
+    /// The control law's reply to the order.
     pub reply: Reply,
 }
 
 /// Time that each part of one tick took, ns.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TickTiming {
-    /// Time awake before the deadline, ns; 0 in virtual time.
+    /// Time for which the loop's thread was awake before the deadline, ns; 0 in virtual time.
     pub awake_ns: u64,
     /// Time from the deadline to the start of the tick, ns; 0 in virtual time.
     pub lateness_ns: u64,
-    /// Time spent in the controller, ns.
+    /// Time spent in the control law, ns.
     pub compute_ns: u64,
     /// Time spent on the serial line, ns: reading, decoding, encoding and writing.
     pub link_ns: u64,
     /// Age of the torque, ns: the time from the measurement of the newest reading to sending this
-    /// tick's torque. A motor controller reads its encoders when it receives a command, so the
-    /// measurement counts from the sending of the command that the reading answers. `None` if this
-    /// tick has no new reading, or if the send time is no longer known.
+    /// tick's torque. A motor controller reads its encoders when it receives a command, so the send
+    /// time of the command that the reading answers is taken as the time of the measurement. `None`
+    /// if this tick has no new reading, or if the send time is no longer known.
     pub age_ns: Option<u64>,
 }
 
@@ -56,7 +56,7 @@ pub struct Counters {
     pub skipped: u64,
     /// Missed ticks: those without a new reading.
     pub missed: u64,
-    /// Damaged frames.
+    /// Damaged frames that were received.
     pub corrupt_frames: u64,
     /// Intact frames that came from other controllers or answer a command that was never sent.
     pub foreign_frames: u64,
@@ -64,6 +64,6 @@ pub struct Counters {
     pub send_failures: u64,
     /// Number of times that a lost serial line was reopened.
     pub reopened: u64,
-    /// Samples that were dropped because the ring was full.
+    /// Samples that were dropped because the ring to the service was full.
     pub dropped_samples: u64,
 }

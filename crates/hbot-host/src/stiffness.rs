@@ -10,20 +10,21 @@ use hbot_sim::plant::{Plant, PlantState};
 /// arrived in the last tick.
 pub const DELAY_TICKS: f64 = 1.0;
 
-/// Damping of a spring for a single example value, N m s/rad. It can be felt, and is small enough
-/// that encoder counts do not make it noisy.
+/// Damping of a spring that is assumed when a stable stiffness is shown as an example, N m s/rad.
+/// The hand can feel it, and it is small enough that the steps of the encoder counts do not make it
+/// noisy.
 pub const USUAL_DAMPING: f64 = 0.02;
 
-/// Number of postures that are examined.
+/// Number of postures that are examined to find the smallest inertia.
 const SAMPLES: usize = 256;
 
 /// The properties of a rig that limit the stiffness of a spring, without help from friction or the
 /// hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StiffnessBound {
-    /// Period of the loop, s.
+    /// Loop period, s.
     pub period: f64,
-    /// Smallest apparent inertia about any axis over the examined postures, kg m².
+    /// Smallest apparent inertia of the sphere about any axis in all examined postures, kg m².
     pub inertia: f64,
     /// Largest turn of the sphere while one joint moves by one encoder count, with all steer angles
     /// at zero, rad.
@@ -31,8 +32,8 @@ pub struct StiffnessBound {
 }
 
 impl StiffnessBound {
-    /// Computes the properties of the rig and loop of `config`. Returns `None` if its inertias
-    /// contradict each other.
+    /// Computes the properties that limit the stiffness, for the rig and the loop rate of `config`.
+    /// Returns `None` if the inertias in the rig file contradict each other.
     #[must_use]
     pub fn of(config: &RigConfig) -> Option<Self> {
         let rig = &config.rig;
@@ -52,7 +53,7 @@ impl StiffnessBound {
     }
 
     /// Returns the largest stiffness at which a spring is stable, N m/rad. `damping` (N m s/rad) is
-    /// the sum of the spring's own and the device's.
+    /// the sum of the damping of the spring and that of the device.
     ///
     /// The formula is damping / (h (1/2 + D)), with the period h and the delay D. It holds if the
     /// damping is small relative to J / h.
@@ -61,8 +62,8 @@ impl StiffnessBound {
         damping / (self.period * (0.5 + DELAY_TICKS))
     }
 
-    /// Returns the largest stiffness that is stable with any damping, N m/rad, and the damping with
-    /// which it is reached, N m s/rad.
+    /// Returns the largest stiffness at which a spring is stable with the best choice of its
+    /// damping, N m/rad, and this damping, N m s/rad.
     ///
     /// A free inertia whose torque is read one tick before it acts, with k = K h²/J and d = B h/J,
     /// has the characteristic polynomial z (z - 1)² + k (z + 1)/2 + d (z - 1). By Jury's conditions
@@ -72,8 +73,9 @@ impl StiffnessBound {
         [0.25 * self.inertia / (self.period * self.period), 0.625 * self.inertia / self.period]
     }
 
-    /// Returns the largest stiffness, N m/rad, at which Coulomb friction keeps a spring passive
-    /// that reads whole counts. `coulomb` is the device's friction, N m.
+    /// Returns the largest stiffness of a spring, N m/rad, at which the device's Coulomb friction
+    /// makes up for the steps of its encoder counts, so that the spring stays passive. `coulomb` is
+    /// the friction, N m.
     ///
     /// The formula is 2 c / d, with the friction c and the turn d per count (Abbott and Okamura
     /// 2005).
@@ -124,8 +126,8 @@ fn least(matrix: Mat3) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns whether a unit inertia on a spring that acts one tick late comes to rest, at a
-    /// period of 1.
+    /// Returns whether a unit inertia on a spring comes to rest, if the period is 1 and the torque
+    /// acts one tick late.
     fn rests(stiffness: f64, damping: f64) -> bool {
         let (mut x, mut v, mut torque) = (1.0_f64, 0.0_f64, 0.0);
         for _ in 0..20_000 {

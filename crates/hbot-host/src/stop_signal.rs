@@ -8,12 +8,13 @@ use signal_hook::iterator::Signals;
 use crate::bridge::EmergencyStop;
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 
-/// A receiver of SIGUSR1. It receives signals from the moment it is created.
+/// A receiver of the signal SIGUSR1, which requests an emergency stop. It receives signals from the
+/// moment it is created.
 pub struct StopSignal(Signals);
 
 impl StopSignal {
     /// Starts to receive SIGUSR1, which no longer ends the process. A signal that arrives before
-    /// [`obey`](Self::obey) is called is kept and obeyed then.
+    /// [`obey`](Self::obey) is called takes effect when it is called.
     ///
     /// # Errors
     /// Fails if the system provides no file descriptor.

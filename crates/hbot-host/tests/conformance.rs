@@ -13,10 +13,10 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use toy::motors::HeldMotors;
 
-/// The documentation page for authors of drivers.
+/// The documentation page for authors of drivers, whose excerpts are compared with the code.
 const PAGE: &str = include_str!("../../../docs/drivers.md");
 
-/// The controllers of the simulated rig. The mechanics are not under test here, only the protocol.
+/// The motor controllers of a simulated rig. The test needs only their protocol, not the mechanics.
 struct Simulated(SimulatedRig);
 
 impl Simulated {
@@ -64,7 +64,8 @@ fn a_driver_of_one_s_own_conforms() {
     assert_conforms(&subject(&toy::Toy, held_motors));
 }
 
-/// Returns the words of a text, separated by single spaces.
+/// Returns the words of a text separated by single spaces, so that texts with different line breaks
+/// compare equal.
 fn words(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

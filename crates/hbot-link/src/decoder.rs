@@ -4,37 +4,41 @@ use crate::Message;
 use crate::frame::{CRC, CRC_BYTES, DELIMITER, MAX_FRAME};
 use core::{fmt, marker::PhantomData};
 
-/// Collects bytes up to a delimiter and decodes them into a message or an error.
+/// Collects bytes from the line and decodes each frame into a message or an error. A frame ends at
+/// a delimiter, the byte 0.
 ///
 /// Frames can arrive in parts, several at once, or after garbage. Every frame gives one result, in
-/// the order of arrival. A refused frame does not affect the next one, because each zero byte
-/// starts a new search. Two zeros in a row are an empty frame and are skipped silently, so a sender
-/// can end old bytes with an extra zero. The first result after a port is opened can be an error,
-/// if reading began in the middle of a frame.
+/// the order of arrival. A refused frame does not affect the next one, because decoding starts anew
+/// after each delimiter. Two delimiters in a row enclose an empty frame, which is skipped without
+/// an error. So a sender can begin with an extra delimiter, to end any bytes that were sent before.
+/// If reading began in the middle of a frame, the first result can be an error.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {
-    /// The bytes since the last delimiter, still in COBS, in the first `length` bytes.
+    /// The bytes received since the last delimiter, still COBS-encoded. Only the first `length`
+    /// bytes are valid.
     frame: [u8; MAX_FRAME],
     length: usize,
-    /// True if this frame has been refused as too long. Its bytes are dropped up to the delimiter.
+    /// True if this frame was already refused because it is too long. Its bytes are then dropped up
+    /// to the delimiter.
     skipping: bool,
     message: PhantomData<fn() -> M>,
 }
 
 impl<M: Message> Decoder<M> {
-    /// Creates a decoder at the start of a frame.
+    /// Creates a decoder that expects the start of a frame.
     #[must_use]
     pub const fn new() -> Self {
         Self { frame: [0; MAX_FRAME], length: 0, skipping: false, message: PhantomData }
     }
 
-    /// Takes one byte. Returns a message or an error if the byte completes a frame.
+    /// Takes one byte from the line. Returns a message or an error if the byte completes a frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<M, FrameError>> {
         if byte == DELIMITER { self.finish() } else { self.collect(&[byte]).map(Err) }
     }
 
-    /// Takes any number of bytes and calls `each` with every result that they complete. The results
-    /// are those of [`push`](Self::push) for every byte, but this is faster.
+    /// Takes any number of bytes from the line, and calls `each` with the result of every frame
+    /// that they complete. The results are those of [`push`](Self::push) for each byte, but this
+    /// function is faster.
     pub fn feed(&mut self, bytes: &[u8], mut each: impl FnMut(Result<M, FrameError>)) {
         let mut pieces = bytes.split(|byte| *byte == DELIMITER);
         let unfinished = pieces.next_back().unwrap_or_default();
@@ -51,14 +55,14 @@ impl<M: Message> Decoder<M> {
         }
     }
 
-    /// Drops an incomplete frame, for example after the port was reopened.
+    /// Drops an incomplete frame. Useful after the port was reopened.
     pub const fn reset(&mut self) {
         self.length = 0;
         self.skipping = false;
     }
 
-    /// Stores bytes that contain no delimiter. Returns an error if the frame has just become too
-    /// long.
+    /// Stores bytes of a frame that contain no delimiter. Returns an error if they make the frame
+    /// too long.
     fn collect(&mut self, bytes: &[u8]) -> Option<FrameError> {
         if self.skipping {
             return None;
@@ -74,8 +78,8 @@ impl<M: Message> Decoder<M> {
         None
     }
 
-    /// Ends the frame at a delimiter. Returns its result, unless it is empty or was already
-    /// refused.
+    /// Ends the frame at a delimiter and returns its result. Returns `None` if the frame is empty
+    /// or was already refused.
     fn finish(&mut self) -> Option<Result<M, FrameError>> {
         let had_its_result = self.skipping || self.length == 0;
         let length = self.length;
@@ -90,7 +94,8 @@ impl<M: Message> Default for Decoder<M> {
     }
 }
 
-/// Decodes the message in a frame without its delimiter. Overwrites the frame.
+/// Decodes the message in a frame. The frame must not contain its delimiter; its bytes are
+/// overwritten.
 fn decode<M: Message>(frame: &mut [u8]) -> Result<M, FrameError> {
     let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Cobs)?;
     let (body, check) = frame[..length].split_last_chunk::<CRC_BYTES>().ok_or(FrameError::TooShort)?;
@@ -109,20 +114,20 @@ fn decode<M: Message>(frame: &mut [u8]) -> Result<M, FrameError> {
 /// The reason why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FrameError {
-    /// More bytes arrived without a delimiter than the longest frame has. Reported once,
-    /// immediately; the rest of the frame is skipped. Common causes are another device, another
-    /// baud rate or a lost delimiter.
+    /// More bytes arrived without a delimiter than the longest frame has. The error is reported at
+    /// once and only once, and the rest of the frame is skipped. Common causes are a different
+    /// device on the line, a different baud rate, or a lost delimiter.
     TooLong,
-    /// A COBS code points beyond the end of the frame: bytes were lost or a delimiter came too
-    /// early.
+    /// A COBS code byte points beyond the end of the frame. Bytes were lost, or a delimiter came
+    /// too early.
     Cobs,
-    /// The frame has too few bytes for a body and its check.
+    /// The frame has too few bytes to contain a body and its CRC.
     TooShort,
-    /// The check does not match the body: the frame was damaged on the line.
+    /// The CRC does not match the body: the frame was damaged on the line.
     Crc,
-    /// The check matches, but the body is not a message of this direction and protocol version, or
-    /// bytes are left over after it. The sender has another version or is faulty; the line is in
-    /// order.
+    /// The CRC matches, but the body is not a message of this direction and protocol version, or
+    /// bytes are left over after the message. The line works, but the sender has another protocol
+    /// version or is faulty.
     Body,
 }
 

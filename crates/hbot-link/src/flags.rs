@@ -14,25 +14,25 @@ macro_rules! flags {
         impl $name {
             $($(#[$doc])* pub const $flag: Self = Self(1 << $bit);)*
 
-            /// Returns a set without any flag.
+            /// Returns a set in which no flag is set.
             #[must_use]
             pub const fn empty() -> Self {
                 Self(0)
             }
 
-            /// Returns the set with exactly these bits, known or not.
+            /// Returns the set with the given bits. Bits without a name are kept.
             #[must_use]
             pub const fn from_bits(bits: u16) -> Self {
                 Self(bits)
             }
 
-            /// Returns the bits as they are sent on the line.
+            /// Returns the bits of the set, as they are sent on the line.
             #[must_use]
             pub const fn bits(self) -> u16 {
                 self.0
             }
 
-            /// Returns true if no flag is set, known or not.
+            /// Returns true if no bit is set, with or without a name.
             #[must_use]
             pub const fn is_empty(self) -> bool {
                 self.0 == 0
@@ -50,7 +50,7 @@ macro_rules! flags {
                 self.0 & other.0 != 0
             }
 
-            /// Returns the flags that are set in `self`, in `other` or in both.
+            /// Returns the flags that are set in `self`, in `other`, or in both.
             #[must_use]
             pub const fn union(self, other: Self) -> Self {
                 Self(self.0 | other.0)
@@ -82,8 +82,8 @@ macro_rules! flags {
             }
         }
 
-        /// Writes the names of the set flags, and the unknown bits: `JointFlags(INDEX_SEEN |
-        /// 0x8000)`.
+        /// Writes the names of all set flags, and set bits without a name as a number. Example:
+        /// `JointFlags(INDEX_SEEN | 0x8000)`.
         impl fmt::Debug for $name {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 write_names(f, stringify!($name), self.0, &[$((stringify!($flag), 1 << $bit)),*])
@@ -93,30 +93,33 @@ macro_rules! flags {
 }
 
 flags! {
-    /// The state of a motor controller, as a set of flags.
+    /// The state of a motor controller as a set of flags.
     ControllerFlags {
-        /// The torques of the answered command are applied.
+        /// The motor controller applies the torques of the command that it answers.
         ENABLED = 0;
-        /// No valid command came in time. Torque is zero until a [`Command`](crate::Command) with
-        /// `enable = false`.
+        /// The watchdog expired: no valid command came in time. The torque is zero until a
+        /// [`Command`](crate::Command) with `enable = false` arrives.
         WATCHDOG_EXPIRED = 1;
-        /// The controller found an internal fault (a driver, a supply, an encoder, a joint too
-        /// hot). Torque is zero.
+        /// The motor controller found an internal fault, for example in a driver, a supply or an
+        /// encoder, or a joint that is too hot. The torque is zero.
         FAULT = 2;
-        /// Set from boot until a [`Describe`](crate::ToController::Describe) is answered. If a host
-        /// has received the description and later sees this flag, the controller has rebooted and
-        /// its counts started anew.
+        /// Set from boot until the motor controller answers a
+        /// [`Describe`](crate::ToController::Describe). If the host sees this flag after it has
+        /// received the description, the controller has rebooted and its encoder counts have
+        /// started anew.
         UNDESCRIBED = 3;
     }
 }
 
 flags! {
-    /// The state of one joint, as a set of flags.
+    /// The state of one joint as a set of flags.
     JointFlags {
-        /// The encoder's index mark was passed since boot. From the first reading with this flag,
-        /// `count` is 0 at the mark. The difference from the reading before it is not a motion.
+        /// The encoder has passed its index mark since boot. From the first reading with this flag
+        /// on, `count` is measured from the mark. So the difference between this reading and the
+        /// one before it is not a motion.
         INDEX_SEEN = 0;
-        /// The current is at the limit of motor or driver. The torque can be less than commanded.
+        /// The current has reached the limit of the motor or its driver. The torque can be less
+        /// than commanded.
         OVERCURRENT = 1;
         /// The motor or its driver is hotter than allowed.
         OVERTEMPERATURE = 2;

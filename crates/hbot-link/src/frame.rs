@@ -4,41 +4,42 @@ use crate::{MAX_FIRMWARE_BYTES, MAX_JOINTS, Message};
 use core::fmt;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
-/// Bits on the line per byte: a start bit, eight data bits and a stop bit (8N1). The lowest baud
-/// rate for one direction of a line is bytes per frame, times this value, times frames per second.
+/// Number of bits on the line per byte: a start bit, eight data bits and a stop bit (8N1). For one
+/// direction of a line, the lowest possible baud rate is this number times bytes per frame times
+/// frames per second.
 pub const BITS_PER_BYTE: usize = 10;
 
-/// Length of the longest frame to a controller, in bytes: [`command_frame_bytes`] for
-/// [`MAX_JOINTS`].
+/// Length of the longest frame to a motor controller, in bytes. It is [`command_frame_bytes`] for
+/// [`MAX_JOINTS`] joints.
 pub const MAX_COMMAND_FRAME: usize = command_frame_bytes(MAX_JOINTS);
 
-/// Length of the longest frame from a controller, in bytes: [`feedback_frame_bytes`] for
-/// [`MAX_JOINTS`].
+/// Length of the longest frame from a motor controller, in bytes. It is [`feedback_frame_bytes`]
+/// for [`MAX_JOINTS`] joints.
 pub const MAX_FEEDBACK_FRAME: usize = feedback_frame_bytes(MAX_JOINTS);
 
-/// Length of the longest description frame, in bytes: [`description_frame_bytes`] for
-/// [`MAX_JOINTS`].
+/// Length of the longest frame with a [`Description`](crate::Description), in bytes. It is
+/// [`description_frame_bytes`] for [`MAX_JOINTS`] joints.
 pub const MAX_DESCRIPTION_FRAME: usize = description_frame_bytes(MAX_JOINTS);
 
-/// Returns the largest number of bytes on the line, with delimiter, of a
-/// [`Command`](crate::Command) for this number of joints.
+/// Returns the length of the longest frame with a [`Command`](crate::Command) for `joints` joints,
+/// in bytes, with its delimiter.
 ///
 /// # Preconditions
 ///
-/// `joints` is at most [`MAX_JOINTS`]: no message holds more.
+/// `joints` is at most [`MAX_JOINTS`], because no message holds more.
 #[must_use]
 pub const fn command_frame_bytes(joints: usize) -> usize {
     let header = VARIANT + VARINT_U32 + BOOL + VARINT_U16 + COUNT;
     frame_bytes(header + joints * F32)
 }
 
-/// Returns the largest number of bytes on the line, with delimiter, of a
-/// [`Feedback`](crate::Feedback) for this number of joints. The real number depends on counts,
-/// flags and sequence, because small values have shorter codes.
+/// Returns the length of the longest frame with a [`Feedback`](crate::Feedback) for `joints`
+/// joints, in bytes, with its delimiter. A real frame can be shorter, because small numbers are
+/// encoded in fewer bytes.
 ///
 /// # Preconditions
 ///
-/// `joints` is at most [`MAX_JOINTS`]: no message holds more.
+/// `joints` is at most [`MAX_JOINTS`], because no message holds more.
 #[must_use]
 pub const fn feedback_frame_bytes(joints: usize) -> usize {
     let header = VARIANT + VARINT_U32 + VARINT_U16 + COUNT;
@@ -46,25 +47,25 @@ pub const fn feedback_frame_bytes(joints: usize) -> usize {
     frame_bytes(header + joints * joint)
 }
 
-/// Returns the largest number of bytes on the line, with delimiter, of a
-/// [`Description`](crate::Description) for this number of joints.
+/// Returns the length of the longest frame with a [`Description`](crate::Description) of `joints`
+/// joints, in bytes, with its delimiter.
 ///
 /// # Preconditions
 ///
-/// `joints` is at most [`MAX_JOINTS`]: no message holds more.
+/// `joints` is at most [`MAX_JOINTS`], because no message holds more.
 #[must_use]
 pub const fn description_frame_bytes(joints: usize) -> usize {
     let header = VARIANT + VARINT_U16 + COUNT + MAX_FIRMWARE_BYTES + COUNT;
     frame_bytes(header + joints * VARINT_U32)
 }
 
-/// Writes the frame of a message, with delimiter, to the start of `buffer`. Returns its length in
-/// bytes. A buffer of `M::MAX_FRAME` bytes is always large enough.
+/// Encodes `message` as a frame with its delimiter, and writes it to the start of `buffer`. Returns
+/// the length of the frame in bytes. A buffer of `M::MAX_FRAME` bytes is always large enough.
 ///
 /// # Errors
 ///
-/// Returns [`EncodeError::BufferTooSmall`] if the frame does not fit. The content of `buffer` is
-/// then invalid.
+/// Returns [`EncodeError::BufferTooSmall`] if the frame does not fit into `buffer`. The content of
+/// `buffer` is then invalid.
 pub fn encode<M: Message>(message: &M, buffer: &mut [u8]) -> Result<usize, EncodeError> {
     let too_small = EncodeError::BufferTooSmall { given: buffer.len(), enough: M::MAX_FRAME };
     let mut scratch = [0; MAX_CHECKED_BODY];
@@ -83,14 +84,14 @@ pub fn encode<M: Message>(message: &M, buffer: &mut [u8]) -> Result<usize, Encod
     Ok(end + 1)
 }
 
-/// The reason why a message was not encoded.
+/// The reason why a message could not be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncodeError {
-    /// The frame does not fit the buffer.
+    /// The frame does not fit into the buffer.
     BufferTooSmall {
-        /// Size of the buffer, bytes.
+        /// Size of the buffer, in bytes.
         given: usize,
-        /// A size that is enough for every message of this type, bytes.
+        /// Size that is large enough for every message of this type, in bytes.
         enough: usize,
     },
 }
@@ -104,34 +105,35 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// The byte that ends a frame. COBS removes it from all other places.
+/// The byte that ends a frame. COBS encoding ensures that it occurs nowhere else in a frame.
 pub(crate) const DELIMITER: u8 = 0;
 
-/// Number of bytes of the check after the body.
+/// Number of bytes of the CRC that follows the body of a frame.
 pub(crate) const CRC_BYTES: usize = 4;
 
-/// The CRC of the body. Its table of 16 lanes takes 16 KiB of read-only memory and processes
-/// several bytes at a time.
+/// Computes the CRC of a frame's body. It uses a table that takes 16 KiB of read-only memory, with
+/// which it processes several bytes at a time.
 pub(crate) static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-/// Length of the longest frame of either direction, with delimiter, in bytes.
+/// Length of the longest frame in either direction, with its delimiter, in bytes.
 pub(crate) const MAX_FRAME: usize = MAX_FEEDBACK_FRAME;
 
-/// Length of the longest body of either direction with its check, in bytes. COBS adds at least one
-/// byte, and the delimiter is another.
+/// Length of the longest body in either direction together with its CRC, in bytes. A frame is at
+/// least two bytes longer: COBS adds one or more, and the delimiter is another.
 const MAX_CHECKED_BODY: usize = MAX_FRAME - 2;
 
 const _: () = assert!(MAX_COMMAND_FRAME <= MAX_FRAME && MAX_DESCRIPTION_FRAME <= MAX_FRAME);
 
-/// Largest number of bytes of each kind of field in a postcard body. A varint carries 7 bits per
-/// byte.
+/// Largest number of bytes of a `u32` in the body of a frame. Integers are encoded as varints, with
+/// 7 bits per byte. The next constants are for the other types.
 const VARINT_U32: usize = 5;
 const VARINT_U16: usize = 3;
 const F32: usize = 4;
 const BOOL: usize = 1;
-/// Number of the enum's variant, a varint below 128.
+/// Number of bytes of an enum variant's index. It is a varint below 128, so it takes one byte.
 const VARIANT: usize = 1;
-/// Number of elements or bytes that follow, a varint below 128.
+/// Number of bytes of the count before a list or a string. It is a varint below 128, so it takes
+/// one byte.
 const COUNT: usize = 1;
 const _: () = assert!(MAX_JOINTS < 128 && MAX_FIRMWARE_BYTES < 128);
 
@@ -146,8 +148,8 @@ mod tests {
     use crate::{FromController, ToController};
     use std::{format, vec};
 
-    /// Checks that the largest values give exactly the computed size, for each number of joints. So
-    /// the bounds are tight.
+    /// Checks that messages with the largest values have exactly the computed size, for each number
+    /// of joints. This shows that the computed sizes are not larger than necessary.
     #[test]
     fn worst_case_sizes_are_exact() {
         let mut buffer = [0; MAX_FRAME];
@@ -183,9 +185,9 @@ mod tests {
         }
     }
 
-    /// If the check ends in zero, nothing follows the last COBS code byte, and a buffer one byte
-    /// too short must still be refused. About one check in 256 ends so. A few thousand sequence
-    /// numbers give several.
+    /// Checks that a buffer that is one byte too short is refused even if the CRC ends in a zero
+    /// byte. This case is special, because nothing then follows the last COBS code byte. About one
+    /// CRC in 256 ends in zero, so a few thousand sequence numbers give several.
     #[test]
     fn a_check_that_ends_in_zero_is_framed_whole() {
         let mut buffer = [0; MAX_COMMAND_FRAME];

@@ -70,12 +70,13 @@ pub use message::{
     Command, Description, Feedback, FromController, JointDescription, JointReading, Message, ToController,
 };
 
-/// Version of the protocol. Both sides must have the same version; a [`Description`] contains that
-/// of the controller. It increases with every change to the bytes on the line.
+/// Version of the serial protocol. It increases with every change to the bytes on the line. Host
+/// and motor controller must have the same version; the controller reports its version in its
+/// [`Description`].
 pub const PROTOCOL_VERSION: u16 = 1;
 
-/// Largest number of joints on one port. A rig with more joints needs several ports.
+/// Largest number of joints on one serial port. A rig with more joints needs several ports.
 pub const MAX_JOINTS: usize = 16;
 
-/// Largest length of [`Description::firmware`], in bytes of UTF-8.
+/// Largest length of the firmware's name, [`Description::firmware`], in bytes of UTF-8.
 pub const MAX_FIRMWARE_BYTES: usize = 32;

@@ -18,8 +18,8 @@ pub struct Bar {
     pub colour: usize,
 }
 
-/// Draws bars one below the other and returns the picture as SVG. `x` is the label of the axis of
-/// values.
+/// Draws bars one below the other and returns the picture as SVG. `x` is the label of the x axis,
+/// which shows the values.
 #[must_use]
 pub fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
     let mut out = String::new();

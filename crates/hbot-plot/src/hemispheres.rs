@@ -7,8 +7,9 @@ use crate::{Failed, Surface, failed};
 
 /// Height of both discs with their title and names, pixels.
 pub(crate) const HEIGHT: u32 = 440;
-/// Radius of a disc, pixels. `CELL` is the side of a cell.
+/// Radius of a disc, pixels.
 const RADIUS: i32 = 186;
+/// Side of a square cell of a disc, pixels.
 const CELL: i32 = 6;
 /// Number of shades between the smallest and the largest value.
 const SHADES: u32 = 10;
@@ -20,7 +21,8 @@ const SIDES: [(f64, i32, &str); 2] = [(1.0, 225, "seen from above (z)"), (-1.0, 
 /// and its value.
 type Cell = (i32, i32, f64);
 
-/// A value over all directions, drawn as two shaded discs. Small values are dark.
+/// A picture of a value over all directions: the unit sphere as two shaded discs. Small values are
+/// dark.
 #[derive(Debug, Clone)]
 pub struct Hemispheres {
     title: String,
@@ -57,8 +59,8 @@ impl Hemispheres {
     }
 }
 
-/// Draws the cells of one disc. Neighbours in a row with equal shade become one box, which keeps
-/// files small.
+/// Draws the cells of one disc. Neighbouring cells in a row with equal shade are drawn as one box,
+/// which keeps files small.
 fn disc(
     area: &Surface<'_>,
     cells: &[Cell],
@@ -82,7 +84,8 @@ fn disc(
     Ok(())
 }
 
-/// Returns the cells of one side, row by row from the top.
+/// Returns the cells of the disc for one side of the sphere, row by row from the top. `side` is 1
+/// for the upper and -1 for the lower half.
 fn cells(value: &mut impl FnMut(Vec3) -> f64, side: f64) -> Vec<Cell> {
     let steps = RADIUS / CELL;
     let mut cells = Vec::new();
@@ -105,7 +108,8 @@ fn cells(value: &mut impl FnMut(Vec3) -> f64, side: f64) -> Vec<Cell> {
 mod tests {
     use super::*;
 
-    /// The discs show different halves of the sphere, and each direction is a unit vector.
+    /// Checks that the two discs show different halves of the sphere, and that each direction is a
+    /// unit vector.
     #[test]
     fn every_cell_has_the_value_of_its_direction() {
         let mut seen = Vec::new();

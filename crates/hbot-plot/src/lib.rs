@@ -33,7 +33,8 @@ pub use panels::{Curve, PlotPanel, sheet};
 pub use scatter::{Cloud, Scatter};
 pub use sketch::{Pen, Sketch};
 
-/// Colours that people with any colour vision can distinguish (Okabe and Ito 2008).
+/// The palette of eight colours, which people with any colour vision can distinguish (Okabe and Ito
+/// 2008).
 const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -66,7 +67,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// A drawing error. Drawing into a string fails only if plotters has a bug.
+/// An error in drawing. Drawing into a string fails only if plotters has a bug.
 #[derive(Debug)]
 struct Failed(String);
 

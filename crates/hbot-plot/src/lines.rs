@@ -8,8 +8,8 @@ use plotters::prelude::*;
 use crate::plane::{Axis, Legend, MARKS, PALE, TOP, Words, plane, rooms};
 use crate::{COLOURS, Failed, SIZE, Surface, drawn, failed};
 
-/// Largest number of points that are drawn on a line. If there are more, only the line is drawn,
-/// because the points would run together.
+/// Largest number of points of a line that are drawn as dots. A line with more points has no dots,
+/// because they would run together.
 const MARKED: usize = 120;
 
 /// One line of a plot, drawn by [`Lines`].
@@ -21,7 +21,7 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
     /// Index into the palette of eight colours. Lines that belong together share a colour.
     pub colour: usize,
-    /// Whether to draw open points and a thin line instead of filled points. It marks a prediction,
+    /// Whether to draw open dots and a thin line instead of filled dots. This marks a prediction,
     /// or numbers of the other width (f32 or f64).
     pub open: bool,
 }
@@ -40,8 +40,8 @@ pub struct Lines {
     pub log: [bool; 2],
     /// The lines of the plot.
     pub series: Vec<Series>,
-    /// Whether to circle the Pareto front: the points that no other point beats, where small x and
-    /// y are best.
+    /// Whether to circle the Pareto front: the points for which no other point is better, where
+    /// small x and y are best.
     pub front: bool,
 }
 
@@ -125,7 +125,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Draws the legend beside the plane.
+    /// Draws the legend next to the plot.
     fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
@@ -148,8 +148,9 @@ impl Lines {
         Ok(())
     }
 
-    /// Returns the points of the front. A point is beaten by one with smaller x whose y is at most
-    /// 5 % larger, or by one with smaller y whose x is not larger.
+    /// Returns the points of the Pareto front, which no other point beats. A point beats another if
+    /// its x is smaller and its y at most 5 % larger, or if its y is smaller and its x is not
+    /// larger.
     fn best(&self) -> Vec<(f64, f64)> {
         let all: Vec<(f64, f64)> =
             self.series.iter().flat_map(|s| &s.points).copied().filter(|p| self.visible(p)).collect();

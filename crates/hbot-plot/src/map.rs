@@ -7,10 +7,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{Failed, Surface, drawn, failed, short};
 
-/// Width and height of one map with its bar, pixels.
+/// Width and height of one map with its colour bar, pixels.
 const SIZE: (u32, u32) = (560, 470);
-/// Number of colour bands. Neighbouring cells of one band are drawn as one rectangle, which keeps
-/// files small.
+/// Number of colours in a map. Neighbouring cells of equal colour are drawn as one rectangle, which
+/// keeps files small.
 const BANDS: usize = 20;
 
 /// Stops of the viridis colour map (Smith, van der Walt and Firing 2015), dark for small values.
@@ -38,7 +38,7 @@ pub struct Map {
     pub y: String,
     /// Range of both axes, degrees.
     pub span: Range<f64>,
-    /// Values at the centres of a square grid of equal cells, row by row from the lowest y.
+    /// Values at the centres of the cells of a square grid, row by row from the lowest y.
     pub values: Vec<f64>,
     /// Range of the colour bar. Values outside it have the colour of the nearer end.
     pub range: Range<f64>,
@@ -61,7 +61,7 @@ pub fn maps(all: &[Map]) -> String {
 }
 
 impl Map {
-    /// Returns the number of cells in a row.
+    /// Returns the number of cells in a row of the grid.
     fn cells(&self) -> usize {
         self.values.len().isqrt()
     }
@@ -148,7 +148,7 @@ impl Map {
     }
 }
 
-/// Returns the colour of a band.
+/// Returns the colour of a band of values. Band 0 holds the smallest values.
 fn colour(band: usize) -> RGBColor {
     let stops = (VIRIDIS.len() - 1) as f64;
     let along = stops * band as f64 / (BANDS - 1) as f64;

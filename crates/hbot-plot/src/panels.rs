@@ -8,10 +8,11 @@ use crate::hemispheres::{self, Hemispheres};
 use crate::plane::{Axis, Legend, Words, plane, rooms};
 use crate::{COLOURS, Failed, Surface, drawn, failed};
 
-/// Width of the picture, pixels. `PANEL` is the height of each panel.
+/// Width of the picture, pixels.
 const WIDTH: u32 = 840;
+/// Height of each panel, pixels.
 const PANEL: u32 = 250;
-/// Height of the title, pixels.
+/// Height of the title above the panels, pixels.
 const TITLE: u32 = 40;
 
 /// One curve of a [`Panel`].
@@ -42,7 +43,7 @@ pub struct PlotPanel {
     pub curves: Vec<Curve>,
 }
 
-/// Draws panels one below the other, with the discs of `below`, if any, under them. Returns the
+/// Draws panels one below the other, and the discs of `below`, if given, under them. Returns the
 /// picture as SVG.
 #[must_use]
 pub fn sheet(title: &str, panels: &[PlotPanel], below: Option<&Hemispheres>) -> String {

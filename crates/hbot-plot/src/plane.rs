@@ -20,16 +20,19 @@ pub(crate) struct Words<'a> {
     pub(crate) pale: usize,
 }
 
-/// Value of [`Words::x_marks`] for a plot that fills its picture. `PALE` is that of
-/// [`Words::pale`].
+/// Approximate number of labels on the x axis of a plot that fills its picture, for
+/// [`Words::x_marks`].
 pub(crate) const MARKS: usize = 8;
+/// Largest number of parts between two axis labels in a plot that fills its picture, for
+/// [`Words::pale`].
 pub(crate) const PALE: usize = 10;
 
-/// One axis of a plane, linear or logarithmic.
+/// One axis of a plot, linear or logarithmic.
 pub(crate) struct Axis<C> {
-    /// The plotters coordinate, which is linear or logarithmic.
+    /// The axis as the plotters library needs it, linear or logarithmic.
     pub(crate) coordinate: C,
-    /// Values below this are labelled 0. The computed mark at zero can be off by a rounding error.
+    /// Values closer to zero than this are labelled 0, because the computed mark at zero can be off
+    /// by a rounding error.
     pub(crate) rounding: f64,
 }
 
@@ -41,8 +44,8 @@ impl Axis<Range<f64>> {
     }
 }
 
-/// Splits an area into a part for the plane and a part for its legend, wide enough for the longest
-/// of `names`.
+/// Splits a drawing area into a part for the plot and a part for its legend, wide enough for the
+/// longest of `names`.
 pub(crate) fn rooms<'a, 'b>(
     whole: &Surface<'a>,
     names: impl Iterator<Item = &'b str>,
@@ -51,14 +54,14 @@ pub(crate) fn rooms<'a, 'b>(
     whole.split_horizontally(whole.dim_in_pixel().0 as i32 - 44 - 7 * longest as i32)
 }
 
-/// A chart with its axes drawn.
+/// A plotters chart whose axes have been drawn.
 type Plane<'a, 'b, X, Y> = ChartContext<
     'b,
     SVGBackend<'a>,
     Cartesian2d<<X as AsRangedCoord>::CoordDescType, <Y as AsRangedCoord>::CoordDescType>,
 >;
 
-/// Draws the axes and returns the chart for the curves.
+/// Draws the axes of a plot. Returns the chart, into which the curves are drawn.
 pub(crate) fn plane<'a, 'b, X, Y>(
     area: &'b Surface<'a>,
     words: &Words<'_>,
@@ -100,8 +103,8 @@ where
     Ok(chart)
 }
 
-/// Value of `top` in [`Legend::on`] that places a legend below the title of a plot that fills its
-/// picture.
+/// Distance from the upper edge to the first legend entry in a plot with a title, pixels, for
+/// [`Legend::on`].
 pub(crate) const TOP: i32 = 56;
 
 /// A legend with one entry per line: the mark first, then its name.
@@ -129,7 +132,8 @@ impl<'a, 'b> Legend<'a, 'b> {
         self.area.draw(&Circle::new((16, self.y), radius, style)).map_err(failed)
     }
 
-    /// Draws a filled polygon as the mark. `corners` are relative to its centre, pixels.
+    /// Draws a filled polygon as the mark of an entry. `corners` are relative to the mark's centre,
+    /// pixels.
     pub(crate) fn shape(&self, corners: &[(i32, i32)], colour: RGBColor) -> Result<(), Failed> {
         let corners: Vec<_> = corners.iter().map(|(dx, dy)| (16 + dx, self.y + dy)).collect();
         self.area.draw(&Polygon::new(corners, colour.filled())).map_err(failed)

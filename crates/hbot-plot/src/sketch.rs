@@ -6,8 +6,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::{COLOURS, Failed, Surface, drawn, failed};
 
-/// Drawing points per pixel. plotters knows only whole points, and a circle of whole pixels would
-/// look uneven.
+/// Number of drawing points per pixel. The library plotters accepts only whole numbers of drawing
+/// points, and a circle of whole pixels would look uneven.
 const FINE: u32 = 16;
 /// Converts pixels to drawing points.
 const fn pixels(count: u32) -> u32 {
@@ -16,7 +16,7 @@ const fn pixels(count: u32) -> u32 {
 
 /// Width and height of each panel, pixels.
 const SIZE: (u32, u32) = (500, 480);
-/// Length of the sphere's radius, pixels.
+/// Radius with which the sphere is drawn, pixels.
 const SCALE: u32 = 140;
 /// Position of the sphere's centre in its panel, pixels.
 const CENTRE: (u32, u32) = (250, 240);
@@ -51,13 +51,13 @@ struct Label {
     text: String,
     /// Index into the palette of eight colours. `None` is black.
     colour: Option<usize>,
-    /// Offset from the point to the right and down, drawing points.
+    /// Offset of the text from the point to the right and down, drawing points.
     off: [i32; 2],
 }
 
 impl Sketch {
-    /// Creates a sketch of the sphere's outline, seen from `azimuth` (about n3, from n1) and
-    /// `elevation`, degrees.
+    /// Creates a sketch that shows the sphere's outline, seen from the direction with the angles
+    /// `azimuth` (about axis n3, from n1) and `elevation`, degrees.
     #[must_use]
     pub fn new(title: impl Into<String>, azimuth: f64, elevation: f64) -> Self {
         let (sa, ca) = libm::sincos(azimuth.to_radians());
@@ -186,7 +186,7 @@ fn style(pen: Pen, front: bool) -> ShapeStyle {
     }
 }
 
-/// Returns the colour, made paler if it is for a part behind the plane.
+/// Returns the colour, made paler if it is for a part behind the plane through the sphere's centre.
 fn shade(colour: RGBColor, front: bool) -> RGBColor {
     let pale = |c: u8| if front { c } else { ((u16::from(c) + 2 * 235) / 3) as u8 };
     RGBColor(pale(colour.0), pale(colour.1), pale(colour.2))
@@ -203,7 +203,8 @@ fn shrunk(svg: &str, (width, height): (u32, u32)) -> String {
 mod tests {
     use super::*;
 
-    /// The corners of a circle are within a small fraction of a pixel of their true places.
+    /// Checks that the corners of a circle are drawn within a small fraction of a pixel of their
+    /// true places.
     #[test]
     fn circles_do_not_wobble() {
         let mut sketch = Sketch::new("A pole", 0.0, 90.0);

@@ -28,7 +28,8 @@ impl Drop for Other {
     }
 }
 
-/// This program, run again in another role, with its standard input and output as lines.
+/// This program, run as a second process in another role, such as a client. Its standard input and
+/// output are lines of text.
 pub(crate) struct Helper {
     pub(crate) process: Other,
     input: ChildStdin,
@@ -69,20 +70,20 @@ pub(crate) fn hbot() -> Outcome<Command> {
     Ok(Command::new(path))
 }
 
-/// A running server, with a client that watches its states.
+/// A running server under test, with a client that is subscribed to its states.
 pub(crate) struct WatchedServer {
     pub(crate) server: Other,
     pub(crate) address: String,
     pub(crate) watcher: Client,
-    /// Folder for flight logs, unless another is given.
+    /// Folder for the server's flight logs, unless another is given.
     _state: tempfile::TempDir,
     /// The server's standard output, which must stay open.
     _out: BufReader<ChildStdout>,
 }
 
 impl WatchedServer {
-    /// Starts a server on `port` and brings it to active. Its scene has no effects, so the only
-    /// torque is a client's.
+    /// Starts a server on the serial port `port` and brings it to the mode `active`. Its scene has
+    /// no effects, so that only a client can cause torque.
     pub(crate) fn start(port: &str, simulate: Value) -> Outcome<Self> {
         let state = tempfile::tempdir()?;
         let mut command = hbot()?;
@@ -93,7 +94,7 @@ impl WatchedServer {
         Ok(bench)
     }
 
-    /// Starts a server of which only the loop is used. No client receives its states, and it need
+    /// Starts a server of which only the loop is tested. No client receives its states, and it need
     /// not become active.
     pub(crate) fn ticking() -> Outcome<Self> {
         let state = tempfile::tempdir()?;
@@ -145,7 +146,7 @@ impl WatchedServer {
         Ok(Self { server, address, watcher, _state: state, _out: out })
     }
 
-    /// Brings the server to active. The watcher then holds the lease.
+    /// Brings the server to the mode `active`. The watching client then holds the lease.
     pub(crate) fn activate(&mut self) -> Outcome<()> {
         // If the machine stood still for 20 ms, the server is already in a fault, which is not the
         // fault under test.
@@ -164,7 +165,8 @@ impl WatchedServer {
         Err("this machine cannot keep the rig active: `hbot doctor`".into())
     }
 
-    /// Returns the next state for which `found` is true. Fails if none comes within 20 s.
+    /// Waits for a state for which `found` returns true, and returns it. Fails if none arrives
+    /// within 20 s.
     pub(crate) fn until(&mut self, found: impl Fn(&StateEvent) -> bool) -> Outcome<StateEvent> {
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(20) {

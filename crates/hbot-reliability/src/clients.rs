@@ -9,10 +9,10 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use crate::Outcome;
 use crate::timing::quantile;
 
-/// Time for which a client's torque is valid, ms.
+/// Time for which each torque message of a client is valid, ms.
 pub(crate) const VALID_MS: u64 = 100;
 
-/// Connects a client that commands 0.3 N m a hundred times a second, without end.
+/// Runs a client that commands a torque of 0.3 N m a hundred times a second, without end.
 pub(crate) fn push(address: &str) -> Outcome<()> {
     let mut client = Client::connect(address, "pusher")?;
     client.acquire(true)?;
@@ -25,8 +25,8 @@ pub(crate) fn push(address: &str) -> Outcome<()> {
     Ok(())
 }
 
-/// Renders a spring in the client: receives a state and sends a torque every tick. Prints the age
-/// of its torques in ticks.
+/// Runs a client that renders a spring itself: it receives a state and sends a torque in every
+/// tick. Prints the age of its torques in ticks.
 pub(crate) fn render(address: &str, seconds: u64) -> Outcome<()> {
     let mut client = Client::connect(address, "renderer")?;
     client.acquire(true)?;
@@ -52,7 +52,8 @@ pub(crate) fn render(address: &str, seconds: u64) -> Outcome<()> {
     Ok(())
 }
 
-/// Returns every byte it receives, on the kind of runtime that the server uses.
+/// Runs a server that sends back every byte it receives, on the kind of runtime that the hbot
+/// server uses.
 pub(crate) fn echo() -> Outcome<()> {
     tokio::runtime::Builder::new_current_thread().enable_all().build()?.block_on(async {
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;

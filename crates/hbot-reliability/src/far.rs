@@ -16,25 +16,25 @@ use serialport::{SerialPort as _, TTYPort};
 
 use crate::Outcome;
 
-/// How the motor controllers answer.
+/// How the simulated motor controllers answer commands.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Manner {
-    /// With proper readings.
+    /// The controllers send proper readings.
     Well,
-    /// With random bytes, as many as the line takes.
+    /// The controllers send random bytes, as many as the line takes.
     Babbles,
-    /// With the bytes that they received.
+    /// The controllers send back the bytes that they received.
     Echoes,
 }
 
-/// Counts of the commands received, in part since the misbehaviour began.
+/// Statistics of the commands that the simulated motor controllers have received.
 #[derive(Default)]
 struct Heard {
     since_ns: Option<u64>,
     commands: u64,
-    /// Time from the start of the misbehaviour to the first command without torque, ns.
+    /// Time from the start of the misbehaviour to the first command with zero torque, ns.
     zero_after_ns: Option<u64>,
-    /// Number of commands with motors off and zero torque at the end of all commands.
+    /// Number of commands with motors off and zero torque since the last command of another kind.
     last_zeros: u64,
 }
 
@@ -49,7 +49,7 @@ impl Heard {
         }
     }
 
-    /// Returns the counts as one line of JSON.
+    /// Returns the statistics as one line of JSON.
     fn report(&self) -> String {
         let ms = |ns: Option<u64>| ns.map(|ns| ns as f64 * 1e-6);
         json!({"zero_after_ms": ms(self.zero_after_ns), "last_zeros": self.last_zeros, "commands": self.commands})
@@ -57,7 +57,8 @@ impl Heard {
     }
 }
 
-/// Prints the path of its port and serves it until standard input ends.
+/// Runs simulated motor controllers on a pseudo-terminal until standard input ends. Prints the path
+/// of the terminal first.
 pub(crate) fn run() -> Outcome<()> {
     let (mut near, far) = TTYPort::pair()?;
     near.set_timeout(Duration::from_millis(1))?;

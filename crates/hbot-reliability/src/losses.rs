@@ -13,21 +13,21 @@ use crate::bench::{Helper, WatchedServer, hbot, still};
 use crate::clients::VALID_MS;
 use crate::{Outcome, Row};
 
-/// Length of the ramp after the end of a client's torque, ms. `NOTE` is the number of ticks allowed
-/// for noticing the end.
+/// Length of the ramp with which a client's torque ends, ms.
 const RAMP_MS: u64 = 20;
+/// Number of ticks that the server may take to notice a loss and react to it.
 const NOTE: u64 = 2;
 /// Watchdog time of the motor controllers, ms.
 const WATCHDOG_MS: f64 = 20.0;
-/// Parameters of a hand that holds the sphere still.
+/// Parameters of a simulated hand that holds the sphere still.
 const HOLDS: &str = r#"{"stiffness": 50, "damping": 1, "amplitude": 0}"#;
 
 fn hand() -> Outcome<Value> {
     Ok(serde_json::from_str(HOLDS)?)
 }
 
-/// Kills or stops a client that commands a torque. Measures the ticks from the last message taken
-/// to zero torque.
+/// Kills or stops a client that commands a torque. Measures the number of ticks from the client's
+/// last accepted message to zero torque.
 pub(crate) fn client_lost(fault: &str, signal: Signal) -> Outcome<Row> {
     let mut row = client_lost_once(fault, signal)?;
     for _ in 0..4 {
@@ -64,8 +64,8 @@ fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
     ))
 }
 
-/// Starts a server with motor controllers in a separate process, and a client that commands a
-/// torque.
+/// Starts motor controllers in a separate process, a server that uses them, and a client that
+/// commands a torque. Returns the controllers, the server and the client.
 fn pushed_rig() -> Outcome<(Helper, WatchedServer, Helper)> {
     let mut peer = Helper::start(&["peer"])?;
     let port = peer.line()?;
@@ -74,8 +74,8 @@ fn pushed_rig() -> Outcome<(Helper, WatchedServer, Helper)> {
     Ok((peer, bench, client))
 }
 
-/// Kills or stops the motor controllers. Measures the ticks without a reading until the server asks
-/// for zero torque. Only the server can report this.
+/// Kills or stops the process of the motor controllers. Counts the ticks without a reading until
+/// the server commands zero torque. Only the server can report this number.
 pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
     let (peer, mut bench, _client) = pushed_rig()?;
     let missed = |bench: &mut WatchedServer| Ok::<_, Box<dyn std::error::Error>>(bench.stats()?.missed_ticks);
@@ -98,8 +98,8 @@ fn cause(fault: Option<Fault>) -> String {
     fault.map_or_else(|| "no fault".to_owned(), |fault| fault.to_string())
 }
 
-/// Makes the motor controllers misbehave while they still listen. Measures, by their own clock, the
-/// time until they receive zero torque.
+/// Makes the motor controllers misbehave while they still receive commands. Measures, by their own
+/// clock, the time until they receive zero torque.
 pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
     let (mut peer, mut bench, _client) = pushed_rig()?;
     peer.say(trouble)?;
@@ -125,7 +125,9 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
     ))
 }
 
-/// Impairs the line so that a share of the frames is damaged.
+/// Damages the share `share` of the frames on the line, for at most `ticks` ticks, and returns the
+/// row of the fault table. If `rides` is true, the rig must stay in the mode `active`. Otherwise it
+/// must go to the fault `link_corrupt` with zero torque.
 pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     let link = json!({"latency_s": 0, "command_latency_s": 0, "jitter_s": 0, "loss": 0, "corrupt": share});
     let mut bench = WatchedServer::start("sim", json!({"hand": hand()?}))?;
@@ -155,7 +157,8 @@ pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     ))
 }
 
-/// Impairs the line as in [`noise`], but in virtual time, so that only the noise can cause a fault.
+/// Damages frames as [`noise`] does, but in virtual time, so that only the damage can cause a
+/// fault. Checks that no fault occurs.
 pub(crate) fn noise_virtual(share: f64, seconds: u64) -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let scene = folder.path().join("noise.toml");
@@ -186,8 +189,8 @@ pub(crate) fn noise_virtual(share: f64, seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// Sends a stopping signal to the server while a client commands a torque. Checks the last commands
-/// that the motor controllers receive.
+/// Sends a signal that ends a program to the server while a client commands a torque. Checks the
+/// last commands that the motor controllers receive.
 pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
     let (mut peer, mut bench, _client) = pushed_rig()?;
     peer.say("mark")?;
@@ -209,7 +212,8 @@ pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
     ))
 }
 
-/// Makes a flight log fail because the disk is full.
+/// Makes the writing of a flight log fail because the disk is full. Checks that the server reports
+/// this and goes on.
 pub(crate) fn disk_full() -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let small = folder.path().join("small");
@@ -228,7 +232,8 @@ pub(crate) fn disk_full() -> Outcome<Row> {
     )
 }
 
-/// Makes a flight log fail because the disk is read-only.
+/// Makes the writing of a flight log fail because the disk is read-only. Checks that the server
+/// reports this and goes on.
 pub(crate) fn disk_read_only() -> Outcome<Row> {
     let folder = tempfile::tempdir()?;
     let logs = folder.path().join("read-only");

@@ -25,7 +25,7 @@ use std::time::Instant;
 
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
-/// Result of a step that can fail on the way to a row.
+/// The result of a step of a test, which can fail with any error.
 pub(crate) type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// A row of the fault table: the fault, what is promised, what was found, and whether the promise
@@ -43,10 +43,11 @@ impl Row {
     }
 }
 
-/// A function that makes a row. Its argument is the time of each measurement turn, s.
+/// A function that runs a test and returns its row of the table. Its argument is the duration of
+/// each measurement, s.
 type Make = fn(u64) -> Outcome<Row>;
 
-/// The rows with their names, in the order of the table.
+/// All tests, in the order of the table: the name and the function of each.
 const ROWS: &[(&str, Make)] = &[
     ("client_killed", |_| losses::client_lost("killed", Signal::KILL)),
     ("client_stopped", |_| losses::client_lost("stopped (SIGSTOP)", Signal::STOP)),
@@ -72,8 +73,9 @@ const ROWS: &[(&str, Make)] = &[
     ("load", timing::load),
 ];
 
-/// Length of each measurement turn, s. `QUICK_SECONDS` is the length with `--quick`.
+/// Duration of each measurement, s.
 const SECONDS: u64 = 8;
+/// Duration of each measurement with `--quick`, s.
 const QUICK_SECONDS: u64 = 2;
 
 fn main() -> Outcome<()> {
@@ -110,7 +112,8 @@ fn main() -> Outcome<()> {
     table(seconds, &wanted, out.as_deref())
 }
 
-/// Makes the wanted rows, or all if none are named, and prints each when it is done.
+/// Runs the tests named in `wanted`, or all if none are named. Prints the row of each test when it
+/// is done, and writes the table to the file `out`, if given.
 fn table(seconds: u64, wanted: &[String], out: Option<&str>) -> Outcome<()> {
     let mut table = "| fault | promise | found | |\n|---|---|---|---|\n".to_owned();
     print!("{table}");

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::bench::{Helper, Other, WatchedServer};
 use crate::{Outcome, Row};
 
-/// Number of pairs of turns, one with and one without the disturbance.
+/// Number of pairs of measurements, one with and one without the disturbance.
 const PAIRS: u32 = 5;
 
 /// Sorts the values and returns the quantile at `share` (0 to 1), or NaN if there are none.
@@ -28,8 +28,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     quantile(&mut values, 0.5)
 }
 
-/// Timing of a server's loop in one run: median lateness and compute time, and numbers of late and
-/// of all ticks.
+/// Timing of a server's loop in one measurement: median lateness, median computing time, number of
+/// late ticks, and number of all ticks.
 #[derive(Clone, Copy)]
 struct Run {
     lateness_us: f64,
@@ -55,14 +55,14 @@ impl Run {
     }
 }
 
-/// Starts a server and brings it to active. No client receives its states.
+/// Starts a server and brings it to the mode `active`. No client receives its states.
 fn quiet() -> Outcome<WatchedServer> {
     let mut bench = WatchedServer::start("sim", Value::Null)?;
     bench.watcher.unsubscribe()?;
     Ok(bench)
 }
 
-/// A connection for lines of text in both directions.
+/// A TCP connection that sends and receives lines of text.
 struct Line(TcpStream);
 
 impl Line {
@@ -89,7 +89,8 @@ impl Line {
         }
     }
 
-    /// Measures `count` round trips, in microseconds, with a pause after each.
+    /// Measures `count` round trips of a ping, in microseconds, with a pause after each. Appends
+    /// them to `into`.
     fn round_trips(&mut self, count: u32, pause: Duration, into: &mut Vec<f64>) -> Outcome<()> {
         for _ in 0..count {
             into.push(self.ask(b"{\"id\":1,\"op\":\"ping\"}\n")?.as_secs_f64() * 1e6);
@@ -101,8 +102,8 @@ impl Line {
     }
 }
 
-/// Measures round trips to an echo process, in microseconds. They show how fast two such processes
-/// can be.
+/// Measures `count` round trips to an echo process, in microseconds. They show how fast two
+/// processes on this machine can exchange messages.
 fn echoes(count: u32) -> Outcome<Vec<f64>> {
     let mut echo = Helper::start(&["echo"])?;
     let mut times = Vec::new();
@@ -110,21 +111,23 @@ fn echoes(count: u32) -> Outcome<Vec<f64>> {
     Ok(times)
 }
 
-/// Compares back-to-back pings with an echo.
+/// Compares the round-trip time of pings, sent without pauses, with that of an echo process.
 pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
     pings("one after the other", 200, Duration::ZERO, seconds)
 }
 
-/// Compares pings once a millisecond with an echo. A client in step with the loop asks like this,
-/// so caches have had time to get cold.
+/// Compares the round-trip time of pings sent once a millisecond with that of an echo process. A
+/// client in step with the loop sends requests like this, and between them its data can leave the
+/// caches.
 pub(crate) fn ping_paced(seconds: u64) -> Outcome<Row> {
     pings("one a millisecond", 20, Duration::from_millis(1), seconds)
 }
 
-/// Compares pings with an echo on the kind of runtime that the server uses.
+/// Compares the round-trip time of pings to the server with that of an echo process on the same
+/// kind of runtime.
 ///
-/// The turns are short. Other work on the machine changes from moment to moment, and should affect
-/// both equally.
+/// Short series of `turn` pings and `turn` echoes alternate, because other work on the machine
+/// changes from moment to moment and should affect both equally.
 fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
     let bench = quiet()?;
     let mut server = Line::connect(&bench.address)?;
@@ -157,7 +160,7 @@ fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// Measures the age of the torques of a client that renders in step with the loop.
+/// Measures the age of the torques of a client that renders a spring in step with the loop.
 pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     let hand = json!({"hand": {"amplitude": 0.2}});
     let mut bench = WatchedServer::start("sim", hand)?;
@@ -180,7 +183,7 @@ pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// Runs a server with eight clients that receive every state.
+/// Measures the timing of the loop of a server with eight clients that receive every state.
 fn subscribed(seconds: u64) -> Outcome<Run> {
     let mut bench = quiet()?;
     let over = Arc::new(AtomicBool::new(false));
@@ -234,7 +237,8 @@ pub(crate) fn subscribers(seconds: u64) -> Outcome<Row> {
     ))
 }
 
-/// Runs a server with 1,000 connections, of which 200 send garbage and 50 do not read.
+/// Measures the timing of the loop of a server with 1,000 connections, of which 200 send garbage
+/// and 50 do not read.
 fn attacked(seconds: u64) -> Outcome<Run> {
     let mut bench = quiet()?;
     let mut held = Vec::new();

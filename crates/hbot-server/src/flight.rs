@@ -25,19 +25,20 @@ use hbot_host::sample::Sample;
 const BEFORE: Duration = Duration::from_secs(1);
 /// How long after a fault its flight log ends.
 const AFTER: Duration = Duration::from_millis(100);
-/// Keeps the samples of the last second in memory, and returns them as a log after a trigger.
+/// Keeps the samples of the last second in memory. After a fault or an emergency stop, it returns
+/// the samples before and after it as a flight log.
 pub struct FlightRecorder {
     dir: PathBuf,
     ring: Vec<Sample>,
     capacity: usize,
-    /// Index in the full ring where the next sample is written.
+    /// Index at which the next sample is written, after the ring has filled up.
     next: usize,
     before_ticks: u64,
     after_ticks: u64,
     /// Flight logs in progress. There are at most two, because one ends before a third can begin.
     triggers: VecDeque<Trigger>,
-    /// Number of flight logs begun. It is part of the file name and distinguishes logs of the same
-    /// millisecond.
+    /// Number of flight logs begun. It is part of the file name, so that two logs of the same
+    /// millisecond have different names.
     begun: u64,
 }
 
@@ -70,7 +71,7 @@ impl FlightRecorder {
         }
     }
 
-    /// Records the next sample. Returns a flight log if this sample completes it.
+    /// Records the next sample. Returns a flight log if this sample completes one.
     #[inline]
     pub fn push(&mut self, sample: &Sample) -> Option<Flight> {
         if self.ring.len() < self.capacity {
@@ -83,9 +84,9 @@ impl FlightRecorder {
         if done { self.finish() } else { None }
     }
 
-    /// Begins a flight log about `what` in `tick`, whose sample has already been pushed. Returns
-    /// the path that the log will have. If another log began at most 100 ms before, that log is
-    /// extended instead.
+    /// Begins a flight log for the fault or stop `what` in `tick`, whose sample has already been
+    /// recorded. Returns the path that the log will have. If another log began at most 100 ms
+    /// before, that log is extended instead.
     pub fn trigger(&mut self, tick: u64, what: &str) -> &Path {
         let until = tick + self.after_ticks;
         match self.triggers.back_mut() {
@@ -123,7 +124,7 @@ pub fn prepare(dir: &Path) -> io::Result<()> {
 /// Minimum time between two reports that flight logs could not be written.
 const TELL_EVERY: Duration = Duration::from_secs(60);
 
-/// Limits the reports of flight logs that could not be written to one per minute.
+/// Limits the reports about flight logs that could not be written: at most one per minute is due.
 #[derive(Debug, Default)]
 pub(crate) struct Failures {
     told: Option<Instant>,
@@ -143,9 +144,9 @@ impl Failures {
     }
 }
 
-/// A flight log that has not been written yet.
+/// A flight log in memory: the samples around a fault, which have not been written to a file yet.
 pub struct Flight {
-    /// Path of the file.
+    /// Path of the file to write.
     pub path: PathBuf,
     /// The samples of the log, oldest first.
     pub samples: Vec<Sample>,
@@ -187,7 +188,7 @@ impl Flight {
     }
 }
 
-/// Returns the column names, with units. Vectors are in frame N.
+/// Returns the column names of a flight log, with units. Vectors are in frame N.
 fn header(joints: usize) -> Vec<String> {
     let names = |list: &str| list.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
     let mut all = names(
@@ -272,8 +273,8 @@ mod tests {
 
     use super::*;
 
-    /// Returns the first and last tick of each log that a recorder produces in `ticks` ticks with
-    /// faults in the ticks `faults`. Asserts that no log has gaps.
+    /// Returns the first and last tick of each flight log that a recorder produces in `ticks`
+    /// ticks, if faults occur in the ticks `faults`. Asserts that no log has gaps.
     fn logs(faults: &[u64], ticks: u64) -> Vec<(u64, u64)> {
         let mut recorder = FlightRecorder::new(PathBuf::from("flights"), 1_000_000);
         let mut flights = Vec::new();

@@ -25,17 +25,18 @@ use tokio::time::timeout;
 use crate::service::{Control, Summary};
 
 /// Largest number of simultaneous connections to the metrics page. Further ones wait in the
-/// system's queue.
+/// operating system's queue.
 const CONNECTIONS: usize = 4;
-/// Time limit for reading a request and answering it.
+/// Time limit for reading and answering one request for the metrics page.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Size limit of an HTTP request, bytes.
+/// Largest size of a request for the metrics page, bytes.
 const REQUEST: usize = 8 * 1024;
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// Answers scrapes on `listener` for as long as the future is polled. Gets the statistics from the
-/// service through `control`. If `token` is given, every scrape must show it.
+/// Answers requests for the metrics page on `listener`, for as long as the future is polled. Gets
+/// the statistics from the service through `control`. If `token` is given, every request must
+/// contain it.
 pub async fn serve(listener: TcpListener, control: mpsc::Sender<Control>, token: Option<String>) {
     let places = Arc::new(Semaphore::new(CONNECTIONS));
     let token = Arc::new(token);
@@ -104,8 +105,8 @@ async fn answer(
     stream.shutdown().await
 }
 
-/// Checks that a request is an authorized `GET /metrics`. Otherwise returns the HTTP status of the
-/// refusal.
+/// Checks that an HTTP request is an authorized `GET /metrics`. Otherwise returns the HTTP status
+/// of the refusal.
 fn judge(request: &str, token: Option<&str>) -> Result<(), &'static str> {
     let mut lines = request.split("\r\n");
     let mut words = lines.next().unwrap_or_default().split(' ');
@@ -139,7 +140,7 @@ async fn summary(control: &mpsc::Sender<Control>) -> Option<Box<Summary>> {
     told.await.ok()
 }
 
-/// Formats the statistics of a run as OpenMetrics text.
+/// Formats the statistics of a run as text for Prometheus, in the OpenMetrics format.
 fn text(summary: Box<Summary>) -> String {
     let mut registry = Registry::with_prefix("hbot");
     registry.register_collector(Box::new(Figures(summary)));
@@ -153,7 +154,7 @@ fn text(summary: Box<Summary>) -> String {
     out
 }
 
-/// The collector that presents a summary as metrics.
+/// The statistics of a run, presented as metrics for Prometheus.
 #[derive(Debug)]
 struct Figures(Box<Summary>);
 

@@ -30,20 +30,20 @@ use crate::tls::{CertificateError, Encryption};
 
 /// The settings with which a [`Server`] is started.
 pub struct ServerOptions {
-    /// The rig, including its line and the settings of the service.
+    /// The configuration of the rig, including its ports and the settings of the service.
     pub rig: RigConfig,
-    /// The scene that runs at the start.
+    /// The scene that the loop renders first.
     pub scene: SceneFile,
     /// Whether the loop runs in wall-clock time or in virtual time.
     pub time: Time,
-    /// Time of the loop after which the server ends. With `None` the server runs until it is
-    /// stopped.
+    /// Duration of the run, measured in the time of the loop. With `None` the server runs until it
+    /// is stopped.
     pub duration: Option<Duration>,
-    /// The token that clients must show in their hello. With `None` no token is required.
+    /// The token that clients must send in their hello. With `None` no token is required.
     pub token: Option<String>,
-    /// Motor buses that replace those of the rig file.
+    /// Motor buses to use instead of those in the rig file, if any.
     pub buses: Option<Vec<Box<dyn MotorBus>>>,
-    /// How to start this program as the helper process that switches the motors off if the server
+    /// The command that starts the helper process, which switches the motors off if the server
     /// dies. The helper is used only on real serial ports. With `None` no helper is started.
     pub last_word: Option<Program>,
     /// The folder for flight logs. With `None` no logs are written.
@@ -64,7 +64,7 @@ pub enum StartError {
     Certificate(#[from] CertificateError),
 }
 
-/// A server whose loop is running.
+/// A server whose control loop is running.
 pub struct Server {
     setup: ServiceSetup,
     end: ServiceEnd,
@@ -78,7 +78,7 @@ pub struct Server {
 /// The outcome of a server that has ended.
 #[derive(Debug)]
 pub struct Finished {
-    /// Statistics of the run. All values are zero if the service failed.
+    /// Statistics of the run. All values are zero if the service panicked.
     pub summary: Summary,
     /// The part that panicked, if any. The motors were switched off in that case too.
     pub failed: Option<Part>,
@@ -90,7 +90,7 @@ pub struct Finished {
 /// One of the two parts of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// The thread that runs the ticks.
+    /// The thread of the control loop.
     Loop,
     /// The TCP service for clients.
     Service,
@@ -106,7 +106,7 @@ impl fmt::Display for Part {
 }
 
 impl Server {
-    /// Attaches the rig's motors and starts the loop.
+    /// Connects to the rig's motors and starts the control loop.
     ///
     /// # Errors
     /// Fails if a port cannot be opened, if a motor controller does not answer as expected, if the
@@ -146,14 +146,15 @@ impl Server {
         &self.notices
     }
 
-    /// Returns a handle that stops the loop from any thread without going through the service.
+    /// Returns a handle that requests an emergency stop from any thread, without the help of the
+    /// service.
     #[must_use]
     pub fn emergency_stop(&self) -> EmergencyStop {
         self.end.emergency_stop()
     }
 
-    /// Serves clients on `listener` until `shutdown` completes, the loop ends, or one of the two
-    /// panics. Before this returns, the loop has sent zero torque on the line.
+    /// Serves clients on `listener` until `shutdown` completes, the loop ends, or the loop or the
+    /// service panics. Before this returns, the loop has sent zero torque to the motors.
     ///
     /// # Errors
     /// Currently never returns an error. A panic of the loop or the service is reported in
@@ -201,7 +202,7 @@ fn at_start(scene: &SceneFile) -> Phenomena {
     scene.simulate().copied().unwrap_or_else(otherwise)
 }
 
-/// Returns messages for the user that are known before the first client connects.
+/// Returns notices for the user that are known before the first client connects.
 fn notices(flight_dir: Option<&std::path::Path>) -> Vec<String> {
     let mut notices = Vec::from_iter(service::too_few_descriptors());
     if let Some(dir) = flight_dir
@@ -212,7 +213,7 @@ fn notices(flight_dir: Option<&std::path::Path>) -> Vec<String> {
     notices
 }
 
-/// Returns a function that replaces the phenomena of the simulated rig by those of a scene.
+/// Returns a function that gives the simulated rig the phenomena of a scene.
 fn replace_phenomena(simulator: Simulator) -> SetPhenomena {
     Box::new(move |simulate: &Simulate| simulator.show(*simulate))
 }

@@ -22,7 +22,7 @@ use hbot_host::engine::Recorder;
 /// Longest time that a test waits for an expected event.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The handles with which a test ends a server.
+/// The handles with which a test can end a server in several ways.
 struct Ends {
     address: SocketAddr,
     shutdown: Option<oneshot::Sender<Shutdown>>,
@@ -30,7 +30,7 @@ struct Ends {
     stop: EmergencyStop,
 }
 
-/// How the shutdown future of the service ends.
+/// How the future that shuts the service down ends.
 enum Shutdown {
     /// The future completes normally.
     Orderly,
@@ -38,8 +38,8 @@ enum Shutdown {
     Panic,
 }
 
-/// A client with this name makes the log panic when its hello is logged, which is during a request,
-/// while the hub is in use.
+/// Name of a client whose hello makes the log panic. The hello is logged during a request, while
+/// the hub is in use.
 const PANICS: &str = "one that makes the log panic";
 
 async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {
@@ -48,9 +48,9 @@ async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {
     }
 }
 
-/// Starts a server, lets a client command torque, calls `end` to end the server, and asserts that
-/// the last commands are zero torque. Returns the server's outcome, or `None` if its future was
-/// dropped. `log` receives what the service logs.
+/// Starts a server, lets a client command torque, and calls `end` to end the server. Asserts that
+/// the last commands on the line are zero torque. Returns the outcome of the server, or `None` if
+/// its future was dropped. `log` receives the log messages of the service.
 fn ended(
     recorder: Option<Recorder>,
     log: Option<tracing::Dispatch>,
@@ -117,8 +117,8 @@ impl Ends {
     }
 }
 
-/// A log subscriber that passes each message on together with the name of the thread that logged
-/// it.
+/// A log subscriber that calls a function with the text of each log message and the name of the
+/// thread that logged it.
 struct Listener<F>(F);
 
 impl<F: Fn(String) + 'static> tracing::Subscriber for Listener<F> {

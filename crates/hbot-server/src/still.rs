@@ -4,7 +4,8 @@ use hbot_core::inputs::{Inputs, MAX_COMMANDS};
 use hbot_core::{CompiledScene, Controller};
 use hbot_host::sample::{Counters, Sample, TickTiming};
 
-/// Returns the sample of a loop that has just begun and has received nothing on its line.
+/// Returns a sample for tests, with the tick number `tick`. Its state is that after one tick of the
+/// control law without a reading from the motor controllers.
 pub(crate) fn still(tick: u64) -> Sample {
     let mut controller = Controller::new(hbot_config::RigConfig::prototype().rig);
     let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(tick)).state;

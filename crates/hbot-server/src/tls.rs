@@ -61,9 +61,9 @@ pub enum CertificateError {
     },
 }
 
-/// Encrypts connections. TLS handshakes run on a separate thread: they cost computing time for the
-/// private key, and any unknown client can ask for them. They must not take time from the thread
-/// that serves clients.
+/// Encrypts connections with TLS. Handshakes run on a separate thread, because any unknown client
+/// can ask for one and each costs computing time for the private key. This must not delay the
+/// thread that serves clients.
 #[derive(Clone)]
 pub struct Encryption {
     acceptor: TlsAcceptor,

@@ -16,7 +16,8 @@ use hbot_core::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 
-/// Number of marks, one every 10 ms.
+/// Number of moments at which the orientations of two simulations are compared. There is one moment
+/// every 10 ms over 2 s.
 const MARKS: usize = 200;
 
 fn main() {
@@ -74,7 +75,8 @@ fn load() -> impl Load {
     Sum(spring, Sum(about_n1, about_n2))
 }
 
-/// Returns the prototype with r = 10.2 mm and the inertias of the task.
+/// Returns the prototype's device with wheels of radius 10.2 mm and the inertias of the comparison
+/// task.
 fn prototype() -> Device {
     let wheel = |x: f64| WheelSpec {
         axis: Vec3::new(x, 0.0, -1.0),
@@ -88,7 +90,8 @@ fn prototype() -> Device {
     Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).expect("a legal device")
 }
 
-/// Returns the states at all marks, including the start.
+/// Returns the states of the simulation at the start and at each of the [`MARKS`], one every 10 ms.
+/// Each interval between two marks is divided into `steps` steps.
 fn run(plant: &Plant, method: Method, steps: u32, load: &impl Load) -> Vec<PlantState> {
     let h = 0.01 / f64::from(steps);
     let mut marks = Vec::with_capacity(MARKS + 1);

@@ -12,7 +12,8 @@ use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
-/// Number of runs of each measurement. The fastest run counts, because the others were disturbed.
+/// Number of times that each measurement is repeated. Only the fastest run is reported, because
+/// other work on the machine slows down the others.
 const RUNS: usize = 15;
 
 fn main() {
@@ -58,7 +59,7 @@ fn main() {
     }
 }
 
-/// Returns the prototype with the inertias of the comparison task.
+/// Returns the prototype's device with the inertias of the comparison task in `docs/simulator.md`.
 fn prototype() -> Device {
     let s = core::f64::consts::FRAC_1_SQRT_2;
     let wheel = |x: f64| WheelSpec {
@@ -73,7 +74,7 @@ fn prototype() -> Device {
     Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).expect("a legal device")
 }
 
-/// Returns the state after `duration` seconds from rest, in `steps` steps.
+/// Simulates `duration` seconds from rest in `steps` steps, and returns the state at the end.
 fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Load) -> PlantState {
     let h = duration / f64::from(steps);
     let mut state = PlantState::default();
@@ -83,7 +84,7 @@ fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Loa
     state
 }
 
-/// Measures one tick of the rig, ns.
+/// Returns the time that one tick of the simulated rig takes with `phenomena` switched on, ns.
 fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     let joint = Joint { gear: 17.0, continuous: 0.02, zero: Zero::Assume, ..Joint::new(16384, 0.2) };
     let config = SimulatedConfig {
@@ -113,7 +114,7 @@ fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     })
 }
 
-/// Runs `run` several times and returns the shortest time divided by `count`, ns.
+/// Calls `run` [`RUNS`] times and returns the shortest time of one call, divided by `count`, ns.
 fn quickest(count: u32, mut run: impl FnMut()) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..RUNS {

@@ -8,12 +8,14 @@ use hbot_link::{Command, Decoder, FromController, MAX_COMMAND_FRAME, ToControlle
 
 use crate::rig::SimulatedRig;
 
-/// Watchdog time sent with each command, ms. It is longer than any tick.
+/// Watchdog time sent with each command, ms. It is longer than any tick, so the watchdog of the
+/// simulated motor controllers never expires between two ticks.
 const WATCHDOG_MS: u16 = 1000;
-/// Initial capacity of the buffer for the answers of one tick, bytes.
+/// Initial capacity of the buffer for the bytes that the rig answers in one tick.
 const REPLY: usize = 4096;
 
-/// A simulated rig together with the line to it, driven tick by tick.
+/// A simulated rig together with the line in memory that leads to it. The caller runs it tick by
+/// tick.
 #[derive(Debug, Clone)]
 pub struct Exchange {
     rig: SimulatedRig,
@@ -23,8 +25,8 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// Connects `rig` to a line in memory. `joints` is the number of joints of its device; at most
-    /// [`MAX_JOINTS`] are used.
+    /// Connects `rig` to a line in memory. `joints` is the number of joints of the rig's device; at
+    /// most [`MAX_JOINTS`] are used.
     #[must_use]
     pub fn new(rig: SimulatedRig, joints: usize) -> Self {
         let mut exchange = Self {
@@ -48,8 +50,8 @@ impl Exchange {
         &mut self.rig
     }
 
-    /// Runs one tick at `now_ns`: sends the command `drive` with the number `sequence` and returns
-    /// the newest reading that came back.
+    /// Runs one tick at the time `now_ns`: sends the command `drive`, numbered `sequence`, and
+    /// returns the newest reading that the rig answered.
     ///
     /// Returns `None` if no reading has arrived.
     pub fn tick(&mut self, now_ns: u64, sequence: u32, drive: &Drive) -> Option<JointFeedback> {
@@ -80,7 +82,7 @@ impl Exchange {
         newest
     }
 
-    /// Sends `message` to the rig. The answer is then in `reply`.
+    /// Sends `message` to the rig and stores the rig's answer in `reply`.
     fn write(&mut self, now_ns: u64, message: &ToController) {
         let mut frame = [0; MAX_COMMAND_FRAME];
         // A buffer of the largest frame size holds every message.

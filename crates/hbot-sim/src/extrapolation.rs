@@ -5,14 +5,16 @@
 //! (Bulirsch and Stoer; Hairer, Norsett and Wanner 1993, II.9). An interval is halved while the
 //! last two columns of the extrapolation table differ by more than the tolerance.
 
-/// Number of substeps of each row of the extrapolation table.
+/// Number of substeps with which each row of the extrapolation table integrates the interval.
 const SUBSTEPS: [usize; ROWS] = [2, 4, 6, 8, 10, 12];
-/// Number of rows of the extrapolation table.
+/// Number of rows of the extrapolation table. Row k gives a result of order 2 k, so the last one is
+/// of order 12.
 const ROWS: usize = 6;
-/// Largest allowed difference of the last two columns, relative to 1 + |y|: some tens of roundings.
+/// Largest allowed difference of the last two columns of the extrapolation table, relative to 1 +
+/// |y|. It is some tens of rounding errors.
 const TOLERANCE: f64 = 1.0e-14;
-/// Largest number of halvings. After these, the remaining difference is rounding and smaller steps
-/// do not help.
+/// Largest number of times that an interval is halved. After these, the remaining difference is
+/// rounding, and smaller steps do not help.
 const HALVINGS: u32 = 10;
 
 /// Returns the solution of y' = `f`(t, y) at time `t` + `h`, starting from `y` at time `t`.
@@ -41,7 +43,8 @@ fn halved<const N: usize>(
     halved(f, t + 0.5 * h, 0.5 * h, &middle, halvings - 1)
 }
 
-/// Returns the result of one step, and the difference of the last two columns of its table.
+/// Integrates over one interval of length `h`. Returns y at the end and the difference of the last
+/// two columns of the extrapolation table, which estimates the error.
 fn extrapolated<const N: usize>(
     f: &impl Fn(f64, &[f64; N]) -> [f64; N],
     t: f64,
@@ -72,7 +75,8 @@ fn extrapolated<const N: usize>(
     unreachable!("the last row ends it")
 }
 
-/// Returns the change of y over `h` by Gragg's rule in `n` substeps, smoothed at the end.
+/// Returns the change of y over the time `h` by Gragg's midpoint rule with `n` substeps and
+/// smoothing at the end.
 fn midpoint<const N: usize>(
     f: &impl Fn(f64, &[f64; N]) -> [f64; N],
     t: f64,

@@ -12,14 +12,17 @@ use hbot_core::{Quat, Vec3, rotation};
 use crate::phenomena::Hand;
 use crate::plant::Load;
 
-/// Frequencies of the target about the three axes, relative to [`Hand::rate`]. 1, 1/sqrt 2 and the
-/// inverse of the golden ratio have no common period.
+/// Frequencies at which the hand's target moves about the three axes, relative to [`Hand::rate`].
+/// 1, 1/sqrt 2 and the inverse of the golden ratio have no common period, so the motion never
+/// repeats.
 const RATIOS: [f64; 3] = [1.0, core::f64::consts::FRAC_1_SQRT_2, 0.618_033_988_749_894_9];
 
-/// Time from taking hold until the target's motion has its full amplitude, s.
+/// Time in which the amplitude of the target's motion rises from 0 to its full value after the hand
+/// takes hold, s.
 const FADE_S: f64 = 1.0;
 
-/// A hand that holds the sphere. As a [`Load`] it gives the torque of its spring and damper.
+/// A simulated hand that holds the sphere. As a [`Load`] it gives the torque of the hand's spring
+/// and damper.
 ///
 /// The hand's inertia is not part of the load. It is added to the plant by
 /// [`Plant::set_sphere_inertia`](crate::plant::Plant::set_sphere_inertia).
@@ -41,28 +44,28 @@ pub struct HandTarget {
 }
 
 impl Grip {
-    /// Creates the grip of a `hand` that takes hold of the sphere at time `since` (s), when its
-    /// orientation is `q`.
+    /// Creates the grip of a simulated `hand` that takes hold of the sphere at time `since` (s),
+    /// when the sphere's orientation is `q`.
     #[must_use]
     pub fn new(hand: Hand, since: f64, q: Quat) -> Self {
         Self { hand, since, start: q }
     }
 
-    /// Returns the parameters of the hand.
+    /// Returns the parameters of the simulated hand, such as its stiffness.
     #[must_use]
     pub fn hand(&self) -> &Hand {
         &self.hand
     }
 
-    /// Returns the energy stored in the hand's spring, J, at time `t` (s) and the sphere's
-    /// orientation `q`.
+    /// Returns the energy stored in the hand's spring, J, if the sphere has the orientation `q` at
+    /// time `t` (s).
     #[must_use]
     pub fn energy(&self, t: f64, q: Quat) -> f64 {
         2.0 * self.hand.stiffness * rotation::vector_part(q * self.target(t).q.conjugate()).length_squared()
     }
 
-    /// Returns the hand's target at time `t`, s. Before the hand takes hold, this is its starting
-    /// orientation at rest.
+    /// Returns the orientation and angular velocity to which the hand pulls the sphere at time `t`,
+    /// s. Before the hand takes hold, this is the orientation at which it will take hold, at rest.
     #[must_use]
     pub fn target(&self, t: f64) -> HandTarget {
         let age = t - self.since;
@@ -101,8 +104,8 @@ impl Load for Grip {
         self.target(t)
     }
 
-    /// Returns the torque of the hand's quaternion spring (isotropic stiffness) and damper, in
-    /// frame N, N m.
+    /// Returns the torque on the sphere by the hand's quaternion spring (isotropic stiffness) and
+    /// damper, in frame N, in N m.
     ///
     /// The equations are in the physics notes, section 6. The spring torque is K sin(angle): beyond
     /// a quarter turn it falls, as a person's grip does.

@@ -11,16 +11,18 @@ use oorandom::Rand64;
 
 use crate::phenomena::Link;
 
-/// Largest number of frames in flight in one direction. `BYTES` limits their bytes. Both hold all
-/// frames of a 5 kHz loop at the longest latency plus jitter, 0.2 s.
+/// Largest number of frames in flight in one direction. `BYTES` limits the sum of their bytes. Both
+/// limits are large enough for all frames of a 5 kHz loop at the longest latency plus jitter, 0.2
+/// s.
 const FRAMES: usize = 1024;
 const BYTES: usize = 128 * 1024;
 
-/// Size of the longest frame with a leading zero, bytes. A longer run without a zero cannot be a
-/// frame and is sent in pieces of this size.
+/// Size of the longest frame with a leading zero, in bytes. A longer run of bytes without a zero
+/// cannot be a frame and is sent in pieces of this size.
 pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
-/// Counts of the frames sent in one direction of an impaired line, since the impairment began.
+/// Numbers of frames that were sent, lost and damaged in one direction of an impaired line, since
+/// the impairment began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameCounts {
     /// Number of frames sent.
@@ -31,13 +33,13 @@ pub struct FrameCounts {
     pub corrupted: u64,
 }
 
-/// An impaired line, both directions.
+/// An impaired line: it delays, loses and damages frames in both directions.
 #[derive(Debug, Clone)]
 pub(crate) struct Impairment {
     random: Rand64,
     pub(crate) commands: Lane,
     pub(crate) answers: Lane,
-    /// Buffer for the motor controllers' answers to one frame.
+    /// Buffer in which the motor controllers write their answers to one frame.
     pub(crate) scratch: Vec<u8>,
 }
 
@@ -54,7 +56,8 @@ impl Impairment {
         line
     }
 
-    /// Replaces the parameters. Frames in flight still arrive at the time set when they were sent.
+    /// Replaces the parameters of the impairment. Frames already in flight still arrive at the time
+    /// that was set when they were sent.
     pub(crate) fn replace(&mut self, link: &Link) {
         self.random = Rand64::new(u128::from(link.seed));
         self.commands.set(link, link.command_latency_s);
@@ -66,14 +69,14 @@ impl Impairment {
         self.commands.send(now_ns, bytes, &mut self.random);
     }
 
-    /// Sends the bytes in `scratch` to the host and clears it.
+    /// Sends the answers in `scratch` to the host and clears `scratch`.
     pub(crate) fn answer(&mut self, now_ns: u64) {
         self.answers.send(now_ns, &self.scratch, &mut self.random);
         self.scratch.clear();
     }
 
-    /// Returns the time at which the next frame arrives at either end, ns. `None` if no frame is in
-    /// flight.
+    /// Returns the time at which the next frame in either direction arrives, ns. Returns `None` if
+    /// no frame is in flight.
     pub(crate) fn next_ns(&self) -> Option<u64> {
         let (command, answer) = (self.commands.next_ns(), self.answers.next_ns());
         command.map_or(answer, |c| Some(answer.map_or(c, |a| a.min(c))))
@@ -86,7 +89,7 @@ struct Frame {
     length: usize,
 }
 
-/// One direction of an impaired line.
+/// The parameters and the frames in flight of one direction of an impaired line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
     /// The byte that ends a frame.
@@ -95,10 +98,11 @@ pub(crate) struct Lane {
     jitter_ns: f64,
     loss: f64,
     corrupt: f64,
-    /// Bytes of a partial frame, of which `length` are used.
+    /// Bytes received so far of a frame that is not yet complete. The first `length` entries are
+    /// used.
     begun: [u8; LONGEST],
     length: usize,
-    /// Frames in flight, oldest first.
+    /// Lengths and arrival times of the frames in flight, oldest first.
     frames: VecDeque<Frame>,
     bytes: VecDeque<u8>,
     pub(crate) traffic: FrameCounts,
@@ -130,7 +134,8 @@ impl Lane {
         self.frames.front().map(|frame| frame.due_ns)
     }
 
-    /// Passes the next frame to `each` if it arrives by `until_ns`. Returns whether it did.
+    /// Passes the bytes of the oldest frame in flight to `each` if the frame arrives by `until_ns`.
+    /// Returns whether it did.
     pub(crate) fn take(&mut self, until_ns: u64, mut each: impl FnMut(&[u8])) -> bool {
         let Some(frame) = self.frames.front().copied().filter(|frame| frame.due_ns <= until_ns) else {
             return false;
@@ -160,7 +165,8 @@ impl Lane {
         }
     }
 
-    /// Sends the complete frame in `begun`, with delay, loss and damage.
+    /// Sends the complete frame that is in `begun`. The frame is delayed, and it can be lost or
+    /// damaged.
     fn put(&mut self, now_ns: u64, random: &mut Rand64) {
         let frame = &mut self.begun[..self.length];
         self.traffic.sent += 1;

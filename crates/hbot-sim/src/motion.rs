@@ -10,28 +10,29 @@ use hbot_core::{Device, MAX_WHEELS, Quat, Vec3, rotation};
 
 use crate::extrapolation;
 
-/// Number of wheels of the devices that these motions are made for.
+/// Number of wheels of the devices for which these motions are computed.
 pub const WHEELS: usize = 2;
-/// Number of joints of these devices: two for each wheel.
+/// Number of joints of the devices for which these motions are computed: two for each wheel.
 pub const JOINTS: usize = 2 * WHEELS;
-/// Length of the state vector: the orientation q as w, x, y, z, then the joint angles.
+/// Length of the state vector: the orientation q as w, x, y, z, followed by the joint angles.
 const SIZE: usize = 4 + JOINTS;
 
-/// A prescribed way in which the sphere turns, defined by its angular velocity over time.
+/// A prescribed motion of the sphere, defined by its angular velocity over time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueMotion {
-    /// Name as used in the ids of figures.
+    /// Name of the motion, such as `brisk`. It becomes part of the ids of figures in the accuracy
+    /// study.
     pub name: &'static str,
-    /// Mean angular speed, rad/s.
+    /// Mean angular speed of the sphere, rad/s.
     pub speed: f64,
     /// Frequency at which the angular velocity varies, Hz.
     pub hertz: f64,
-    /// Whether the sphere turns back and forth, which pushes the wheels backwards. Otherwise it
-    /// keeps turning.
+    /// Whether the sphere turns back and forth, so that its wheels are pushed backwards. Otherwise
+    /// it keeps turning in one direction.
     pub reversing: bool,
 }
 
-/// The motions by which odometry is measured: gentle, brisk and violent, each both turning steadily
+/// The motions with which odometry is tested: gentle, brisk and violent, each both turning steadily
 /// and turning back and forth.
 pub const MOTIONS: [TrueMotion; 6] = {
     const fn motion(name: &'static str, speed: f64, hertz: f64, reversing: bool) -> TrueMotion {
@@ -47,9 +48,11 @@ pub const MOTIONS: [TrueMotion; 6] = {
     ]
 };
 
-/// Mean axis of a motion. It is parallel to neither steering axis of the prototype.
+/// Mean axis about which the sphere turns in a motion. It is parallel to neither steering axis of
+/// the prototype.
 const AXIS: Vec3 = Vec3::new(0.5, 0.8, 0.331_662_479);
-/// Frequencies about the three axes relative to the motion's frequency. They have no common period.
+/// Frequencies at which the angular velocity varies about the three axes, relative to
+/// [`Motion::hertz`]. They have no common period.
 const RATIOS: [f64; 3] = [1.0, core::f64::consts::SQRT_2, 1.618_033_988_749_895];
 
 impl TrueMotion {
@@ -66,27 +69,28 @@ impl TrueMotion {
     }
 }
 
-/// One moment of an exact motion: orientation and joint angles.
+/// The orientation and the joint angles at one moment of an exact motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionSample {
-    /// Orientation as w, x, y, z, sphere axes to frame N.
+    /// Orientation as a quaternion w, x, y, z that maps sphere axes to frame N.
     pub q: [f64; 4],
     /// Joint angles in the order steer, drive of each wheel, rad.
     pub joints: [f64; JOINTS],
 }
 
-/// Time for which a motion runs before the first requested moment, s. During it the wheels align
-/// with their rolling direction.
+/// Time for which a motion runs before the first moment that is returned, s. During it the wheels
+/// align with their rolling direction.
 const BEFORE: f64 = 1.0;
 
-/// Number of readings that must precede the first measured interval. A cubic path between readings,
-/// the longest kind, needs them.
+/// Number of readings that must precede the first measured interval. The longest path between
+/// readings, a cubic one, needs them.
 pub const LEAD: usize = 3;
 
 impl TrueMotion {
-    /// Returns `count` moments of the motion at `hz` moments a second, accurate to rounding error.
+    /// Returns `count` moments of the motion at a rate of `hz` moments per second, accurate to
+    /// rounding error.
     ///
-    /// Moment number `lead` (counted from 0) is at time 0 and has the identity as its orientation.
+    /// Moment number `lead` (counted from 0) is at time 0, and its orientation is the identity.
     #[must_use]
     pub fn moments(&self, device: &Device, hz: u32, count: usize, lead: usize) -> Vec<MotionSample> {
         let h = 1.0 / f64::from(hz);
@@ -101,8 +105,8 @@ impl TrueMotion {
 }
 
 impl TrueMotion {
-    /// Returns an endless iterator over the motion, one item every `h` seconds from time `start`
-    /// (s).
+    /// Returns an endless iterator over the motion, with one item every `h` seconds, starting at
+    /// time `start` (s).
     ///
     /// Each item holds the orientation q (w, x, y, z) and the N - 4 joint angles of `device`,
     /// accurate to rounding error.
@@ -130,11 +134,11 @@ impl TrueMotion {
     }
 }
 
-/// Returns the sphere's orientation (w, x, y, z) after its joints have turned at constant rates,
-/// accurate to rounding error.
+/// Returns the sphere's orientation (w, x, y, z) after the joints of `device` have turned at
+/// constant rates, accurate to rounding error.
 ///
-/// The joints start at the steer angles `th` (rad) and turn at `zd` (rad/s) for `time` seconds. The
-/// sphere starts at the identity.
+/// The wheels start at the steer angles `th` (rad), and the joints turn at the rates `zd` (rad/s)
+/// for `time` seconds. The sphere starts at the identity.
 #[must_use]
 pub fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], time: f64) -> [f64; 4] {
     let turning = |t: f64, y: &[f64; 4]| {
@@ -151,8 +155,8 @@ pub fn segment(device: &Device, th: [f64; WHEELS], zd: &[f64; JOINTS], time: f64
     q
 }
 
-/// Returns the sphere's orientation (w, x, y, z) after its joints have moved along `path`, accurate
-/// to rounding error.
+/// Returns the sphere's orientation (w, x, y, z) after the joints of `device` have moved along
+/// `path`, accurate to rounding error.
 ///
 /// The motion starts at the steer angles `th` (rad) and the orientation `q`.
 #[must_use]
@@ -181,7 +185,8 @@ fn rates<const N: usize>(device: &Device, omega: Vec3, y: &[f64; N]) -> [f64; N]
     core::array::from_fn(|i| if i < 4 { q[i] } else { joints[i - 4] })
 }
 
-/// Returns dq/dt = 1/2 (0, w) q, with `w` in frame N.
+/// Returns the rate of the orientation quaternion, dq/dt = 1/2 (0, w) q, for the angular velocity
+/// `w` in frame N.
 fn quaternion_rate(q: &[f64; 4], w: Vec3) -> [f64; 4] {
     let e = Vec3::new(q[1], q[2], q[3]);
     let rate = (w * q[0] + w.cross(e)) * 0.5;
@@ -193,7 +198,7 @@ fn normalise(y: &mut [f64]) {
     y[..4].iter_mut().for_each(|x| *x /= norm);
 }
 
-/// Returns the angle between two orientations given as w, x, y, z, rad.
+/// Returns the angle between two orientations, rad. Both are quaternions in the order w, x, y, z.
 #[must_use]
 pub fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
     rotation::angle_between(orientation(&a), orientation(&b))
@@ -203,7 +208,8 @@ pub fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Sampling twice as often gives an equal motion. Only rounding differs, even after reversals.
+    /// If the moments of a motion are computed twice as often, the orientation at its end is the
+    /// same, apart from rounding errors. This also holds for motions that reverse.
     #[test]
     fn a_motion_does_not_depend_on_how_often_it_is_read() {
         let device = hbot_config::RigConfig::prototype().rig.device;

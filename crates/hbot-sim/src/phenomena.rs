@@ -20,8 +20,8 @@ pub use hbot_config::scene::{
     Simulate as Phenomena, Slip, WheelModules,
 };
 
-/// Returns a copy of `phenomena` with only those that act in the plant, such as friction and slip.
-/// Encoder, motor, link and hand become `None`.
+/// Returns a copy of `phenomena` that keeps only those that act in the plant, such as friction and
+/// slip. Encoder, motor, link and hand become `None`.
 #[must_use]
 pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
     // Fields are listed by name so that a new phenomenon fails to compile until it is assigned
@@ -51,8 +51,8 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
     }
 }
 
-/// Returns the dry friction torque of a joint that turns at `rate` (rad/s), N m. The viscous part
-/// is not included.
+/// Returns the dry friction torque of a joint that turns at `rate` (rad/s), in N m. Viscous
+/// friction is not included.
 ///
 /// At `rate` 0 it is the largest torque that friction holds at rest.
 ///
@@ -69,8 +69,8 @@ pub fn dry_friction(friction: &JointFriction, rate: f64) -> f64 {
     friction.coulomb + more * libm::exp(-x * x)
 }
 
-/// Returns the largest friction force of a contact: the friction coefficient times the normal
-/// force, N.
+/// Returns the largest friction force of a contact, N. It is the friction coefficient times the
+/// normal force.
 #[must_use]
 pub fn largest_grip(slip: &Slip) -> f64 {
     slip.mu * slip.normal_force
@@ -78,8 +78,8 @@ pub fn largest_grip(slip: &Slip) -> f64 {
 
 /// Returns the largest friction torque of a contact about its normal c3, N m.
 ///
-/// It is (2/3) mu N a for a flat round patch of radius a under even pressure, with mu the friction
-/// coefficient and N the normal force: 0.53 mN m by default. Under Hertzian pressure, which is
+/// It is (2/3) mu N a for a flat round patch of radius a under even pressure, with the friction
+/// coefficient mu and the normal force N: 0.53 mN m by default. Under Hertzian pressure, which is
 /// greater in the middle, it would be (3 pi/16) mu N a (Johnson, *Contact Mechanics*, 1985). That
 /// is 12 % less, well within the uncertainty of a and mu.
 #[must_use]

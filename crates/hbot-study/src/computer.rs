@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-/// Description of the computer and of the build. Measured times mean nothing without it.
+/// Description of the computer and of the build, without which measured times cannot be judged.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Computer {
     cpu: String,
@@ -10,12 +10,12 @@ pub(crate) struct Computer {
     os: String,
     rustc: &'static str,
     profile: String,
-    /// Whether the program was compiled for speed. If not, its times mean nothing.
+    /// Whether the program was compiled for speed. If not, its measured times have no meaning.
     optimised: bool,
 }
 
 impl Computer {
-    /// Describes the machine that this program runs on.
+    /// Describes the computer that this program runs on, and its build.
     pub(crate) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let value = |text: &str, key: &str, by: char| {
@@ -41,7 +41,7 @@ impl Computer {
         }
     }
 
-    /// Returns the description for `summary.json`.
+    /// Returns this description as JSON, for `summary.json`.
     pub(crate) fn to_json(&self) -> Value {
         json!({
             "cpu": self.cpu, "cores": self.cores, "os": self.os, "rustc": self.rustc, "profile": self.profile,
@@ -49,12 +49,13 @@ impl Computer {
         })
     }
 
-    /// Returns the description as a sentence for the report.
+    /// Returns this description as one sentence, for the report.
     pub(crate) fn sentence(&self) -> String {
         format!("{}, {} cores, {}; {}, {}.", self.cpu, self.cores, self.os, self.rustc, self.profile)
     }
 
-    /// Returns a warning for the report if the times of this run mean nothing.
+    /// Returns a warning for the report if measured times have no meaning, because the program was
+    /// not compiled for speed.
     pub(crate) fn warning(&self) -> Option<&'static str> {
         (!self.optimised).then_some(
             "**The times of this run count for nothing: the program was not compiled with `--release`.** \

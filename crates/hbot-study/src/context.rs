@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A flag that asks a running study to stop. Its clones share one value.
+/// A flag that asks a running study to stop. All clones of a flag share one value.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
@@ -24,13 +24,14 @@ impl Interrupt {
     }
 }
 
-/// The error of a study that was asked to stop.
+/// The error that a study returns when it was asked to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Interrupted;
 
-/// The run of a study: how thorough it is, where it shows progress, and when it must stop.
+/// The settings of a running study: how thorough it is, where it shows its progress, and whether it
+/// was asked to stop.
 pub(crate) struct Context {
-    /// Whether to use fewer samples.
+    /// Whether the study uses fewer samples, so that it takes less time.
     pub(crate) quick: bool,
     interrupt: Interrupt,
     bar: ProgressBar,
@@ -39,8 +40,8 @@ pub(crate) struct Context {
 }
 
 impl Context {
-    /// Creates the context of the study called `name`. Progress is a bar on standard error if that
-    /// is a terminal, and otherwise one line per part.
+    /// Creates the context of the study called `name`. If standard error is a terminal, progress is
+    /// shown as a bar, and otherwise as one line for each part of the study.
     pub(crate) fn new(name: &str, quick: bool, interrupt: &Interrupt) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
@@ -55,14 +56,15 @@ impl Context {
         Self { quick, interrupt: interrupt.clone(), bar, terminal, started: Instant::now() }
     }
 
-    /// Adds `parts` to the number of parts that the progress bar expects.
+    /// Adds `parts` to the number of parts of the study that the progress bar expects.
     pub(crate) fn expect(&self, parts: usize) {
         self.bar.inc_length(parts as u64);
     }
 
-    /// Shows that the part described by `what` begins.
+    /// Shows that a part of the study begins. `what` describes it to the user.
     ///
     /// # Errors
+    ///
     /// Fails if the study was asked to stop.
     pub(crate) fn part(&self, what: &str) -> Result<(), Interrupted> {
         self.go_on()?;
@@ -75,15 +77,16 @@ impl Context {
         Ok(())
     }
 
-    /// Checks whether the study can continue. Every long loop calls it.
+    /// Checks that the study was not asked to stop. Every long loop calls this function.
     ///
     /// # Errors
+    ///
     /// Fails if the study was asked to stop.
     pub(crate) fn go_on(&self) -> Result<(), Interrupted> {
         if self.interrupt.raised() { Err(Interrupted) } else { Ok(()) }
     }
 
-    /// Removes the progress bar.
+    /// Removes the progress bar from the terminal.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }

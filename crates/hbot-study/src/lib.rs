@@ -47,15 +47,17 @@ use verification::{accuracy, effects, stability};
 /// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Study {
-    /// Error against time for every stage with a choice of methods.
+    /// Computes error and computing time for every stage of the computation that offers a choice of
+    /// methods.
     Accuracy,
-    /// The cost per tick of each effect and each phenomenon.
+    /// Measures the computing time per tick of each effect and each phenomenon.
     Effects,
-    /// How stiff a virtual wall can be, and what stays constant over a simulated day.
+    /// Finds how stiff a virtual wall can be, and what stays constant over a simulated day.
     Stability,
-    /// Every analysis and experiment of the paper, compared with the values that it reports.
+    /// Repeats every analysis and experiment of the paper, and compares the results with the values
+    /// in the paper.
     Paper,
-    /// A search for the dimensions of a better Hbot.
+    /// Searches for the dimensions of a better Hbot.
     Design,
 }
 
@@ -73,16 +75,16 @@ impl Study {
     }
 }
 
-/// Options of a study.
+/// Options that apply to every study.
 #[derive(Debug, Clone, Default)]
 pub struct StudyOptions {
     /// Folder for the results. It is created if it does not exist. `None` means
     /// `target/study/NAME`.
     pub out: Option<PathBuf>,
-    /// Whether to use fewer samples. A study then takes about 30 s (`paper` and `design`: up to a
+    /// Whether to use fewer samples. The study then takes about 30 s (`paper` and `design`: up to a
     /// minute) instead of up to 5 minutes.
     pub quick: bool,
-    /// How to run this program under callgrind, which counts its instructions. `None` if
+    /// How to run this program again under callgrind, which counts its instructions. `None` if
     /// instructions cannot be counted.
     pub counter: Option<Counter>,
 }
@@ -98,7 +100,7 @@ pub enum StudyError {
     Write {
         /// Path of the file or folder.
         path: PathBuf,
-        /// The error of the operating system.
+        /// The error that the operating system reported.
         source: std::io::Error,
     },
 }
@@ -109,9 +111,10 @@ impl From<Interrupted> for StudyError {
     }
 }
 
-/// Runs `study` and writes its results. Returns the report and the folder that holds it.
+/// Runs `study` and writes its results. Returns the report and the folder that contains it.
 ///
 /// # Errors
+///
 /// Fails if `interrupt` was raised during the study, or if the folder cannot be written. A check
 /// that does not hold is not an error: see [`Report::holds`].
 pub fn run(

@@ -56,9 +56,10 @@ struct StudyArgs {
     quick: bool,
 }
 
-/// Name of the hidden command that the study `effects` starts under valgrind.
+/// Name of the hidden command that runs a few ticks. The study `effects` starts it under valgrind
+/// to count instructions.
 const WORKER: &str = "effects-worker";
-/// Exit code after Ctrl-C, by the convention of shells.
+/// Exit code after Ctrl-C, by the convention of shells: 128 plus the number of SIGINT.
 const INTERRUPTED: u8 = 130;
 
 const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -105,7 +106,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Returns one line of text for each check of the report.
+/// Returns the result of each check of the report, as one line of text per check.
 fn verdicts(report: &Report) -> String {
     let line = |check: &hbot_study::Check| {
         let (colour, verdict) = if check.holds { (GOOD, "holds") } else { (BAD, "does not hold") };
@@ -114,7 +115,8 @@ fn verdicts(report: &Report) -> String {
     report.checks().iter().map(line).collect()
 }
 
-/// Writes to standard output. It is not an error if the reader has closed the pipe (`| head`).
+/// Writes `text` to standard output. It is not an error if the reader has closed the pipe (`|
+/// head`).
 fn say(text: &str) -> anyhow::Result<()> {
     let mut out = anstream::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -130,8 +132,8 @@ fn note(line: &str) {
     let _ = writeln!(anstream::stderr(), "{line}");
 }
 
-/// Raises `interrupt` on SIGINT or SIGTERM. The study then stops between two steps, so that no file
-/// is left incomplete.
+/// Raises `interrupt` when the process receives SIGINT or SIGTERM. The study then stops between two
+/// steps, so that no file is left incomplete.
 fn raise_on_signal(interrupt: &Interrupt) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (mut stop, mut end) = {

@@ -1,6 +1,7 @@
 //! Rules for the ids of figures.
 
-/// Converts a type's name to a part of an id: `SemiImplicitEuler` becomes `semi_implicit_euler`.
+/// Converts a type's name to a part of a figure's id: `SemiImplicitEuler` becomes
+/// `semi_implicit_euler`.
 pub(crate) fn snake(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
@@ -12,14 +13,14 @@ pub(crate) fn snake(name: &str) -> String {
     out
 }
 
-/// Returns whether `id` is in lower_snake_case.
+/// Returns whether `id` is written in lower_snake_case, as every id of a figure must be.
 pub(crate) fn is_id(id: &str) -> bool {
     id.starts_with(|c: char| c.is_ascii_lowercase())
         && id.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
 }
 
-/// Returns whether `id` belongs to the family of ids that `pattern` describes. Each `{...}` in the
-/// pattern stands for any text that is not empty.
+/// Returns whether `id` fits `pattern`. Each `{...}` in the pattern stands for any text that is not
+/// empty.
 pub(crate) fn matches(pattern: &str, id: &str) -> bool {
     match pattern.split_once('{') {
         None => pattern == id,

@@ -6,16 +6,16 @@ use std::time::{Duration, Instant};
 
 use crate::context::{Context, Interrupted};
 
-/// A piece of code whose time is measured. It runs a given number of times, and its result is kept
-/// so that the compiler cannot remove the code.
+/// A piece of code whose time is measured. It is run a given number of times.
 pub(crate) struct Timed<'a> {
     run: Box<dyn FnMut(u64) + 'a>,
-    /// Number of units of work in one call. The reported time is the time of one unit.
+    /// Number of units of work in one run, such as ticks. The reported time is that of one unit.
     unit: f64,
 }
 
 impl<'a> Timed<'a> {
-    /// Prepares `what` to be timed. Its result is kept so that the compiler cannot remove the code.
+    /// Prepares the function `what` for timing. Its result is kept, so that the compiler cannot
+    /// remove the code.
     pub(crate) fn new<R>(mut what: impl FnMut() -> R + 'a) -> Self {
         let run = move |times| {
             for _ in 0..times {
@@ -25,14 +25,13 @@ impl<'a> Timed<'a> {
         Self { run: Box::new(run), unit: 1.0 }
     }
 
-    /// States that one call does `unit` units of work, so that the reported time is that of one
-    /// unit.
+    /// States that one run does `unit` units of work. The reported time is then that of one unit.
     pub(crate) fn in_units_of(self, unit: f64) -> Self {
         Self { unit, ..self }
     }
 }
 
-/// A measured time with its spread, ns.
+/// A measured computing time with its spread over the samples, ns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Time {
     /// Median of the samples, ns.
@@ -59,12 +58,13 @@ impl Time {
     }
 }
 
-/// Measures the time of each element of `what`. Every round measures each element once, so that a
-/// period in which the machine is slow affects all of them.
+/// Measures the computing time of each element of `what`. Every round measures each element once,
+/// so that a period in which the machine is slow affects all of them equally.
 ///
 /// There are 41 rounds (11 if quick). One sample lasts at least 1 ms (300 us if quick).
 ///
 /// # Errors
+///
 /// Fails if the study was asked to stop.
 pub(crate) fn in_turn(context: &Context, what: &mut [Timed<'_>]) -> Result<Vec<Time>, Interrupted> {
     let (least, rounds) =
@@ -72,8 +72,8 @@ pub(crate) fn in_turn(context: &Context, what: &mut [Timed<'_>]) -> Result<Vec<T
     sampled(context, what, least, rounds)
 }
 
-/// Measures like [`in_turn`], with the given number of rounds and the shortest duration `least` of
-/// a sample.
+/// Measures computing times like [`in_turn`], with `rounds` rounds and samples that last at least
+/// `least`.
 pub(crate) fn sampled(
     context: &Context,
     what: &mut [Timed<'_>],

@@ -10,11 +10,12 @@ use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::Value;
 
-/// The tick in which torque is enabled. The controller refuses `enable` before it has readings, and
-/// the first ticks bring them.
+/// Number of the tick in which the controller is told to enable torque. The controller refuses to
+/// enable before it has readings, and the ticks before this one bring them.
 const ENABLE: u32 = 6;
 
-/// Returns the prototype's rig with other values for the keys in `with`.
+/// Returns the configuration of the prototype's rig, with the values in `with` for some of its
+/// keys.
 pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     let each =
         |(path, value): &(&'static str, Value)| Override { path, value: value.clone(), from: "the study" };
@@ -22,8 +23,8 @@ pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     RigConfig::load(None, &with).unwrap_or_else(|error| unreachable!("a legal rig: {error}"))
 }
 
-/// A control loop in virtual time. The delay from a reading to the torque computed from it is one
-/// period.
+/// The whole control loop in virtual time: controller, line and simulated rig. The delay from a
+/// reading to the torque computed from it is one period.
 pub(crate) struct Whole {
     controller: Controller,
     scene: CompiledScene,
@@ -35,8 +36,8 @@ pub(crate) struct Whole {
 }
 
 impl Whole {
-    /// Creates the loop at time 0. The simulated rig of `config` starts in state `start` and shows
-    /// `phenomena`. `scene` is a scene file as JSON.
+    /// Creates the loop at time 0. The simulated rig has the configuration `config` and the
+    /// phenomena `phenomena`, and starts in the state `start`. `scene` is a scene file as JSON.
     pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: PlantState) -> Self {
         let scene =
             SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
@@ -54,7 +55,7 @@ impl Whole {
         }
     }
 
-    /// Returns the number of ticks in `seconds`.
+    /// Returns the number of ticks that the loop makes in `seconds`.
     pub(crate) fn ticks(&self, seconds: f64) -> u32 {
         (seconds * 1.0e9 / self.period_ns as f64) as u32
     }
@@ -80,8 +81,8 @@ impl Whole {
         self.exchange.rig_mut()
     }
 
-    /// Runs one tick: reads what came back during the last tick, and sends joint torques that act
-    /// from this tick on. Tick 6, counted from 0, also enables torque.
+    /// Runs one tick: the controller reads the answers to the last tick, and its joint torques act
+    /// from this tick on. In tick 6, counted from 0, torque is also enabled.
     pub(crate) fn step(&mut self, command: Option<Command>) -> Outputs {
         let outputs =
             self.listen(command.into_iter().chain((self.tick == ENABLE).then_some(Command::Enable)));
@@ -91,8 +92,7 @@ impl Whole {
     }
 
     /// Runs one tick with joint torques (N m) that `torque` computes from the controller's outputs.
-    /// They act from this tick on. The controller itself is never enabled and only reads the
-    /// joints.
+    /// They act from this tick on. The controller only reads the joints and is never enabled.
     pub(crate) fn step_driven(&mut self, torque: impl FnOnce(&Outputs) -> [f64; MAX_JOINTS]) -> Outputs {
         let outputs = self.listen(None);
         self.drive = Drive { enable: true, torque: torque(&outputs) };

@@ -15,16 +15,15 @@ use std::time::{Duration, Instant};
 /// Options for connecting to a server.
 #[derive(Clone, Debug)]
 pub struct ConnectOptions {
-    /// Name of the client, for people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes without
-    /// control or invisible characters (see [`is_plain`](crate::is_plain)).
+    /// Name of the client, shown to people: 1 to [`MAX_NAME_BYTES`](crate::MAX_NAME_BYTES) bytes
+    /// without control or invisible characters (see [`is_plain`](crate::is_plain)).
     pub name: String,
-    /// Token of the server. Needed if the server asks for one.
+    /// Token of the server. Required if the server has one.
     pub token: Option<Token>,
-    /// Encoding that both sides use after the hello.
+    /// Encoding of all messages after the first one (`hello`) and its answer.
     pub encoding: Encoding,
-    /// Certificates that the client trusts. If given, the connection is encrypted, and connecting
-    /// fails if the server does not encrypt. `None` for plain TCP, which fails if the server
-    /// encrypts.
+    /// Certificates that the client trusts. With `Some`, connecting fails if the server does not
+    /// encrypt. With `None`, it fails if the server encrypts.
     pub trust: Option<Trust>,
     /// Longest time for connecting, and later for each answer. Default: 5 s, which is enough for
     /// `load_scene` on a small machine.
@@ -32,7 +31,8 @@ pub struct ConnectOptions {
 }
 
 impl ConnectOptions {
-    /// Creates options with this client name: no token, JSON, plain TCP and a timeout of 5 s.
+    /// Creates options for a client with this name. The other options have their defaults: no
+    /// token, JSON, no encryption and a timeout of 5 s.
     #[must_use]
     pub fn new(name: &str) -> Self {
         Self {
@@ -46,18 +46,20 @@ impl ConnectOptions {
 }
 
 impl Client {
-    /// Connects to `address` and says hello as `name`. The address is `HOST:PORT` or `HOST`, such
-    /// as `127.0.0.1:4268`, `[::1]:4268` or `rig.local`. The default port is [`DEFAULT_PORT`].
+    /// Connects to the server at `address` and introduces the client as `name`. The address is
+    /// `HOST:PORT` or `HOST`, such as `127.0.0.1:4268`, `[::1]:4268` or `rig.local`. The default
+    /// port is [`DEFAULT_PORT`].
     ///
     /// # Errors
     ///
     /// Fails with [`ClientError::NoServer`] if no program listens at the address, and with
-    /// [`ClientError::Server`] if the server refuses the hello.
+    /// [`ClientError::Server`] if the server refuses the client.
     pub fn connect(address: &str, name: &str) -> Result<Self, ClientError> {
         Self::connect_with(address, &ConnectOptions::new(name))
     }
 
-    /// Connects to `address` like [`connect`](Self::connect), with all options given.
+    /// Connects to the server at `address` with the given options. See [`connect`](Self::connect)
+    /// for the form of the address.
     ///
     /// # Errors
     ///
@@ -123,13 +125,13 @@ fn read_hello(line: &[u8]) -> Result<HelloOk, ClientError> {
     }
 }
 
-/// Converts the body of an answer to its type.
+/// Converts the body of an answer to the type `T`.
 pub(super) fn typed<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, ClientError> {
     serde_json::from_value(body).map_err(|error| ClientError::Protocol(error.to_string()))
 }
 
-/// Opens a TCP connection. Tries every address of the name: `localhost`, for example, can have two,
-/// and a server listens on only one of them.
+/// Opens a TCP connection. Tries all addresses that the host name has: `localhost`, for example,
+/// can have two, and a server may listen on only one of them.
 fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
     let candidates = resolve(address)
         .map_err(|error| ClientError::Address { address: address.into(), reason: error.to_string() })?;
@@ -154,14 +156,14 @@ fn resolve(address: &str) -> io::Result<Vec<SocketAddr>> {
     }
 }
 
-/// Returns whether the address ends with a port. A bare IPv6 address contains colons but has no
-/// port.
+/// Returns whether the address ends with a port. An IPv6 address without brackets contains colons
+/// but has no port.
 fn has_port(address: &str) -> bool {
     address.rsplit_once(':').is_some_and(|(host, _)| !host.contains(':') || host.ends_with(']'))
 }
 
-/// Returns the host of an address, without port and brackets. A certificate is issued for this
-/// name.
+/// Returns the host in an address, without port and brackets. The server's certificate must be
+/// valid for this host.
 fn host(address: &str) -> &str {
     let host = match address.rsplit_once(':') {
         Some((host, _)) if has_port(address) => host,
@@ -170,9 +172,9 @@ fn host(address: &str) -> &str {
     host.trim_start_matches('[').trim_end_matches(']')
 }
 
-/// Waits for the first byte from the server without consuming it. Fails if it begins a TLS alert,
-/// which means that the server encrypts. If no byte arrives or the connection breaks, it succeeds,
-/// because the next read reports that.
+/// Waits for the first byte from the server without consuming it. Fails if the byte begins a TLS
+/// alert, because the server then requires encryption. Succeeds if no byte arrives or the
+/// connection breaks, because the next read reports this.
 fn answers_plainly(socket: &TcpStream, deadline: Instant) -> Result<(), ClientError> {
     let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
     socket.set_read_timeout(Some(left)).map_err(ClientError::from_io)?;

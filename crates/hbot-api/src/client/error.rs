@@ -8,51 +8,53 @@ use std::time::Duration;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClientError {
-    /// No program listens at the address.
+    /// No program accepts connections at the address.
     #[error(
         "no server at {address} (connection refused). Start one with `cargo run server`, or name another address"
     )]
     NoServer {
-        /// The address that was tried.
+        /// The address to which the client tried to connect.
         address: String,
     },
-    /// The address is malformed, or its name cannot be resolved.
+    /// The address has a wrong form, or its host name cannot be resolved.
     #[error("{address:?} is no address of a server: {reason}. Legal: HOST or HOST:PORT, as 127.0.0.1:4268")]
     Address {
-        /// The address that was given.
+        /// The address that the caller gave.
         address: String,
-        /// The reason that the operating system gives.
+        /// The operating system's description of the error.
         reason: String,
     },
-    /// The connection could not be made for another reason.
+    /// The connection failed for another reason than [`NoServer`](Self::NoServer) or
+    /// [`Address`](Self::Address).
     #[error("cannot connect to {address}: {source}")]
     Connect {
-        /// The address that was tried.
+        /// The address to which the client tried to connect.
         address: String,
-        /// The error of the operating system.
+        /// The error from the operating system.
         source: io::Error,
     },
-    /// The server did not answer in time.
+    /// The server did not answer a request in time.
     #[error("no answer to {what} within {} s", after.as_secs_f64())]
     Timeout {
-        /// The op of the request.
+        /// The op of the unanswered request.
         what: &'static str,
-        /// How long the client waited.
+        /// How long the client waited for the answer.
         after: Duration,
     },
-    /// The server refused the request. Its message says why.
+    /// The server refused the request. The message of the error says why.
     #[error("{0}")]
     Server(ErrorBody),
-    /// The server ended the connection.
+    /// The server closed the connection.
     #[error("the server has closed the connection")]
     Closed,
-    /// The connection is broken.
+    /// Reading or writing failed, so the connection is broken.
     #[error("connection to the server broken: {0}")]
     Io(io::Error),
-    /// The server sent something that is not one of its messages. It is another program or version.
+    /// The server sent something that is not a message of this protocol. It is probably another
+    /// program or another version.
     #[error("the server sent what is no message of its: {0}")]
     Protocol(String),
-    /// The encrypted connection failed, or the server encrypts and the client does not.
+    /// The TLS connection failed, or the server requires encryption and the client does not use it.
     #[error("{0}")]
     Tls(String),
     /// The request cannot be encoded, for example because a number is not finite.
@@ -61,7 +63,8 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// Returns the server's error code if the server refused the request.
+    /// Returns the error code from the server if the server refused the request, or `None` for
+    /// other errors.
     #[must_use]
     pub const fn code(&self) -> Option<ErrorCode> {
         match self {
@@ -70,8 +73,8 @@ impl ClientError {
         }
     }
 
-    /// Converts an I/O error. A connection that the other side has closed or reset becomes
-    /// [`Closed`](Self::Closed).
+    /// Converts an I/O error to a client error. An error which means that the other side has closed
+    /// or reset the connection becomes [`Closed`](Self::Closed).
     pub(crate) fn from_io(error: io::Error) -> Self {
         match error.kind() {
             ErrorKind::ConnectionReset | ErrorKind::ConnectionAborted | ErrorKind::BrokenPipe => Self::Closed,

@@ -8,17 +8,17 @@ use crate::{
 };
 use serde_json::{Map, Value};
 
-/// One method for each op. Each waits for the answer and fails like [`Client::call`], except the
-/// streams [`torque`](Client::torque) and [`reference`](Client::reference), which are sent like
-/// [`Client::send`].
+/// One method for each op. Each method waits for the answer and fails like [`Client::call`]. Only
+/// [`torque`](Client::torque) and [`reference`](Client::reference), which are called repeatedly, do
+/// not wait and fail like [`Client::send`].
 impl Client {
-    /// Returns the description of the rig, the kinds of effects with their parameters, and the
-    /// scene.
+    /// Asks for the description of the rig, the kinds of effects with their parameters, and the
+    /// running scene.
     pub fn info(&mut self) -> Result<InfoOk, ClientError> {
         self.call(Op::Info).and_then(typed)
     }
 
-    /// Returns the statistics and counters of the loop and the service.
+    /// Asks for the statistics and counters of the control loop and the service.
     pub fn stats(&mut self) -> Result<StatsOk, ClientError> {
         self.call(Op::Stats).and_then(typed)
     }
@@ -34,64 +34,69 @@ impl Client {
         self.call(Op::Unsubscribe).map(drop)
     }
 
-    /// Takes the lease, which is the right to command. With `steal`, takes it even from another
-    /// client.
+    /// Takes the lease, which is the right to command. If `steal` is true, takes it even if another
+    /// client holds it.
     pub fn acquire(&mut self, steal: bool) -> Result<(), ClientError> {
         self.call(Op::Acquire { steal }).map(drop)
     }
 
-    /// Gives the lease back.
+    /// Gives the lease back, so that another client can take it.
     pub fn release(&mut self) -> Result<(), ClientError> {
         self.call(Op::Release).map(drop)
     }
 
-    /// Loads another scene and renders it. `scene` is a map with the structure of a scene file.
+    /// Loads another scene and starts to render it. `scene` is a map with the structure of a scene
+    /// file.
     pub fn load_scene(&mut self, scene: Value) -> Result<LoadSceneOk, ClientError> {
         self.call(Op::LoadScene { scene }).and_then(typed)
     }
 
-    /// Changes parameters of an effect. The torque changes gradually.
+    /// Changes parameters of an effect in the running scene. The torque changes gradually.
     pub fn set(&mut self, effect: &str, parameters: Map<String, Value>) -> Result<(), ClientError> {
         self.call(Op::Set { effect: effect.into(), parameters }).map(drop)
     }
 
-    /// Streams a torque that the client computes itself. Does not wait for an answer.
+    /// Sends a torque that the client computes itself, without waiting for an answer. To be called
+    /// repeatedly.
     pub fn torque(&mut self, command: TorqueCommand) -> Result<(), ClientError> {
         self.send(Op::Torque(command))
     }
 
-    /// Streams a new reference of an effect. Does not wait for an answer.
+    /// Sends a new reference orientation for an effect, without waiting for an answer. To be called
+    /// repeatedly.
     pub fn reference(&mut self, command: ReferenceCommand) -> Result<(), ClientError> {
         self.send(Op::Reference(command))
     }
 
-    /// Sends the sphere's orientation as measured from outside. Returns the angle between it and
-    /// the server's own orientation, rad.
+    /// Sends the sphere's orientation as measured from outside, for example by a camera. Returns
+    /// the angle between it and the server's own orientation, rad.
     pub fn align(&mut self, align: Align) -> Result<f64, ClientError> {
         self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle }| angle)
     }
 
-    /// Begins to render the scene, with a soft start. Returns the mode from the next tick on.
+    /// Begins to render the scene; the torque rises gradually. Returns the mode from the next tick
+    /// on.
     pub fn enable(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Enable)
     }
 
-    /// Stops rendering, with a ramp. Returns the mode from the next tick on.
+    /// Ends rendering; the torque falls gradually. Returns the mode from the next tick on.
     pub fn disable(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Disable)
     }
 
-    /// Leaves a fault or an emergency stop. Returns the mode from the next tick on.
+    /// Ends a fault or an emergency stop. Returns the mode from the next tick on.
     pub fn reset(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Reset)
     }
 
-    /// Stops at once, with zero torque. Returns the mode from the next tick on.
+    /// Performs an emergency stop: the torque is zero at once. Returns the mode from the next tick
+    /// on.
     pub fn estop(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Estop)
     }
 
-    /// Checks that the server answers. The answer contains `data` unchanged.
+    /// Tests whether the server answers. The answer contains `data` unchanged.
     pub fn ping(&mut self, data: Value) -> Result<PingOk, ClientError> {
         self.call(Op::Ping { data }).and_then(typed)
     }

@@ -15,10 +15,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// An encrypted connection to a server.
+/// A TLS connection to a server.
 pub(super) type TlsStream = StreamOwned<ClientConnection, TcpStream>;
 
-/// First byte of the TLS alert that an encrypting server sends to a client that does not encrypt.
+/// First byte of a TLS alert. A server that requires encryption sends an alert to a client that
+/// does not encrypt.
 pub(super) const ALERT: u8 = 0x15;
 
 /// The certificates that a client trusts when it connects with TLS 1.3.
@@ -81,8 +82,8 @@ impl Trust {
         Ok(Self(Arc::new(config)))
     }
 
-    /// Performs the TLS handshake on `stream` with the server named `host`. Returns `None` if it is
-    /// not complete before `deadline`.
+    /// Performs the TLS handshake on `stream` with the server named `host`. Returns `None` if the
+    /// handshake is not complete before `deadline`.
     pub(super) fn shake_hands(
         &self,
         host: &str,
@@ -121,7 +122,7 @@ impl Trust {
     }
 }
 
-/// Returns the error for a failed handshake, in words that say what to do.
+/// Converts the error of a failed TLS handshake to one whose message says what to do.
 fn refusal(error: Error) -> ClientError {
     ClientError::Tls(match &error {
         Error::InvalidMessage(_) => "the server does not encrypt: leave out the certificate".to_owned(),
@@ -132,8 +133,8 @@ fn refusal(error: Error) -> ClientError {
     })
 }
 
-/// Describes why a certificate is not trusted, and what to do. A pinned certificate does not get
-/// here, because none of this is checked for it.
+/// Explains why the server's certificate is not trusted, and what to do. Pinned certificates never
+/// need this, because neither their name nor their dates are checked.
 fn mistrust(reason: &CertificateError) -> String {
     use CertificateError as Reason;
     match reason {
@@ -161,7 +162,7 @@ fn mistrust(reason: &CertificateError) -> String {
     }
 }
 
-/// Trusts pinned certificates, and certificates signed by a known authority.
+/// Checks the certificate of a server: it must be pinned, or signed by a trusted authority.
 #[derive(Debug)]
 struct Verifier {
     pinned: Vec<CertificateDer<'static>>,

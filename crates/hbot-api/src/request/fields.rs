@@ -5,7 +5,7 @@ use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM, is_plain};
 use serde_json::Value;
 use std::fmt;
 
-/// The fields of a request that have not been read yet.
+/// The fields of a request that have not been read yet. Reading a field removes it.
 pub(crate) struct Fields<'a>(pub(crate) Named<'a>);
 
 impl Fields<'_> {
@@ -13,13 +13,15 @@ impl Fields<'_> {
         self.0.iter().find(|(key, _)| key == name).map(|(_, value)| value)
     }
 
-    /// Removes a field and returns its value, even if it is null. `None` if it is absent.
+    /// Removes a field and returns its value, which can be null. Returns `None` if the field is
+    /// absent.
     pub(crate) fn remove(&mut self, name: &str) -> Option<Value> {
         let at = self.0.iter().position(|(key, _)| key == name)?;
         Some(self.0.remove(at).1)
     }
 
-    /// Removes an optional field and returns its value. `None` if it is absent or null.
+    /// Removes an optional field and returns its value. Returns `None` if the field is absent or
+    /// null.
     pub(crate) fn take(&mut self, name: &str) -> Option<Value> {
         self.remove(name).filter(|value| !value.is_null())
     }
@@ -68,7 +70,8 @@ impl Fields<'_> {
         self.take(name).map(|value| array(name, &value, LEGAL_VECTOR, MAX_MAGNITUDE)).transpose()
     }
 
-    /// Removes a required quaternion and returns it, scaled to unit norm.
+    /// Removes a required field that is a quaternion, and returns the quaternion scaled to unit
+    /// norm.
     pub(crate) fn quaternion(&mut self, name: &str) -> Result<[f64; 4], ErrorBody> {
         let value = self.required(name, LEGAL_QUATERNION)?;
         let q: [f64; 4] = array(name, &value, LEGAL_QUATERNION, MAX_MAGNITUDE)?;
@@ -91,8 +94,8 @@ impl Fields<'_> {
         }
     }
 
-    /// Removes a required text and returns it. Fails unless it has 1 to `most` bytes without
-    /// control or invisible characters.
+    /// Removes a required field that is text, and returns the text. Fails unless the text has 1 to
+    /// `most` bytes without control or invisible characters.
     pub(crate) fn text(&mut self, name: &str, most: usize) -> Result<String, ErrorBody> {
         let legal = format_args!("text of 1 to {most} bytes without control or invisible characters");
         match self.required(name, legal)? {
@@ -140,7 +143,7 @@ fn array<const N: usize>(
     Ok(numbers)
 }
 
-/// Returns the error [`ErrorCode::BadRequest`] with this message.
+/// Creates an error with the code [`ErrorCode::BadRequest`] and this message.
 pub(crate) fn bad(message: impl Into<String>) -> ErrorBody {
     ErrorBody::new(ErrorCode::BadRequest, message)
 }
@@ -149,7 +152,8 @@ pub(crate) fn illegal(name: impl fmt::Display, found: &Value, legal: impl fmt::D
     bad(format!("field \"{name}\" is {}; legal: {legal}", Shown(found)))
 }
 
-/// Describes the legal values of a whole number, from the first bound to the second.
+/// The legal range of a whole number, first and last value. Displayed as a description for error
+/// messages.
 struct Integer(u64, u64);
 
 impl fmt::Display for Integer {
@@ -162,7 +166,8 @@ impl fmt::Display for Integer {
     }
 }
 
-/// Describes the legal values of a number, from the first bound to the second.
+/// The legal range of a number, first and last value. Displayed as a description for error
+/// messages.
 struct Real(f64, f64);
 
 impl fmt::Display for Real {
@@ -176,7 +181,7 @@ impl fmt::Display for Real {
     }
 }
 
-/// Displays a value in an error message, always short.
+/// Displays a value in an error message. Long values are shortened.
 pub(crate) struct Shown<'a>(pub(crate) &'a Value);
 
 impl fmt::Display for Shown<'_> {
@@ -192,7 +197,7 @@ impl fmt::Display for Shown<'_> {
     }
 }
 
-/// Displays text from a client in an error message: quoted, escaped and always short.
+/// Displays a client's text in an error message, quoted and escaped. Long text is shortened.
 pub(crate) struct Excerpt<'a>(pub(crate) &'a str);
 
 impl fmt::Debug for Excerpt<'_> {

@@ -14,19 +14,20 @@ const MAX_EFFECT_BYTES: usize = 128;
 const MAX_TOKEN_BYTES: usize = 1024;
 
 impl Request {
-    /// Reads a request, without its newline or length.
+    /// Reads a request. `bytes` is the message without the newline (JSON) or length (MessagePack)
+    /// that frames it.
     ///
     /// # Errors
     ///
     /// Fails with a [`RequestRefusal`] if the bytes are not a legal request. It contains the id if
-    /// that can be read, so that the client learns which request was refused.
+    /// the id can be read, so that the client learns which request was refused.
     pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, RequestRefusal> {
         Self::read_within(encoding, bytes, MAX_DEPTH)
     }
 
-    /// Reads the first message of a connection: a line of JSON without its newline. A hello
-    /// contains no list and no map, so reading stops at the first of either. This bounds the work
-    /// that an unknown client can cause.
+    /// Reads the first message of a connection, a line of JSON without its newline. This message
+    /// must be a hello, which contains no list and no map, so reading stops at the first of either.
+    /// This limits the work that an unknown client can cause.
     ///
     /// # Errors
     ///
@@ -54,9 +55,9 @@ impl Request {
         parse(op, fields, untyped.problem.map(|problem| problem.to_string()))
     }
 
-    /// Reads a request from a value that another decoder has made. Some decoders turn NaN into null
-    /// or keep only the last of two equal keys, and this function cannot notice it.
-    /// [`read`](Self::read) does.
+    /// Reads a request from a value that was decoded elsewhere. Unlike [`read`](Self::read), it
+    /// cannot notice mistakes that some decoders hide: they turn NaN into null, or keep only the
+    /// last of two equal keys.
     ///
     /// # Errors
     ///
@@ -67,8 +68,8 @@ impl Request {
     }
 }
 
-/// Returns the id of an `estop` message. `None` if the id cannot be read, or if the message is so
-/// long that reading it would delay other clients.
+/// Returns the id of an `estop` message. Returns `None` if the id cannot be read, or if the message
+/// is so long that reading it would delay other clients.
 fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
     if bytes.len() > MAX_SHORT_REQUEST_BYTES {
         return None;
@@ -77,7 +78,8 @@ fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
     Fields(few.others).take("id").and_then(|id| Id::from_value(id).ok())
 }
 
-/// The content of a message's field `op`: the text, or the value if it is not text.
+/// The content of the field `op` of a message: the text, or the value if it is not text. `None` if
+/// the field is absent.
 type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
 
 /// Separates the field `op` of a message from its other fields.
@@ -112,7 +114,8 @@ fn parse(
     }
 }
 
-/// Reads the op and its fields. Sets `known` to the op's name as soon as it is recognized.
+/// Converts the content of the field `op` and the other fields of a message to an [`Op`]. Sets
+/// `known` to the op's name as soon as the name is recognized, so that a refusal can contain it.
 fn op(
     found: Found<'_>,
     fields: &mut Fields<'_>,

@@ -7,45 +7,45 @@ use crate::names::names;
 /// Which clients can use an op.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Who {
-    /// Every client, but only as its first message.
+    /// Every client, but only as its first message on a connection.
     First,
-    /// Every client that has said hello.
+    /// Every client after its first message, the hello.
     Any,
-    /// Only the client that holds the lease.
+    /// Only the client that holds the lease, which is the right to command.
     Holder,
 }
 
-/// A field of an op.
+/// The name of a field of an op, and whether it is optional.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
     /// Name of the field.
     pub name: &'static str,
-    /// Whether the field can be left out.
+    /// Whether the field is optional.
     pub optional: bool,
 }
 
-/// The properties of an op: one row of the table of ops.
+/// The properties of one op: a row in the table of ops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OpRow {
-    /// Which clients can use the op.
+    /// Which clients can use this op.
     pub who: Who,
     /// Fields of the op, except `id` and `op`.
     pub fields: &'static [Field],
-    /// Whether all other fields are parameters of the effect that the op names.
+    /// Whether the other fields are parameters of the effect that the request names.
     pub parameters: bool,
-    /// Whether the op belongs to a stream: it is sent repeatedly, and answered only if it has an
-    /// id.
+    /// Whether clients send the op repeatedly. Such a message is answered only if it has an id.
     pub stream: bool,
-    /// Cost of the op against a client's rate limit, in units of an ordinary request.
+    /// How much of the client's rate limit the op uses. An ordinary request uses 1.
     pub weight: u32,
-    /// Whether such a request from the lease holder can have up to
-    /// [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) bytes.
+    /// Whether a request with this op can have up to
+    /// [`MAX_REQUEST_BYTES`](crate::MAX_REQUEST_BYTES) bytes, if it comes from the client that
+    /// holds the lease.
     pub long: bool,
-    /// The stop that the op is, if any. Stops are found in the bytes before they are split or
-    /// parsed.
+    /// The kind of stop, if this op stops the rig. The server finds stops in the received bytes
+    /// before it splits or parses them.
     pub stop: Option<Stop>,
-    /// Whether the op can bring torque back. Such a request is refused if a stop of the same client
-    /// arrived after it.
+    /// Whether the op can switch the torque on again. Such a request is refused if a stop from this
+    /// client arrived after it.
     pub rearms: bool,
 }
 
@@ -96,7 +96,8 @@ const fn may(name: &'static str) -> Field {
     Field { name, optional: true }
 }
 
-/// Defines the names of the ops and their rows in one list. A name without a row does not compile.
+/// Defines the names of all ops and their properties in one list, so that the compiler finds a name
+/// without properties.
 macro_rules! ops {
     ($($(#[$doc:meta])* $Variant:ident = $name:tt: $row:expr,)+) => {
         names! {
@@ -119,10 +120,10 @@ ops! {
     Unsubscribe = "unsubscribe": OpRow::new(Who::Any, &[]),
     /// Name of [`Op::Stats`](crate::Op::Stats).
     Stats = "stats": OpRow::new(Who::Any, &[]).weighing(100),
-    /// Name of [`Op::Acquire`](crate::Op::Acquire). Its cost is high because all clients are
+    /// Name of [`Op::Acquire`](crate::Op::Acquire). Its weight is high because all clients are
     /// notified.
     Acquire = "acquire": OpRow::new(Who::Any, &[may("steal")]).weighing(100),
-    /// Name of [`Op::Release`](crate::Op::Release). Its cost is high because all clients are
+    /// Name of [`Op::Release`](crate::Op::Release). Its weight is high because all clients are
     /// notified.
     Release = "release": OpRow::new(Who::Any, &[]).weighing(100),
     /// Name of [`Op::LoadScene`](crate::Op::LoadScene).
@@ -154,7 +155,7 @@ ops! {
 }
 
 impl OpName {
-    /// Returns the properties of the op: its row in the table of ops.
+    /// Returns the properties of the op, such as its fields and which clients can use it.
     #[must_use]
     pub const fn row(self) -> &'static OpRow {
         &ROWS[self as usize]

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 const SOON: Duration = Duration::from_secs(5);
 
-/// The server's side of one connection, controlled by the test.
+/// The server's side of one connection, which the test controls.
 struct Peer {
     stream: TcpStream,
     splitter: Splitter,
@@ -35,7 +35,7 @@ impl Peer {
         self.stream.write_all(&encoded(self.splitter.encoding(), message)).unwrap();
     }
 
-    /// Answers a hello and changes to the encoding that it asks for.
+    /// Answers the client's first message (`hello`), and changes to the encoding that it asks for.
     fn welcome(&mut self) -> Hello {
         let Some(Request { id, op: Op::Hello(hello) }) = self.request() else { panic!("hello comes first") };
         let body =
@@ -46,7 +46,8 @@ impl Peer {
     }
 }
 
-/// Starts a server for one connection. Returns its address and the handle of its thread.
+/// Starts a server that serves one connection with the function `serve`. Returns its address and
+/// the handle of its thread.
 fn serve<T: Send + 'static>(serve: impl FnOnce(Peer) -> T + Send + 'static) -> (String, JoinHandle<T>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -61,7 +62,7 @@ fn options(encoding: Encoding, timeout: Duration) -> ConnectOptions {
     ConnectOptions { encoding, timeout, ..ConnectOptions::new("tester") }
 }
 
-/// Returns the body of a valid answer for every op.
+/// Returns the body of a valid answer to any op.
 fn body(op: &Op) -> Value {
     match op {
         Op::Subscribe { every } => json!({"every": every}),

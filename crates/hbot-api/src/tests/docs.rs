@@ -7,13 +7,14 @@ use std::collections::BTreeSet;
 
 const PAGE: &str = include_str!("../../../../docs/api.md");
 
-/// Returns the text of the page from one heading to the next.
+/// Returns the text of `docs/api.md` from this heading to the next.
 fn section(heading: &str) -> &'static str {
     let (_, rest) = PAGE.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| panic!("{heading}"));
     rest.split_once("\n#").map_or(rest, |(section, _)| section)
 }
 
-/// Returns the row of a section's table that begins with `name`.
+/// Returns the table row that begins with `name`, in the section of `docs/api.md` under this
+/// heading.
 fn row(heading: &str, name: &str) -> &'static str {
     let mut rows = section(heading).lines().filter(|line| line.starts_with(&format!("| `{name}` |")));
     let row = rows.next().unwrap_or_else(|| panic!("docs/api.md, {heading}: no row for {name}"));
@@ -26,25 +27,25 @@ fn object(message: &impl serde::Serialize) -> serde_json::Map<String, Value> {
     map
 }
 
-/// Returns the rows of a section's table whose first cell contains one name: that name, and the
-/// other cells.
+/// Returns the table rows in the section of `docs/api.md` under this heading: the name in the first
+/// cell of each, and its other cells.
 fn rows(heading: &str) -> Vec<(&'static str, Vec<&'static str>)> {
     let cells = |line: &'static str| line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>();
     let rows = section(heading).lines().filter(|line| line.starts_with("| `")).map(cells);
     rows.map(|cells| (cells[0].trim_matches('`'), cells[1..].to_vec())).collect()
 }
 
-/// Returns the texts in backticks.
+/// Returns the parts of a text that are in backticks.
 fn named(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// Returns everything that the tables of a section name in backticks.
+/// Returns all names in backticks in the tables of `docs/api.md` under this heading.
 fn fields_of(heading: &str) -> BTreeSet<&'static str> {
     section(heading).lines().filter(|line| line.starts_with("| ")).flat_map(named).collect()
 }
 
-/// Collects all keys of the maps in a message.
+/// Collects the keys of all maps in a message, at any depth.
 fn keys(value: &Value, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(map) => map.iter().for_each(|(name, value)| {

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::str::FromStr;
 
-/// Returns the lines of JSON and the frames of MessagePack in the golden file.
+/// Returns the messages of the golden file, each as a line of JSON and a frame of MessagePack.
 fn golden() -> Vec<(String, Vec<u8>)> {
     let lines: Vec<&str> =
         include_str!("messages.golden").lines().filter(|line| !line.starts_with('#')).collect();

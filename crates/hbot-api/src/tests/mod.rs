@@ -14,7 +14,7 @@ mod text;
 
 use crate::{Encoding, Splitter};
 
-/// Returns the only message in `bytes`, without its newline or length.
+/// Returns the single message in `bytes`, without the newline or length that frames it.
 fn unframed(encoding: Encoding, bytes: &[u8]) -> Vec<u8> {
     let mut splitter = Splitter::with_limit(encoding, crate::MAX_ANSWER_BYTES);
     splitter.push(bytes);

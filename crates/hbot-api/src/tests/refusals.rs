@@ -10,7 +10,7 @@ fn refused(line: &str) -> String {
     refusal.error.message
 }
 
-/// Returns the error message for a request with this op and these fields.
+/// Reads an illegal request with this op and these fields, and returns the error message.
 fn wrong(op: &str, fields: &str) -> String {
     refused(&format!("{{\"op\":\"{op}\",{fields}}}"))
 }
@@ -146,7 +146,7 @@ fn quaternions_are_brought_to_unit_norm() {
     assert_eq!(align.q, [0.0, 0.6, 0.0, 0.8]);
 }
 
-/// A value that MessagePack can encode and JSON cannot, such as NaN.
+/// A value that MessagePack can encode. Unlike JSON values, its numbers can be NaN or infinite.
 #[derive(Clone, Serialize)]
 #[serde(untagged)]
 enum Raw {
@@ -217,7 +217,7 @@ fn nan_and_infinity_are_refused_at_every_number() {
     assert_eq!(spoiled, 3 * 17);
 }
 
-/// Replaces the last number in a value by `bad`. Returns its path.
+/// Replaces the last number in a value by `bad`. Returns the path of this number.
 fn spoil(value: &mut Raw, bad: f64) -> String {
     match value {
         Raw::List(items) => {

@@ -84,7 +84,7 @@ fn op() -> impl Strategy<Value = Op> {
     ]
 }
 
-/// Reads bytes with every reader of this crate.
+/// Passes bytes to every reader of this crate. They must not panic or use too much memory.
 fn read_all(bytes: &[u8]) {
     for encoding in Encoding::ALL {
         let _ = Request::read(encoding, bytes);
@@ -149,7 +149,8 @@ proptest! {
         read_all(&bytes);
     }
 
-    /// Messages that are nearly legal get further into the reader than random bytes.
+    /// Checks that reading a damaged message never panics. Such a message is nearly legal, so more
+    /// of it is read than of random bytes.
     #[test]
     fn damaged_messages_never_panic(
         which in any::<prop::sample::Index>(), at in any::<prop::sample::Index>(),

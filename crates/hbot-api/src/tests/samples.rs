@@ -148,7 +148,7 @@ pub(super) fn events() -> Vec<ServerMessage> {
     .into()
 }
 
-/// Returns an answer to `info` with all fields present.
+/// Returns an answer to the op `info` in which every field is present.
 pub(super) fn info() -> InfoOk {
     let kind = KindInfo { name: "spring".into(), description: "a spring".into(), schema: Value::Null };
     InfoOk {

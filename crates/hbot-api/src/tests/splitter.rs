@@ -3,7 +3,8 @@
 use super::{encoded, samples, unframed};
 use crate::{Encoding, MAX_REQUEST_BYTES, SplitError, Splitter};
 
-/// Returns all messages and errors from `bytes`, pushed in pieces that end at `cuts`.
+/// Splits `bytes` into messages, and returns all messages and errors. The bytes arrive in pieces
+/// that end at `cuts`.
 fn split(encoding: Encoding, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Vec<u8>, SplitError>> {
     let mut splitter = Splitter::new(encoding);
     let mut messages = Vec::new();

@@ -3,8 +3,8 @@
 use crate::{Encoding, Id, Op, Request, Stop, StopFinder, asks_estop, may_be_long};
 use proptest::prelude::*;
 
-/// Returns every stop in `bytes` with the index of its end. The bytes are pushed in pieces that end
-/// at `cuts`.
+/// Returns all stops in `bytes`, each with the index of its end. The bytes arrive in pieces that
+/// end at `cuts`.
 fn found(bytes: &[u8], cuts: &[usize]) -> Vec<(Stop, usize)> {
     let mut finder = StopFinder::default();
     let (mut all, mut from) = (Vec::new(), 0);
@@ -15,7 +15,7 @@ fn found(bytes: &[u8], cuts: &[usize]) -> Vec<(Stop, usize)> {
     all
 }
 
-/// Messages that ask for an emergency stop, each damaged or unusual in another way.
+/// Messages that request an emergency stop. Each is damaged or unusual in a different way.
 const SHAPES: &[&[u8]] = &[
     br#"{"op":"estop"}"#,
     b"{\"op\"\t : \r\"estop\"}",

@@ -18,10 +18,11 @@ use crate::document::Report;
 const WATCHDOG_MS: u16 = 20;
 const WATCHDOG_SIM_MS: u16 = 50;
 
-/// A steering axis whose components are all smaller than this has no usable direction.
+/// A steering axis is refused if all its components are smaller than this, because it then has no
+/// usable direction.
 const LEAST_AXIS: f64 = 1.0e-9;
 
-/// Checks what depends on the values of one wheel only, and adds mistakes to the report.
+/// Checks the values of one wheel against each other, and adds mistakes to the report.
 pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Protocol, path: &str, report: &mut Report) {
     if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
         report.push(
@@ -98,7 +99,7 @@ fn check_id(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Repo
     }
 }
 
-/// Returns the path in the rig file of a number that the core refuses.
+/// Returns the path in the rig file of a value that the core has refused.
 fn place(mistake: &core::RigError) -> String {
     let field = match mistake.field {
         "timing.period_ns" => "loop.rate_hz",
@@ -114,8 +115,8 @@ fn place(mistake: &core::RigError) -> String {
     }
 }
 
-/// Checks what the tables of a rig file must agree on, and compiles the file. Returns `None` and
-/// adds mistakes to the report if it is not legal.
+/// Checks that the tables of a rig file agree, and compiles the file to a rig. If they do not
+/// agree, adds mistakes to the report and returns `None`.
 pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let wheels = wheel_names(&file, report);
     let timing = core::Timing {
@@ -173,14 +174,17 @@ fn wheel_names(file: &RigFile, report: &mut Report) -> Vec<String> {
     names
 }
 
-/// Iterates over the joints in the order steer, drive of each wheel, with their paths in the file.
+/// Iterates over all joints of a rig file, each with its path in the file. Each wheel gives two:
+/// its steer joint, then its drive joint.
 fn each_joint(file: &RigFile) -> impl Iterator<Item = (String, &file::Joint)> {
     file.wheel.iter().enumerate().flat_map(|(i, wheel)| {
         [(format!("wheel[{i}].steer"), &wheel.steer), (format!("wheel[{i}].drive"), &wheel.drive)]
     })
 }
 
-/// Returns for each joint the index of its line, and its position on that line.
+/// Returns two lists with one element per joint: the index of the joint's serial line, and the
+/// joint's position on that line. Adds a mistake to the report if a position is used twice or does
+/// not exist.
 fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>, Vec<usize>) {
     let ports: Vec<usize> = each_joint(file).map(|(_, settings)| settings.port as usize).collect();
     let mut taken = HashSet::new();

@@ -16,17 +16,17 @@ use super::settings::{Api, Limits, Link, Loop, Protocol};
 /// Stands in for the counts a turn that a file leaves out by mistake.
 const MISSING_COUNTS: u32 = legal::COUNTS_PER_TURN.least as u32;
 
-/// The whole rig file.
+/// The contents of a rig file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RigFile {
-    /// Name of the rig, for people.
+    /// Name of the rig, shown to people.
     #[serde(default = "rig_name")]
     #[schemars(length(min = 1, max = 100))]
     pub(crate) name: String,
     /// The hollow sphere, which turns about its fixed centre.
     pub(crate) sphere: Sphere,
-    /// The wheels. Each is steered about an axis through the sphere's centre, and driven.
+    /// The wheels. Each is driven, and is steered about an axis through the sphere's centre.
     #[schemars(length(min = 2, max = 8))]
     pub(crate) wheel: Vec<Wheel>,
     /// Settings of the control loop.
@@ -47,7 +47,7 @@ fn rig_name() -> String {
     "Hbot".to_owned()
 }
 
-/// The sphere of the rig.
+/// Size and mass of the sphere of the rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Sphere {
@@ -59,16 +59,17 @@ pub(crate) struct Sphere {
     pub(crate) mass: f64,
 }
 
-/// One wheel with its two joints.
+/// One wheel, with its steer joint and its drive joint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Wheel {
-    /// Name of the wheel, for people. No two wheels can share a name. Default: A, B, C... in the
-    /// order of the file.
+    /// Name of the wheel, shown to people. Each name is unique. Default: A, B, C... in the order of
+    /// the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "String", length(min = 1, max = 100))]
     pub(crate) name: Option<String>,
-    /// Steering axis through the sphere's centre, in frame N. Any length except zero.
+    /// Steering axis through the sphere's centre, in frame N (fixed in space). Any length except
+    /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub(crate) axis: [f64; 3],
     /// Cone angle a between the steering axis and the contact point.
@@ -91,13 +92,12 @@ pub(crate) struct Wheel {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Joint {
-    /// Index in `link.port` of the port to which the joint is connected, counted from 0.
+    /// Index of the joint's port in the list `link.port`, counted from 0.
     #[serde(default)]
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
-    /// Position of the joint on its line, counted from 0. The joints of a line use each position
-    /// once. Default: the place of the joint among the joints of its port, in the order steer,
-    /// drive of each wheel.
+    /// Position of the joint on its serial line, counted from 0 and unique on the line. Default:
+    /// the number of joints before it on the same port, in the order steer, drive of each wheel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,
@@ -106,16 +106,15 @@ pub(crate) struct Joint {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
     pub(crate) counts_per_turn: Option<u32>,
-    /// Turns of the encoder in one turn of the joint.
+    /// Number of turns of the encoder in one turn of the joint.
     #[serde(default = "one")]
     #[schemars(range(min = legal::GEAR.least, max = legal::GEAR.most))]
     pub(crate) gear: f64,
-    /// 1 if the motor controller counts and drives in the joint's positive direction, -1 if in the
-    /// opposite direction.
+    /// 1 if the motor controller's positive direction is that of the joint, -1 if it is opposite.
     #[serde(default = "forwards")]
     #[schemars(extend("enum" = [1, -1]))]
     pub(crate) sign: i8,
-    /// How the zero of a steer joint becomes known. Has no effect on a drive joint.
+    /// How the zero angle of a steer joint is found. Has no effect on a drive joint.
     #[serde(default = "unknown")]
     pub(crate) zero: core::Zero,
     /// Angle of the joint when its encoder reads zero, as measured by `hbot rig calibrate`. Has no
@@ -123,8 +122,8 @@ pub(crate) struct Joint {
     #[serde(default)]
     #[schemars(range(min = -6.3, max = 6.3), extend("unit" = "rad"))]
     pub(crate) zero_offset: f64,
-    /// Inertia about the joint's axis of everything that turns with it. The rotor counts as seen
-    /// through its gear.
+    /// Moment of inertia of everything that turns with the joint, about the joint's axis. The
+    /// rotor's inertia is multiplied by the square of its gear ratio.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "kg m²"))]
     pub(crate) inertia: f64,
@@ -137,7 +136,7 @@ pub(crate) struct Joint {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::PEAK.most), extend("exclusiveMinimum" = legal::PEAK.least, "unit" = legal::PEAK.unit))]
     pub(crate) continuous: Option<f64>,
-    /// Whether the joint has a motor. If false, the joint has only an encoder.
+    /// Whether the joint has a motor. A joint without a motor has only an encoder.
     #[serde(default = "yes")]
     pub(crate) motor: bool,
 }

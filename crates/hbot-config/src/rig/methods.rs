@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::Report;
 
-/// The key `accuracy`: the name of a preset, or a table with one key for each method.
+/// The value of the key `accuracy`: the name of a preset of numerical methods, or a table with one
+/// key for each method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Accuracy {
@@ -19,19 +20,20 @@ pub(crate) enum Accuracy {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Preset {
-    /// Least computing time per tick: odometry `euler`.
+    /// The preset with the least computing time per tick: odometry `euler`.
     Fast,
-    /// The default: odometry `midpoint`.
+    /// The default preset: odometry `midpoint`.
     Balanced,
-    /// Smallest error: odometry `magnus4`, path `cubic`.
+    /// The preset with the smallest error: odometry `magnus4`, path `cubic`.
     Exact,
 }
 
-/// One key for each method. An absent key has its value in the preset `balanced`.
+/// A table of numerical methods, with one key for each. An absent key has its value in the preset
+/// `balanced`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct MethodTable {
-    /// How the orientation is integrated from one reading to the next.
+    /// How the sphere's orientation is integrated from one reading of the joint angles to the next.
     pub(crate) odometry: core::OdometryMethod,
     /// Assumed path of the joint angles between two readings.
     pub(crate) path: core::PathFit,
@@ -47,7 +49,7 @@ impl Default for MethodTable {
 }
 
 impl Accuracy {
-    /// Returns the name of the preset, or `custom` for a table.
+    /// Returns the name of the preset, or `custom` if the methods are given in a table.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Preset(Preset::Fast) => "fast",
@@ -57,8 +59,8 @@ impl Accuracy {
         }
     }
 
-    /// Returns the methods of the preset or table. The rate estimate and the passivity limit are
-    /// the defaults.
+    /// Returns the numerical methods that the preset or table selects. The rate estimate and the
+    /// passivity limit have other keys in the rig file, so they are the defaults here.
     pub(crate) fn methods(self) -> core::Methods {
         match self {
             Self::Preset(Preset::Fast) => core::Methods::FAST,
@@ -71,8 +73,8 @@ impl Accuracy {
     }
 }
 
-/// The key `rate_estimate`: a method for the joint rates, or a table with the method and its
-/// parameters.
+/// The value of the key `rate_estimate`: a method for the joint rates, or a table with the method
+/// and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum RateEstimate {
@@ -80,23 +82,24 @@ pub(crate) enum RateEstimate {
     Table(RateTable),
 }
 
-/// A method that determines the joint rates.
+/// A method that estimates the joint rates from readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum RateMethod {
     /// The rates that the motor controllers report.
     Controller,
-    /// The difference of the last two readings, over the time between them.
+    /// The difference of the last two readings of the angle, divided by the time between them.
     Difference,
-    /// The difference of the last two readings, through a first-order low-pass filter.
+    /// The difference of the last two readings of the angle, smoothed by a first-order low-pass
+    /// filter.
     LowPass,
-    /// The slope of the longest chord that fits the last readings within a tolerance.
+    /// The slope of the longest straight line that fits the last readings within a tolerance.
     AdaptiveWindow,
-    /// A Kalman filter of angle, rate and acceleration.
+    /// A Kalman filter that estimates angle, rate and acceleration.
     Kalman,
 }
 
-/// A method for the joint rates, with its parameters.
+/// A method that estimates the joint rates, with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RateTable {
@@ -106,11 +109,12 @@ pub(crate) struct RateTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::CUTOFF_HZ.least, max = legal::CUTOFF_HZ.most), extend("unit" = legal::CUTOFF_HZ.unit))]
     pub(crate) cutoff_hz: Option<f64>,
-    /// For `adaptive_window`: largest distance of a reading from the chord, in counts. Default: 1.
+    /// For `adaptive_window`: largest distance of a reading from the fitted line, in encoder
+    /// counts. Default: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::TOLERANCE_COUNTS.least as u32, max = legal::TOLERANCE_COUNTS.most as u32))]
     pub(crate) tolerance_counts: Option<u32>,
-    /// For `adaptive_window`: longest time that the chord can span, in ticks. Default: 32.
+    /// For `adaptive_window`: longest time that the fitted line covers, in ticks. Default: 32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::LONGEST_TICKS.least as u32, max = legal::LONGEST_TICKS.most as u32))]
     pub(crate) longest_ticks: Option<u32>,
@@ -121,7 +125,7 @@ pub(crate) struct RateTable {
 }
 
 impl RateEstimate {
-    /// Adds a mistake to the report for each parameter that belongs to another method.
+    /// Adds a mistake to the report for each parameter that the chosen method does not use.
     pub(crate) fn check(&self, report: &mut Report) {
         let Self::Table(table) = self else { return };
         let given = [
@@ -146,7 +150,7 @@ impl RateEstimate {
         }
     }
 
-    /// Returns the core's rate estimate, with defaults for absent parameters.
+    /// Converts the table to the core's rate estimate. Absent parameters have their defaults.
     pub(crate) fn compile(self) -> core::RateEstimate {
         let table = match self {
             Self::Table(table) => table,
@@ -173,7 +177,8 @@ impl RateEstimate {
     }
 }
 
-/// The key `passivity`: true or false, or a table with the parameters of the passivity controller.
+/// The value of the key `passivity`: true or false, or a table with the parameters of the passivity
+/// controller.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Passivity {
@@ -191,13 +196,13 @@ pub(crate) struct PassivityTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::ALLOWANCE.least, max = legal::ALLOWANCE.most), extend("unit" = legal::ALLOWANCE.unit))]
     pub(crate) allowance: Option<f64>,
-    /// Largest amount of absorbed energy that is remembered. It must be at least the energy that
-    /// the scene's springs store when they are wound up. Default: 0.5.
+    /// Largest amount of absorbed energy that can be delivered again later. It must be at least the
+    /// energy that the scene's springs store when they are wound up. Default: 0.5.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::STORE.least, max = legal::STORE.most), extend("unit" = legal::STORE.unit))]
     pub(crate) store: Option<f64>,
-    /// Largest damping that is added. Default: a quarter of the sphere's inertia divided by the
-    /// loop's period (or by 1 ms if the period is shorter).
+    /// Largest damping that the passivity controller adds. Default: a quarter of the sphere's
+    /// inertia divided by the loop's period (or by 1 ms if the period is shorter).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::DAMPING.most), extend("exclusiveMinimum" = legal::DAMPING.least, "unit" = legal::DAMPING.unit))]
     pub(crate) damping: Option<f64>,

@@ -23,38 +23,39 @@ use crate::schema;
 use crate::text::read_text;
 use crate::validate::validate;
 
-/// Text of the rig file that is compiled into the program.
+/// Text of the prototype's rig file, compiled into the program.
 const PROTOTYPE: &str = include_str!("../../../../rigs/prototype.toml");
 
 static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<file::RigFile>);
 
-/// A legal rig file, ready for use. Every number is in range, and the geometry has been checked for
-/// all postures.
+/// A rig file that has been checked and is ready for use. Every number is in range, and the
+/// geometry has been checked for all postures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigConfig {
-    /// Name of the rig, for people.
+    /// Name of the rig, shown to people.
     pub name: String,
     /// Everything that the control law needs to know about the rig.
     pub rig: Rig,
-    /// Names of the wheels, for people, in the order of the file.
+    /// Names of the wheels, shown to people, in the order of the file.
     pub wheels: Vec<String>,
-    /// For each joint (steer, drive of each wheel), the index of the line that it is on.
+    /// Index of each joint's serial line. Each wheel has two joints in this list: steer, then
+    /// drive.
     pub ports: Vec<usize>,
-    /// For each joint, its position on its line. The n joints of one line have the positions 0 to n
-    /// - 1, each once.
+    /// Position of each joint on its serial line. The n joints of a line have the positions 0 to n
+    /// - 1, each used once.
     pub controllers: Vec<usize>,
-    /// For each joint, its angle when its encoder reads zero, rad.
+    /// Angle of each joint when its encoder reads zero, rad.
     pub zero_offsets: Vec<f64>,
-    /// Ticks per second, 50 to 20000.
+    /// Rate of the control loop in ticks per second, 50 to 20000.
     pub rate_hz: u32,
-    /// Largest lead: how long before a tick's deadline the loop can wake, ns. If 0, the loop sleeps
-    /// until the deadline.
+    /// How long before a tick's deadline the loop can wake at most, ns. If 0, the loop sleeps until
+    /// the deadline.
     pub early_ns: u64,
     /// Longest time that a processor can take to wake from sleep while the loop runs, us. `None` if
     /// the operating system decides.
     pub wake_us: Option<u32>,
-    /// Index of the processor to which the loop's thread is bound. `None` if the operating system
-    /// decides.
+    /// Index of the processor on which the loop's thread runs. `None` if the operating system
+    /// chooses one.
     pub cpu: Option<u32>,
     /// Name of the preset of numerical methods: `fast`, `balanced`, `exact`, or `custom` if the
     /// file names each method.
@@ -72,32 +73,33 @@ pub struct LinkConfig {
     pub port: Port,
     /// Protocol that the motor controllers use.
     pub protocol: Protocol,
-    /// Bits per second on the line. One byte takes ten bits.
+    /// Bits per second on the line. Each byte takes ten bits.
     pub baud: u32,
-    /// Watchdog time, ms: how long a motor controller holds a command when no other follows. At
-    /// least two loop periods.
+    /// Watchdog time of the motor controllers, ms. A motor controller switches its motors off if no
+    /// command arrives for this time. At least two loop periods.
     pub watchdog_ms: u16,
-    /// Age of the newest reading, in ticks, above which the fault `link_lost` occurs.
+    /// Largest legal age of the newest reading from the motor controllers, in ticks. An older one
+    /// causes the fault `link_lost`.
     pub timeout_ticks: u32,
 }
 
 impl LinkConfig {
-    /// Returns the load of the line in one direction if each tick sends a frame of `frame_bytes`
-    /// bytes, as a fraction of its capacity. Above 1, the frames do not fit.
+    /// Returns the share of the line's capacity that is used in one direction if each tick sends a
+    /// frame of `frame_bytes` bytes. A value above 1 means that the frames do not fit.
     #[must_use]
     pub fn load(&self, frame_bytes: usize, rate_hz: u32) -> f64 {
-        /// One start bit, eight data bits, one stop bit.
+        /// Bits on the line for one byte: one start bit, eight data bits and one stop bit.
         const BITS_A_BYTE: f64 = 10.0;
         frame_bytes as f64 * BITS_A_BYTE * f64::from(rate_hz) / f64::from(self.baud)
     }
 }
 
-/// Where the motor controllers are connected: the simulated rig, or serial devices.
+/// Where the motor controllers are connected: in the simulated rig, or at serial devices.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Port {
     /// The simulated rig.
     Sim,
-    /// Paths of serial devices, such as `/dev/ttyACM0`. At least one.
+    /// Paths of the serial devices, such as `/dev/ttyACM0`. There is at least one.
     Devices(Vec<String>),
 }
 
@@ -119,47 +121,49 @@ impl fmt::Display for Port {
 /// Settings of the TCP service.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ApiConfig {
-    /// Address and port on which the service listens.
+    /// Address and port at which clients connect to the service.
     pub listen: SocketAddr,
-    /// File that contains the token that clients must present. `None` if no token is needed.
+    /// File with the token that clients must present. `None` if no token is needed.
     pub token_file: Option<PathBuf>,
-    /// Certificate and key for encryption. `None` for plain TCP.
+    /// Certificate and key for encryption. `None` for TCP without encryption.
     pub tls: Option<TlsFiles>,
-    /// What happens to the lease holder's commands if its connection ends without a release.
+    /// What happens to the commands of the lease holder (the client that can command) if its
+    /// connection ends without a release.
     pub on_client_lost: OnClientLost,
 }
 
 /// Paths of the certificate and key that encrypt the service. Both files are in PEM format.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// The server's certificate, followed by any intermediate certificates.
+    /// File with the server's certificate, followed by any intermediate certificates.
     pub certificate: PathBuf,
-    /// The private key of the server's certificate.
+    /// File with the private key of the server's certificate.
     pub key: PathBuf,
 }
 
 impl ApiConfig {
-    /// Returns whether the service listens on an address that other machines can reach. Such a
-    /// service needs a token.
+    /// Returns whether clients need a token: they do if other machines can reach the service's
+    /// address.
     #[must_use]
     pub fn needs_token(&self) -> bool {
         !self.listen.ip().is_loopback()
     }
 }
 
-/// A value from the command line that replaces a value of the rig file.
+/// A command line option that replaces one value of the rig file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Override {
     /// Path of the key that is replaced, such as `loop.rate_hz`.
     pub path: &'static str,
-    /// The new value, in the form that the file would use.
+    /// The new value, in the form in which the rig file would contain it.
     pub value: Value,
-    /// Name of the option in messages, such as `--rate`.
+    /// Name of the option in error messages, such as `--rate`.
     pub from: &'static str,
 }
 
 impl RigConfig {
-    /// Returns the rig of the paper's prototype on the simulated port, as in `rigs/prototype.toml`.
+    /// Returns the rig of the paper's prototype, with simulated motors, as in
+    /// `rigs/prototype.toml`.
     #[must_use]
     pub fn prototype() -> Self {
         Self::from_toml(PROTOTYPE, "rigs/prototype.toml")
@@ -184,12 +188,12 @@ impl RigConfig {
     }
 
     /// Reads a rig from a rig file, or the built-in prototype if `path` is `None`, and replaces
-    /// some values. Defaults that depend on a replaced value follow it, such as the watchdog time
-    /// of a port.
+    /// some of its values. Defaults that depend on a replaced value change with it, such as the
+    /// watchdog time, which depends on the port.
     ///
     /// # Errors
-    /// Fails like [`from_path`](Self::from_path). A replaced value that is not legal is reported
-    /// under the name of its option.
+    /// Fails like [`from_path`](Self::from_path). The message about a replaced value that is not
+    /// legal names its command line option.
     pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Self, LoadError> {
         let Some(path) = path else {
             return Ok(Self::from_toml_with(PROTOTYPE, "rigs/prototype.toml", overrides)?);
@@ -209,8 +213,8 @@ impl RigConfig {
         Ok(config)
     }
 
-    /// Reads a rig from the text of a rig file, and replaces some values. `file` is the name of the
-    /// file in messages.
+    /// Reads a rig from the text of a rig file, and replaces some of its values. `file` is the name
+    /// of the file in messages.
     ///
     /// # Errors
     /// Fails if the text or a replaced value is not legal. The error lists every mistake.
@@ -240,7 +244,8 @@ impl RigConfig {
         report.finish(config)
     }
 
-    /// Returns the JSON schema of rig files, for editors. Besides standard keywords it uses `unit`.
+    /// Returns the JSON schema of rig files, which editors can use. In addition to standard
+    /// keywords it contains `unit`.
     #[must_use]
     pub fn schema() -> Value {
         SCHEMA.clone()

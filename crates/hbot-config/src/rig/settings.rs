@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::methods::{Accuracy, Passivity, Preset, RateEstimate, RateMethod};
 
-/// The value of `wake_us` that means no limit.
+/// The value of `wake_us` that sets no limit on the wake-up time of processors.
 pub(crate) const ANY_WAKE_US: u32 = 1_000_000;
 
 /// Settings of the control loop.
@@ -23,16 +23,16 @@ pub(crate) struct Loop {
     pub(crate) rate_hz: u32,
     /// Numerical methods: the name of a preset, or a table with one key for each method.
     pub(crate) accuracy: Accuracy,
-    /// How joint rates are determined: the name of a method, or a table with the method and its
+    /// How the joint rates are estimated: the name of a method, or a table with the method and its
     /// parameters.
     pub(crate) rate_estimate: RateEstimate,
     /// Whether the energy delivered to the hand is limited to the energy absorbed from it: true,
     /// false, or a table of parameters.
     pub(crate) passivity: Passivity,
-    /// Largest lead: how long before a tick's deadline the loop can wake. Never more than a quarter
-    /// of the period. The loop learns which lead this machine needs. It rehearses the tick and
-    /// stays awake until the deadline, which keeps a processor busy for that time. 0: the loop
-    /// sleeps until the deadline.
+    /// Lead: how long before a tick's deadline the loop can wake at most. Never more than a quarter
+    /// of the period. The loop measures how early it must wake on this machine. It then stays awake
+    /// until the deadline and rehearses the tick, which keeps a processor busy. 0: the loop sleeps
+    /// until the deadline.
     #[schemars(range(max = 1000), extend("unit" = "us"))]
     pub(crate) early_us: u32,
     /// Longest time that a processor can take to wake from sleep while the loop runs. The operating
@@ -40,8 +40,8 @@ pub(crate) struct Loop {
     /// power. 20 or more: most still sleep lightly. 1000000: no limit.
     #[schemars(range(max = ANY_WAKE_US), extend("unit" = "us"))]
     pub(crate) wake_us: u32,
-    /// Index of the processor to which the loop's thread is bound, counted from 0. Choose one that
-    /// nothing else uses. Absent: the operating system decides.
+    /// Index of the processor on which the loop's thread runs, counted from 0. Choose one that
+    /// nothing else uses. Absent: the operating system chooses.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(max = 1023))]
     pub(crate) cpu: Option<u32>,
@@ -66,21 +66,22 @@ impl Default for Loop {
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Link {
     /// `sim` for the simulated rig, the path of a serial device, or a list of such paths if the
-    /// motor controllers are on several lines.
+    /// motor controllers are on several serial lines.
     #[schemars(extend("legal" = "`\"sim\"`, a path, or a list of 1 to 8 paths"))]
     pub(crate) port: Ports,
     /// The protocol that the motor controllers use.
     pub(crate) protocol: Protocol,
-    /// Bit rate of the line. It has no effect on a motor controller that is itself a USB device
-    /// (CDC).
+    /// Bits per second on the line. It has no effect on a motor controller that is itself a USB
+    /// device (CDC).
     #[schemars(range(min = 9600, max = 20_000_000), extend("unit" = "baud"))]
     pub(crate) baud: u32,
-    /// Watchdog time: how long a motor controller holds a command when no other follows. At least
-    /// two loop periods. Default: 20, or 50 if `port` is `sim`.
+    /// Watchdog time: a motor controller switches its motors off if no command arrives for this
+    /// time. At least two loop periods. Default: 20, or 50 if `port` is `sim`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,
-    /// Age of the newest reading, in ticks, above which the fault link_lost occurs.
+    /// Largest legal age of the newest reading from the motor controllers, in ticks. An older one
+    /// causes the fault link_lost.
     #[schemars(range(min = legal::TIMEOUT_TICKS.least as u32, max = legal::TIMEOUT_TICKS.most as u32))]
     pub(crate) timeout_ticks: u32,
 }
@@ -97,7 +98,7 @@ impl Default for Link {
     }
 }
 
-/// The key `port`: one serial port, or a list of them.
+/// The value of the key `port`: one serial port, or a list of them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Ports {
@@ -105,8 +106,7 @@ pub(crate) enum Ports {
     Several(#[schemars(length(min = 1, max = 8), inner(length(min = 1)))] Vec<String>),
 }
 
-/// The protocol of the motor controllers, as `link.protocol` of a rig file names it. The trait
-/// `Protocol` of hbot-host is implemented by the driver of each.
+/// A protocol that motor controllers can use on the serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
@@ -164,11 +164,12 @@ pub(crate) struct Limits {
     /// Largest rate of change of the torque on the sphere.
     #[schemars(range(max = legal::TORQUE_RATE.most), extend("exclusiveMinimum" = legal::TORQUE_RATE.least, "unit" = legal::TORQUE_RATE.unit))]
     pub(crate) torque_rate: f64,
-    /// Largest angular speed of the sphere while the motors are on. Above it, the fault overspeed
-    /// occurs.
+    /// Largest angular speed of the sphere while the motors are on. A higher speed causes the fault
+    /// overspeed.
     #[schemars(range(max = legal::SPEED.most), extend("exclusiveMinimum" = legal::SPEED.least, "unit" = legal::SPEED.unit))]
     pub(crate) speed: f64,
-    /// Largest slip at a contact while the motors are on. Above it, the fault slip occurs.
+    /// Largest slip between a wheel and the sphere while the motors are on. A higher slip causes
+    /// the fault slip.
     #[schemars(range(max = legal::SLIP.most), extend("exclusiveMinimum" = legal::SLIP.least, "unit" = legal::SLIP.unit))]
     pub(crate) slip: f64,
     /// Thermal time constant of the motors. The fault thermal occurs if the mean square of a joint
@@ -177,26 +178,28 @@ pub(crate) struct Limits {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::THERMAL_TIME.most), extend("exclusiveMinimum" = legal::THERMAL_TIME.least, "unit" = legal::THERMAL_TIME.unit))]
     pub(crate) thermal_time: Option<f64>,
-    /// Limit on the energy that goes into the hand. Beyond it, the fault overtorque occurs. Absent:
-    /// only the limits on torque and speed apply.
+    /// Limit on the energy that goes into the hand. More energy causes the fault overtorque.
+    /// Absent: only the limits on torque and speed apply.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Energy")]
     pub(crate) energy: Option<Energy>,
-    /// Friction at the contacts, which limits the joint torques. Absent: unknown, and friction does
-    /// not limit the joint torques.
+    /// Friction between wheels and sphere, which limits the joint torques. Absent: the friction is
+    /// unknown and does not limit them.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Traction")]
     pub(crate) traction: Option<Traction>,
-    /// Largest angle at enable between the sphere's orientation and a spring's reference.
+    /// Largest angle between the sphere's orientation and a spring's reference at which the motors
+    /// can be enabled.
     #[schemars(range(max = legal::ENABLE_MAX_ANGLE.most), extend("exclusiveMinimum" = legal::ENABLE_MAX_ANGLE.least, "unit" = legal::ENABLE_MAX_ANGLE.unit))]
     pub(crate) enable_max_angle: f64,
-    /// Rate at which an orientation measured from outside corrects the odometry.
+    /// How fast the odometry is corrected towards an orientation that was measured from outside.
     #[schemars(range(max = legal::ALIGN_RATE.most), extend("exclusiveMinimum" = legal::ALIGN_RATE.least, "unit" = legal::ALIGN_RATE.unit))]
     pub(crate) align_rate: f64,
-    /// Rate at which a reference moves to a new orientation that a client sends.
+    /// How fast a reference moves to a new orientation that a client sends.
     #[schemars(range(max = legal::REFERENCE_RATE.most), extend("exclusiveMinimum" = legal::REFERENCE_RATE.least, "unit" = legal::REFERENCE_RATE.unit))]
     pub(crate) reference_rate: f64,
-    /// Largest age of the tick that a stream message names, in ticks. Older messages are refused.
+    /// Largest age of a client's stream message, in ticks since the tick that it names. An older
+    /// message is refused.
     #[schemars(range(min = legal::MAX_AGE_TICKS.least as u32, max = legal::MAX_AGE_TICKS.most as u32))]
     pub(crate) max_age_ticks: u32,
 }
@@ -234,7 +237,7 @@ impl Default for Limits {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Energy {
-    /// Energy that can be delivered in excess of `power`, for example in one push.
+    /// Energy that can be delivered at once in excess of `power`, for example in one push.
     #[schemars(range(max = legal::BURST.most), extend("exclusiveMinimum" = legal::BURST.least, "unit" = legal::BURST.unit))]
     pub(crate) burst: f64,
     /// Power that can be delivered without time limit.
@@ -242,7 +245,7 @@ pub(crate) struct Energy {
     pub(crate) power: f64,
 }
 
-/// The largest friction force of a contact: mu N.
+/// Friction between each wheel and the sphere. It transmits a force of at most mu N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Traction {
@@ -258,19 +261,20 @@ pub(crate) struct Traction {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Api {
-    /// Address and port on which the service listens. Any address except loopback needs a token.
+    /// Address and port at which clients connect. Any address except loopback needs a token.
     pub(crate) listen: String,
-    /// File that contains the token that clients must present. Its path is relative to the rig
-    /// file. Absent: no token is needed.
+    /// File with the token that clients must present. Its path is relative to the rig file. Absent:
+    /// no token is needed.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "String", length(min = 1))]
     pub(crate) token_file: Option<PathBuf>,
-    /// Files for encryption. If present, the service accepts only encrypted connections. Absent:
-    /// plain TCP.
+    /// Certificate and key for encryption. If present, every connection must be encrypted. Absent:
+    /// TCP without encryption.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Tls")]
     pub(crate) tls: Option<Tls>,
-    /// What happens to the lease holder's commands if its connection ends without a release.
+    /// What happens to the commands of the lease holder (the client that can command) if its
+    /// connection ends without a release.
     pub(crate) on_client_lost: OnClientLost,
 }
 

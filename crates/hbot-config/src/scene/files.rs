@@ -8,8 +8,9 @@ use super::kinds::MAX_POINTS;
 use crate::document::{Document, join};
 use crate::text::read_text;
 
-/// Replaces the key `file` of every track by its points, as the key `points`. File names are
-/// relative to `folder`. A file that cannot be read is reported as a mistake.
+/// Reads the CSV file that each `track` effect names in its key `file`, and stores the contents in
+/// the key `points` of the effect. File names are relative to `folder`. A file that cannot be read
+/// is reported as a mistake.
 pub(super) fn read_points(document: &mut Document, folder: &Path) {
     let Document { tree, report } = document;
     let effects = tree["effect"].as_array_mut().into_iter().flatten().enumerate();
@@ -34,8 +35,9 @@ pub(super) fn read_points(document: &mut Document, folder: &Path) {
     }
 }
 
-/// Reads the rows of a CSV file with the columns t, w, x, y, z. Fails with a message if the file
-/// cannot be read, or has other columns, too many rows, or numbers that are not finite.
+/// Reads the points of a recorded path from a CSV file with the columns t, w, x, y, z. Fails with a
+/// message if the file cannot be read, or has other columns, too many rows, or numbers that are not
+/// finite.
 fn points(path: &Path) -> Result<Value, String> {
     let text = read_text(path).map_err(|error| error.to_string())?;
     let mut reader =

@@ -27,10 +27,10 @@ use crate::document::{Document, Report, join};
 use crate::text::read_text;
 use crate::validate::validate;
 
-/// Text of the default scene, which is compiled into the program.
+/// Text of the default scene file, compiled into the program.
 const DEFAULT: &str = include_str!("../../../../scenes/spring.toml");
 
-/// A legal scene file, read from TOML or JSON. Every number in it is in range.
+/// A scene file, read from TOML or JSON, that has been checked. Every number in it is in range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneFile {
     name: String,
@@ -38,7 +38,7 @@ pub struct SceneFile {
     simulate: Option<Simulate>,
 }
 
-/// One effect of a scene file.
+/// One effect of a scene file, such as a spring.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneEffect {
     id: String,
@@ -47,32 +47,35 @@ pub struct SceneEffect {
     /// The parameters of the effect's kind, including those that have their default.
     parameters: Map<String, Value>,
     kind: Kind,
-    /// The numbers that the effect puts into the scene's table of figures.
+    /// The positions, orientations or points of the effect as a list of numbers, for the scene's
+    /// table of figures.
     figures: Vec<f64>,
 }
 
-/// Describes one kind of effect, or one phenomenon of the simulated rig, that a scene can name.
+/// Describes something that a scene can contain: a kind of effect, or a phenomenon of the simulated
+/// rig.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Listed {
-    /// Name of the kind or phenomenon in files.
+    /// Name of the kind or phenomenon in scene files.
     pub name: &'static str,
     /// What the kind or phenomenon does, in one or two sentences.
     pub description: String,
     /// JSON schema of the parameters, with `description`, `default`, range and `unit` of each. For
-    /// a kind, it covers what the op `set` accepts.
+    /// a kind of effect, it covers all that the op `set` accepts.
     pub schema: Value,
 }
 
-/// Returns all kinds of effects that a scene can name.
+/// Returns a description of every kind of effect that a scene can contain.
 #[must_use]
 pub fn kinds() -> Vec<Listed> {
     KINDS.iter().map(|kind| Listed::new(kind.name, &kind.schema)).collect()
 }
 
-/// Returns all phenomena that the table `[simulate]` of a scene can name.
+/// Returns a description of every phenomenon that the table `[simulate]` of a scene can contain.
 #[must_use]
 pub fn phenomena() -> Vec<Listed> {
-    /// A static copy of the schema's properties, so that their names are `&'static str`.
+    /// A static copy of the schema's properties, so that the names of the phenomena are `&'static
+    /// str`.
     static NAMES: LazyLock<Map<String, Value>> =
         LazyLock::new(|| crate::schema::properties(&simulate::SCHEMA));
     NAMES.iter().map(|(name, schema)| Listed::new(name, schema)).collect()
@@ -81,13 +84,13 @@ pub fn phenomena() -> Vec<Listed> {
 /// Describes one parameter of a kind or phenomenon in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parameter {
-    /// Name of the parameter in files.
+    /// Name of the parameter in scene files.
     pub name: String,
     /// What the parameter does.
     pub description: String,
-    /// The legal values, with the unit.
+    /// The legal values of the parameter, with the unit.
     pub legal: String,
-    /// The default value, as JSON.
+    /// The default value of the parameter, as JSON.
     pub default: String,
 }
 
@@ -111,17 +114,19 @@ impl Listed {
     }
 }
 
-/// The top level of a scene file. Each effect is later checked against the schema of its kind.
+/// The top level of a scene file. Its effects are checked later, each against the schema of its
+/// kind.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Top {
-    /// Name of the scene, for people.
+    /// Name of the scene, shown to people.
     #[schemars(length(min = 1, max = 100))]
     name: String,
-    /// The effects. Their torques are added in this order.
+    /// The effects of the scene. Their torques are added in this order.
     #[schemars(length(max = MAX_EFFECTS))]
     effect: Vec<Map<String, Value>>,
-    /// Phenomena of the simulated rig. Absent: the simulated rig stays as it is.
+    /// Phenomena of the simulated rig that the scene switches on. Absent: the simulated rig has no
+    /// such phenomenon.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Simulate")]
     simulate: Option<Simulate>,
@@ -151,8 +156,8 @@ impl SceneFile {
         Self::from_document(Document::from_toml(text, file)?)
     }
 
-    /// Reads a scene from a JSON value with the structure of a scene file, as in the op
-    /// `load_scene`.
+    /// Reads a scene from a JSON value with the structure of a scene file, such as clients send in
+    /// the op `load_scene`.
     ///
     /// # Errors
     /// Fails if the value is not a legal scene. The error lists every mistake.
@@ -160,11 +165,11 @@ impl SceneFile {
         Self::from_document(Document::from_json(scene))
     }
 
-    /// Reads a scene from a scene file, including the recorded paths that it names.
+    /// Reads a scene from a scene file, and the recorded paths that it names from their own files.
     ///
     /// # Errors
-    /// Fails if the file cannot be read or is not a legal scene. The error then lists every
-    /// mistake.
+    /// Fails if a file cannot be read or the scene is not legal. In the second case the error lists
+    /// every mistake.
     pub fn from_path(path: &Path) -> Result<Self, LoadError> {
         let text = read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
         let mut document = Document::from_toml(&text, &path.display().to_string())?;
@@ -195,8 +200,8 @@ impl SceneFile {
         report.finish(top.map(|top| Self { name: top.name, effects, simulate: top.simulate }))
     }
 
-    /// Returns the scene as JSON, with all defaults written out. [`from_json`](Self::from_json)
-    /// reads the equal scene from it.
+    /// Returns the scene as JSON, including all parameters that have their default.
+    /// [`from_json`](Self::from_json) restores an equal scene from it.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let mut scene = json!({
@@ -215,23 +220,24 @@ impl SceneFile {
         &self.name
     }
 
-    /// Returns the effects, at most [`MAX_EFFECTS`]. Their torques are added in this order.
+    /// Returns the effects of the scene, at most [`MAX_EFFECTS`]. Their torques are added in this
+    /// order.
     #[must_use]
     pub fn effects(&self) -> &[SceneEffect] {
         &self.effects
     }
 
-    /// Returns the phenomena of the simulated rig. `None` if the scene leaves the simulated rig as
-    /// it is.
+    /// Returns the phenomena of the simulated rig that the scene switches on. Returns `None` if the
+    /// scene has no such table.
     #[must_use]
     pub fn simulate(&self) -> Option<&Simulate> {
         self.simulate.as_ref()
     }
 }
 
-/// Returns whether a character is displayed as itself, as the standard library's `{:?}` decides.
-/// False for characters that control a terminal, end a line, change the direction of text or are
-/// invisible.
+/// Returns whether a character can be shown as it is, by the rules of the standard library's
+/// `{:?}`. False for characters that control a terminal, end a line, change the direction of text
+/// or are invisible.
 fn is_visible(c: char) -> bool {
     // `escape_debug` escapes a combining mark only at the start of a string, so a letter precedes
     // `c`.
@@ -239,8 +245,8 @@ fn is_visible(c: char) -> bool {
         || ['a', c].iter().collect::<String>().escape_debug().nth(1) == Some(c)
 }
 
-/// Reports a mistake at `path` if the effects have more than [`MAX_FIGURES`] figures (numbers for
-/// positions, orientations and points) together.
+/// Checks that the positions, orientations and points of all effects together have at most
+/// [`MAX_FIGURES`] numbers. If they have more, adds a mistake at `path` to the report.
 fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
     let figures: usize = effects.iter().map(|effect| effect.figures.len()).sum();
     if figures > MAX_FIGURES {
@@ -250,44 +256,44 @@ fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
 }
 
 impl SceneEffect {
-    /// Returns the id that the ops `set` and `reference` use for the effect. It is unique in its
-    /// scene.
+    /// Returns the id of the effect, which is unique in its scene. The ops `set` and `reference`
+    /// name effects by their id.
     #[must_use]
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Returns the name of the effect's kind in files, such as `spring`.
+    /// Returns the name of the effect's kind in scene files, such as `spring`.
     #[must_use]
     pub fn kind_name(&self) -> &'static str {
         self.kind_name
     }
 
-    /// Returns the effect's kind with its parameters, as the core computes it.
+    /// Returns the effect's kind with its parameters, in the form that the core computes.
     #[must_use]
     pub fn kind(&self) -> &Kind {
         &self.kind
     }
 
-    /// Returns the factor on the effect's torque, 0 to 10.
+    /// Returns the factor by which the effect's torque is multiplied, 0 to 10.
     #[must_use]
     pub fn gain(&self) -> f64 {
         self.common.gain
     }
 
-    /// Returns how long the effect takes to fade in, s.
+    /// Returns the time in which the effect fades in, s.
     #[must_use]
     pub fn fade_s(&self) -> f64 {
         self.common.fade_s
     }
 
-    /// Returns how long the effect takes to fade out after another scene is loaded, s.
+    /// Returns the time in which the effect fades out after another scene is loaded, s.
     #[must_use]
     pub fn fade_out_s(&self) -> f64 {
         self.common.fade_out_s
     }
 
-    /// Returns the effect as JSON, with all defaults written out.
+    /// Returns the effect as JSON, including all parameters that have their default.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let mut effect = json!({"id": self.id, "kind": self.kind_name});
@@ -297,7 +303,8 @@ impl SceneEffect {
         effect
     }
 
-    /// Returns everything that the op `set` can change: all keys except `id` and `kind`.
+    /// Returns all keys and values of the effect that a client can change with the op `set`: all
+    /// except `id` and `kind`.
     fn settable(&self) -> Map<String, Value> {
         let mut all = Map::new();
         all.insert("gain".to_owned(), self.common.gain.into());
@@ -307,8 +314,8 @@ impl SceneEffect {
         all
     }
 
-    /// Reads the effect at `path`. Returns `None` and adds mistakes to the report if it is not
-    /// legal.
+    /// Reads an effect from the JSON value at `path`. If it is not legal, adds mistakes to the
+    /// report and returns `None`.
     fn parse(value: &Value, path: &str, report: &mut Report) -> Option<Self> {
         let table = value.as_object()?;
         let entry = table.get("kind").and_then(Value::as_str).and_then(KindEntry::named);
@@ -328,8 +335,8 @@ impl SceneEffect {
         Self::compile(id, entry?, value, path, report)
     }
 
-    /// Makes an effect of values that its schema allows. Returns `None` and adds mistakes to the
-    /// report if they are not legal together.
+    /// Creates an effect from values that its schema allows. If the values are not legal together,
+    /// adds mistakes to the report and returns `None`.
     fn compile(
         id: &str,
         entry: &'static KindEntry,

@@ -10,20 +10,20 @@ use crate::diagnostic::Diagnostics;
 use crate::document::Report;
 use crate::validate::validate;
 
-/// The running scene. Every change returns a new [`CompiledScene`], which the caller passes to the
-/// control loop.
+/// The scene that the control loop runs. Every change returns a new [`CompiledScene`], which the
+/// caller passes to the loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunningScene {
     file: SceneFile,
-    /// The memory of each effect, in the order of the effects.
+    /// For each effect, in the order of the effects: which of the core's memories belongs to it.
     memories: Vec<Memory>,
-    /// Effects of the previous scene that are fading out.
+    /// Effects of the previous scene that are fading out, each with its memory in the core.
     leaving: Vec<(SceneEffect, Memory)>,
     revision: u64,
     last_epoch: u32,
 }
 
-/// Identifies the memory in the core's `Controller` that belongs to an effect.
+/// Identifies the memory that the core's `Controller` keeps for one effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Memory {
     slot: u8,
@@ -31,30 +31,31 @@ struct Memory {
     reference_revision: u32,
 }
 
-/// Identifies the memory of an effect in the core's `Controller`, which keeps one in each slot.
+/// Identifies the memory that the core's `Controller` keeps for one effect. The `Controller` has
+/// several slots, each with one memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EffectPlace {
-    /// Slot of the memory, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
+    /// Slot of the effect's memory, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
     pub slot: u8,
-    /// Number of the effect, counted since the server started; never 0. It distinguishes effects
+    /// Number of the effect, counted since the server started and never 0. It tells apart effects
     /// that use the same slot one after the other.
     pub epoch: u32,
-    /// Whether the effect has a reference that can be moved.
+    /// Whether the effect has a reference orientation that can be moved.
     pub has_reference: bool,
 }
 
-/// The error returned when the parameters of an effect cannot be set. The scene is then unchanged.
+/// The error returned when the parameters of an effect cannot be set. The scene stays unchanged.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SetError {
-    /// No effect of the scene has this id.
+    /// No effect of the scene has the requested id.
     #[error("no effect has the id {id:?}; legal: {}", if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
     UnknownEffect {
-        /// The id that was asked for.
+        /// The requested id.
         id: String,
-        /// The ids of the scene's effects.
+        /// The ids of the effects in the scene.
         legal: Vec<String>,
     },
-    /// The parameters are not legal. Paths in the diagnostics are relative to the effect.
+    /// The parameters are not legal. The paths in the diagnostics begin at the effect.
     #[error(transparent)]
     Invalid(#[from] Diagnostics),
 }
@@ -66,16 +67,16 @@ impl Default for RunningScene {
 }
 
 impl RunningScene {
-    /// Creates an empty scene, at revision 0. It corresponds to [`CompiledScene::empty`], with
-    /// which the loop starts.
+    /// Creates a scene without effects, at revision 0. It corresponds to [`CompiledScene::empty`],
+    /// with which the loop starts.
     #[must_use]
     pub fn new() -> Self {
         let file = SceneFile { name: "empty".to_owned(), effects: Vec::new(), simulate: None };
         Self { file, memories: Vec::new(), leaving: Vec::new(), revision: 0, last_epoch: 0 }
     }
 
-    /// Replaces the running scene by `file`. Every effect gets a new memory. Effects of the old
-    /// scene with a fade-out time fade out, as far as slots and figures are free.
+    /// Replaces the running scene by `file`. Every effect starts with a new memory. Effects of the
+    /// old scene that have a fade-out time fade out, if slots and figures are free for them.
     pub fn load(&mut self, file: SceneFile) -> CompiledScene {
         let old = std::mem::take(&mut self.file.effects).into_iter().zip(std::mem::take(&mut self.memories));
         let mut figures: usize = file.effects.iter().map(|effect| effect.figures.len()).sum();
@@ -102,13 +103,13 @@ impl RunningScene {
         self.compile()
     }
 
-    /// Sets the named parameters of an effect. Its other parameters and its memory stay. Setting
-    /// `reference` or `anchor` moves the effect's reference there, even if the value equals the
-    /// scene's, because a client can have moved the reference since.
+    /// Sets some parameters of an effect. The effect keeps its other parameters and its memory.
+    /// Setting `reference` or `anchor` also moves the effect's reference back to this value,
+    /// because a client can have moved it since.
     ///
     /// # Errors
-    /// Fails if no effect has this id, or if parameters are not legal; the error then lists every
-    /// mistake. The scene stays unchanged.
+    /// Fails if no effect has this id, or if the parameters are not legal; the error then lists
+    /// every mistake. The scene stays unchanged.
     pub fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<CompiledScene, SetError> {
         let Some(index) = self.index_of(effect) else {
             let legal = self.file.effects.iter().map(|e| e.id.clone()).collect();
@@ -129,7 +130,8 @@ impl RunningScene {
         Ok(self.compile())
     }
 
-    /// Returns the place of an effect's memory. `None` if no effect has this id.
+    /// Returns the memory slot of the effect with this id, and what else identifies the memory.
+    /// Returns `None` if no effect has this id.
     #[must_use]
     pub fn slot_of(&self, effect: &str) -> Option<EffectPlace> {
         let index = self.index_of(effect)?;
@@ -138,20 +140,21 @@ impl RunningScene {
         Some(EffectPlace { slot, epoch, has_reference })
     }
 
-    /// Returns the id of the effect whose memory is in this slot. `None` if there is none.
+    /// Returns the id of the effect whose memory is in this slot. Returns `None` if the slot is
+    /// unused.
     #[must_use]
     pub fn id_at(&self, slot: u8) -> Option<&str> {
         let index = self.memories.iter().position(|memory| memory.slot == slot)?;
         Some(&self.file.effects[index].id)
     }
 
-    /// Returns the scene file as it is now, including all changes by [`set`](Self::set).
+    /// Returns the running scene as a scene file, including all changes made by [`set`](Self::set).
     #[must_use]
     pub fn file(&self) -> &SceneFile {
         &self.file
     }
 
-    /// Returns the revision of the last compiled scene. 0 before the first.
+    /// Returns the revision number of the last compiled scene. 0 if no scene has been compiled.
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
@@ -192,14 +195,14 @@ impl RunningScene {
     }
 }
 
-/// Returns the number after `n`, wrapping around. Skips 0, which means none.
+/// Returns the number after `n`. The largest number is followed by 1, because 0 means none.
 fn next(n: u32) -> u32 {
     n.wrapping_add(1).max(1)
 }
 
 impl SceneEffect {
-    /// Returns a copy of this effect with some parameters changed. Fails if they are not legal; the
-    /// error lists every mistake.
+    /// Returns a copy of this effect with some parameters changed. Fails if the parameters are not
+    /// legal; the error lists every mistake.
     fn with(&self, parameters: &Map<String, Value>) -> Result<Self, Diagnostics> {
         let mut report = Report::default();
         let mut all = self.settable();

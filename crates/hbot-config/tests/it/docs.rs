@@ -13,8 +13,8 @@ use crate::folder;
 const FILES: &str = "docs/files.md";
 const EFFECTS: &str = "docs/effects.md";
 
-/// Returns for each NAME the text that must be between the marks `<!-- NAME -->` and `<!-- end -->`
-/// of a page.
+/// Generates all tables of a reference page. Returns each with its name: the page contains the
+/// table between the marks `<!-- NAME -->` and `<!-- end -->`.
 fn tables(page: &str) -> Vec<(String, String)> {
     let described =
         |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
@@ -44,7 +44,7 @@ fn tables(page: &str) -> Vec<(String, String)> {
     all
 }
 
-/// Writes a schema's properties as a Markdown table.
+/// Writes the properties of a JSON schema as a Markdown table.
 fn rows(schema: &Value) -> String {
     let mut table = "| key | meaning | unit | range | default |\n|---|---|---|---|---|\n".to_owned();
     let required = schema["required"].as_array().cloned().unwrap_or_default();
@@ -63,7 +63,7 @@ fn rows(schema: &Value) -> String {
     table
 }
 
-/// Writes a number as a person would, and anything else as JSON.
+/// Writes a number without needless decimals, and any other value as JSON.
 fn whole(value: &Value) -> String {
     match value {
         Value::Array(a) => format!("[{}]", a.iter().map(whole).collect::<Vec<_>>().join(", ")),
@@ -71,7 +71,7 @@ fn whole(value: &Value) -> String {
     }
 }
 
-/// Describes the legal values of a property.
+/// Describes the legal values of a property, for the column `range` of a table.
 fn range(property: &Value) -> String {
     let bound = |key: &str| property.get(key).filter(|v| v.is_number()).map(angle);
     if let Some(words) = property["legal"].as_str() {
@@ -130,8 +130,8 @@ fn angle(bound: &Value) -> String {
     }
 }
 
-/// Writes the tables into the pages if HBOT_BLESS is set. Otherwise checks that they are there
-/// already.
+/// Checks that the tables in the reference pages are those generated from the schemas. If the
+/// environment variable `HBOT_BLESS` is set, writes the tables into the pages instead.
 #[test]
 fn every_key_stands_in_the_reference_as_the_checks_have_it() {
     for page in [FILES, EFFECTS] {
@@ -154,7 +154,7 @@ fn every_key_stands_in_the_reference_as_the_checks_have_it() {
     }
 }
 
-/// The TOML examples in the reference pages are legal.
+/// Checks that every TOML example in the reference pages is a legal rig file or scene file.
 #[test]
 fn examples_load() {
     let text = [FILES, EFFECTS].map(|page| std::fs::read_to_string(folder(page)).unwrap()).concat();

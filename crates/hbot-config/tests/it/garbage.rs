@@ -51,7 +51,7 @@ fn any_json() -> impl Strategy<Value = Value> {
     })
 }
 
-/// Generates damaged files: a legal text with one piece of it replaced.
+/// Generates damaged files by replacing one random piece of a legal text.
 fn damaged(text: &'static str) -> impl Strategy<Value = String> {
     let chars: Vec<char> = text.chars().collect();
     let piece = prop_oneof!["\\PC{0,12}", "[-0-9.einfa\\[\\]{}=,\"' \n]{0,12}"];

@@ -5,7 +5,8 @@ use hbot_core::effects::{Kind, MAX_OWN};
 use hbot_core::scene::{MAX_EFFECTS, MAX_FIGURES};
 use serde_json::{Map, Value, json};
 
-/// Returns the error message for an effect of `kind` whose fourth line is `line`.
+/// Reads an illegal scene with one effect of `kind`, whose fourth line is `line`, and returns the
+/// error message.
 fn said(kind: &str, line: &str) -> String {
     let text = format!("[[effect]]\nid = 'e'\nkind = '{kind}'\n{line}");
     SceneFile::from_toml(&text, "x.toml").expect_err(&text).to_string()

@@ -11,12 +11,12 @@ mod scene;
 
 use std::path::PathBuf;
 
-/// Returns the path of a file or folder at the top of the workspace.
+/// Returns the path of a file or folder in the top folder of the workspace.
 fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
 }
 
-/// Returns the paths of all TOML files in a folder at the top of the workspace, at least one.
+/// Returns the paths of all TOML files in a folder of the workspace. There is at least one.
 fn toml_files(name: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder(name)).unwrap();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();

@@ -4,7 +4,7 @@ use hbot_config::scene::{kinds, phenomena};
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::Value;
 
-/// Returns values outside the range of a number's schema, as TOML writes them.
+/// Returns values outside the range that a schema allows for a number, written in TOML syntax.
 fn outside(schema: &Value) -> Vec<String> {
     let bound = |key: &str| schema[key].as_f64();
     let step = if schema["type"] == "integer" { 1.0 } else { 1.0e-9 };
@@ -20,7 +20,8 @@ fn outside(schema: &Value) -> Vec<String> {
     real.chain(["nan", "inf", "-inf", "1e300", "-1e300"].map(String::from)).collect()
 }
 
-/// Collects every number in a schema with its path. For arrays it takes only the first element.
+/// Collects the schema and path of every number in a schema. Of an array, only the first element is
+/// collected.
 fn numbers(schema: &Value, path: &str, found: &mut Vec<(String, Value)>) {
     match schema["type"].as_str() {
         Some("number" | "integer") if schema["enum"].is_null() => {
@@ -41,7 +42,8 @@ fn numbers(schema: &Value, path: &str, found: &mut Vec<(String, Value)>) {
     }
 }
 
-/// Returns the text of `file` with `value`, in TOML syntax, at `path`.
+/// Returns the text of a TOML file in which the value at `path` is replaced by `value`, given in
+/// TOML syntax.
 fn with(mut file: toml::Value, path: &str, value: &str) -> String {
     const MARK: &str = "here";
     let mut place = &mut file;
@@ -65,7 +67,8 @@ fn with(mut file: toml::Value, path: &str, value: &str) -> String {
     toml::to_string(&file).unwrap().replace(&format!("{MARK:?}"), value)
 }
 
-/// Checks that every value outside its range is refused with a message of one line.
+/// Checks that each number of a file is refused if its value is outside its range, with a message
+/// of one line.
 fn all_are_refused(
     numbers: &[(String, Value)],
     file: &toml::Value,
@@ -104,7 +107,7 @@ fn of_the_rig_file() {
     });
 }
 
-/// Returns a TOML table with the default of each property of a schema.
+/// Returns a TOML table that contains the default of each property of a schema.
 fn defaults(schema: &Value) -> toml::Table {
     let properties = schema["properties"].as_object().unwrap();
     properties.iter().map(|(name, p)| (name.clone(), toml::Value::try_from(&p["default"]).unwrap())).collect()

@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::{folder, toml_files};
 
-/// The shortest legal rig file.
+/// The shortest rig file that is legal.
 const LEAST: &str = r#"
 sphere = { radius = 0.1, mass = 0.5 }
 [[wheel]]
@@ -27,8 +27,8 @@ steer = { counts_per_turn = 4096, peak = 1, continuous = 0.1 }
 drive = { counts_per_turn = 4096, motor = false }
 "#;
 
-/// Returns the error message for the shortest rig file after the first `from` in it is replaced by
-/// `to`.
+/// Replaces the first `from` by `to` in the shortest rig file, reads the illegal result, and
+/// returns the error message.
 fn said(from: &str, to: &str) -> String {
     assert!(LEAST.contains(from), "{from}");
     said_of(&LEAST.replacen(from, to, 1))
@@ -123,7 +123,7 @@ fn every_choice_of_methods_is_understood() {
     }
 }
 
-/// Returns the rig of a file whose table `[loop]` contains `said`.
+/// Reads the shortest rig file with the lines `said` in its table `[loop]`, and returns the rig.
 fn with_loop(said: &str) -> RigConfig {
     RigConfig::from_toml(&format!("{LEAST}\n[loop]\n{said}"), "x.toml").unwrap_or_else(|e| panic!("{e}"))
 }
@@ -143,7 +143,7 @@ fn paths_and_allocations_are_understood() {
     }
 }
 
-/// The server and the studies name methods as rig files do.
+/// Checks that rig files accept the names that the core gives to its numerical methods.
 #[test]
 fn methods_are_named_as_in_rig_files() {
     for (odometry, path) in OdometryMethod::ALL.into_iter().zip(PathFit::ALL) {
@@ -497,8 +497,8 @@ fn the_share_of_a_line_that_frames_take() {
     assert_eq!(link.load(60, 1000), 0.2);
 }
 
-/// An absent key of a rig file has the default of the core, so that programs with and without files
-/// behave alike.
+/// Checks that an absent key of a rig file has the core's default, so that programs behave alike
+/// with and without a file.
 #[test]
 fn what_a_file_does_not_state_is_the_default_of_the_core() {
     let rig = RigConfig::from_toml(LEAST, "x.toml").unwrap().rig;

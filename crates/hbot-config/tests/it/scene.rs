@@ -16,7 +16,8 @@ fn said(text: &str) -> String {
     SceneFile::from_toml(text, "x.toml").expect_err(text).to_string()
 }
 
-/// Returns the error message for a spring whose fourth line is `line`.
+/// Reads an illegal scene with one spring, whose fourth line is `line`, and returns the error
+/// message.
 fn said_of_spring(line: &str) -> String {
     said(&format!("[[effect]]\nid = 's'\nkind = 'spring'\n{line}"))
 }
@@ -71,7 +72,7 @@ fn parameters_reach_the_core() {
     assert_eq!(*spring.kind(), Kind::Spring(legal));
 }
 
-/// The names of all kinds of effects, as a message lists them.
+/// The names of all kinds of effects, in the form in which an error message lists them.
 const KINDS: &str = "\"constant\", \"spring\", \"damper\", \"inertia\", \"friction\", \"detents\", \"snaps\", \
     \"end_stop\", \"guide\", \"texture\", \"vibration\", \"pendulum\", \"magnet\", \"pulse\", \"track\"";
 

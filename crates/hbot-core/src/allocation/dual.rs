@@ -12,16 +12,19 @@ use crate::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
-/// Largest number of Newton steps. Random problems take 2 to 9, degenerate ones up to 20. If this
-/// is not enough, the final corrections start from the best solution so far.
+/// Largest number of Newton steps of the dual method. Random problems need 2 to 9 steps, degenerate
+/// ones up to 20. If the method stops at this number, the final corrections start from the best
+/// solution so far.
 const MAX_STEPS: usize = 32;
 
-/// Largest residual of an accepted solution, relative to the sizes of its terms: half of the
-/// digits. Only problems with nearly parallel rows come close to it. For them rounding also limits
-/// how accurately the border of the reachable set is known.
+/// Largest residual torque with which a solution is still accepted, as a fraction of the largest
+/// term in the sum of torques. The value is about the square root of the rounding error of a
+/// [`Real`]. Only joints that act on the sphere in nearly parallel directions cause a residual of
+/// this size. For them, rounding also limits how accurately the largest reachable torque is known.
 const FORGIVEN: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// Returns the dual variable y of the least-cost torques that make `direction`, without limits.
+/// Returns the vector y of three numbers from which the least-cost joint torques follow, if joints
+/// have no limits. With these joint torques, the torque on the sphere is `direction`.
 pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
     let mut moment = Sym3::ZERO;
     for k in 0..problem.n {
@@ -40,8 +43,9 @@ pub(super) fn unlimited(problem: &Problem, direction: Vec3) -> Vec3 {
     y
 }
 
-/// Returns the joint torques that belong to the dual variable `size` times `y`. Returns `None` if
-/// one of them exceeds its limit, or if they do not make `size` times `direction`.
+/// Returns the joint torques that follow from the dual vector `size * y`. Returns `None` if a joint
+/// torque exceeds its limit, or if the joint torques do not make the torque `size * direction` on
+/// the sphere.
 pub(super) fn unsaturated(
     problem: &Problem,
     y: Vec3,
@@ -61,8 +65,9 @@ pub(super) fn unsaturated(
     (made && x.iter().all(|x| fabs(*x) <= 1.0)).then_some(x)
 }
 
-/// Returns the least-cost joint torques within the limits that make `target`, or `None` if they
-/// miss it. The search starts at `y`.
+/// Returns the least-cost joint torques that make the torque `target` on the sphere within the
+/// joint limits. Returns `None` if the torques found do not make `target`. The search starts at the
+/// dual vector `y`.
 pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[Real; MAX_JOINTS]> {
     let mut best = [0.0; MAX_JOINTS];
     let (mut least, mut stalls) = (Real::INFINITY, 0);
@@ -102,12 +107,13 @@ pub(super) fn clipped(problem: &Problem, target: Vec3, mut y: Vec3) -> Option<[R
     (least <= FORGIVEN).then_some(best)
 }
 
-/// Corrects the joint torques `x` so that they make `target` to within rounding in each coordinate.
+/// Corrects rounding errors in the joint torques `x`, so that they make each component of the
+/// torque `target` to within rounding.
 ///
-/// `x` must already make `target` except for a small error. Each coordinate is treated separately
-/// because one axis can be a thousand times as strong as another, and an error that is small for
-/// the one is large for the other. The joints between their limits change as little as possible.
-/// Their costs are ignored.
+/// `x` must already make `target` except for a small error. Each component is corrected relative to
+/// its own size, because torque about one axis can be a thousand times as strong as about another.
+/// Joints at their limits stay there, and all other joint torques change as little as possible.
+/// Costs are ignored.
 pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]) {
     let equal = Problem { give: [1.0; MAX_JOINTS], ..*problem };
     let mut next = *x;
@@ -129,9 +135,10 @@ pub(super) fn polish(problem: &Problem, target: Vec3, x: &mut [Real; MAX_JOINTS]
     }
 }
 
-/// Returns three vectors: the residual of `target` that the joint torques `x` leave, the Newton
-/// step of y for this residual, and the sum of the sizes of the residual's terms in each
-/// coordinate.
+/// Returns three vectors for the joint torques `x`. The first is the residual: the part of the
+/// torque `target` that `x` does not make. The second is the Newton step of the dual vector y for
+/// this residual. The third is a scale for rounding errors: for each component, the sum of the
+/// sizes of the residual's terms.
 fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec3, Vec3) {
     let mut left = target;
     let mut size = target.abs();
@@ -147,24 +154,24 @@ fn newton(problem: &Problem, target: Vec3, x: &[Real; MAX_JOINTS]) -> (Vec3, Vec
     (left, solve(&moment, left), size)
 }
 
-/// Returns the Newton step for the residual `left`.
+/// Returns the Newton step of the dual vector y for the residual torque `left`.
 ///
-/// In a direction that no joint between its limits reaches, the step is long, and the line search
-/// then shortens it. In a coordinate that is not in use, the step is zero.
+/// If no joint between its limits can make torque along the residual, the step is very long. The
+/// line search then shortens it. For a component that the problem does not use, the step is zero.
 fn solve(moment: &Sym3, left: Vec3) -> Vec3 {
     let trace = moment.trace();
     moment.solve(left, if trace > 0.0 { 8.0 * Real::EPSILON * trace } else { 1.0 })
 }
 
-/// Returns the multiple of `step` at which the dual function is least.
+/// Returns the factor t at which the dual function D(`y` + t `step`) is smallest.
 ///
-/// The slope of the dual function along `step` is piecewise linear. The search walks from corner to
-/// corner until the slope crosses zero or comes within `noise` of it. `slope` is the slope at the
-/// start and is negative.
+/// Along `step`, the slope of D is piecewise linear. It changes at corners, where a joint reaches
+/// or leaves a limit. The search goes from corner to corner until the slope crosses zero or comes
+/// within `noise` of zero. `slope` is the slope at the start, which is negative.
 ///
-/// On the border of the reachable set the slope only approaches zero, and rounding must not send y
-/// to infinity. Therefore the walk ends within `noise`, and a row that is at right angles to the
-/// step except for rounding is treated as constant.
+/// If the wanted torque is on the border of the reachable set, the slope only approaches zero, and
+/// rounding could send y to infinity. The search therefore stops within `noise`. It also ignores
+/// joints whose rows are at right angles to `step` except for rounding.
 fn line_search(problem: &Problem, y: Vec3, step: Vec3, mut slope: Real, noise: Real) -> Real {
     // For a position between `from` and `to`, joint k is between its limits and adds `bend` to the
     // curvature.

@@ -10,20 +10,23 @@ use super::problem::Problem;
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
 
-/// The facet at which a ray from the origin leaves the zonotope of reachable torques.
+/// The facet through which a ray from the origin leaves the set of reachable torques. This set is a
+/// zonotope: a convex polytope that is symmetric about the origin.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facet {
-    /// The multiple of the ray's direction at which the ray leaves the zonotope. Infinite for a
-    /// zero direction.
+    /// Multiple of the ray's direction at which the ray meets the facet. Infinite if the direction
+    /// is zero.
     pub(super) reach: Real,
     normal: Vec3,
     span: [usize; 2],
 }
 
-/// Returns the facet at which the ray along `direction` leaves the zonotope of reachable torques.
+/// Returns the facet through which the ray along `direction` leaves the set of reachable torques.
 ///
-/// The bound by any normal is valid, and those of the facets are the smallest. So nearly parallel
-/// rows, whose cross product is half rounding, cannot make the answer too small.
+/// Each pair of rows of the problem gives a normal, and each normal gives an upper bound on the
+/// reachable torque. The smallest bound belongs to the facet. If two rows are nearly parallel,
+/// their normal is inaccurate, but its bound is still valid. So it cannot make the result too
+/// small.
 pub(super) fn nearest(problem: &Problem, direction: Vec3) -> Facet {
     let mut best = Facet { reach: Real::INFINITY, normal: Vec3::ZERO, span: [0, 0] };
     let rows = &problem.rows[..problem.n];
@@ -56,11 +59,12 @@ pub(super) fn nearest(problem: &Problem, direction: Vec3) -> Facet {
     best
 }
 
-/// Returns the joint torques that make `target`, a point on `facet`, as parts of their peaks. On a
-/// facet that is spanned by exactly two rows they are unique.
+/// Returns the joint torques, as fractions of their limits, that make the torque `target`. `target`
+/// must be a point on `facet`.
 ///
-/// Returns `None` if more than two rows lie in the facet or the rank is below 3, because the
-/// torques are then not unique. Also returns `None` if rounding left no valid answer.
+/// Joint torques are unique only on a facet that is spanned by exactly two rows. So the result is
+/// `None` if more than two rows lie in the facet, or if the rank is below 3. It is also `None` if
+/// rounding led to a torque above its limit.
 pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option<[Real; MAX_JOINTS]> {
     let [i, j] = facet.span;
     if i == j {

@@ -37,29 +37,29 @@ use crate::rig::Rig;
 use reach::Reach;
 use weak::Share;
 
-/// Relative strength from which a direction of torque counts as fully available.
+/// Relative strength above which a direction of torque counts as fully available.
 ///
-/// The strength of a direction is a singular value of the peak-scaled driven rows: the rows g_j of
-/// G that have a motor, times the joints' largest torques t_j. It is taken relative to a level that
-/// [`allocate`] defines.
+/// The strength of a direction is a singular value of the peak-scaled driven rows. These are the
+/// rows g_j of G that belong to joints with a motor, each times the joint's largest torque t_j. The
+/// strength is divided by a reference level, which [`allocate`] defines.
 ///
-/// The prototype with all four motors never falls below 0.119. At 0.01, the joints make in the weak
-/// direction only 1 % of the torque that they make in the strong direction. To keep the direction
-/// of the wanted torque there would make its other components almost vanish too.
+/// The prototype with all four motors never falls below 0.119. At 0.01, the torque in the weak
+/// direction is only 1 % of that in the strong direction. If the allocation still kept the
+/// direction of the wanted torque, all components of the torque would become very small.
 pub const WHOLE: Real = 0.01;
 
-/// Relative strength up to which a direction of torque counts as lost, on the same scale as
+/// Relative strength below which a direction of torque counts as lost. It is on the same scale as
 /// [`WHOLE`].
 ///
 /// The component of the wanted torque along a lost direction is left out. Between `LOST` and
-/// [`WHOLE`] a fraction of the component is made, so that the torque does not jump when the
-/// strength changes.
+/// [`WHOLE`], a fraction of the component is made. So the torque does not jump when the strength
+/// changes.
 pub const LOST: Real = 0.002;
 
-/// The largest torque and the cost of each joint, in the order steer, drive per wheel.
+/// Largest torque and cost weight of each joint, in the order steer, drive of each wheel.
 ///
-/// A joint is not driven (it has a dead motor, or none) if its peak is 0. It also counts as not
-/// driven if its peak or its weight is negative, zero, infinite or NaN.
+/// A joint is not driven if it has no motor or a dead one: its peak is then 0. A joint whose peak
+/// or weight is zero, negative, infinite or NaN is also treated as not driven.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLimits {
     /// Largest torque t_j of each joint, N m.
@@ -70,17 +70,18 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
-    /// Limits with which no joint is driven. Every weight is 1.
+    /// Limits for a rig in which no joint is driven: every peak is 0 and every weight is 1.
     pub const NONE: Self = Self { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
 
-    /// Returns the limits of the joints of `rig`: its peak torques, and the default weights, with
-    /// which the least-cost torques load the contacts least.
+    /// Returns the torque limits of the joints of `rig`, with the default cost weights. With these
+    /// weights, the least-cost joint torques are those with the smallest contact forces.
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
         Self::of_device(&rig.device, |joint| rig.joints[joint].peak)
     }
 
-    /// Returns the limits of the joints of `device`, with the default weights.
+    /// Returns the torque limits of the joints of `device`, with the default cost weights of
+    /// [`ContactArms::weights`].
     ///
     /// `peak` maps the index of a joint to its largest torque, N m.
     #[must_use]
@@ -102,37 +103,39 @@ impl JointLimits {
     }
 }
 
-/// The joint torques found for a wanted torque T on the sphere, and how much of T they make.
+/// The joint torques found for a wanted torque T on the sphere, and the fraction of T that they
+/// make.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allocation {
-    /// Joint torques tau, N m, in the order steer, drive per wheel; 0 beyond the device's joints.
+    /// Joint torques tau, N m, in the order steer, drive of each wheel. Entries beyond the device's
+    /// joints are 0.
     pub torque: [Real; MAX_JOINTS],
     /// Fraction s of the wanted torque T that the joint torques make, 0 to 1: Gᵀ tau = s T. It is
-    /// below 1 if joints saturate. If `deficient` is true, T stands for the part of the wanted
-    /// torque that was kept.
+    /// below 1 if a joint is at its limit. If `deficient` is true, T here means the part of the
+    /// wanted torque that was not left out.
     pub scale: Real,
-    /// True if a component of the wanted torque was left out, in full or in part, because the
-    /// driven joints cannot make torque in that direction at this posture.
+    /// True if a component of the wanted torque was left out or reduced, because the driven joints
+    /// cannot make torque in its direction at this posture.
     pub deficient: bool,
 }
 
 impl Allocation {
-    /// A result with zero torque at every joint.
+    /// Returns an allocation with zero torque at every joint.
     const fn nothing(scale: Real, deficient: bool) -> Self {
         Self { torque: [0.0; MAX_JOINTS], scale, deficient }
     }
 }
 
-/// Returns the joint torques that make the torque `wanted` on the sphere (N m, frame N), as far as
-/// the limits allow.
+/// Returns the joint torques that make the torque `wanted` on the sphere (in frame N, in N m), as
+/// far as the joint limits allow.
 ///
-/// If joints saturate, the torque is reduced in size and its direction is kept. Of all solutions,
-/// the result is the one of least cost. `rows` are the rows of G, in the order steer, drive per
-/// wheel. Rows beyond [`MAX_JOINTS`] are ignored.
+/// If a joint reaches its limit, the torque becomes smaller but keeps its direction. Of all
+/// solutions, the result is the one of least cost. `rows` are the rows of G, in the order steer,
+/// drive of each wheel. Rows beyond [`MAX_JOINTS`] are ignored.
 ///
-/// No torque exceeds its joint's peak, and none is NaN. A zero `wanted` gives zero torque and a
-/// scale of 1. If `wanted` is not finite, or no joint is driven, the result is zero torque and a
-/// scale of 0.
+/// No joint torque exceeds the joint's peak, and none is NaN. If `wanted` is zero, the result is
+/// zero torque with a scale of 1. If `wanted` is not finite or no joint is driven, the result is
+/// zero torque with a scale of 0.
 ///
 /// # When the driven joints lose a direction
 ///
@@ -179,12 +182,12 @@ pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation
     }
 }
 
-/// Returns the least-cost joint torques, scaled down together until no joint exceeds its limit. A
-/// faster substitute for [`allocate`].
+/// Returns the least-cost joint torques for `wanted`, all scaled down by one factor until no joint
+/// exceeds its limit. It is a faster substitute for [`allocate`].
 ///
-/// If no joint saturates, the result equals that of [`allocate`]. If one does, the direction of T
-/// is still kept, but `scale` can be smaller than the best possible. Rows that are close to losing
-/// rank are passed to [`allocate`].
+/// If no joint reaches its limit, the result equals that of [`allocate`]. If a joint does, the
+/// torque on the sphere still keeps its direction, but it can be smaller than the best possible
+/// one. If the driven rows are close to losing rank, [`allocate`] is called instead.
 #[must_use]
 pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
     let rows = &rows[..rows.len().min(MAX_JOINTS)];
@@ -213,9 +216,9 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
     allocate(rows, limits, wanted)
 }
 
-/// Returns the largest torque, N m, that the joints can make along the unit vector `direction`
-/// (frame N) without any torque across it. Returns 0 if the driven rows cannot make torque along
-/// `direction`.
+/// Returns the largest torque on the sphere, N m, that the joints can make along the unit vector
+/// `direction` (frame N), with no torque at right angles to it. Returns 0 if the driven joints
+/// cannot make torque along `direction`.
 ///
 /// The value is the minimum over pairs i < j of sum_k t_k |g_k.n| / |direction.n| with n = g_i x
 /// g_j. g_k are the rows of G and t_k the largest joint torques. Each pair of rows spans a facet of
@@ -238,10 +241,10 @@ pub fn capability(rows: &[Vec3], limits: &JointLimits, direction: Vec3) -> Real 
     reach.capability(rank, unit) / size
 }
 
-/// The joint torques of least cost that make a given direction of torque, without limits.
+/// The least-cost joint torques that make a torque in a given direction, if joints have no limits.
 struct LeastCost {
     tau: [Real; MAX_JOINTS],
-    /// True if the driven rows are far from losing rank and `tau` is accurate despite rounding.
+    /// True if `tau` is accurate enough to use: the driven rows of G are far from losing rank.
     sound: bool,
 }
 
@@ -282,7 +285,8 @@ impl LeastCost {
     }
 }
 
-/// Implements [`allocate`]. It is inlined twice: for exactly four rows, and for any number.
+/// Implements [`allocate`]. The compiler makes two copies: a fast one for exactly four rows, and
+/// one for any number of rows.
 #[inline(always)]
 fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, wanted: Vec3) -> Allocation {
     let rows = rows.as_ref();
@@ -322,7 +326,8 @@ fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, want
     Allocation { torque, scale: if reached < size { reached / size } else { 1.0 }, deficient: false }
 }
 
-/// Allocates for any number of rows of any rank. The wanted torque is `size` times `u`.
+/// Allocates the torque `size * u` for any number of rows of G, also if they lose rank. Slower than
+/// the method for rows that are far from losing rank.
 #[inline(never)]
 fn allocate_any(rows: &[Vec3], limits: &JointLimits, u: Vec3, size: Real) -> Allocation {
     let Some(reach) = Reach::of(rows, limits) else {

@@ -6,38 +6,39 @@ use crate::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
-/// Largest number of rounds of the search. A direction that is weak by a factor of 100 needs about
-/// ten.
+/// Largest number of rounds of the search for the nearest torque. If the torque in one direction is
+/// weak by a factor of 100, the search needs about ten.
 const ROUNDS: u32 = 32;
 
-/// Damping of the common step of all joints, relative to the strength of the joints that take part:
-/// half of the digits. A direction weaker than its square root is ignored.
+/// Damping of the step in which all joints move together, relative to the strength of these joints.
+/// The value is about the square root of the rounding error of a [`Real`]. The step ignores
+/// directions that are weaker than the square root of the damping.
 const DAMPING: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// The largest load of a contact that counts as held, as a part of its grip. It allows for the
-/// rounding of a torque that was scaled down to the grip.
+/// Largest load of a contact that is still accepted, as a fraction of its grip. It is slightly
+/// above 1 because joint torques that were scaled down to the grip have rounding errors.
 const FULL: Real = 1.0 + 8.0 * Real::EPSILON;
 
-/// The limits that the joint torques must keep, and the rows of G that turn joint torques into a
-/// torque on the sphere.
+/// The limits of motors and contacts for [`nearest`], and the rows of G that turn joint torques
+/// into a torque on the sphere.
 pub(crate) struct Bounds<'a> {
-    /// Rows of G, one per joint, in the order steer, drive per wheel. G maps the sphere's angular
-    /// velocity to joint rates.
+    /// Rows of G, one per joint, in the order steer, drive of each wheel. G maps the sphere's
+    /// angular velocity to joint rates.
     pub(crate) rows: &'a [Vec3],
     pub(crate) limits: &'a JointLimits,
-    /// Lever arms of the contacts, one per wheel.
+    /// Lever arms of the joints at each contact, one entry per wheel.
     pub(crate) arms: &'a [ContactArms],
-    /// Largest tangential force of each contact, N. `None` if it is not limited.
+    /// Largest tangential force at each contact, N. `None` if contact forces are not limited.
     pub(crate) grip: Option<Real>,
 }
 
-/// Returns the joint torques (N m; steer, drive per wheel) within `bounds` whose torque on the
-/// sphere is nearest to `torque` (N m).
+/// Returns joint torques within `bounds` whose torque on the sphere comes nearest to `torque`. All
+/// are in N m; joint torques are in the order steer, drive of each wheel.
 ///
-/// The search begins at `start`, which must be within the bounds. Each round has two steps. First
-/// each joint in turn moves to the value that alone brings the torque nearest. Then all joints
-/// between their limits move together, by the least change that would make the rest. The first step
-/// finds the joints that stay at their limits. The second makes the search fast if rows are nearly
+/// The search begins at `start`, which must be within the bounds. Each round has two steps. First,
+/// one joint after another moves to the value that brings the torque nearest. This step finds the
+/// joints that stay at their limits. Then all joints between their limits move together, to make
+/// the rest of the torque with the least change. This step makes the search fast if rows are nearly
 /// parallel. No step increases the distance.
 pub(crate) fn nearest(bounds: &Bounds<'_>, start: [Real; MAX_JOINTS], torque: Vec3) -> [Real; MAX_JOINTS] {
     let mut joints = start;
@@ -112,8 +113,8 @@ fn together(bounds: &Bounds<'_>, joints: &mut [Real; MAX_JOINTS], left: &mut Vec
 }
 
 impl Bounds<'_> {
-    /// Returns true if the contact of wheel `wheel` holds the torques of its two joints (steer,
-    /// drive, N m).
+    /// Returns true if the contact of wheel number `wheel` can carry the torques of the wheel's
+    /// steer and drive joint (`pair`, N m) without slip.
     fn hold(&self, wheel: usize, pair: &[Real; 2]) -> bool {
         self.grip.is_none_or(|grip| traction(&self.arms[wheel..=wheel], pair, grip) <= FULL)
     }
@@ -141,9 +142,10 @@ mod tests {
         crate::real::sqrt(left.length_squared())
     }
 
-    /// One dead motor, and a direction that is weak by a factor of 36. The optimum 0.164902 N m
-    /// comes from an independent solver of bounded least squares (SciPy's `lsq_linear`, method
-    /// `bvls`).
+    /// Checks that, with one dead motor, the search finds the torque that is nearest to the wanted
+    /// one. In one direction the joints are weak by a factor of 36. The expected distance,
+    /// 0.164902 N m, comes from an independent solver of bounded least squares (SciPy's
+    /// `lsq_linear`, method `bvls`).
     #[test]
     fn three_joints_come_as_near_as_they_can() {
         let rows = [
@@ -157,8 +159,9 @@ mod tests {
         assert!(fabs(off - 0.164902) < 2e-5, "{off}");
     }
 
-    /// Both drive joints are at their limits, and the steer rows are nearly opposite. The optimum
-    /// 0.191214 N m comes from SciPy's `lsq_linear`, method `bvls`.
+    /// Checks that the search finds the nearest torque if both drive joints are at their limits and
+    /// the steer joints turn the sphere in nearly opposite directions. The expected distance,
+    /// 0.191214 N m, comes from SciPy's `lsq_linear`, method `bvls`.
     #[test]
     fn joints_that_pull_nearly_against_each_other_come_as_near_as_they_can() {
         let rows = [

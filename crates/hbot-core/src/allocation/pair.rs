@@ -3,23 +3,26 @@
 
 use crate::real::{Real, Vec3, fabs};
 
-/// Largest amount by which rounding can raise a torque of least cost, as a part of the joint's
-/// limit.
+/// Largest excess of a least-cost joint torque over its limit that can come from rounding alone, as
+/// a fraction of the limit.
 const DOUBT: Real = if Real::EPSILON < 1.0e-10 { 2.0e-10 } else { 1.0e-5 };
 
-/// Smallest slope of a joint torque over the free parameter alpha, relative to the steepest joint,
-/// with which the joint counts as depending on alpha. It is the square root of rounding.
+/// Joint torques change linearly with a free parameter alpha. If a joint torque changes by less
+/// than this fraction of the one that changes most, its change can come from rounding alone. The
+/// value is about the square root of the rounding error of a [`Real`].
 const HARDLY: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
-/// Returns the joint torques of least cost for the largest reachable torque along `u`, and the size
-/// of that torque. The size is at most `size`.
+/// Returns the least-cost joint torques for the largest reachable torque along `u`, and the size of
+/// that torque on the sphere. The size is at most `size`.
 ///
-/// `least` holds the joint torques of least cost for `u` itself, without limits. `peak` holds the
-/// limits, 0 for a joint that is not driven. The rows must span all three dimensions.
+/// `least` holds the least-cost joint torques for a torque of `u` if there were no limits. `peak`
+/// holds the joint limits, 0 for a joint that is not driven. The rows of G must span all three
+/// dimensions.
 ///
-/// Let z be the null vector of Gᵀ. Apart from its sign, z_k is the determinant of the three other
-/// rows. Every solution is `size` least + alpha z, and alpha = 0 is the cheapest. So alpha is the
-/// value nearest to 0 in the interval that the limits allow.
+/// Let z be the null vector of Gᵀ: joint torques along z make no torque on the sphere. Apart from
+/// its sign, z_k is the determinant of the three other rows. Every solution has the form `size`
+/// least + alpha z, and alpha = 0 is the cheapest. So the result uses the alpha nearest to 0 that
+/// the limits allow.
 pub(super) fn saturated(
     rows: &[Vec3; 4],
     peak: &[Real; 4],

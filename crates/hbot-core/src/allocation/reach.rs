@@ -8,39 +8,43 @@ use crate::device::MAX_JOINTS;
 use crate::linear::{Sym3, principal};
 use crate::real::{Real, Vec3, fabs, sqrt};
 
-/// Factor on the strength of the strongest single wheel. A direction of torque with this strength
-/// counts as fully strong. The strength of a wheel is the torque that it can make in every
-/// direction of its contact. For the prototype the strongest direction of all joints together has 6
-/// to 8 times this strength, so the factor changes little there.
+/// Strength at which a direction of torque counts as fully strong, as a multiple of the strength of
+/// the strongest single wheel. The strength of a wheel is the torque that it can make in every
+/// direction of its contact. For the prototype, the strongest direction of all joints together has
+/// 6 to 8 times this strength, so the factor changes little there.
 const WHEELS: Real = 5.0;
 
-/// Smallest permitted level, relative to the largest singular value. The rows have a rounding error
-/// of a few units in the last place of that value. With this level, a direction counts as lost
-/// before the rounding error exceeds a few percent of the direction's own strength.
+/// Smallest permitted reference level for the strength of a direction, relative to the largest
+/// singular value. Rounding errors of the rows are a few units in the last place of that value.
+/// With this level, a direction counts as lost before its rounding error exceeds a few percent of
+/// its own strength.
 const NOISE: Real = 64.0 * Real::EPSILON / LOST;
 
-/// Ratio of the least to the largest singular value below which the moment of the rows is too
-/// inaccurate to give the principal axes.
+/// Smallest ratio of the smallest to the largest singular value at which the moment matrix gives
+/// accurate principal axes. The moment matrix is the sum of the rows' outer products. Below this
+/// ratio, the axes are computed from the rows themselves.
 const WEAK: Real = 0.1;
 
-/// The driven rows of G, scaled by their peaks and turned into their principal axes.
+/// The driven rows of G, each times the largest torque of its joint, in the coordinates of their
+/// principal axes. It describes which torques the driven joints can reach.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach {
     problem: Problem,
     joint: [usize; MAX_JOINTS],
     axes: [Vec3; 3],
-    /// Singular values of the peak-scaled rows, divided by `unit`, largest first.
+    /// Singular values of the peak-scaled rows, divided by `unit`, in descending order.
     sigma: [Real; 3],
-    /// Level with which a singular value is compared to decide whether its direction is lost,
-    /// divided by `unit`.
+    /// Reference level for the singular values, divided by `unit`. A direction whose singular value
+    /// is much smaller than this level counts as lost.
     level: Real,
-    /// The largest product of a peak and its row, N m. It is the internal unit of torque.
+    /// Internal unit of torque, N m: the largest component of a row of G times its joint's largest
+    /// torque.
     unit: Real,
 }
 
 impl Reach {
-    /// Builds the scaled allocation problem from the driven rows among `rows`. Returns `None` if no
-    /// joint is driven.
+    /// Builds the scaled allocation problem from those rows of G that belong to driven joints.
+    /// Returns `None` if no joint is driven.
     pub(super) fn of(rows: &[Vec3], limits: &JointLimits) -> Option<Self> {
         let mut joint = [0; MAX_JOINTS];
         let mut n = 0;
@@ -100,40 +104,42 @@ impl Reach {
         Some(reach)
     }
 
-    /// Returns the singular values of the peak-scaled rows, divided by the internal unit of torque,
-    /// largest first.
+    /// Returns the strengths of the three principal axes: the singular values of the peak-scaled
+    /// rows, divided by the internal unit of torque, in descending order.
     pub(super) fn sigma(&self) -> [Real; 3] {
         self.sigma
     }
 
-    /// Returns the level with which a direction's singular value is compared, divided by the
-    /// internal unit of torque.
+    /// Returns the reference level for the strength of a direction, divided by the internal unit of
+    /// torque. A direction that is much weaker than this level counts as lost.
     pub(super) fn level(&self) -> Real {
         self.level
     }
 
-    /// Returns the largest possible ratio of the length of least-cost joint torques to that of the
-    /// shortest ones that make the same torque. Lengths are measured in parts of the peaks.
+    /// Returns an upper bound on the length of the least-cost joint torques, relative to that of
+    /// the shortest joint torques that make the same torque on the sphere. For lengths, each joint
+    /// torque is taken as a fraction of its peak.
     ///
     /// Within the limits, the least-cost torques cost no more than the shortest ones. So the ratio
-    /// is at most the square root of the ratio of the largest to the least cost factor. At the
-    /// limits, no vector of torques is longer than the square root of the number of joints.
+    /// is at most the square root of the largest cost factor divided by the smallest. At the
+    /// limits, no vector of joint torques is longer than the square root of the number of joints.
     pub(super) fn spread(&self) -> Real {
         let least =
             self.problem.give[..self.problem.n].iter().fold(1.0, |least: Real, give| least.min(*give));
         sqrt(Real::max(1.0 / least, self.problem.n as Real))
     }
 
-    /// Returns the component of a torque along each principal axis, in the unit of the torque.
+    /// Returns the components of `torque` along the three principal axes, in the unit of `torque`.
     pub(super) fn parts(&self, torque: Vec3) -> [Real; 3] {
         self.axes.map(|axis| axis.dot(torque))
     }
 
-    /// Returns the least-cost joint torques for the largest reachable torque up to `size` times
-    /// `parts`, and the fraction of `size` that was reached.
+    /// Returns the least-cost joint torques for the largest reachable torque up to `size * parts`,
+    /// and the fraction of `size` that they reach.
     ///
-    /// `parts` are components along the principal axes. Only the first `rank` axes are controlled.
-    /// Each joint torque is a part of its peak, in the order of the driven joints.
+    /// `parts` are the components of the torque along the principal axes. Only the torque along the
+    /// first `rank` axes is controlled. Each joint torque is given as a fraction of its peak, in
+    /// the order of the driven joints.
     pub(super) fn solve(&self, rank: usize, parts: [Real; 3], size: Real) -> ([Real; MAX_JOINTS], Real) {
         let (problem, direction) = self.within(rank, parts);
         let (mut x, scale) = self.search(&problem, direction, size);
@@ -144,7 +150,7 @@ impl Reach {
         (x, scale)
     }
 
-    /// Solves the problem of [`Self::solve`], without the final correction of rounding errors.
+    /// Solves the problem of [`Self::solve`], without its final correction of rounding errors.
     fn search(&self, problem: &Problem, direction: Vec3, size: Real) -> ([Real; MAX_JOINTS], Real) {
         // Limited to a finite value, so that its product with zero is zero.
         let wanted = Real::min(size / self.unit, Real::MAX);
@@ -173,8 +179,8 @@ impl Reach {
         (x, reached * self.unit / size)
     }
 
-    /// Returns true if the torque that the joint torques `x` make differs from that of these
-    /// `parts` by more than rounding.
+    /// Returns true if the joint torques `x` do not make the torque with the components `parts`
+    /// along the principal axes. Rounding errors are ignored.
     pub(super) fn strays(&self, x: &[Real; MAX_JOINTS], parts: [Real; 3]) -> bool {
         let mut left = parts.map(|part| part / self.unit);
         let mut terms = 0.0;
@@ -188,15 +194,16 @@ impl Reach {
         left.iter().any(|left| fabs(*left) > 1024.0 * Real::EPSILON * terms)
     }
 
-    /// Returns the largest torque along `u`, N m, in the first `rank` principal axes.
+    /// Returns the largest torque along `u` that the joints can make, N m, if only the torque along
+    /// the first `rank` principal axes is controlled.
     pub(super) fn capability(&self, rank: usize, u: Vec3) -> Real {
         let (problem, direction) = self.within(rank, self.parts(u));
         let Facet { reach, .. } = facets::nearest(&problem, direction);
         reach * self.unit
     }
 
-    /// Converts joint torques from parts of their peaks to N m, in the order steer, drive per
-    /// wheel.
+    /// Converts joint torques from fractions of their peaks to N m. The result has the order steer,
+    /// drive of each wheel.
     pub(super) fn scatter(&self, x: &[Real; MAX_JOINTS], limits: &JointLimits) -> [Real; MAX_JOINTS] {
         let mut tau = [0.0; MAX_JOINTS];
         for (i, &k) in self.joint[..self.problem.n].iter().enumerate() {
@@ -223,9 +230,9 @@ impl Reach {
     }
 }
 
-/// Returns the strength of the strongest wheel with two motors, or infinity if there is none. The
-/// strength of a wheel is the smaller singular value of its two peak-scaled rows: it makes at least
-/// this torque in both directions of its contact.
+/// Returns the strength of the strongest wheel that has two motors, or infinity if no wheel has
+/// two. The strength of a wheel is the smaller singular value of its two peak-scaled rows. The
+/// wheel can make at least this torque in both directions of its contact.
 fn weaker(scaled: &[Vec3], joint: &[usize]) -> Real {
     let mut most: Real = 0.0;
     for i in 1..scaled.len() {

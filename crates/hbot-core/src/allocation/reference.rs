@@ -7,7 +7,8 @@ use std::vec::Vec;
 
 use glam::{DMat3, DVec3};
 
-/// Rows, peaks and weights of joints that are all driven.
+/// An allocation problem for the slow reference solvers: the rows of G, the torque limits and the
+/// cost weights of joints that are all driven.
 pub(super) struct Reference {
     pub(super) rows: Vec<DVec3>,
     pub(super) peak: Vec<f64>,
@@ -15,11 +16,11 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// Returns the largest s in \[0, 1\] for which joint torques within the limits make s times
-    /// `wanted`.
+    /// Returns the largest s from 0 to 1 for which joint torques within their limits make the
+    /// torque `s * wanted` on the sphere.
     ///
-    /// At a vertex of the linear program all joints except two are at their limits. Three equations
-    /// then give these two torques and s.
+    /// It tries every vertex of the linear program. At a vertex, all joints except two are at their
+    /// limits, and three equations give these two joint torques and s.
     pub(super) fn scale(&self, wanted: DVec3) -> f64 {
         let n = self.rows.len();
         let mut best: f64 = 0.0;
@@ -46,11 +47,11 @@ impl Reference {
         best.min(1.0)
     }
 
-    /// Returns the least cost of joint torques within the limits that make `torque`, or infinity if
-    /// none do.
+    /// Returns the smallest cost of joint torques within their limits that make `torque` on the
+    /// sphere. Returns infinity if no such joint torques exist.
     ///
-    /// Every joint is free, at its upper limit or at its lower limit, and every combination is
-    /// tried. For the free joints three equations give the multipliers.
+    /// It tries every combination of joints that are free, at the upper limit or at the lower
+    /// limit. Three equations then give the torques of the free joints.
     pub(super) fn cost(&self, torque: DVec3) -> f64 {
         let n = self.rows.len();
         let mut best = f64::INFINITY;
@@ -83,11 +84,11 @@ impl Reference {
         best
     }
 
-    /// Returns the least cost of joint torques that make `torque`, which must be strictly inside
-    /// the reachable set.
+    /// Returns the smallest cost of joint torques that make `torque` on the sphere. `torque` must
+    /// be smaller than the largest reachable torque in its direction.
     ///
-    /// The method takes Newton steps on the cost with a logarithmic barrier at each limit. The
-    /// weight of the barrier goes to zero (Boyd and Vandenberghe 2004, 11.3 and 10.3).
+    /// The method takes Newton steps on the cost plus a logarithmic barrier at each limit, and
+    /// reduces the weight of the barrier towards zero (Boyd and Vandenberghe 2004, 11.3 and 10.3).
     pub(super) fn cost_by_barrier(&self, torque: DVec3) -> f64 {
         let n = self.rows.len();
         let mut x = std::vec![0.0_f64; n];

@@ -10,11 +10,12 @@ use super::reference::Reference;
 use super::*;
 use crate::singularity::singular_values;
 
-/// Tolerance of a direction or a scale, for rows that are not close to losing rank. It stands for
-/// rounding times a few condition numbers, which the moment squares.
+/// Tolerance for the direction and the scale of an allocated torque, if the rows are not close to
+/// losing rank. It allows for rounding errors times a few condition numbers, which enter squared.
 const ROUNDING: Real = if Real::EPSILON < 1.0e-10 { 1.0e-10 } else { 2.0e-3 };
 
-/// A fixed seed, so that every run tries the same problems.
+/// Returns the settings of a property test that tries `cases` random problems. The seed is fixed,
+/// so that every run tries the same problems.
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig {
         cases,
@@ -31,7 +32,8 @@ fn limits(peak: &[Real], weight: &[Real]) -> JointLimits {
     limits
 }
 
-/// Converts a real to 64 bits, for both widths of `Real`.
+/// Converts a number to `f64`. Tests use it because `Real` is `f32` in one build and `f64` in the
+/// other.
 fn wide<T: Into<f64>>(x: T) -> f64 {
     x.into()
 }
@@ -40,14 +42,14 @@ fn made(rows: &[Vec3], allocation: &Allocation) -> Vec3 {
     rows.iter().zip(allocation.torque).map(|(g, tau)| *g * tau).sum()
 }
 
-/// Returns the ratio of the least to the largest singular value of the peak-scaled rows.
+/// Returns the ratio of the smallest to the largest singular value of the peak-scaled rows of G.
 fn margin(rows: &[Vec3], limits: &JointLimits) -> Real {
     let scaled: Vec<Vec3> = rows.iter().zip(limits.peak).map(|(g, t)| *g * t).collect();
     let [most, _, least] = singular_values(&scaled);
     least / most
 }
 
-/// Generates random joints: three reals for each row, a peak and a weight.
+/// Generates random joints. Each joint has a random row of G, a largest torque and a cost weight.
 fn joints(
     count: impl Into<proptest::collection::SizeRange>,
 ) -> impl Strategy<Value = (Vec<Vec3>, JointLimits)> {
@@ -61,8 +63,9 @@ fn joints(
     })
 }
 
-/// Generates rows along the edges and diagonals of a cube, with equal limits and costs. They give
-/// facets of many rows, edges, vertices and ties.
+/// Generates joints whose rows of G lie along the edges and diagonals of a cube, and a torque to
+/// allocate. Limits and costs are equal. Such joints lead to the special cases of the allocation:
+/// facets with many rows, edges, vertices and ties.
 fn lattice() -> impl Strategy<Value = (Vec<Vec3>, JointLimits, Vec3)> {
     let row = prop_oneof![
         Just(Vec3::X),
@@ -91,9 +94,10 @@ fn check_limits(rows: &[Vec3], limits: &JointLimits, allocation: &Allocation) ->
     Ok(())
 }
 
-/// Checks the conditions of optimality: there is a y with w tau = g.y for each joint between its
-/// limits. For a joint at a limit, g.y is at least as large in the direction of that limit. Only
-/// checked if the joints between their limits determine y.
+/// Checks that the joint torques in `found` are optimal. There must be a vector y with weight times
+/// torque = g.y for each joint between its limits. For a joint at a limit, g.y must be at least as
+/// large in the direction of that limit. Nothing is checked if the joints between their limits do
+/// not determine y.
 fn check_optimal(rows: &[Vec3], limits: &JointLimits, found: &Allocation) -> Result<(), TestCaseError> {
     let free = |k: usize| fabs(found.torque[k]) < limits.peak[k] * (1.0 - ROUNDING);
     let between: Vec<usize> = (0..rows.len()).filter(|k| free(*k)).collect();

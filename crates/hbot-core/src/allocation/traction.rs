@@ -5,23 +5,24 @@ use super::Allocation;
 use crate::device::{MAX_WHEELS, Wheel};
 use crate::real::{Real, sqrt};
 
-/// The lever arms of one wheel's contact, m: the entries of H = \[\[steer, 0\], \[-cross, roll\]\].
-/// They are constants of the design.
+/// Lever arms of a wheel's two joints at its contact with the sphere, m. They are the entries of
+/// the matrix H = \[\[steer, 0\], \[-cross, roll\]\] and constants of the design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactArms {
-    /// Lever arm of the steer joint along the axle, R l.c2 = R sin a cos b, m: speed of the contact
-    /// along the axle per unit of the steer rate.
+    /// Lever arm of the steer joint along the wheel's axle, R l.c2 = R sin a cos b, m. It is the
+    /// speed of the contact along the axle per unit of the steer rate.
     pub steer: Real,
-    /// Lever arm of the steer joint across the axle, R l.c1 = R sin a sin b, m: speed of the
-    /// contact against the rolling direction per unit of the steer rate. 0 without a toe angle.
+    /// Lever arm of the steer joint across the wheel's axle, R l.c1 = R sin a sin b, m. It is the
+    /// speed of the contact against the rolling direction per unit of the steer rate. 0 without a
+    /// toe angle.
     pub cross: Real,
-    /// Lever arm of the drive joint, the wheel radius r, m: speed of the contact along the rolling
-    /// direction per unit of the drive rate.
+    /// Lever arm of the drive joint, m. It is the wheel radius r, or the speed of the contact along
+    /// the rolling direction per unit of the drive rate.
     pub roll: Real,
 }
 
 impl ContactArms {
-    /// Returns the lever arms of `wheel` on a sphere of radius `sphere_radius`, m.
+    /// Returns the lever arms of the joints of `wheel` on a sphere of radius `sphere_radius` (m).
     #[must_use]
     pub fn of(wheel: &Wheel, sphere_radius: Real) -> Self {
         Self {
@@ -31,21 +32,21 @@ impl ContactArms {
         }
     }
 
-    /// Returns the default cost weights of the wheel's joints, steer then drive, 1/m²: w_th = 1/(R
+    /// Returns the default cost weights of the wheel's steer and drive joint, 1/m²: w_th = 1/(R
     /// sin a cos b)² and w_ph = 1/r².
     ///
-    /// With these weights and no toe angle, the sum of w tau² equals the sum of the squared contact
-    /// forces. The least-cost torques then load the contacts least.
+    /// Without a toe angle, the sum of w tau² with these weights equals the sum of the squared
+    /// contact forces. The least-cost joint torques then cause the smallest contact forces.
     #[must_use]
     pub fn weights(&self) -> [Real; 2] {
         [1.0 / (self.steer * self.steer), 1.0 / (self.roll * self.roll)]
     }
 
-    /// Returns the force at the contact, N, along c1 and c2, caused by the joint torques of the
-    /// wheel (N m): f = H⁻ᵀ tau.
+    /// Returns the force that the joint torques of the wheel (N m) cause at its contact, N, along
+    /// the contact directions c1 and c2: f = H⁻ᵀ tau.
     ///
-    /// For a moving sphere, pass the torques that remain after the joints' inertia, tau - J_q
-    /// dzd/dt.
+    /// For a moving sphere, first subtract the torques that accelerate the joints' own inertia:
+    /// pass tau - J_q dzd/dt.
     #[inline]
     #[must_use]
     pub fn force(&self, steer_torque: Real, drive_torque: Real) -> [Real; 2] {
@@ -54,11 +55,13 @@ impl ContactArms {
     }
 }
 
-/// Returns the load |f_i| / `grip` of the most loaded contact. Above 1 a wheel would slip.
+/// Returns the load of the most loaded contact: its force |f_i| divided by `grip`. Above 1 a wheel
+/// would slip.
 ///
-/// f_i are the contact forces of the joint torques `tau` (N m; steer, drive per wheel). `grip` is
-/// the force mu N that a contact holds, N. Returns 0 if there is no force, and infinity if there is
-/// a force but `grip` is not positive.
+/// The joint torques `tau` (N m; steer, drive of each wheel) cause the contact forces f_i. `grip`
+/// is the largest force that a contact holds without slip, N: friction coefficient mu times normal
+/// force N. Returns 0 if there is no force, and infinity if there is a force but `grip` is not
+/// positive.
 #[must_use]
 pub fn traction(arms: &[ContactArms], tau: &[Real], grip: Real) -> Real {
     let mut square: Real = 0.0;
@@ -74,10 +77,12 @@ pub fn traction(arms: &[ContactArms], tau: &[Real], grip: Real) -> Real {
 }
 
 impl Allocation {
-    /// Scales all torques down by one factor so that no contact carries more than `grip` = mu N
-    /// (N). Returns the load |f| / (mu N) of the most loaded contact before the scaling.
+    /// Scales all joint torques down by one factor, so that the force at every contact is at most
+    /// `grip` (N). Returns the load of the most loaded contact before the scaling, as a fraction of
+    /// `grip`.
     ///
-    /// The direction of the torque on the sphere is kept; only its size is reduced.
+    /// `grip` is the friction coefficient mu times the normal force N. The torque on the sphere
+    /// keeps its direction and only becomes smaller.
     pub fn limit_traction(&mut self, arms: &[ContactArms], grip: Real) -> Real {
         let load = traction(arms, &self.torque, grip);
         if load > 1.0 {

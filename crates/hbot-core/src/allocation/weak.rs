@@ -25,13 +25,15 @@ use super::reach::Reach;
 use super::{LOST, WHOLE};
 use crate::real::{Real, fabs, sqrt};
 
-/// Limits of the stray torque of an axis that is not held. Below the first value the axis is not
-/// held at all; above the second it is held fully. The weight of the solution without the axis,
-/// times the stray torque in that solution, is at most 0.6 %.
+/// Two limits on the stray torque of an axis: the torque along the axis if it is left uncontrolled,
+/// as a fraction of the torque made. Below the first limit the axis is left uncontrolled, and above
+/// the second it is fully controlled. With these limits, uncontrolled axes add at most 0.6 % of
+/// stray torque to the result.
 const STRAYS: [Real; 2] = [0.002, 0.02];
 
-/// One term of the weighted mean: a solution for the torque in the first `kept` principal axes,
-/// with the torque in the first `held` axes under control. `part` is its weight.
+/// One term of a weighted mean of solutions. The mean replaces the exact solution if the joints are
+/// weak in some directions. The term makes the torque along the first `kept` principal axes and
+/// controls the torque along the first `held` axes. `part` is the weight of the term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Share {
     pub(super) kept: usize,
@@ -39,11 +41,13 @@ pub(super) struct Share {
     pub(super) part: Real,
 }
 
-/// Returns the terms of the weighted mean for a torque with these `parts` along the principal axes.
-/// The weights add up to 1. The first term is the one for the whole torque.
+/// Returns the terms of the weighted mean of solutions for a torque with the components `parts`
+/// along the principal axes. The weights add up to 1. The first term is the solution for the whole
+/// torque.
 ///
-/// A term that distinguishes two axes has weight zero if their singular values are equal. The
-/// choice of two axes in their plane is then arbitrary, and the result must not depend on it.
+/// If the singular values of two axes are equal, any two axes in their plane could be chosen, and
+/// the result must not depend on the choice. Terms that treat these two axes differently then have
+/// weight zero.
 pub(super) fn shares(reach: &Reach, parts: [Real; 3]) -> [Share; 6] {
     let [_, second, third] = reach.sigma().map(|sigma| smooth_step(sigma / reach.level(), [LOST, WHOLE]));
     let [line, plane, whole] = [1.0 - second, second - third, third];
@@ -60,8 +64,8 @@ pub(super) fn shares(reach: &Reach, parts: [Real; 3]) -> [Share; 6] {
     .map(|(kept, held, part)| Share { kept, held, part })
 }
 
-/// Returns the largest torque along `axis` if nothing holds it, relative to what the first `kept`
-/// of these `parts` make along the wanted torque.
+/// Returns the largest possible torque along `axis` if it is not controlled. The torque is relative
+/// to the torque that the first `kept` components of `parts` make along the wanted torque.
 fn stray(reach: &Reach, parts: [Real; 3], kept: usize, axis: usize) -> Real {
     let sigma = reach.sigma();
     let (mut whole, mut wanted, mut effort): (Real, Real, Real) = (0.0, 0.0, 0.0);
@@ -75,7 +79,8 @@ fn stray(reach: &Reach, parts: [Real; 3], kept: usize, axis: usize) -> Real {
     if wanted > 0.0 { sigma[axis] * reach.spread() * sqrt(effort * whole) / wanted } else { 0.0 }
 }
 
-/// Returns true if these terms leave out more than rounding of a torque with these `parts`.
+/// Returns true if the weighted mean of the terms `shares` leaves out more than rounding of a
+/// torque with the components `parts` along the principal axes.
 pub(super) fn loses(shares: &[Share; 6], parts: [Real; 3]) -> bool {
     let mut lost = 0.0;
     for share in shares {
@@ -86,7 +91,7 @@ pub(super) fn loses(shares: &[Share; 6], parts: [Real; 3]) -> bool {
     lost > 1024.0 * Real::EPSILON * (fabs(parts[0]) + fabs(parts[1]) + fabs(parts[2]))
 }
 
-/// Returns 0 for `x` up to `from` and 1 from `to` on, with a smooth cubic in between.
+/// Returns 0 if `x` is at most `from`, 1 if `x` is at least `to`, and a smooth cubic in between.
 fn smooth_step(x: Real, [from, to]: [Real; 2]) -> Real {
     let x = Real::max(0.0, Real::min(1.0, (x - from) / (to - from)));
     x * x * (3.0 - 2.0 * x)

@@ -9,7 +9,8 @@ use crate::rotation;
 use crate::scene::CompiledScene;
 
 impl Controller {
-    /// Executes `command`, or returns the reason for a refusal. A refused command changes nothing.
+    /// Executes a client's command and returns the reply. A refused command changes nothing; the
+    /// reply then contains the reason.
     pub(super) fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
         match *command {
             Command::Enable => self.enable(scene),
@@ -82,9 +83,9 @@ impl Controller {
         Reply::Done
     }
 
-    /// Takes a stream message by calling `take`, unless the state that it was computed from is too
-    /// old or in the future. A message that names a future tick would count as fresh until that
-    /// tick.
+    /// Calls `take` to accept a torque or reference that a client streams. Refuses the message if
+    /// the state from which the client computed it is too old or lies in a future tick. A message
+    /// that names a future tick would count as fresh until that tick.
     fn take_stamped(&mut self, tick: u64, stamp: Stamp, take: impl FnOnce(&mut Self) -> bool) -> Reply {
         if let Some(ticks) = stamp.tick.and_then(|seen| seen.checked_sub(tick)).filter(|ahead| *ahead > 0) {
             return Reply::Refused(Refusal::Ahead { ticks });

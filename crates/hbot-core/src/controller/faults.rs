@@ -7,36 +7,40 @@ use crate::joints::Joints;
 use crate::mode::{Cause, Mode};
 use crate::real::Real;
 
-/// Lateness of a tick above which it is a fault, ns.
+/// Lateness of a tick above which the rig goes to fault, ns.
 pub const LATE_FAULT_NS: u64 = 20_000_000;
-/// Number of consecutively skipped ticks at which a fault occurs.
+/// Number of skipped ticks in a row at which the rig goes to fault.
 pub const SKIPPED_FAULT: u64 = 10;
-/// Number of damaged frames at which the link counts as corrupt. One is forgiven every
-/// [`CORRUPT_FORGIVEN_TICKS`] ticks, so that 1 % of noise is tolerated and 50 % is not.
+/// Number of damaged frames at which the link counts as corrupt. Every [`CORRUPT_FORGIVEN_TICKS`]
+/// ticks the count falls by one. So 1 % of damaged frames is tolerated and 50 % is not.
 pub const CORRUPT_FAULT: Real = 10.0;
-/// Number of ticks after which one damaged frame is forgiven. See [`CORRUPT_FAULT`].
+/// Number of ticks after which the count of damaged frames falls by one. See [`CORRUPT_FAULT`].
 pub const CORRUPT_FORGIVEN_TICKS: Real = 20.0;
 /// Number of missing readings above which the link counts as lost, in multiples of `timeout_ticks`.
-/// Each reading that arrives makes up for [`MISSED_FORGIVEN`] missing ones. So a link can lose four
+/// Each reading that arrives lowers the count by [`MISSED_FORGIVEN`]. So a link can lose four
 /// readings of five for any time, but 19 of 20 only for a short time.
 pub const MISSED_FAULT: u64 = 5;
-/// Number of missing readings for which one reading that arrives makes up. See [`MISSED_FAULT`].
+/// Number by which each reading that arrives lowers the count of missing readings. See
+/// [`MISSED_FAULT`].
 pub const MISSED_FORGIVEN: u64 = 4;
-/// Longest time, s, for which motors may be on although they were switched off, or off although
-/// they were switched on. A power stage takes some milliseconds to switch.
+/// Longest time for which motors may be on after a command to switch off, or off after a command to
+/// switch on, s. A power stage takes some milliseconds to switch.
 pub const DISOBEDIENCE_S: Real = 0.02;
 
-/// Counts the missing readings of a link.
+/// Counts the readings that are missing on a link, to detect that the link is lost.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Silence {
     /// Ticks since the last reading.
     ticks: u64,
-    /// Ticks without a reading that are not forgiven yet.
+    /// Number of missing readings, less [`MISSED_FORGIVEN`] for each reading that has arrived;
+    /// never below 0.
     owed: u64,
 }
 
 impl Silence {
-    /// Counts `elapsed` ticks. `news` is true if a reading came at their end.
+    /// Advances the count of missing readings by `elapsed` ticks. `news` is true if a reading
+    /// arrived at the end of this time. `timeout_ticks` is the rig's limit on ticks without a
+    /// reading.
     #[inline]
     pub(super) fn advance(&mut self, elapsed: u64, news: bool, timeout_ticks: u32) {
         // Skipped ticks asked for no reading, so only one is missing.
@@ -48,7 +52,7 @@ impl Silence {
             .min(2 * MISSED_FAULT * u64::from(timeout_ticks));
     }
 
-    /// Returns true if so many readings are missing that the link counts as lost.
+    /// Returns true if enough readings are missing for the link to count as lost.
     #[inline]
     fn too_long(&self, timeout_ticks: u32) -> bool {
         self.ticks > u64::from(timeout_ticks) || self.owed > MISSED_FAULT * u64::from(timeout_ticks)
@@ -56,8 +60,9 @@ impl Silence {
 }
 
 impl Controller {
-    /// Counts events that become a fault by their number: damaged frames, and ticks in which motors
-    /// were on or off against the command. `elapsed` is the number of ticks since the last one.
+    /// Counts two kinds of events that become a fault only if they are frequent: damaged frames,
+    /// and ticks in which motors were on or off contrary to the command. `elapsed` is the number of
+    /// ticks since the last call.
     #[inline]
     pub(super) fn count_complaints(&mut self, inputs: &Inputs, elapsed: u64) {
         self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
@@ -72,8 +77,8 @@ impl Controller {
         }
     }
 
-    /// Returns the most serious fault condition of this tick, if any. `feedback` is true if there
-    /// was a new reading, or the cause of a fault if the reading is invalid.
+    /// Returns the most serious fault condition of this tick, if any. `feedback` is `Ok(true)` if
+    /// there was a new reading, and an error if the reading was invalid.
     #[inline]
     pub(super) fn fault_condition(
         &self,
@@ -113,8 +118,9 @@ impl Controller {
         self.motion_fault(powered)
     }
 
-    /// Returns the fault that the rates or the counts show. With motors off, only a fault that is
-    /// to be reset counts, because a person may spin the sphere by hand.
+    /// Returns the fault that the measured motion shows, such as excessive speed or slip. With
+    /// motors off, it returns only the fault that the rig is already in, because a person may then
+    /// spin the sphere by hand.
     #[inline]
     fn motion_fault(&self, powered: bool) -> Option<Cause> {
         let judged = |cause| powered || self.machine.cause == Some(cause);
@@ -132,12 +138,13 @@ impl Controller {
         by_counts.filter(|cause| judged(*cause))
     }
 
-    /// Returns true if readings are missing for too long, or if the newest reading answers too old
-    /// a command.
+    /// Returns true if readings are missing for too long, or if the newest reading answers a
+    /// command that is too old.
     ///
     /// The newest possible reading answers the last command, which was sent `elapsed` ticks ago.
-    /// The age is the number of ticks from the answered command to that one. One tick is added for
-    /// the line if the reading has arrived in this tick, so that it is at most `timeout_ticks` old.
+    /// The age of the newest reading is the number of ticks from the command that it answers to the
+    /// last command. If it arrived in this tick, one tick is added for its time on the line. So a
+    /// reading is at most `timeout_ticks` old.
     #[inline]
     fn link_is_lost(&self, tick: u64, elapsed: u64, news: bool) -> bool {
         let timeout_ticks = self.rig.timing.timeout_ticks;
@@ -148,13 +155,15 @@ impl Controller {
         behind > i64::from(timeout_ticks) || self.silence.too_long(timeout_ticks)
     }
 
-    /// Returns true if motors have been on or off against the command for too long.
+    /// Returns true if motors have been on or off contrary to the command for longer than
+    /// [`DISOBEDIENCE_S`].
     #[inline]
     fn disobeyed(&self) -> bool {
         self.disobeyed_ticks > 0 && self.disobeyed_ticks as Real * self.rig.timing.period_s() > DISOBEDIENCE_S
     }
 
-    /// Ends homing, and with it the mode `unreferenced`, if all steer zeros are known.
+    /// Ends homing, and with it the mode `unreferenced`, if the zeros of all steer joints are
+    /// known.
     #[inline]
     pub(super) fn home(&mut self, feedback: Option<&JointFeedback>) {
         if self.homed || self.machine.mode != Mode::Unreferenced {

@@ -36,7 +36,8 @@ pub use self::faults::{
 };
 use self::torque::{Made, Wanted};
 
-/// The control law of one rig. Each tick is a pure function of its state and its inputs.
+/// The control law of one rig. Each tick computes joint torques from a reading of the motors, the
+/// scene and the commands of clients.
 ///
 /// It has no clock and does no input or output. The same inputs give the same bits on any machine.
 #[derive(Debug, Clone)]
@@ -49,41 +50,46 @@ pub struct Controller {
     machine: ModeMachine,
     renderer: Renderer,
     blend: Blend,
-    /// Motion at which the effects were rendered in the last tick.
+    /// Motion of the sphere for which the effects were rendered in the last tick.
     last_motion: Motion,
     stream: Stream,
     observer: Observer,
-    /// Energy given out in bursts, if the rig limits it.
+    /// Energy that the rig has given to the hand in a short time. `None` if the rig does not limit
+    /// it.
     burst: Option<Burst>,
     guard: Option<Guard>,
     heat: Option<Heat>,
-    /// Torque that the motors made in the last tick. The next torque may differ from it by the slew
-    /// limit.
+    /// Torque that the motors made in the last tick. The next torque may differ from it by at most
+    /// the slew limit.
     made: Made,
-    /// Limited sum of scene and stream in the last tick, N m, and the stream of that tick.
+    /// Sum of the torques of scene and stream in the last tick, after the torque limit, N m.
     last_asked: Vec3,
     last_stream: Stream,
-    /// Size of the torque when a soft start began with motors on, N m, and the time since then, s.
+    /// Size of the torque that the motors already made when a soft start began, N m. This torque
+    /// fades out at the beginning of the soft start. `carried_s` is the time since then, s.
     carried: Real,
     carried_s: Real,
     last_tick: Option<u64>,
     silence: Silence,
     corrupt: Real,
-    /// Number of ticks for which motors have been on or off against the command.
+    /// Number of ticks for which motors have been on or off contrary to the command.
     disobeyed_ticks: u64,
-    /// True after homing: the steer zeros are known, so the angles are those of the wheels.
+    /// True after homing. The zeros of the steer joints are then known, so the joint angles are
+    /// those of the wheels.
     homed: bool,
-    /// True if a motor controller has rebooted since the start. Assumed zeros are then no longer
-    /// valid.
+    /// True if a motor controller has rebooted since the start. Zeros that were assumed without
+    /// homing are then no longer valid.
     rebooted: bool,
     client_lost: bool,
-    /// True if references have just been anchored anew.
+    /// True if `enable` has just placed the effects' references relative to the present
+    /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
 }
 
 impl Controller {
-    /// Creates the control law for `rig`. The rig is not homed and the orientation is the identity.
+    /// Creates the control law for `rig`. The steer joints are not homed yet, and the orientation
+    /// is the identity.
     #[must_use]
     pub fn new(rig: Rig) -> Self {
         let first = ContactArms::of(&rig.device.wheels()[0], rig.device.sphere_radius());
@@ -123,14 +129,14 @@ impl Controller {
         }
     }
 
-    /// Returns the rig that is controlled.
+    /// Returns the rig that this control law is for.
     #[must_use]
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// Runs one tick: takes the inputs, obeys the commands, renders `scene` and returns the torques
-    /// and the state.
+    /// Runs one tick: takes the reading, executes the commands, renders `scene`, and returns joint
+    /// torques and the state.
     pub fn tick(&mut self, scene: &CompiledScene, inputs: &Inputs) -> Outputs {
         // A tick with a number not after the last one takes no time.
         let elapsed = self.last_tick.map_or(1, |last| inputs.tick.saturating_sub(last));
@@ -173,8 +179,8 @@ impl Controller {
         Outputs { drive: self.drive(), replies, state }
     }
 
-    /// Takes the reading, if it is new. Returns true if it was taken, or the cause of a fault if it
-    /// is invalid.
+    /// Takes the motors' reading if it is new. Returns true if it was taken, false if there was no
+    /// new reading, and the cause of a fault if the reading is invalid.
     #[inline]
     fn measure(&mut self, inputs: &Inputs, elapsed: u64) -> Result<bool, Cause> {
         if inputs.rebooted {
@@ -202,8 +208,8 @@ impl Controller {
         Ok(true)
     }
 
-    /// Sets the torques from this tick on: what motors and contacts can make of the torque
-    /// `wanted`. A number that is not finite leads to a fault and zero torque.
+    /// Sets the torque that the motors make from this tick on: as much of `wanted` as motors and
+    /// contacts can make. A torque that is not finite leads to a fault and zero torque.
     #[inline]
     fn hold(&mut self, tick: u64, wanted: &Wanted) {
         let made = if wanted.torque == Vec3::ZERO {
@@ -225,7 +231,8 @@ impl Controller {
         }
     }
 
-    /// Returns the command to the motors, in the direction of each joint's motor controller.
+    /// Returns the command to the motors. Each torque has the sign convention of the joint's motor
+    /// controller.
     #[inline]
     fn drive(&self) -> Drive {
         let mut drive = Drive { enable: self.powered(), torque: [0.0; MAX_JOINTS] };
@@ -235,7 +242,8 @@ impl Controller {
         drive
     }
 
-    /// Returns the state that the tick publishes. `fresh` is true if the tick took a new reading.
+    /// Returns the state of this tick, which is published to clients. `fresh` is true if the tick
+    /// took a new reading.
     #[inline]
     fn state(&self, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
         let made = &self.made;
@@ -273,7 +281,8 @@ mod tests {
 
     use super::*;
 
-    /// The docs of the crate list the sizes for a 64-bit machine.
+    /// Checks that the table of memory sizes in the documentation of the crate is correct. It lists
+    /// the sizes for a 64-bit machine.
     #[test]
     #[cfg(target_pointer_width = "64")]
     fn a_controller_takes_as_much_memory_as_the_docs_say() {

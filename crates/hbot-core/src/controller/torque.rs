@@ -12,35 +12,37 @@ use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
 use crate::shaping::{BLEND_S, Blend, limited, slewed};
 
-/// Step in torque, as a fraction of the rig's largest torque, above which a change of scene
-/// restarts the soft start, if an effect rests out of reach of `enable`. A smaller step blends, so
-/// that a slider can change the stiffness of a spring that the hand holds far from its reference.
+/// Step in torque above which a change of scene restarts the soft start, as a fraction of the rig's
+/// largest torque. It applies if an effect rests so far away that `enable` would refuse the scene.
+/// A smaller step fades in, so that a slider can change the stiffness of a spring that the hand
+/// holds far from its reference.
 const SOFT_STEP: Real = 0.1;
 
-/// The torque wanted on the sphere, and how far limits have changed it.
+/// The torque wanted on the sphere, and how much the limits have changed it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
-    /// Torque in frame N, N m. It is limited, ramped and within the slew limit of the last tick's
-    /// torque.
+    /// Torque on the sphere in frame N, in N m. It is limited and ramped, and differs from the
+    /// torque of the last tick by at most the slew limit.
     pub(super) torque: Vec3,
-    /// Fraction of the torque of scene and stream that the torque limit left, 0 to 1.
+    /// Fraction of the scene's and the stream's torque that remains after the torque limit, 0 to 1.
     pub(super) share: Real,
-    /// Largest permitted change of torque since the last tick, N m.
+    /// Largest permitted change of the torque since the last tick, N m.
     pub(super) reach: Real,
 }
 
-/// The torque that motors and contacts make.
+/// The torque on the sphere that the motors and contacts can make, and the joint torques for it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Made {
-    /// Torque on the sphere in frame N, N m.
+    /// Torque on the sphere in frame N, in N m.
     pub(super) torque: Vec3,
-    /// Joint torques, N m.
+    /// Torque of each joint, N m, in the order steer, drive of each wheel.
     pub(super) joints: [Real; MAX_JOINTS],
-    /// Fraction of the wanted torque that all limits left, 0 to 1.
+    /// Fraction of the wanted torque that remains after all limits, 0 to 1.
     pub(super) scale: Real,
-    /// True if the motors cannot make a part of the torque, however small.
+    /// True if a component of the wanted torque was left out or reduced, because the motors cannot
+    /// make it.
     pub(super) deficient: bool,
-    /// Load of the most loaded contact as a fraction of its grip, 0 to 1.
+    /// Load of the most loaded contact, as a fraction of the force that it can hold, 0 to 1.
     pub(super) traction: Real,
 }
 
@@ -54,18 +56,19 @@ impl Made {
 }
 
 impl Controller {
-    /// Returns true if the motors make torque: the rig is enabled, or the torque is falling to zero
-    /// after a disable.
+    /// Returns true if the motors make torque. They do if the rig is enabled, and while the torque
+    /// falls to zero after a disable.
     #[inline]
     pub(super) fn powered(&self) -> bool {
         self.machine.powered() || self.made.torque != Vec3::ZERO
     }
 
-    /// Renders the scene and advances the stream, the blend and the passivity controller by `dt`
-    /// seconds. Returns the torque wanted on the sphere.
+    /// Computes the torque wanted on the sphere from the scene and the client's stream. Advances
+    /// the stream, the blend and the passivity controller by `dt` seconds.
     ///
-    /// The torque of scene and stream is limited. It is then ramped by soft start, disable and
-    /// blend. At last it is brought within the slew limit of the last tick's torque.
+    /// The sum of the two torques is limited. It is then multiplied by the ramp of a soft start or
+    /// a disable, and blended if the scene has changed. Last, its change since the last tick is
+    /// limited to the slew limit.
     #[inline]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
@@ -120,9 +123,10 @@ impl Controller {
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }
 
-    /// Returns true if the new scene starts so far from rest that `enable` would refuse it. Then an
-    /// effect rests further than `enable_max_angle` from the present orientation, and either its
-    /// reference has just been placed or the torque makes a large step.
+    /// Returns true if the new scene is so far from rest that `enable` would refuse it. This has
+    /// two conditions. An effect must rest further than `enable_max_angle` from the present
+    /// orientation. In addition, either the effect's reference has just been placed, or the torque
+    /// makes a large step.
     ///
     /// `before` is the torque of the new scene at the motion of the last tick, N m.
     #[inline(never)]
@@ -136,8 +140,9 @@ impl Controller {
         self.renderer.is_far(scene, motion.q, limits.enable_max_angle, steps)
     }
 
-    /// Returns the torque `wanted` with the damping of the passivity controller, which is computed
-    /// anew. A separate function, so that it costs nothing if the rig has no passivity controller.
+    /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
+    /// this tick. It is a separate function, so that it costs nothing if the rig has no passivity
+    /// controller.
     #[inline(never)]
     fn damp(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
@@ -146,8 +151,8 @@ impl Controller {
         guard.damp(&self.observer, now, wanted, self.joints.omega)
     }
 
-    /// Returns the joint torques that make `wanted` within the limits of motors and contacts, and
-    /// within the slew limit.
+    /// Returns the joint torques that make the torque `wanted` on the sphere, as far as the limits
+    /// of motors, contacts and slew allow.
     #[inline]
     pub(super) fn feasible(&self, wanted: &Wanted) -> Made {
         let made = self.allocated(wanted);
@@ -222,8 +227,8 @@ impl Controller {
     }
 }
 
-/// Returns the largest t from 0 to 1 for which |`from` + t `way`| is at most `reach`. If there is
-/// none, returns the t that brings it nearest.
+/// Returns the largest t from 0 to 1 for which the length of `from + t * way` is at most `reach`.
+/// If there is none, returns the t for which the length is smallest.
 fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
     let (a, b) = (way.length_squared(), from.dot(way));
     if !(a > 0.0) {

@@ -4,21 +4,21 @@
 use super::{Law, Now};
 use crate::real::Vec3;
 
-/// The frame in which a vector is given.
+/// The frame in which a torque is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frame {
-    /// The inertial frame N.
+    /// The inertial frame N, which does not turn.
     World,
-    /// The sphere's own axes, which turn with it.
+    /// The axes fixed in the sphere, which turn with it.
     Sphere,
 }
 
-/// An effect that makes a constant torque, in frame N or in the sphere's axes.
+/// An effect that makes a constant torque on the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constant {
-    /// Torque on the sphere, N m.
+    /// Torque on the sphere, N m. It is constant in the frame that `frame` names.
     pub torque: Vec3,
-    /// Frame in which the torque is given.
+    /// Frame in which the torque is constant.
     pub frame: Frame,
 }
 

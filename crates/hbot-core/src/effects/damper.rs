@@ -5,7 +5,8 @@ use super::{Law, Now};
 use crate::impedance;
 use crate::real::{Mat3, Real, Vec3};
 
-/// An effect that resists turning, with a torque proportional to the sphere's rate.
+/// An effect that resists turning of the sphere: a viscous torque proportional to its angular
+/// velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Damper {
     damping: Mat3,
@@ -13,15 +14,15 @@ pub struct Damper {
 }
 
 impl Damper {
-    /// Creates a damper with `damping` (N m s/rad), a matrix in frame N. Returns `None` if it is
-    /// not symmetric and positive semidefinite.
+    /// Creates a damper from the symmetric, positive semidefinite matrix `damping` (N m s/rad, in
+    /// frame N). Returns `None` if the matrix is not of this kind.
     #[must_use]
     pub fn new(damping: Mat3) -> Option<Self> {
         impedance::is_impedance(&damping).then_some(Self { damping, deadband: 0.0 })
     }
 
-    /// Returns the damper with a dead band: no torque at rates below `deadband` (rad/s, at least
-    /// 0). Above it, only the part of the rate beyond the dead band is damped.
+    /// Returns the damper with a dead band: no torque while the sphere turns slower than `deadband`
+    /// (rad/s, at least 0). Above the dead band, only the speed in excess of it is damped.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }

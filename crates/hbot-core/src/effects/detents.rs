@@ -13,29 +13,32 @@ use super::{Anchor, Law, Now};
 use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
 use crate::rotation::shortest;
 
-/// An effect that gives a dial about an axis notches into which it snaps.
+/// An effect that gives the sphere the notches of a dial: it snaps into notches as it turns about
+/// an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detents {
-    /// Orientation from which the angle is measured.
+    /// Orientation from which the dial's angle is measured.
     pub target: Target,
-    /// Axis of the dial in the target's frame, a unit vector.
+    /// Axis of the dial, a unit vector in the frame of `target`.
     pub axis: Vec3,
-    /// Largest torque of a notch, N m.
+    /// Largest torque with which a notch holds the sphere, N m.
     pub strength: Real,
-    /// Half width of a notch, rad, > 0.
+    /// Half of the width of a notch, rad; above 0.
     pub width: Real,
-    /// Number of notches evenly around a turn, the first at 0. If 0, the notches are at the
-    /// effect's figures: angles in rad, ascending, over many turns.
+    /// Number of notches, evenly spaced around a turn, with the first at angle 0. If it is 0, the
+    /// effect's table of numbers gives the angles of the notches, in rad and in ascending order.
+    /// These angles can cover many turns.
     pub count: u16,
-    /// Stiffness of the walls beyond the outermost of given positions, N m/rad. 0 leaves the ends
-    /// open.
+    /// Stiffness of the walls beyond the first and last of the given notches, N m/rad. If 0, there
+    /// are no walls.
     pub end_stiffness: Real,
-    /// Damping of the dial, N m s/rad.
+    /// Viscous damping of the dial, N m s/rad.
     pub damping: Real,
 }
 
 impl Detents {
-    /// Returns the energy (J) and slope (N m) at the angle `psi`.
+    /// Returns the dial's energy (J) and its slope (N m) at the angle `psi`. `figures` are the
+    /// angles of the notches if they are given one by one, rad.
     #[inline]
     fn profile(&self, psi: Real, figures: &[Real]) -> (Real, Real) {
         if self.count > 0 {
@@ -55,8 +58,8 @@ impl Detents {
         }
     }
 
-    /// Returns the energy (J) and slope (N m) at the distance `d` from a notch. `room` is half of
-    /// the distance to its neighbour, rad.
+    /// Returns the dial's energy (J) and its slope (N m) at the distance `d` (rad) from a notch.
+    /// `room` is half of the distance to the next notch, rad.
     #[inline]
     fn notch(&self, d: Real, room: Real) -> (Real, Real) {
         let width = self.width.min(room);
@@ -68,7 +71,8 @@ impl Detents {
         (scale * (1.0 - cosine), self.strength * sine)
     }
 
-    /// Returns the energy (J) and slope (N m) at the angle `d` (rad) beyond an outermost notch.
+    /// Returns the dial's energy (J) and its slope (N m) at the angle `d` (rad) beyond the first or
+    /// last notch.
     #[inline]
     fn beyond(&self, d: Real) -> (Real, Real) {
         if self.end_stiffness > 0.0 {

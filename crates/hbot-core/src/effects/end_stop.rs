@@ -13,31 +13,34 @@ use super::{Anchor, Law, Now};
 use crate::real::{PI, Quat, Real, Vec3};
 use crate::rotation::shortest;
 
-/// Depth in a wall at which the wall's damping reaches its full value, rad.
+/// Depth in a wall at which the wall's damping reaches its full value, rad. The damping rises
+/// gradually, so that the torque does not jump at the wall's edge.
 const SOFT: Real = 0.01;
 
-/// An effect that keeps an axis of the sphere within a cone, and its twist within a range, by
-/// walls.
+/// An effect with walls that keep an axis of the sphere within a cone, and its twist about this
+/// axis within a range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EndStop {
-    /// Orientation from which cone and twist are measured.
+    /// Orientation from which the cone and the twist are measured.
     pub target: Target,
-    /// Unit axis, fixed in the sphere, that has to stay in the cone around its place in the
-    /// target's frame. The twist is about this axis.
+    /// Unit axis that is fixed in the sphere and has to stay within the cone. The centre of the
+    /// cone is the place of this axis in the target's frame. The twist is the turn about this axis.
     pub axis: Vec3,
-    /// Half angle of the cone, rad, at most 2.7; `None` for no cone.
+    /// Half of the opening angle of the cone, rad, at most 2.7. `None` if there is no cone.
     pub cone: Option<Real>,
-    /// Range of the twist over many turns, rad; `None` for no limit of twist.
+    /// Smallest and largest twist, rad; they can cover many turns. `None` if the twist is not
+    /// limited.
     pub twist: Option<[Real; 2]>,
     /// Stiffness of the walls, N m/rad.
     pub stiffness: Real,
-    /// Damping of the walls on the way in, N m s/rad.
+    /// Viscous damping of the walls while the sphere moves into them, N m s/rad. A wall does not
+    /// damp motion out of it, so it never pulls.
     pub damping: Real,
 }
 
 impl EndStop {
-    /// Returns the slope of the cone's energy, N m, at a swing that is `depth` (> 0) beyond the
-    /// cone.
+    /// Returns the slope of the cone wall's energy, N m, if the swing is `depth` rad (above 0)
+    /// beyond the cone.
     fn cone_slope(&self, swing: &Swing, depth: Real) -> Real {
         self.stiffness * depth * swing.fade()
     }
@@ -57,8 +60,8 @@ impl EndStop {
         self.stiffness * (0.5 * before * before + (part(SWING_FADE) - part(left)) * (1.0 / SWING_FADE))
     }
 
-    /// Returns the signed depth in the wall of the twist, rad: positive beyond the upper end,
-    /// negative beyond the lower.
+    /// Returns how far the twist `psi` is beyond its range, rad: positive above the upper end,
+    /// negative below the lower end, and 0 within the range.
     fn twist_depth(psi: Real, [low, high]: [Real; 2]) -> Real {
         (psi - high).max(0.0) + (psi - low).min(0.0)
     }

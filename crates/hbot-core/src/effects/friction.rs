@@ -11,19 +11,20 @@ use super::{Law, Now};
 use crate::real::{Quat, Real, Vec3, sqrt};
 use crate::rotation;
 
-/// An effect of dry (Coulomb) friction that truly sticks, with a viscous part.
+/// An effect of dry (Coulomb) friction, with additional viscous damping. A sphere at rest truly
+/// sticks: it does not creep under a small load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
-    /// Torque at which the sphere begins to slide, N m.
+    /// Torque above which the sphere begins to slide, N m.
     pub torque: Real,
-    /// Stiffness of the bristle, N m/rad.
+    /// Stiffness of the spring that holds the sphere while it sticks, N m/rad.
     pub stiffness: Real,
-    /// Damping while sticking and while sliding, N m s/rad.
+    /// Viscous damping, N m s/rad. It acts while the sphere sticks and while it slides.
     pub damping: Real,
 }
 
 impl Law for Friction {
-    /// The anchor, after the first tick.
+    /// Orientation in which the friction holds the sphere. `None` before the first tick.
     type Memory = Option<Quat>;
 
     #[inline]

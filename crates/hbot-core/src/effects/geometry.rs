@@ -9,29 +9,31 @@
 use crate::real::{PI, Quat, Real, TURN, Vec3, atan2, round, sqrt};
 use crate::rotation::vector_part;
 
-/// The twist of the sphere about an axis, psi = 2 atan2(e.a, eta), and its fade when the axis
-/// swings away by nearly a half turn.
+/// The angle by which the sphere is twisted about an axis, psi = 2 atan2(e.a, eta). If the axis
+/// itself swings far away, the angle becomes ill-defined, and a factor fades the dial's torque out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Dial {
     /// Angle of the twist, rad, -pi to pi.
     pub(crate) psi: Real,
-    /// Gradient of the angle; 0 if it has none.
+    /// Gradient of the twist angle with respect to a turn of the sphere. 0 if the twist angle is
+    /// not defined.
     pub(crate) gradient: Vec3,
-    /// cos²(swing/2). It is 1 if the axis is in its place, and 0 at a swing of a half turn, at
-    /// which there is no twist.
+    /// The factor cos²(swing/2). It is 1 if the axis has not swung away, and 0 at a swing of a half
+    /// turn, at which the twist is not defined.
     upright: Real,
     upright_gradient: Vec3,
 }
 
-/// Value of cos²(swing/2) below which dials fade: a swing of 120 degrees. They are gone at 180
-/// degrees.
+/// Value of cos²(swing/2) below which the torque of a dial fades. It is reached when the dial's
+/// axis has swung away by 120 degrees. At 180 degrees the torque is zero.
 const FADE_BELOW: Real = 0.25;
 
 impl Dial {
     pub(crate) const NONE: Self =
         Self { psi: 0.0, gradient: Vec3::ZERO, upright: 0.0, upright_gradient: Vec3::ZERO };
 
-    /// Returns the twist of the rotation `x` (with eta >= 0) about the unit vector `axis`.
+    /// Returns the twist angle of the rotation `x` about the unit vector `axis`, and its gradient.
+    /// The scalar part eta of `x` must not be negative.
     #[inline]
     pub(crate) fn new(x: Quat, axis: Vec3) -> Self {
         let (eta, e) = (x.w, vector_part(x));
@@ -49,7 +51,8 @@ impl Dial {
         }
     }
 
-    /// Returns the factor on a dial's energy and the factor's derivative with respect to `upright`.
+    /// Returns the factor that fades the dial's energy, 0 to 1, and the derivative of this factor
+    /// with respect to `upright`.
     #[inline]
     pub(crate) fn fade(&self) -> (Real, Real) {
         if self.upright >= FADE_BELOW {
@@ -59,16 +62,17 @@ impl Dial {
         (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) * (1.0 / FADE_BELOW))
     }
 
-    /// Returns the faded torque of an energy `v` (J) over psi with the slope `slope` (N m). It is
-    /// exactly the gradient of the faded energy.
+    /// Returns the torque of a dial with the energy `v` (J) and the energy's slope `slope` over the
+    /// twist angle (N m). If the axis swings far away, the torque fades. It is exactly the negative
+    /// gradient of the faded energy.
     #[inline]
     pub(crate) fn torque(&self, v: Real, slope: Real) -> Vec3 {
         let (fade, fade_slope) = self.fade();
         -(self.gradient * (slope * fade) + self.upright_gradient * (v * fade_slope))
     }
 
-    /// Returns the torque of a damper on psi with `damping` N m s/rad, at the rate `w` of the
-    /// sphere (rad/s).
+    /// Returns the torque of a viscous damper on the twist, with `damping` in N m s/rad. `w` is the
+    /// angular velocity of the sphere, rad/s.
     #[inline]
     pub(crate) fn resist(&self, w: Vec3, damping: Real) -> Vec3 {
         let (fade, _) = self.fade();
@@ -76,14 +80,15 @@ impl Dial {
     }
 }
 
-/// The angle of a dial over many turns.
+/// Follows the angle of a dial over many turns.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Turns {
     last: Option<Real>,
 }
 
 impl Turns {
-    /// Returns `psi` plus or minus whole turns, so that it is nearest to the last angle.
+    /// Returns the angle `psi` (rad), shifted by whole turns so that it is nearest to the last
+    /// angle.
     #[inline]
     pub(crate) fn unwrap(&self, psi: Real) -> Real {
         match self.last {
@@ -92,8 +97,8 @@ impl Turns {
         }
     }
 
-    /// Returns `psi` plus or minus whole turns, so that it is nearest to the last angle. Remembers
-    /// the result as the last angle.
+    /// Returns the angle `psi` (rad), shifted by whole turns so that it is nearest to the last
+    /// angle. Stores the result as the last angle.
     #[inline]
     pub(crate) fn follow(&mut self, psi: Real) -> Real {
         let unwrapped = self.unwrap(psi);
@@ -102,21 +107,24 @@ impl Turns {
     }
 }
 
-/// The angle by which an axis has swung from its place.
+/// The angle by which an axis of the sphere has swung away from its original direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Swing {
     /// Angle of the swing, rad, 0 to pi.
     pub(crate) angle: Real,
-    /// Gradient of the angle. It is 0 at angles of 0 and pi, where there is no gradient.
+    /// Gradient of the swing angle with respect to a turn of the sphere. 0 at angles of 0 and pi,
+    /// where no gradient exists.
     pub(crate) gradient: Vec3,
 }
 
-/// Angle before the opposite direction over which the walls of a cone fade, rad (20 degrees). At
-/// the opposite direction the way out is undefined.
+/// Angle over which the wall of a cone fades near the direction opposite to the cone, rad (20
+/// degrees). In the opposite direction all ways out of the wall are equally long, so the torque
+/// must be zero.
 pub(crate) const SWING_FADE: Real = 0.35;
 
 impl Swing {
-    /// Returns the swing of the unit vector `axis` under the rotation `x`.
+    /// Returns the angle between the unit vector `axis` before and after the rotation `x`, and the
+    /// gradient of this angle.
     #[inline]
     pub(crate) fn new(x: Quat, axis: Vec3) -> Self {
         let at = x * axis;
@@ -126,7 +134,7 @@ impl Swing {
         Self { angle: atan2(sine, axis.dot(at)), gradient }
     }
 
-    /// Returns the factor on the torque of a wall at this swing, 0 to 1.
+    /// Returns the factor, 0 to 1, by which the torque of a cone's wall is reduced at this swing.
     #[inline]
     pub(crate) fn fade(&self) -> Real {
         ((PI - self.angle) * (1.0 / SWING_FADE)).min(1.0)

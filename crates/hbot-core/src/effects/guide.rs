@@ -16,37 +16,39 @@ use crate::impedance::quaternion_pull;
 use crate::real::{Quat, Real, Vec3, asin, fabs, sincos};
 use crate::rotation::vector_part;
 
-/// The directions of turning that a guide leaves free.
+/// The turns of the sphere that a guide leaves free. All others are held by a spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Freedom {
-    /// Turning about the axis is free, as on a hinge.
+    /// The sphere turns freely about the guide's axis, as on a hinge. All other turns are held.
     Axis,
-    /// All turning is free except about the axis.
+    /// The sphere turns freely except about the guide's axis.
     Swing,
-    /// All turning is free that keeps this unit axis of the sphere in a plane. The guide's axis is
-    /// the normal of the plane.
+    /// The sphere turns freely as long as this unit axis, fixed in the sphere, stays in a plane.
+    /// The guide's axis is the normal of the plane.
     Plane(Vec3),
 }
 
-/// An effect that holds some directions of turning and leaves others free.
+/// An effect that lets the sphere turn freely in some directions and holds it with a spring in the
+/// others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guide {
-    /// Orientation from which turning is measured.
+    /// Orientation from which turns are measured.
     pub target: Target,
-    /// Axis in the target's frame, a unit vector.
+    /// Axis of the guide, a unit vector in the target's frame.
     pub axis: Vec3,
-    /// The directions that are free.
+    /// The turns of the sphere that are free. A spring holds the sphere in all other directions.
     pub free: Freedom,
-    /// Stiffness in the held directions, N m/rad.
+    /// Stiffness of the spring against turns that are not free, N m/rad.
     pub stiffness: Real,
-    /// Damping in the held directions, N m s/rad.
+    /// Viscous damping of turns that are not free, N m s/rad.
     pub damping: Real,
-    /// Dead band, rad: within it there is no spring torque.
+    /// Dead band, rad: the spring makes no torque until the sphere has turned by this angle in a
+    /// direction that is not free.
     pub deadband: Real,
 }
 
 impl Guide {
-    /// Returns the part of a vector in the held directions.
+    /// Returns the component of the vector `v` in the directions that the guide holds.
     #[inline]
     fn held(&self, v: Vec3) -> Vec3 {
         let along = self.axis * self.axis.dot(v);
@@ -56,8 +58,9 @@ impl Guide {
         }
     }
 
-    /// Returns the sine of the angle by which the axis `u` is out of the plane, less the dead band,
-    /// and its gradient.
+    /// Returns two values for the rotation `x`. The first is the sine of the angle between the
+    /// sphere's axis `u` and the plane of the guide, less the dead band. The second is the gradient
+    /// of this sine.
     #[inline]
     fn rise(&self, x: Quat, u: Vec3) -> (Real, Vec3) {
         let d = x * u;
@@ -67,7 +70,8 @@ impl Guide {
         (s, d.cross(self.axis))
     }
 
-    /// Returns the dead band as a length of e.
+    /// Returns the length of the quaternion's vector part e for a turn by the dead band:
+    /// sin(deadband / 2).
     fn dead_sine(&self) -> Real {
         sincos(0.5 * self.deadband).0
     }

@@ -14,24 +14,27 @@
 use super::{Law, Now};
 use crate::real::{Mat3, Real, Vec3, fabs};
 
-/// An effect that makes the sphere feel heavier: a virtual mass that resists acceleration and
+/// An effect that makes the sphere seem heavier: a virtual mass that resists acceleration and
 /// deceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia {
-    /// Virtual mass in frame N, kg m², symmetric and positive semidefinite.
+    /// Inertia of the virtual mass in frame N, kg m²: a symmetric, positive semidefinite matrix.
     pub mass: Mat3,
-    /// Time constant of the acceleration's low-pass filter, s.
+    /// Time constant of the low-pass filter for the sphere's angular acceleration, s.
     pub smoothing: Real,
 }
 
-/// Fraction of the stability limit for two ticks of delay up to which virtual masses are rendered.
+/// Fraction of the stability limit up to which virtual masses are rendered. The limit is that for
+/// two ticks of delay.
 const PART: Real = 0.5;
 
-/// Returns the factor, 0 to 1, by which all virtual masses `masses` are scaled to stay stable. Each
-/// item is a mass (kg m², with its gain) and the time constant of its smoothing (s).
+/// Returns the factor, 0 to 1, by which all virtual masses of a scene are scaled so that the rig
+/// stays stable. Each item of `masses` is a mass M_v (kg m², with its gain) and the time constant
+/// of its smoothing (s).
 ///
-/// With h = `period` and a = h/(smoothing + h), the factor is 1 if the sum of a M_v is at most half
-/// of the sphere's own `inertia` (kg m²). Otherwise it scales the sum down to this limit.
+/// Let h be the `period` and a = h/(smoothing + h). The factor is 1 if the sum of the products a
+/// M_v is at most half of the sphere's own `inertia` (kg m²). Otherwise it scales this sum down to
+/// the limit.
 #[must_use]
 pub(crate) fn mass_scale(masses: impl Iterator<Item = (Real, Real)>, inertia: Real, period: Real) -> Real {
     let load: Real = masses.map(|(mass, smoothing)| mass * period / (smoothing + period)).sum();
@@ -40,7 +43,7 @@ pub(crate) fn mass_scale(masses: impl Iterator<Item = (Real, Real)>, inertia: Re
 }
 
 impl Law for Inertia {
-    /// The smoothed acceleration, rad/s².
+    /// The smoothed angular acceleration of the sphere, rad/s².
     type Memory = Vec3;
 
     #[inline]

@@ -9,19 +9,21 @@ use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, Vec3, exp};
 use crate::rotation::vector_part;
 
-/// An effect that attracts the sphere when it is near an orientation.
+/// An effect that attracts the sphere to an orientation, but only if the sphere is near it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Magnet {
-    /// Orientation that attracts the sphere.
+    /// Orientation to which the sphere is attracted.
     pub target: Target,
-    /// Largest torque A, N m.
+    /// Largest torque of the attraction (A in the law of the effect), N m.
     pub strength: Real,
-    /// Distance w from the target at which the torque is largest, rad, > 0.
+    /// Angle from the target at which the torque is largest (w in the law of the effect), rad;
+    /// above 0.
     pub width: Real,
 }
 
 impl Magnet {
-    /// Returns exp(1/2 - s²/(2 w²)) with |e|² = s²/4.
+    /// Returns exp(1/2 - s²/(2 w²)): how strongly the magnet acts at the chord s from its target.
+    /// `e` is the vector part of the quaternion from the target, with |e|² = s²/4.
     #[inline]
     fn nearness(&self, e: Vec3) -> Real {
         exp(0.5 - 2.0 * e.length_squared() / (self.width * self.width))

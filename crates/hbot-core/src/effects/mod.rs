@@ -51,69 +51,75 @@ pub(crate) use target::Reference;
 
 use crate::real::{Quat, Real, Vec3};
 
-/// The law of a kind of effect: how it computes torque and energy from the motion of the sphere.
+/// The law of a kind of effect: how the effect computes torque and energy from the motion of the
+/// sphere.
 pub(crate) trait Law {
-    /// Data of the law that are kept from tick to tick. They start fresh at load and at enable.
+    /// Data that the law keeps from one tick to the next. They are reset when the effect is loaded,
+    /// and at `enable`.
     type Memory: Copy + Default + PartialEq + core::fmt::Debug;
 
-    /// Advances `memory` by one tick. Returns the torque on the sphere in frame N, N m, before gain
-    /// and fading.
+    /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
+    /// Advances `memory` by one tick.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
 
-    /// Returns the stored energy, J, for kinds whose torque, apart from damping, is the gradient of
-    /// an energy.
+    /// Returns the energy that the effect stores, J. Returns `None` if the effect's torque, apart
+    /// from damping, is not the gradient of an energy.
     fn energy(&self, _now: &mut Now<'_>, _memory: &Self::Memory) -> Option<Real> {
         None
     }
 
-    /// Returns the reference and its anchor, for kinds that have one.
+    /// Returns the orientation from which the effect is measured, and its anchor. Returns `None`
+    /// for effects without such a reference.
     fn reference(&self) -> Option<(Quat, Anchor)> {
         None
     }
 
-    /// Returns the distance in rad from the orientation `q` to where the effect would rest with its
-    /// reference at `desired`. Only for kinds whose torque grows with this distance. The rig's
-    /// `enable_max_angle` limits it.
+    /// Returns the angle between the orientation `q` and the nearest orientation at which the
+    /// effect is at rest, rad. `desired` is the effect's reference. Returns `None` for effects
+    /// whose torque does not grow with this angle. The rig refuses `enable` if the angle is above
+    /// `enable_max_angle`.
     fn excess(&self, _desired: Quat, _q: Quat, _figures: &[Real]) -> Option<Real> {
         None
     }
 
-    /// Returns, for a virtual mass, its largest eigenvalue or an upper bound of it, kg m², and the
-    /// time constant of its smoothing, s.
+    /// Returns the inertia of a virtual mass (kg m²) and the time constant of its smoothing (s), or
+    /// `None` for other effects. The inertia is the largest eigenvalue of the mass or an upper
+    /// bound of it.
     fn mass(&self) -> Option<(Real, Real)> {
         None
     }
 }
 
-/// One effect of a scene.
+/// One effect of a scene, such as a spring, with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effect {
-    /// Index of the effect's memory in the controller, below
+    /// Index of the controller's memory that the effect uses from tick to tick, below
     /// [`MAX_EFFECTS`](crate::scene::MAX_EFFECTS).
     pub slot: u8,
-    /// Number that identifies the effect during the life of the server. A new number makes a fresh
-    /// memory. The old number keeps the memory, for example when a parameter of a running effect is
-    /// set.
+    /// Number that identifies the effect while the server runs. An effect with a new number starts
+    /// with fresh memory. With the old number the memory is kept, for example when a parameter of a
+    /// running effect is set.
     pub epoch: u32,
-    /// Revision of the reference. If it changes and `epoch` does not, the kind's `reference`
-    /// becomes the new goal, and the memory is kept.
+    /// Number that changes when the scene gives the effect a new reference. If it changes and
+    /// `epoch` does not, the effect moves to the new reference and keeps its memory.
     pub reference_revision: u32,
-    /// Factor on the effect's torque.
+    /// Factor by which the effect's torque is multiplied.
     pub gain: Real,
     /// Duration of the fade-in, s.
     pub fade_s: Real,
-    /// Duration of the fade-out after the effect has left the scene, s.
+    /// Duration of the fade-out after the effect has been removed from the scene, s.
     pub fade_out_s: Real,
-    /// True if the effect is no longer part of the scene: it fades out and is then silent.
+    /// True if the effect has been removed from the scene. It fades out and then makes no torque.
     pub leaving: bool,
-    /// The effect's part of the scene's table of figures.
+    /// The effect's part of the scene's table of numbers, such as the angles of notches.
     pub figures: Span,
-    /// The kind of the effect with its parameters.
+    /// The kind of the effect and its parameters.
     pub kind: Kind,
 }
 
 impl Effect {
-    /// Creates an effect that acts fully at once and needs no figures.
+    /// Creates an effect that acts with its full torque from the start and uses no numbers of the
+    /// scene's table.
     #[must_use]
     pub fn new(slot: u8, epoch: u32, kind: Kind) -> Self {
         Self {
@@ -130,27 +136,29 @@ impl Effect {
     }
 }
 
-/// A part of a scene's table of figures.
+/// A part of a scene's table of numbers. It contains data of an effect that are too long for the
+/// effect's parameters, such as way-points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
-    /// Index of the first figure.
+    /// Index of the first value of this part in the scene's table of numbers.
     pub start: u16,
-    /// Number of figures.
+    /// Count of values in this part of the scene's table of numbers.
     pub len: u16,
 }
 
 impl Span {
-    /// A span without figures.
+    /// A span that contains no numbers.
     pub const EMPTY: Self = Self { start: 0, len: 0 };
 }
 
-/// The memory of an effect from tick to tick.
+/// The memory that an effect keeps from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EffectState {
-    /// Epoch of the effect that this memory belongs to; 0 for none.
+    /// Epoch of the effect to which this memory belongs (see [`Effect::epoch`]); 0 if it belongs to
+    /// none.
     pub(crate) epoch: u32,
     pub(crate) reference_revision: u32,
-    /// Time since the fade-in began, s. It stops at the fade time.
+    /// Time since the fade-in began, s. It stops growing at the end of the fade-in.
     pub(crate) age_s: Real,
     /// Time since the fade-out began, s.
     pub(crate) leaving_s: Real,
@@ -159,7 +167,7 @@ pub(crate) struct EffectState {
 }
 
 impl EffectState {
-    /// The memory of no effect.
+    /// A memory that belongs to no effect.
     pub(crate) const EMPTY: Self = Self {
         epoch: 0,
         reference_revision: 0,
@@ -170,19 +178,20 @@ impl EffectState {
     };
 }
 
-/// Builds the list of kinds and passes each kind its own memory.
+/// Defines [`Kind`] and [`Memory`] from the list of effects, and functions that call the law of
+/// each kind with its own memory.
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
-        /// The kinds of effects, each with its parameters.
+        /// The kinds of effects. Each variant contains the parameters of the effect.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub enum Kind {
             $($(#[$doc])* $name($name)),*
         }
 
-        /// The memories of the kinds.
+        /// The memories of all kinds of effects. Each effect uses the variant of its kind.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub(crate) enum Memory {
-            /// Fresh: nothing is remembered yet.
+            /// Fresh memory: no tick has been rendered yet.
             None,
             $($name(<$name as Law>::Memory)),*
         }
@@ -212,7 +221,8 @@ macro_rules! kinds {
                 }
             }
 
-            /// Returns the reference and its anchor, for kinds that have one.
+            /// Returns the orientation from which the effect is measured, and its anchor. Returns
+            /// `None` for kinds without such a reference.
             #[inline]
             #[must_use]
             pub fn reference(&self) -> Option<(Quat, Anchor)> {
@@ -237,35 +247,35 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// A torque that is constant.
+    /// A constant torque.
     Constant,
-    /// A spring with a damper towards a reference orientation.
+    /// A spring that pulls the sphere to a reference orientation, with a damper.
     Spring,
-    /// Resistance against turning, proportional to the rate.
+    /// Viscous resistance against turning.
     Damper,
-    /// A virtual mass, which resists acceleration.
+    /// A virtual mass that resists acceleration of the sphere.
     Inertia,
-    /// Dry friction that truly sticks.
+    /// Dry friction that lets a sphere at rest truly stick.
     Friction,
-    /// Notches of a dial about an axis.
+    /// The notches of a dial about an axis.
     Detents,
     /// A set of orientations into which the sphere snaps.
     Snaps,
-    /// Walls that limit the directions of an axis to a cone and the twist to a range.
+    /// Walls that keep an axis of the sphere within a cone, and its twist within a range.
     EndStop,
-    /// A guide that holds some directions of turning and leaves others free.
+    /// A guide that lets the sphere turn freely in some directions and holds it in the others.
     Guide,
-    /// Bumps on the sphere's surface, felt when it turns.
+    /// Bumps on the sphere's surface that the hand feels when the sphere turns.
     Texture,
     /// A vibration about an axis.
     Vibration,
-    /// An off-centre mass under gravity.
+    /// An off-centre mass under gravity, as in a pendulum.
     Pendulum,
     /// Attraction near an orientation, and almost no torque far from it.
     Magnet,
-    /// Clicks: short pulses of torque.
+    /// Clicks: short pulses of torque about an axis.
     Pulse,
-    /// A spring to a reference that moves by itself.
+    /// A spring that pulls the sphere along with a moving reference.
     Track,
 }
 
@@ -273,15 +283,17 @@ kinds! {
 mod tests {
     use super::*;
 
-    /// The largest kind is a spring with its two matrices. Larger data belong in the scene's table
-    /// of figures.
+    /// Checks that no kind of effect is much larger than a spring with its two matrices, because
+    /// every effect takes the space of the largest kind. Larger data belong in the scene's table of
+    /// numbers.
     #[test]
     fn no_kind_blows_up_all_others() {
         assert!(size_of::<Kind>() <= size_of::<Spring>() + size_of::<Real>(), "{}", size_of::<Kind>());
         assert!(size_of::<Memory>() <= 16 * size_of::<Real>(), "{}", size_of::<Memory>());
     }
 
-    /// Checks in either width of reals that every kind gives finite torques and energies.
+    /// Checks that every kind of effect gives finite torques and energies, in builds with `f32` and
+    /// with `f64`.
     #[test]
     fn every_kind_works_in_this_width() {
         let target = Target::N;

@@ -10,34 +10,37 @@ use crate::scene::MAX_EFFECTS;
 /// The motion of the sphere at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Orientation of the sphere.
+    /// Orientation of the sphere: it maps sphere axes to frame N.
     pub q: Quat,
-    /// Angular velocity in frame N, rad/s.
+    /// Angular velocity of the sphere in frame N, rad/s.
     pub omega: Vec3,
 }
 
-/// The input of one effect in one tick.
+/// The input of one effect in one tick: the sphere's motion, the time step and the effect's
+/// reference.
 pub(crate) struct Now<'a> {
     pub(crate) motion: &'a Motion,
-    /// Time since the last tick, s. It is 0 if a torque is only evaluated and nothing advances.
+    /// Time since the last tick, s. It is 0 if the torque is only evaluated and the effect must not
+    /// advance.
     pub(crate) dt: Real,
-    /// The effect's reference.
+    /// The orientation from which the effect is measured, and its rate.
     pub(crate) reference: &'a Reference,
-    /// The effect's figures.
+    /// The effect's part of the scene's table of numbers.
     pub(crate) figures: &'a [Real],
     pub(crate) shared: &'a mut Shared,
 }
 
 impl Now<'_> {
-    /// Returns x = q_d⁻¹ q with eta >= 0: the orientation in the reference's frame.
+    /// Returns x = q_d⁻¹ q: the sphere's orientation relative to the effect's reference q_d. Its
+    /// scalar part eta is not negative.
     #[inline]
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
         self.shared.relatives.get(desired, || shortest(desired.conjugate() * q))
     }
 
-    /// Returns t / sin(t/2) and the rotation vector p of [`relative`](Self::relative), with t =
-    /// |p|.
+    /// Returns t / sin(t/2) and the rotation vector p of the sphere's orientation relative to the
+    /// effect's reference, rad. t is the length of p.
     #[inline]
     pub(crate) fn log(&mut self) -> (Real, Vec3) {
         let x = self.relative();
@@ -47,22 +50,23 @@ impl Now<'_> {
         })
     }
 
-    /// Returns the dial about the unit vector `axis` in the reference's frame.
+    /// Returns the twist of the sphere about the unit vector `axis`, relative to the effect's
+    /// reference.
     #[inline]
     pub(crate) fn dial(&mut self, axis: Vec3) -> Dial {
         let x = self.relative();
         self.shared.dials.get((self.reference.q, axis), || Dial::new(x, axis))
     }
 
-    /// Returns the sphere's rate relative to that of the reference, in the reference's frame,
-    /// rad/s.
+    /// Returns the sphere's angular velocity minus that of the effect's reference, in the
+    /// reference's frame, rad/s.
     #[inline]
     pub(crate) fn rate(&self) -> Vec3 {
         self.reference.q.conjugate() * (self.motion.omega - self.reference.omega)
     }
 
-    /// Returns the unfiltered angular acceleration since the last tick, rad/s², in frame N. It is 0
-    /// in the first tick that asks for it.
+    /// Returns the sphere's angular acceleration in frame N, rad/s²: the change of its rate since
+    /// the last tick, not filtered. It is 0 in the first tick in which an effect asks for it.
     #[inline]
     pub(crate) fn acceleration(&mut self) -> Vec3 {
         let (omega, dt) = (self.motion.omega, self.dt);
@@ -72,23 +76,24 @@ impl Now<'_> {
         })
     }
 
-    /// Converts a torque from the reference's frame to frame N.
+    /// Converts a torque from the frame of the effect's reference to frame N.
     #[inline]
     pub(crate) fn in_n(&self, torque: Vec3) -> Vec3 {
         self.reference.q * torque
     }
 }
 
-/// The quantities that the effects of a tick share.
+/// Quantities that several effects need in one tick. Each is computed only once.
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
     relatives: Memo<Quat, Quat, MAX_EFFECTS>,
     logs: Memo<Quat, (Real, Vec3), MAX_EFFECTS>,
     dials: Memo<(Quat, Vec3), Dial, MAX_EFFECTS>,
     accelerations: Memo<(), Vec3, 1>,
-    /// The rate of the last tick, if an effect asked for the acceleration in it.
+    /// The sphere's angular velocity in the last tick, if an effect asked for the acceleration in
+    /// that tick.
     last_omega: Option<Vec3>,
-    /// Factor on all virtual masses, 0 to 1, that keeps them stable (see
+    /// Factor, 0 to 1, by which all virtual masses are scaled to keep them stable (see
     /// [`Inertia`](super::Inertia)).
     pub(crate) mass_scale: Real,
 }
@@ -103,13 +108,13 @@ impl Shared {
         mass_scale: 1.0,
     };
 
-    /// Returns a copy for an evaluation at another moment. The results of that evaluation are not
-    /// kept.
+    /// Returns a copy with which effects can be evaluated at another motion without changing the
+    /// original.
     pub(crate) fn copy_between_moments(&self) -> Self {
         Self { last_omega: self.last_omega, mass_scale: self.mass_scale, ..Self::EMPTY }
     }
 
-    /// Clears the quantities of the last moment. Called before the effects of a tick are rendered.
+    /// Clears the quantities of the last tick. Called before the effects of a tick are rendered.
     #[inline]
     pub(crate) fn begin(&mut self) {
         self.relatives.len = 0;
@@ -118,8 +123,8 @@ impl Shared {
         self.accelerations.len = 0;
     }
 
-    /// Keeps the rate for the next moment, if an effect asked for the acceleration in this one.
-    /// `dt` is the time step of the moment that ends, s.
+    /// Stores the sphere's angular velocity for the next tick, if an effect asked for the
+    /// acceleration in this tick. `dt` is the time step of this tick, s.
     #[inline]
     pub(crate) fn end(&mut self, motion: &Motion, dt: Real) {
         if self.accelerations.len == 0 {
@@ -129,13 +134,14 @@ impl Shared {
         }
     }
 
-    /// Clears the rate of the last moment.
+    /// Clears the stored angular velocity of the last tick, so that the next acceleration is 0.
     pub(crate) fn restart(&mut self) {
         self.last_omega = None;
     }
 }
 
-/// A small table of values that were already computed, with the inputs that they belong to.
+/// A small table of values that were already computed in this tick, with the inputs from which they
+/// were computed.
 #[derive(Debug, Clone)]
 struct Memo<K, V, const N: usize> {
     len: usize,

@@ -3,12 +3,12 @@
 use super::{Law, Now};
 use crate::real::{Real, Vec3};
 
-/// An effect that makes the sphere feel like one with an off-centre mass under gravity.
+/// An effect that makes the sphere feel as if it had an off-centre mass under gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pendulum {
-    /// Position of the mass, fixed in the sphere, m.
+    /// Position of the mass, m. It is fixed in the sphere and given in the sphere's axes.
     pub centre: Vec3,
-    /// Weight of the mass as a force in frame N, newton.
+    /// Weight of the mass: a force in frame N, in newton.
     pub weight: Vec3,
 }
 

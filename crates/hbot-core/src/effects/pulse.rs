@@ -10,38 +10,40 @@ use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, TURN, Vec3, round, sincos};
 
-/// An effect that makes clicks: short pulses of torque about an axis.
+/// An effect that makes clicks: short pulses of torque about an axis. It clicks on request,
+/// periodically, or as the sphere turns past notches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pulse {
-    /// Orientation in which the axis is given and from which the dial is measured.
+    /// Orientation that defines the axis of the clicks and the zero of the dial's angle.
     pub target: Target,
-    /// Axis in the target's frame, a unit vector.
+    /// Axis of the clicks, a unit vector in the target's frame.
     pub axis: Vec3,
-    /// Largest torque A, N m.
+    /// Largest torque of a click, N m.
     pub strength: Real,
-    /// Duration T of a click, s, > 0.
+    /// Duration of a click, s; above 0.
     pub duration: Real,
-    /// A click starts each time this number changes, and at load if it is not 0.
+    /// Counter that requests clicks: a click starts each time this number changes, and at load if
+    /// it is not 0.
     pub fire: u32,
-    /// Time between periodic clicks, s; 0 for none.
+    /// Time between periodic clicks, s. 0 for no periodic clicks.
     pub period: Real,
-    /// Number of notches around a turn, as for [`Detents`](super::Detents). A click starts if the
-    /// nearest notch changes. 0 for none.
+    /// Number of notches around a turn, as in [`Detents`](super::Detents). A click starts each time
+    /// another notch becomes the nearest. 0 for no notches.
     pub count: u16,
 }
 
-/// The state of a pulse effect.
+/// The memory of a pulse effect from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Clicks {
-    /// Last value of `fire`.
+    /// Value of `fire` in the last tick, to detect a change.
     fired: u32,
-    /// Time since the click began, s; `None` if there is no click.
+    /// Time since the present click began, s. `None` between clicks.
     age: Option<Real>,
-    /// True if the click goes against the axis.
+    /// True if the present click starts with a torque against the axis.
     backwards: bool,
     /// Time since the last periodic click, s.
     waited: Real,
-    /// The nearest notch.
+    /// Index of the nearest notch. `None` if it is not known yet.
     notch: Option<i32>,
 }
 
@@ -52,8 +54,8 @@ impl Clicks {
 }
 
 impl Pulse {
-    /// Remembers the nearest notch. If it has changed, returns `Some(true)` for a dial that turned
-    /// downwards and `Some(false)` for one that turned upwards.
+    /// Stores the nearest notch and compares it with the one before. If it has changed, returns
+    /// `Some(true)` if the dial's angle has fallen and `Some(false)` if it has risen.
     fn take_notch(&self, now: &mut Now<'_>, state: &mut Clicks) -> Option<bool> {
         let dial = now.dial(self.axis);
         // If the dial fades, it has no notches.

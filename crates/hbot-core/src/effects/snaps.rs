@@ -16,50 +16,58 @@ use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, Vec3, fabs, sqrt};
 use crate::rotation::vector_part;
 
-/// Largest number of given orientations.
+/// Largest number of orientations that a scene can give to a snaps effect one by one.
 pub const MAX_OWN: usize = 16;
-/// Largest number of orientations in any set.
+/// Largest number of orientations in any set into which the sphere can snap.
 const MAX_WELLS: usize = 60;
-/// Largest number of wells that can be as near as the nearest. For the groups it is six, at a
-/// corner of the tetrahedron's cells. For given orientations it can be all.
+/// Largest number of orientations of a set that can be equally near to the sphere's orientation.
+/// For the symmetry groups it is six, at a corner of the tetrahedron's cells. For orientations
+/// given one by one it can be all.
 const MAX_NEAR: usize = MAX_OWN;
 
-/// The set of orientations into which the sphere snaps.
+/// The set of orientations of the sphere into which a snaps effect pulls it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SnapSet {
-    /// The 12 rotations of a tetrahedron onto itself, with half turns about the axes.
+    /// The 12 rotations that bring a tetrahedron onto itself. They include half turns about the
+    /// coordinate axes.
     Tetrahedron,
-    /// The 24 rotations of a cube onto itself, with quarter turns about the axes.
+    /// The 24 rotations that bring a cube onto itself. They include quarter turns about the
+    /// coordinate axes.
     Cube,
-    /// The 60 rotations of an icosahedron onto itself, with half turns about the axes.
+    /// The 60 rotations that bring an icosahedron onto itself. They include half turns about the
+    /// coordinate axes.
     Icosahedron,
-    /// The effect's figures, each a unit quaternion `[w, x, y, z]`; 1 to [`MAX_OWN`] of them.
+    /// Orientations given one by one in the effect's table of numbers, 1 to [`MAX_OWN`]. Each is a
+    /// unit quaternion `[w, x, y, z]`.
     Own,
 }
 
-/// An effect that makes the sphere snap into the nearest of a set of orientations.
+/// An effect that makes the sphere snap into the nearest orientation of a set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snaps {
-    /// Orientation from which the orientations of the set are measured.
+    /// Reference orientation, relative to which the orientations of the set are given.
     pub target: Target,
-    /// The set of orientations, called wells.
+    /// The orientations into which the sphere can snap.
     pub set: SnapSet,
-    /// Largest torque A, N m.
+    /// Largest torque that pulls the sphere to an orientation of the set, N m.
     pub strength: Real,
-    /// Width w of a well, rad, > 0.
+    /// Width of the energy well around each orientation, rad; above 0. A smaller width makes a
+    /// stiffer pull.
     pub width: Real,
-    /// Rounding r of the ridges between wells, dimensionless. [`Snaps::rounding`] computes it.
+    /// Rounding of the energy ridges between neighbouring orientations, dimensionless.
+    /// [`Snaps::rounding`] computes a suitable value.
     pub rounding: Real,
-    /// Damping, N m s/rad.
+    /// Viscous damping of the sphere, N m s/rad.
     pub damping: Real,
 }
 
 impl Snaps {
-    /// Returns a suitable rounding of the ridges between the wells of `set`. `figures` are the
-    /// given orientations of [`SnapSet::Own`].
+    /// Returns a suitable rounding of the energy ridges between the orientations of `set`.
+    /// `figures` are the orientations given one by one for [`SnapSet::Own`].
     ///
-    /// It is a twentieth of the distance U between the nearest two wells, so that no well is
-    /// affected. For the cube it is 2 degrees on the ridges.
+    /// The rounding is a twentieth of the distance U between the nearest two orientations (U = sin²
+    /// of half the angle between them). It is so small that the energy near the orientations
+    /// themselves does not change. For the cube, the rounded ridges are 2 degrees wide.
     #[must_use]
     pub fn rounding(set: SnapSet, figures: &[Real]) -> Real {
         let wells = Wells::new(set, figures);
@@ -73,7 +81,8 @@ impl Snaps {
         0.05 * nearest
     }
 
-    /// Returns the smooth distance U from the wells at `x`, and its gradient.
+    /// Returns a smooth measure U of the distance from the orientation `x` to the nearest
+    /// orientation of the set, and the gradient of U. U is 0 at each orientation of the set.
     #[inline]
     fn ground(&self, x: Quat, figures: &[Real]) -> (Real, Vec3) {
         let wells = Wells::new(self.set, figures);
@@ -121,7 +130,8 @@ impl Snaps {
     }
 }
 
-/// The wells of a set, with one of each pair of quaternions that are the same rotation.
+/// The orientations of a set as quaternions. Two opposite quaternions are the same rotation, so the
+/// table contains only one of them.
 struct Wells<'a> {
     all: &'a [[Real; 4]],
 }
@@ -149,7 +159,8 @@ const S: Real = core::f64::consts::FRAC_1_SQRT_2;
 #[cfg(feature = "f32")]
 const S: Real = core::f32::consts::FRAC_1_SQRT_2;
 
-/// The rotations of the cube. The first half are those of the tetrahedron.
+/// The rotations that bring a cube onto itself, as quaternions `[w, x, y, z]`. The first half of
+/// the table holds the rotations that also bring a tetrahedron onto itself.
 const CUBE: [[Real; 4]; 24] = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
@@ -179,8 +190,9 @@ const CUBE: [[Real; 4]; 24] = [
 
 static CUBE_TURNS: [[Real; 4]; 24] = CUBE;
 
-/// The rotations of the icosahedron: those of the tetrahedron, and the even permutations of (phi,
-/// +-1, +-1/phi, 0)/2 with phi the golden ratio.
+/// The rotations that bring an icosahedron onto itself, as quaternions `[w, x, y, z]`. They are the
+/// rotations of the tetrahedron, and the even permutations of (phi, +-1, +-1/phi, 0)/2 with phi the
+/// golden ratio.
 static ICOSAHEDRON: [[Real; 4]; 60] = icosahedron();
 
 const fn icosahedron() -> [[Real; 4]; 60] {
@@ -248,8 +260,8 @@ impl Law for Snaps {
 mod tests {
     use super::*;
 
-    /// Checks that the product of any two rotations of a group is in the group, and that no two are
-    /// equal.
+    /// Checks that each table of rotations is a group: the product of any two rotations is in the
+    /// table exactly once.
     #[test]
     fn the_tables_are_groups() {
         for (set, order, nearest) in [

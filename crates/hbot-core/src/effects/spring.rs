@@ -6,49 +6,18 @@ use crate::impedance::{self, damper, geodesic_pull, quaternion_pull};
 use crate::real::{Mat3, Quat, Real, Vec3, sincos};
 use crate::rotation::{angle_between, vector_part};
 
-/// The law of a spring (physics notes, section 6).
+/// The law by which a spring computes its torque from the angle to its reference (physics notes,
+/// section 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpringLaw {
-    /// The torque is linear in the angle up to a half turn.
+    /// The torque is proportional to the angle, up to a half turn.
     Geodesic,
-    /// The law of the paper. For an isotropic stiffness the torque is proportional to the sine of
-    /// the angle.
+    /// The torque is computed from the vector part of a quaternion (paper eq. 25-29). If the
+    /// stiffness is equal about all axes, the torque is proportional to the sine of the angle.
     Quaternion,
 }
 
-/// A spring towards a reference, with a damper.
-///
-/// ```
-/// use hbot_core::effects::{Anchor, Effect, Kind, Motion, Spring, SpringLaw};
-/// use hbot_core::render::Renderer;
-/// use hbot_core::rig::RigParts;
-/// use hbot_core::{CompiledScene, Device, Mat3, Quat, Rig, Vec3, WheelSpec, rotation};
-///
-/// // 1 N m/rad about n1 and n2, 3 N m/rad about n3, and a little damping. The reference is the
-/// // identity.
-/// let stiffness = Mat3::from_diagonal(Vec3::new(1.0, 1.0, 3.0));
-/// let damping = Mat3::from_diagonal(Vec3::splat(0.01));
-/// let (law, anchor) = (SpringLaw::Geodesic, Anchor::Absolute);
-/// let spring = Spring::new(law, stiffness, damping, Quat::IDENTITY, anchor);
-/// let spring = Kind::Spring(spring.ok_or("not valid")?);
-/// let scene = CompiledScene::new(1, &[Effect::new(0, 1, spring)])?;
-///
-/// let wheel = |side| WheelSpec { axis: Vec3::new(side, 0.0, -1.0), ..WheelSpec::default() };
-/// let device = Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)])?;
-/// let mut renderer = Renderer::new(&Rig::new(RigParts::new(device))?);
-///
-/// // At rest, 0.2 rad about n3: the spring pulls back with 0.6 N m and stores 0.06 J.
-/// let q = rotation::exp(Vec3::new(0.0, 0.0, 0.2));
-/// renderer.adopt(&scene, q);
-/// let torque = renderer.render(&scene, &Motion { q, omega: Vec3::ZERO }, 1, 1e-3, 1e-3);
-/// assert!((torque - Vec3::new(0.0, 0.0, -0.6)).length() < 1e-12);
-/// assert!((renderer.energy(&scene, q).ok_or("a spring has an energy")? - 0.06).abs() < 1e-12);
-///
-/// // A negative stiffness is refused.
-/// let soft = Mat3::from_diagonal(Vec3::splat(-1.0));
-/// assert!(Spring::new(law, soft, damping, Quat::IDENTITY, anchor).is_none());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// A spring that pulls the sphere to a reference orientation, with a damper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spring {
     law: SpringLaw,
@@ -60,11 +29,12 @@ pub struct Spring {
 }
 
 impl Spring {
-    /// Creates a spring with `stiffness` (N m/rad) and `damping` (N m s/rad) towards the unit
-    /// quaternion `reference`. A damping of zero costs no time.
+    /// Creates a spring with `stiffness` (N m/rad) and `damping` (N m s/rad) that pulls the sphere
+    /// to the unit quaternion `reference`. Both are matrices in the axes of the reference's frame.
+    /// If the damping is zero, it takes no computing time.
     ///
-    /// Returns `None` if `reference` is not of unit length, or if `stiffness` or `damping` is not
-    /// symmetric and positive semidefinite. Both matrices are in the axes of the desired frame.
+    /// Returns `None` if `reference` is not of unit length, or if a matrix is not symmetric and
+    /// positive semidefinite.
     #[must_use]
     pub fn new(
         law: SpringLaw,
@@ -80,23 +50,23 @@ impl Spring {
         legal.then_some(Self { law, stiffness, damping, reference, anchor, deadband: 0.0 })
     }
 
-    /// Returns the spring with a dead band: no spring torque within `deadband` of the reference
-    /// (rad, from 0 to below pi). The angle counts from there. The energy is that of the shortened
-    /// rotation vector, so the torque is still a gradient.
+    /// Returns the spring with a dead band: no spring torque while the sphere is within the angle
+    /// `deadband` of the reference (rad, from 0 to below pi). Beyond the dead band, the torque
+    /// grows with the angle in excess of it. The torque is still the gradient of an energy.
     #[must_use]
     pub fn with_deadband(self, deadband: Real) -> Self {
         Self { deadband, ..self }
     }
 
-    /// Returns the dead band of the quaternion law as a length of the vector part: that of a turn
-    /// by the dead band.
+    /// Returns sin(deadband / 2): the length of a quaternion's vector part for a turn by the dead
+    /// band. The quaternion law measures its dead band in this length.
     fn dead_sine(&self) -> Real {
         sincos(0.5 * self.deadband).0
     }
 }
 
-/// The rotation vector of the last tick. At exactly a half turn it decides between the two possible
-/// directions.
+/// The rotation vector of the last tick, rad. At exactly a half turn, the spring can turn the
+/// sphere back in two directions, and this vector decides which one it keeps.
 type Branch = Vec3;
 
 impl Law for Spring {

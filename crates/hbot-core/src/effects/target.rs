@@ -2,17 +2,17 @@
 
 use crate::real::{Quat, Real, Vec3};
 
-/// The orientation to which a reference is relative.
+/// The orientation relative to which the reference of an effect is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// The reference is an absolute orientation in frame N.
+    /// The reference is an orientation in frame N.
     Absolute,
-    /// The reference is a turn from the orientation at enable, or from that at load if the rig is
-    /// already active.
+    /// The reference is a turn relative to the sphere's orientation at `enable`. If the rig is
+    /// already active when the effect is loaded, it is relative to the orientation at that time.
     Here,
 }
 
-/// The orientation from which an effect is measured, as the scene gives it.
+/// The reference orientation of an effect, as the scene gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     reference: Quat,
@@ -20,17 +20,17 @@ pub struct Target {
 }
 
 impl Target {
-    /// The target at frame N itself.
+    /// The target whose axes are those of frame N.
     pub const N: Self = Self { reference: Quat::IDENTITY, anchor: Anchor::Absolute };
 
-    /// Creates a target at the unit quaternion `reference`. Returns `None` if it is not of unit
-    /// length.
+    /// Creates a target at the unit quaternion `reference`. Returns `None` if the length of
+    /// `reference` is not 1.
     #[must_use]
     pub fn new(reference: Quat, anchor: Anchor) -> Option<Self> {
         ((reference.length_squared() - 1.0).abs() < 1.0e-6).then_some(Self { reference, anchor })
     }
 
-    /// Returns the reference and its anchor.
+    /// Returns the reference orientation, and the anchor relative to which it is given.
     #[inline]
     #[must_use]
     pub fn reference(&self) -> (Quat, Anchor) {
@@ -38,16 +38,18 @@ impl Target {
     }
 }
 
-/// A moving reference: its orientation, its goal and its rate.
+/// The reference orientation of an effect while its scene runs. It moves towards its goal at a
+/// limited rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reference {
-    /// Present orientation.
+    /// Present orientation of the reference.
     pub(crate) q: Quat,
-    /// Orientation that it approaches, at most at the rig's `reference_rate`.
+    /// Orientation that the reference approaches. The rig's `reference_rate` limits its speed.
     pub(crate) goal: Quat,
-    /// Rate in frame N that the damper uses, rad/s; 0 after it has expired.
+    /// Angular velocity of the reference in frame N, rad/s. Dampers act on motion relative to it. 0
+    /// after it has expired.
     pub(crate) omega: Vec3,
-    /// First tick at which `omega` is no longer valid.
+    /// First tick in which `omega` is no longer valid.
     pub(crate) omega_until: u64,
 }
 
@@ -63,7 +65,8 @@ pub(crate) fn beyond(v: Vec3, deadband: Real) -> Vec3 {
     if length > deadband { v * (1.0 - deadband / length) } else { Vec3::ZERO }
 }
 
-/// Returns the transposed derivative of [`beyond`] at `v`, times `f`. The derivative is symmetric.
+/// Returns the derivative matrix of [`beyond`] at `v`, times the vector `f`. The matrix is
+/// symmetric, so it equals its transpose.
 #[inline]
 pub(crate) fn beyond_gradient(v: Vec3, deadband: Real, f: Vec3) -> Vec3 {
     let length = crate::real::sqrt(v.length_squared());

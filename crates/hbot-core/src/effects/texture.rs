@@ -8,14 +8,16 @@
 use super::{Law, Now};
 use crate::real::{Real, Vec3, cos, sincos};
 
-/// An effect that makes bumps on the sphere's surface felt when the sphere turns.
+/// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
+/// turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Texture {
-    /// Direction at which the bumps are felt, a unit vector in frame N.
+    /// Direction from the sphere's centre to the fixed point past which the bumps move, a unit
+    /// vector in frame N.
     pub at: Vec3,
-    /// Wave number k, rad of the wave per rad of turn, > 0.
+    /// Density of the bumps: wave number k, in rad of the wave per rad of turn; above 0.
     pub wave_number: Real,
-    /// Amplitude A of the torque, N m.
+    /// Amplitude of the torque, N m.
     pub depth: Real,
 }
 

@@ -16,62 +16,66 @@ use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, TURN, Vec3, floor, sincos};
 use crate::rotation::{self, from_parts, vector_part};
 
-/// The motion of a track's reference.
+/// The motion of the reference to which a track effect pulls the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TrackPath {
-    /// A swing about an axis: a sine whose frequency goes linearly from one value to another.
+    /// A swing about an axis: a sine whose frequency changes linearly over time.
     Swing {
-        /// Axis in frame N, a unit vector.
+        /// Axis of the swing, a unit vector in frame N.
         axis: Vec3,
-        /// Amplitude, rad.
+        /// Amplitude of the swing, rad.
         amplitude: Real,
-        /// Frequency at the start, Hz.
+        /// Frequency at the start of the sweep, Hz.
         from: Real,
-        /// Frequency at the end, Hz.
+        /// Frequency at the end of the sweep, Hz.
         to: Real,
-        /// Duration of the sweep from `from` to `to`, s. If 0, the frequency stays at `from`.
+        /// Duration of the change of frequency from `from` to `to`, s. If 0, the frequency stays at
+        /// `from`.
         sweep: Real,
-        /// True if the sweep goes back and forth forever. Otherwise the frequency stays at `to`.
+        /// True if the frequency goes back and forth forever. If false, it stays at `to` after the
+        /// sweep.
         repeat: bool,
     },
-    /// A path through the points of the effect's figures. Each point is `[t, w, x, y, z]`: a time
-    /// in s, ascending, and a unit quaternion.
+    /// A path through points in the effect's table of numbers. Each point is `[t, w, x, y, z]`: a
+    /// time in s, ascending, and an orientation as a unit quaternion.
     Points {
-        /// True for smooth motion with a rest at each point; false for constant rates.
+        /// True if the reference moves smoothly and rests at each point. If false, it moves at a
+        /// constant rate from each point to the next.
         rest: bool,
         /// True if the path starts over after the last point.
         repeat: bool,
     },
 }
 
-/// An effect that pulls the sphere, like a spring, to a reference that moves by itself.
+/// An effect that pulls the sphere to a moving reference, like a spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Track {
-    /// Orientation from which the path starts.
+    /// Orientation relative to which the path is given.
     pub target: Target,
-    /// Motion of the reference.
+    /// Motion of the reference over time.
     pub path: TrackPath,
-    /// Stiffness, N m/rad.
+    /// Stiffness of the spring to the reference, N m/rad.
     pub stiffness: Real,
-    /// Damping, N m s/rad.
+    /// Viscous damping of motion relative to the reference, N m s/rad.
     pub damping: Real,
-    /// Dead band, rad: no spring torque within this angle of the reference.
+    /// Dead band, rad: there is no spring torque while the sphere is within this angle of the
+    /// reference.
     pub deadband: Real,
 }
 
-/// The state of a track effect.
+/// The memory of a track effect from one tick to the next: how far its path has run.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct TrackPlace {
-    /// Time since the start, or since the path started over, s.
+    /// Time since the path started or started over, s.
     time: Real,
-    /// Phase of the sine, 0 to 1.
+    /// Phase of the swing's sine, 0 to 1.
     phase: Real,
-    /// The rotation vector of the last tick. At exactly a half turn it decides between the two
-    /// possible directions.
+    /// The rotation vector from the reference to the sphere in the last tick, rad. At exactly a
+    /// half turn, it decides between the two possible directions of the torque.
     branch: Vec3,
 }
 
-/// Number of figures of one point.
+/// Count of numbers that describe one point of a path: `[t, w, x, y, z]`.
 const POINT: usize = 5;
 
 fn orientation(point: &[Real]) -> Quat {
@@ -79,7 +83,8 @@ fn orientation(point: &[Real]) -> Quat {
 }
 
 impl TrackPath {
-    /// Returns the turn at a place of the path, and its rate (rad/s), both in frame N.
+    /// Returns how far the path has turned the reference at `place`, and the angular velocity of
+    /// this turn (rad/s). Both are in frame N.
     #[inline]
     fn at(&self, place: &TrackPlace, figures: &[Real]) -> (Quat, Vec3) {
         match *self {
@@ -92,7 +97,7 @@ impl TrackPath {
         }
     }
 
-    /// Returns the frequency of a swing at `time` seconds, Hz.
+    /// Returns the frequency of a swing `time` seconds after its start, Hz.
     fn frequency(&self, time: Real) -> Real {
         match *self {
             Self::Swing { from, to, sweep, .. } if sweep > 0.0 => {
@@ -130,7 +135,8 @@ impl TrackPath {
     }
 }
 
-/// Returns the turn and its rate (rad/s) at `time` on the path through the points.
+/// Returns how far a path through points has turned the reference at `time`, and the angular
+/// velocity of this turn (rad/s). `rest` is true if the reference rests at each point.
 fn along(figures: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
     let count = figures.len() / POINT;
     let point = |i: usize| &figures[i * POINT..(i + 1) * POINT];

@@ -4,7 +4,8 @@
 use super::{Law, Now};
 use crate::real::{Real, TURN, Vec3, floor, sincos};
 
-/// The shape of a wave. Each begins with the half period that pushes along the axis.
+/// The shape of a vibration's wave. Each shape begins with the half period of positive torque about
+/// the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wave {
     /// A sine.
@@ -16,7 +17,7 @@ pub enum Wave {
 }
 
 impl Wave {
-    /// Returns the value of the wave, -1 to 1, at `phase`, 0 to 1.
+    /// Returns the value of the wave, -1 to 1. `phase` is the fraction of the period, 0 to 1.
     #[inline]
     fn at(self, phase: Real) -> Real {
         match self {
@@ -39,7 +40,7 @@ impl Wave {
     }
 }
 
-/// An effect that shakes the sphere about an axis.
+/// An effect that makes the sphere vibrate about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vibration {
     /// Axis of the vibration in frame N, a unit vector.
@@ -50,27 +51,27 @@ pub struct Vibration {
     pub frequency: Real,
     /// Shape of the wave.
     pub wave: Wave,
-    /// Duration of the envelope's rise, s.
+    /// Duration of the rise of the amplitude from zero at the start, s.
     pub attack: Real,
-    /// Time from the start to the beginning of the envelope's fall, s; 0 for no fall.
+    /// Time from the start until the amplitude begins to fall, s. If 0, it never falls.
     pub hold: Real,
-    /// Duration of the envelope's fall, s.
+    /// Duration of the fall of the amplitude to zero, s.
     pub release: Real,
-    /// Time from one start of the envelope to the next, s; 0 for no repetition.
+    /// Time from one start of the vibration to the next, s. If 0, it starts only once.
     pub repeat: Real,
 }
 
-/// The state of a vibration effect.
+/// The memory of a vibration effect from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Phase {
-    /// Phase of the wave, 0 to 1.
+    /// Position within the period of the wave, 0 to 1.
     phase: Real,
-    /// Time since the start, s, at most the length of the envelope.
+    /// Time since the vibration started, s. It stops growing when the amplitude no longer changes.
     age: Real,
 }
 
 impl Vibration {
-    /// Returns the envelope at `age` seconds, 0 to 1.
+    /// Returns the factor on the amplitude `age` seconds after the start of the vibration, 0 to 1.
     #[inline]
     fn envelope(&self, age: Real) -> Real {
         let rise = if age < self.attack { age / self.attack } else { 1.0 };

@@ -10,48 +10,50 @@
 use crate::device::MAX_JOINTS;
 use crate::real::Real;
 
-/// Correlation time of a joint's acceleration, s. In Singer's model of a manoeuvre (1970) an
-/// acceleration of the size a lasts for about this time. Over much shorter times it is a random
-/// walk, driven by white jerk of the intensity 2 a² / time. A hand changes its motion in about this
-/// time.
+/// Time for which the acceleration of a joint lasts before it changes, s. A hand changes its motion
+/// in about this time. In Singer's model of a manoeuvre (1970), an acceleration of size a lasts for
+/// about this time. Over much shorter times it is a random walk, driven by white-noise jerk of the
+/// intensity 2 a² / time.
 const MANOEUVRE_S: Real = 0.1;
 
-/// Variance of the rounding to a count, counts².
+/// Variance of the error when an angle is rounded to a whole encoder count, counts².
 const ROUNDING: Real = 1.0 / 12.0;
 
-/// Largest number of ticks in one filter step. After a longer gap the filter restarts with the
-/// difference over the gap.
+/// Largest number of ticks between two readings that the filter bridges. After a longer gap it
+/// restarts with the mean rate over the gap.
 const LONGEST_STEP: u32 = 8;
 
-/// Least variance of a reading, as a fraction of the prior variance of the acceleration (in counts
-/// and ticks). With counts so fine, rounding does not matter, but the covariance would lose its
-/// accurate digits.
+/// Smallest variance that is assumed for a reading, as a fraction of the acceleration's initial
+/// variance (both in units of counts and ticks). It matters only for encoders that are so fine that
+/// rounding to counts is negligible. There it keeps the computed covariance accurate.
 const LEAST_NOISE: Real = if Real::EPSILON < 1.0e-10 { 1.0e-9 } else { 1.0e-3 };
 
-/// The Kalman filters of all joints.
+/// The Kalman filters of all joints, which estimate joint rates from encoder counts.
 #[derive(Debug, Clone)]
 pub(crate) struct Kalman {
     joints: [Filter; MAX_JOINTS],
-    /// True if the next reading is the second one. The rates then come from a difference.
+    /// True if only one reading is known. The next one then gives the rates by a difference.
     fresh: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Filter {
-    /// Intensity of the jerk, counts²/tick⁵.
+    /// Intensity of the white-noise jerk (rate of change of acceleration) in the filter's model,
+    /// counts²/tick⁵.
     jerk: Real,
-    /// Variance of the acceleration before anything is known of it, counts²/tick⁴.
+    /// Variance of the acceleration before any reading, counts²/tick⁴.
     prior: Real,
-    /// Variance of a reading, counts².
+    /// Variance of the error of a reading, counts².
     noise: Real,
-    /// Angle minus the last reading, counts; rate, counts/tick; acceleration, counts/tick².
+    /// Estimated angle minus the last reading, in encoder counts. The next two fields are the
+    /// estimated rate (counts/tick) and acceleration (counts/tick²).
     offset: Real,
     rate: Real,
     acceleration: Real,
     p: Covariance,
 }
 
-/// Covariance of the angle x, the rate v and the acceleration a.
+/// Covariance matrix of the errors in the estimated angle x, rate v and acceleration a.
 #[derive(Debug, Clone, Copy)]
 struct Covariance {
     xx: Real,
@@ -63,8 +65,9 @@ struct Covariance {
 }
 
 impl Kalman {
-    /// Creates filters for joints with `per_count` radians per count. `acceleration` is the typical
-    /// size of their accelerations, rad/s², and `period` the loop's period, s.
+    /// Creates filters for joints that turn by `per_count` radians per encoder count.
+    /// `acceleration` is the typical size of a joint's acceleration, rad/s². `period` is the loop's
+    /// period, s.
     pub(super) fn new(acceleration: Real, per_count: &[Real; MAX_JOINTS], period: Real) -> Self {
         Self { joints: per_count.map(|unit| Filter::new(acceleration, unit, period)), fresh: true }
     }
@@ -73,7 +76,8 @@ impl Kalman {
         self.fresh = true;
     }
 
-    /// Takes the next reading: the change in counts of each joint over `ticks`.
+    /// Takes the next reading: the change of each joint in encoder counts, over a time of `ticks`
+    /// ticks.
     #[inline]
     pub(super) fn push(&mut self, counts: &[i32], ticks: u32) {
         let anew = core::mem::replace(&mut self.fresh, false) || ticks > LONGEST_STEP;
@@ -86,7 +90,7 @@ impl Kalman {
         }
     }
 
-    /// Returns the rate at the last reading, counts per tick.
+    /// Returns the estimated rate of `joint` at the last reading, in encoder counts per tick.
     #[inline]
     pub(super) fn slope(&self, joint: usize) -> Real {
         self.joints[joint].rate
@@ -108,8 +112,9 @@ impl Filter {
         }
     }
 
-    /// Starts from two readings. The rate is the mean rate between them, which an unknown
-    /// acceleration delays by half of the time.
+    /// Starts the filter from two readings, `n` ticks apart. The first estimate of the rate is the
+    /// mean rate between them. If the joint accelerates, this is the rate in the middle of the
+    /// interval, not at its end.
     fn begin(&mut self, counts: Real, n: Real) {
         (self.offset, self.rate, self.acceleration) = (0.0, counts / n, 0.0);
         self.p = Covariance {
@@ -146,7 +151,8 @@ impl Filter {
         };
     }
 
-    /// Returns F P Fᵀ + Q over `n` ticks, with the Q of white jerk.
+    /// Returns the covariance predicted for `n` ticks later, F P Fᵀ + Q. Q is the covariance that
+    /// white-noise jerk adds in this time.
     #[inline]
     fn predicted(&self, n: Real) -> Covariance {
         let (p, q) = (&self.p, self.jerk);
@@ -173,13 +179,14 @@ mod tests {
     use super::*;
     use std::vec::Vec;
 
-    /// Returns a random number, uniform in 0..1.
+    /// Returns a pseudo-random number, uniform between 0 and 1, and advances `seed`.
     fn uniform(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*seed >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// A simulated joint with white jerk, of one count per radian and tick.
+    /// A simulated joint on which the filter is tested. Random jerk (white noise) changes its
+    /// acceleration. Its state is angle, rate and acceleration, in encoder counts and ticks.
     struct Joint {
         seed: u64,
         state: [f64; 3],
@@ -203,8 +210,9 @@ mod tests {
         }
     }
 
-    /// Checks that the errors of rate and acceleration have the variance that the filter expects,
-    /// over even and uneven steps. So the model, its discretisation and the gains agree.
+    /// Checks that the errors of the estimated rate and acceleration have the variance that the
+    /// filter predicts, for even and uneven times between readings. This shows that the filter's
+    /// model and gains are correct.
     #[test]
     fn errors_have_the_variance_that_the_filter_expects() {
         for uneven in [false, true] {

@@ -15,26 +15,27 @@ use crate::rig::{RateEstimate, Rig};
 use kalman::Kalman;
 use window::Window;
 
-/// The motion of the joints between two readings.
+/// How far the joints have moved between two readings.
 #[derive(Clone, Copy)]
 pub(crate) struct Moved<'a> {
-    /// Change of each joint, rad.
+    /// Change of each joint's angle, rad.
     pub(crate) delta: &'a [Real; MAX_JOINTS],
-    /// Change of each joint in counts, in the direction of the motor controllers.
+    /// Change of each joint in encoder counts, in the direction of its motor controller.
     pub(crate) counts: &'a [i32; MAX_JOINTS],
     /// Number of ticks between the two readings, at least 1.
     pub(crate) ticks: u32,
 }
 
-/// The rate estimator of all joints, with its memory.
+/// Estimates the rates of all joints from encoder counts, with the memory that the selected method
+/// needs.
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to put the larger ones on")]
 pub(crate) enum Rates {
-    /// The rates that the motor controllers report, without an estimate.
+    /// No estimate: the rates are those that the motor controllers report.
     Reported,
     Difference,
     LowPass {
-        /// Corner frequency, rad/s.
+        /// Corner frequency of the low-pass filter, rad/s.
         corner: Real,
         rate: [Real; MAX_JOINTS],
     },
@@ -60,7 +61,7 @@ impl Rates {
         }
     }
 
-    /// Forgets all readings. The next reading counts as the second one.
+    /// Discards all readings. The estimate starts anew with the next reading.
     pub(crate) fn restart(&mut self) {
         match self {
             Self::Reported | Self::Difference => {}
@@ -70,8 +71,8 @@ impl Rates {
         }
     }
 
-    /// Replaces the rates that the motor controllers report by the estimates at the newest reading,
-    /// rad/s.
+    /// Replaces the rates in `rates`, which the motor controllers have reported, by the estimated
+    /// rates at the newest reading, rad/s.
     #[inline]
     pub(crate) fn advance(
         &mut self,
@@ -114,7 +115,7 @@ impl Rates {
     }
 }
 
-/// Converts a real to 64 bits. In one of the two widths this does nothing.
+/// Converts a `Real` to `f64`. In the build in which `Real` is `f64`, it does nothing.
 #[cfg(test)]
 #[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]
 fn wide(x: Real) -> f64 {

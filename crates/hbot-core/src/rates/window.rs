@@ -13,16 +13,19 @@ use crate::rig::LONGEST_WINDOW;
 
 const DEPTH: usize = LONGEST_WINDOW as usize;
 
-/// The last steps of all joints.
+/// The last readings of all joints, from which the adaptive-window method computes joint rates. A
+/// rate is the slope of a chord: a straight line from an earlier reading to the last one.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    /// Largest distance of a reading from the chord, counts.
+    /// Largest permitted distance between a chord and the readings in between, in encoder counts. A
+    /// chord is a straight line between two readings, whose slope is the estimated rate.
     tolerance: i64,
-    /// Longest duration of a chord, ticks.
+    /// Longest permitted duration of a chord, ticks. A chord is a straight line between two
+    /// readings, whose slope is the estimated rate.
     longest: i64,
-    /// Counts between consecutive readings, a ring buffer for each joint.
+    /// Changes of the encoder counts between consecutive readings: a ring buffer for each joint.
     counts: [[i32; DEPTH]; MAX_JOINTS],
-    /// Ticks between consecutive readings.
+    /// Ticks between consecutive readings: a ring buffer.
     ticks: [u32; DEPTH],
     newest: usize,
     known: usize,
@@ -54,8 +57,8 @@ impl Window {
         self.known = (self.known + 1).min(DEPTH);
     }
 
-    /// Returns the slope of the longest chord, counts per tick. The last step alone always counts
-    /// as a chord, however long it took.
+    /// Returns the estimated rate of `joint`, in encoder counts per tick: the slope of the longest
+    /// valid chord. The chord over the last step alone is always valid, however long the step took.
     #[inline]
     pub(super) fn slope(&self, joint: usize) -> Real {
         // The chord back to the present reading, and the longest one that passes: counts over
@@ -106,8 +109,9 @@ mod tests {
     use super::super::wide;
     use super::*;
 
-    /// Computes the definition directly: the longest n whose chord is within the tolerance of each
-    /// reading in between.
+    /// Returns the longest chord by a direct search, to compare it with the faster search of
+    /// [`Window::slope`]. It is the longest chord within the tolerance of every reading in between.
+    /// The result holds the chord's counts and ticks.
     fn by_definition(readings: &[(i64, i64)], tolerance: i64, longest: i64) -> (i64, i64) {
         let last = *readings.last().unwrap();
         let mut best = None;

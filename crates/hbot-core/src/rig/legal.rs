@@ -7,76 +7,79 @@ use core::fmt;
 
 use crate::real::{PI, Real};
 
-/// Range of the encoder resolution, in counts per turn of the encoder.
+/// Permitted range of the encoder resolution: counts per turn of the encoder.
 pub const COUNTS_PER_TURN: Range = Range::from(4.0, 1_073_741_824.0, "");
-/// Range of the gear: turns of the encoder for one turn of the joint.
+/// Permitted range of the gear ratio: turns of the encoder for one turn of the joint.
 pub const GEAR: Range = Range::from(0.001, 10_000.0, "");
-/// Range of the counts per turn of a joint. Fewer do not give an angle; more do not fit the 32-bit
-/// counter that motor controllers report.
+/// Permitted range of the encoder counts per turn of a joint. Fewer counts do not give a useful
+/// angle. More counts do not fit the 32-bit counter that motor controllers report.
 pub const COUNTS: Range = Range::from(4.0, 2_147_483_648.0, "counts");
-/// Range of the largest torque at a joint, N m; 0 if the joint has no motor. The continuous torque
-/// of a motor must be above 0 and at most this torque.
+/// Permitted range of the largest torque of a joint, N m. It is 0 for a joint without a motor. The
+/// continuous torque of a motor must be above 0 and at most its largest torque.
 pub const PEAK: Range = Range::from(0.0, 1000.0, "N m");
 
-/// Range of the largest torque on the sphere, N m.
+/// Permitted range of the limit on the torque on the sphere, N m.
 pub const TORQUE: Range = Range::above(0.0, 1000.0, "N m");
-/// Range of the largest change of the torque on the sphere, N m/s.
+/// Permitted range of the limit on the change of the torque on the sphere, N m/s.
 pub const TORQUE_RATE: Range = Range::above(0.0, 1_000_000.0, "N m/s");
-/// Range of the largest angular speed of the sphere, rad/s.
+/// Permitted range of the limit on the angular speed of the sphere, rad/s.
 pub const SPEED: Range = Range::above(0.0, 1000.0, "rad/s");
-/// Range of the largest slip of a wheel, m/s.
+/// Permitted range of the limit on the slip of a wheel, m/s.
 pub const SLIP: Range = Range::above(0.0, 100.0, "m/s");
-/// Range of the thermal time of the motors, s.
+/// Permitted range of the thermal time constant of the motors, s.
 pub const THERMAL_TIME: Range = Range::above(0.0, 100_000.0, "s");
-/// Range of the energy of a burst, J.
+/// Permitted range of the energy that the rig may give to the hand in a burst, J.
 pub const BURST: Range = Range::above(0.0, 1000.0, "J");
-/// Range of the power that may be given out forever, W.
+/// Permitted range of the power that the rig may give to the hand continuously, W.
 pub const POWER: Range = Range::above(0.0, 1000.0, "W");
-/// Range of the friction coefficient of a contact.
+/// Permitted range of the friction coefficient of a contact between wheel and sphere.
 pub const FRICTION: Range = Range::above(0.0, 10.0, "");
-/// Range of the normal force of a contact, N.
+/// Permitted range of the normal force of a contact between wheel and sphere, N.
 pub const NORMAL_FORCE: Range = Range::above(0.0, 10_000.0, "N");
-/// Range of the largest permitted angle between a reference and the orientation at enable, rad. No
-/// two orientations are further apart than pi.
+/// Permitted range of the largest angle between a reference and the sphere's orientation at which
+/// the rig can be enabled, rad. The upper bound is pi, because no two orientations are further
+/// apart.
 pub const ENABLE_MAX_ANGLE: Range = Range::above(0.0, PI, "rad");
-/// Range of the rate at which an outside measurement corrects the orientation, rad/s.
+/// Permitted range of the rate at which an independent measurement corrects the orientation, rad/s.
 pub const ALIGN_RATE: Range = Range::above(0.0, 100.0, "rad/s");
-/// Range of the largest rate at which a reference moves, rad/s.
+/// Permitted range of the limit on the rate at which references move, rad/s.
 pub const REFERENCE_RATE: Range = Range::above(0.0, 1000.0, "rad/s");
-/// Range of the largest age of stream messages, ticks.
+/// Permitted range of the limit on the age of a streamed message, ticks.
 pub const MAX_AGE_TICKS: Range = Range::from(1.0, 1_000_000.0, "");
 
-/// Range of the time between ticks, ns.
+/// Permitted range of the time between ticks, ns.
 pub const PERIOD_NS: Range = Range::from(1000.0, 1_000_000_000.0, "ns");
-/// Range of the largest age of the newest reading, ticks.
+/// Permitted range of the limit on the age of the newest reading, ticks.
 pub const TIMEOUT_TICKS: Range = Range::from(1.0, 1000.0, "");
 
-/// Range of the cut-off frequency of the low-pass filter for rates, Hz.
+/// Permitted range of the cut-off frequency of the low-pass filter for joint rates, Hz.
 pub const CUTOFF_HZ: Range = Range::from(0.1, 10_000.0, "Hz");
-/// Range of the tolerance of the adaptive window: the distance of a reading from the chord, counts.
+/// Permitted range of the tolerance of the adaptive-window rate estimate, in encoder counts. The
+/// tolerance is the largest distance between a reading and the chord whose slope is the rate.
 pub const TOLERANCE_COUNTS: Range = Range::from(1.0, 1000.0, "");
-/// Range of the longest duration of the adaptive window, ticks.
+/// Permitted range of the longest duration of the adaptive-window rate estimate, ticks.
 pub const LONGEST_TICKS: Range = Range::from(2.0, super::LONGEST_WINDOW as Real, "");
-/// Range of the acceleration that the Kalman filter expects, rad/s².
+/// Permitted range of the joint acceleration that the Kalman filter expects, rad/s².
 pub const ACCELERATION: Range = Range::from(0.1, 100_000.0, "rad/s²");
 
-/// Range of the energy that the passivity controller lets out beyond what came in, J.
+/// Permitted range of the energy that the passivity controller lets the rig give out beyond what it
+/// has absorbed, J.
 pub const ALLOWANCE: Range = Range::from(0.0, 1000.0, "J");
-/// Range of the energy that the passivity controller remembers, J.
+/// Permitted range of the absorbed energy that the passivity controller can store as credit, J.
 pub const STORE: Range = Range::from(0.0, 1000.0, "J");
-/// Range of the largest damping that the passivity controller adds, N m s/rad.
+/// Permitted range of the largest damping that the passivity controller adds, N m s/rad.
 pub const DAMPING: Range = Range::above(0.0, 100.0, "N m s/rad");
 
-/// The range of a number, with its unit.
+/// The permitted range of a number, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Lower bound. It is within the range unless `above_least` is true.
+    /// Lower bound of the range. The bound itself is permitted unless `above_least` is true.
     pub least: Real,
-    /// Largest value within the range.
+    /// Largest permitted value.
     pub most: Real,
-    /// True if `least` itself is not within the range.
+    /// True if the value must be above `least`, not equal to it.
     pub above_least: bool,
-    /// The unit as text; empty for a pure number or a count of ticks.
+    /// Unit of the number as text. Empty for a number without a unit or a count of ticks.
     pub unit: &'static str,
 }
 
@@ -89,7 +92,7 @@ impl Range {
         Self { least, most, above_least: true, unit }
     }
 
-    /// Returns true if `value` is within the range. NaN never is.
+    /// Returns true if `value` is within the range. NaN is in no range.
     #[must_use]
     pub fn contains(&self, value: Real) -> bool {
         value <= self.most && if self.above_least { value > self.least } else { value >= self.least }
@@ -112,19 +115,19 @@ impl fmt::Display for Range {
     }
 }
 
-/// A number of a rig that is out of its range.
+/// Error for a number in the description of a rig that is outside of its permitted range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigError {
-    /// Index of the joint that the number belongs to, if any. Joints count from 0 in the order
-    /// steer, drive of each wheel.
+    /// Index of the joint to which the number belongs, or `None` if it belongs to no joint. Joints
+    /// are counted from 0 in the order steer, drive of each wheel.
     pub joint: Option<usize>,
-    /// Name of the field of [`RigParts`](super::RigParts), such as `limits.torque`, or of the
-    /// joint, such as `gear`. `counts` means those of one turn of the joint: `counts_per_turn`
-    /// times `gear`.
+    /// Name of the field that is wrong: a field of [`RigParts`](super::RigParts), such as
+    /// `limits.torque`, or of a joint, such as `gear`. The name `counts` stands for the product of
+    /// `counts_per_turn` and `gear`, which also has a permitted range.
     pub field: &'static str,
-    /// The value of the number.
+    /// The value that was given.
     pub value: Real,
-    /// The range that the number must be in.
+    /// The range in which the value must be.
     pub range: Range,
 }
 

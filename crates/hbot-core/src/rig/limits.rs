@@ -3,43 +3,45 @@
 use super::legal::{self, RigError};
 use crate::real::Real;
 
-/// The limits that a controller must not exceed. All are positive and within the ranges of
-/// [`legal`].
+/// The limits that the control law must not exceed. All values are positive and within the ranges
+/// of [`legal`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Largest torque on the sphere (its norm), N m.
+    /// Largest torque on the sphere, N m: the length of the torque vector.
     pub torque: Real,
-    /// Largest change of the torque on the sphere, N m/s.
+    /// Largest rate of change of the torque on the sphere, N m/s.
     pub torque_rate: Real,
-    /// Largest angular speed of the sphere with motors on, rad/s. Above it the fault `overspeed`
-    /// occurs.
+    /// Largest angular speed of the sphere while the motors are on, rad/s. A higher speed is the
+    /// fault `overspeed`.
     pub speed: Real,
-    /// Largest slip of a wheel with motors on, m/s. Above it the fault `slip` occurs.
+    /// Largest slip of a wheel while the motors are on, m/s. A larger slip is the fault `slip`.
     pub slip: Real,
-    /// Limit of the energy given to the hand. Above it the fault `overtorque` occurs. `None`: only
-    /// the limits of torque and speed apply.
+    /// Limit on the energy that the rig gives to the hand. More energy is the fault `overtorque`.
+    /// If `None`, only torque and speed are limited.
     pub energy: Option<EnergyLimit>,
-    /// Thermal time of the motors, s. If the mean square of a joint's torque over this time exceeds
-    /// that of its continuous torque, the fault `thermal` occurs. `None`: only the motor
-    /// controllers watch the heat.
+    /// Thermal time constant of the motors, s. The fault `thermal` occurs if the mean square of a
+    /// joint's torque over this time exceeds the square of its continuous torque. If `None`, only
+    /// the motor controllers watch the temperature.
     pub thermal_time: Option<Real>,
-    /// Friction limit of the contacts; `None` if it is not known.
+    /// Friction limit of the contacts between wheels and sphere. `None` if it is not known.
     pub traction: Option<Traction>,
-    /// Largest permitted angle between an effect's reference and the orientation at enable, rad.
+    /// Largest angle between an effect's reference and the sphere's orientation at which the rig
+    /// can be enabled, rad.
     pub enable_max_angle: Real,
-    /// Rate at which an outside measurement corrects the orientation, rad/s.
+    /// Rate at which an independent measurement corrects the sphere's orientation, rad/s.
     pub align_rate: Real,
-    /// Largest rate at which a reference moves, rad/s.
+    /// Largest rate at which the reference of an effect moves, rad/s.
     pub reference_rate: Real,
-    /// Largest age of a stream message, ticks. A message that names an older state is refused.
+    /// Largest age, in ticks, of the state from which a client computed a streamed message. A
+    /// message that was computed from an older state is refused.
     pub max_age_ticks: u32,
 }
 
 impl Default for Limits {
-    /// Returns the default limits: torque 0.9 N m with a change of 200 N m/s, speed 30 rad/s, slip
-    /// 50 mm/s, enable within 0.5 rad of the reference. References move at 2 rad/s, and the
-    /// orientation is corrected at 0.2 rad/s. Stream messages may be 100 ticks old. Energy, heat
-    /// and traction are not limited.
+    /// Returns the default limits: torque 0.9 N m, change of torque 200 N m/s, speed 30 rad/s, slip
+    /// 50 mm/s, and enable within 0.5 rad of the reference. References move at up to 2 rad/s, and
+    /// the orientation is corrected at 0.2 rad/s. Streamed messages may be 100 ticks old. Energy,
+    /// heat and traction are not limited.
     fn default() -> Self {
         Self {
             torque: 0.9,
@@ -58,8 +60,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The widest limits that a valid rig can have. They are for tests and measurements without
-    /// interference, not for a hand.
+    /// The widest limits that a valid rig can have. They serve for tests and measurements in which
+    /// no limit must interfere. They are not safe for a person's hand.
     pub const WIDEST: Self = Self {
         torque: legal::TORQUE.most,
         torque_rate: legal::TORQUE_RATE.most,
@@ -100,21 +102,23 @@ impl Limits {
     }
 }
 
-/// A limit on the energy given to the hand, as the passivity observer measures it. The energy given
-/// out faster than `power` must not add up to more than `burst`. Both are positive.
+/// A limit on the energy that the rig gives to the hand, as the passivity observer measures it.
+/// Energy that is given out faster than `power` must not add up to more than `burst`. Both values
+/// are positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyLimit {
-    /// Energy beyond what `power` allows, J.
+    /// Largest energy in excess of what `power` allows, J.
     pub burst: Real,
-    /// Power that may be given out forever, W.
+    /// Power that the rig may give to the hand continuously, W.
     pub power: Real,
 }
 
-/// The friction limit mu N of a contact.
+/// The friction limit of a contact between wheel and sphere. The contact holds a tangential force
+/// of at most mu times the normal force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Traction {
     /// Friction coefficient mu.
     pub mu: Real,
-    /// Normal force N of each wheel, N.
+    /// Normal force of each contact, N.
     pub normal_force: Real,
 }

@@ -4,26 +4,27 @@ use super::legal::{self, RigError};
 use crate::device::Device;
 use crate::real::Real;
 
-/// The choice of a method for each stage that can trade accuracy for time.
+/// The numerical method for each stage of a tick in which accuracy can be traded for computing
+/// time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Methods {
-    /// Method that integrates the orientation from one reading to the next.
+    /// Method that integrates the orientation of the sphere from one reading to the next.
     pub odometry: OdometryMethod,
-    /// Curve that is assumed for the joints between two readings.
+    /// Curve along which the joints are assumed to move between two readings.
     pub path: PathFit,
     /// Method that converts a torque on the sphere to joint torques.
     pub allocation: AllocationMethod,
-    /// Source of the joint rates.
+    /// Source of the joint rates: the motor controllers, or an estimate from encoder counts.
     pub rate: RateEstimate,
-    /// Limit for the passivity controller, which keeps the energy given out within what came in.
-    /// `None`: the energy is only observed.
+    /// Energy limit that the passivity controller keeps. If `None`, there is no passivity
+    /// controller, and the energy is only observed.
     pub passivity: Option<PassivityLimit>,
 }
 
 impl Methods {
-    /// The methods with the shortest time per tick.
+    /// The methods that need the least computing time per tick.
     pub const FAST: Self = Self { odometry: OdometryMethod::Euler, ..Self::BALANCED };
-    /// The default methods.
+    /// The default methods, a compromise between accuracy and computing time.
     pub const BALANCED: Self = Self {
         odometry: OdometryMethod::Midpoint,
         path: PathFit::Straight,
@@ -37,7 +38,7 @@ impl Methods {
 }
 
 impl Default for Methods {
-    /// Returns [`BALANCED`](Self::BALANCED).
+    /// Returns the default methods, [`BALANCED`](Self::BALANCED).
     fn default() -> Self {
         Self::BALANCED
     }
@@ -69,24 +70,27 @@ impl Methods {
     }
 }
 
-/// A method that integrates the orientation over one step of the joints (physics notes, section 4).
+/// A method that integrates the sphere's orientation over one step from reading to reading (physics
+/// notes, section 4). With order n, its error falls with the n-th power of the step length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum OdometryMethod {
-    /// Contact frames at the start of the step: order 1.
+    /// Euler's method: uses the contact frames at the start of the step. Order 1.
     Euler,
-    /// Contact frames at the steer angles in mid-step: order 2.
+    /// Midpoint method: uses the contact frames at the steer angles in the middle of the step.
+    /// Order 2.
     Midpoint,
-    /// Two Gauss points and their commutator: order 4.
+    /// Magnus method: combines the rates at two Gauss points of the step and their commutator.
+    /// Order 4.
     Magnus4,
 }
 
 impl OdometryMethod {
-    /// All methods, by rising order.
+    /// All methods, in ascending order of accuracy.
     pub const ALL: [Self; 3] = [Self::Euler, Self::Midpoint, Self::Magnus4];
 
-    /// Returns the method's name in rig files.
+    /// Returns the name that rig files use for the method.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -97,11 +101,11 @@ impl OdometryMethod {
     }
 }
 
-/// The curve that is assumed for the joints between two readings: a polynomial in time through the
-/// last readings (physics notes, section 4).
+/// The curve along which the joints are assumed to move between two readings. It is a polynomial in
+/// time through the last few readings (physics notes, section 4).
 ///
-/// It is evaluated over the last interval, which is between readings that it passes through. So
-/// nothing is extrapolated, and nothing is a tick late.
+/// Only the part between the last two readings is used, and the curve passes through both of them.
+/// So it never extrapolates and causes no delay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
@@ -115,10 +119,10 @@ pub enum PathFit {
 }
 
 impl PathFit {
-    /// All fits, by rising order.
+    /// All curves, in ascending order of the polynomial's degree.
     pub const ALL: [Self; 3] = [Self::Straight, Self::Quadratic, Self::Cubic];
 
-    /// Returns the fit's name in rig files.
+    /// Returns the name that rig files use for the curve.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -129,72 +133,79 @@ impl PathFit {
     }
 }
 
-/// A method that converts a torque on the sphere to joint torques (physics notes, section 7).
+/// A method that finds the joint torques for a torque on the sphere (physics notes, section 7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum AllocationMethod {
-    /// Makes as much of the torque as the joints can make together.
+    /// Makes as much of the wanted torque as all joints together can make.
     Exact,
-    /// Takes the joint torques of least cost and scales all of them down if one exceeds its limit.
-    /// It can give less torque, but never another direction.
+    /// Takes the least-cost joint torques, and scales all of them down by one factor if a joint
+    /// exceeds its limit. It is faster and keeps the direction, but the torque can be smaller than
+    /// possible.
     Clipped,
 }
 
-/// The source of the joint rates.
+/// The source of the joint rates: the motor controllers, or a method that estimates them from
+/// encoder counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RateEstimate {
     /// The rates that the motor controllers report.
     Controller,
-    /// The difference of the last two readings, divided by the time between them.
+    /// The rate is the difference of the last two readings, divided by the time between them.
     Difference,
-    /// The difference of the last two readings after a first-order low-pass filter.
+    /// The rate is the same difference as in [`Difference`](Self::Difference), after a first-order
+    /// low-pass filter.
     LowPass {
-        /// Cut-off frequency, at which the gain is 1/sqrt 2, Hz.
+        /// Cut-off frequency of the filter, Hz. At this frequency the gain is 1/sqrt 2.
         cutoff_hz: Real,
     },
-    /// For each joint, the longest chord back from the last reading that passes within a tolerance
-    /// of every reading in between (Janabi-Sharifi et al. 2000).
+    /// The rate is the slope of a chord: a straight line from an earlier reading to the last one.
+    /// Each joint uses the longest chord that is within a tolerance of every reading in between
+    /// (Janabi-Sharifi et al. 2000).
     AdaptiveWindow {
-        /// Largest distance of a reading from the chord, counts. With 1, every steady motion
-        /// passes: rounding down moves each of the three readings by less than a count, in the same
-        /// direction.
+        /// Largest distance of a reading from the chord, in encoder counts. With 1, a chord can
+        /// follow every steady motion: rounding moves the reading and both ends of the chord by
+        /// less than a count, in the same direction.
         tolerance_counts: u32,
-        /// Longest duration of the chord, ticks; at most [`LONGEST_WINDOW`].
+        /// Longest duration of the chord, in ticks; at most [`LONGEST_WINDOW`].
         longest_ticks: u32,
     },
-    /// A Kalman filter of angle, rate and acceleration. The rounding of the counts is the noise of
-    /// its readings (physics notes, section 9).
+    /// A Kalman filter estimates angle, rate and acceleration of each joint. It treats the rounding
+    /// to encoder counts as noise (physics notes, section 9).
     Kalman {
-        /// Root mean square of a joint's acceleration, rad/s².
+        /// Expected size (root mean square) of a joint's acceleration, rad/s².
         acceleration: Real,
     },
 }
 
-/// Longest possible duration of the adaptive window, ticks.
+/// Longest duration of the chord in [`RateEstimate::AdaptiveWindow`] that a rig can select, ticks.
+/// It bounds memory and computing time.
 pub const LONGEST_WINDOW: u32 = 64;
 
-/// The limit that the passivity controller keeps (physics notes, section 9).
+/// The energy limit that the passivity controller keeps, and how strongly it may act (physics
+/// notes, section 9).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassivityLimit {
-    /// Energy that may be given out beyond what came in, J.
+    /// Energy that the rig may give to the hand beyond what it has absorbed, J.
     pub allowance: Real,
-    /// Largest amount of absorbed energy that is remembered, J. It must cover the energy that
-    /// springs store when they are wound, or they could not return it. Energy absorbed beyond this
-    /// was dissipated and does not count.
+    /// Largest amount of absorbed energy that counts as credit for later, J. It must cover the
+    /// energy that springs store when the hand winds them, or they could not return it. Energy
+    /// absorbed beyond this amount counts as dissipated.
     pub store: Real,
-    /// Largest damping that is added, N m s/rad.
+    /// Largest damping that the passivity controller adds, N m s/rad.
     pub damping: Real,
 }
 
 impl PassivityLimit {
-    /// Returns suitable values for `device` in a loop of `period_s` seconds.
+    /// Returns suitable values for `device` in a loop with a period of `period_s` seconds.
     ///
-    /// 1 mJ may be given out and 0.5 J is remembered (a spring of 1 N m/rad with a torque of 0.9 N
-    /// m stores 0.4 J). The damping is I_s / (4 h), with the sphere's inertia I_s and the period h.
-    /// With it the sphere's rate, which is read a tick late, goes to zero as fast as possible
-    /// without reversing (w' = w - 1/4 w_before has a double root). For loops faster than 1 kHz, h
-    /// is taken as 1 ms, because the noise of the rates would become audible.
+    /// The allowance is 1 mJ. The store is 0.5 J, because a spring of 1 N m/rad with a torque of
+    /// 0.9 N m stores 0.4 J. The damping is I_s / (4 h), with the sphere's inertia I_s and the
+    /// period h. With this damping the sphere's rate, which is read a tick late, goes to zero as
+    /// fast as possible without reversing (w' = w - 1/4 w_before has a double root). For loops
+    /// faster than 1 kHz, h is taken as 1 ms, because more damping would make the noise of the
+    /// rates audible.
     #[must_use]
     pub fn of(device: &Device, period_s: Real) -> Self {
         let damping = 0.25 * device.sphere_inertia() / period_s.max(1.0e-3);

@@ -46,13 +46,14 @@ use core::ops::Deref;
 use crate::device::{Device, MAX_JOINTS};
 use crate::real::{Real, TURN};
 
-/// A checked rig: everything that a controller needs to know of it. It dereferences to its
-/// [`RigParts`].
+/// A rig whose numbers have all been checked: geometry, joints, limits, timing and methods. It
+/// dereferences to its [`RigParts`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rig(RigParts);
 
 impl Rig {
-    /// Creates a rig of these parts, if every number is within its range (see [`legal`]).
+    /// Creates a rig from its parts, after checking that every number is within its range (see
+    /// [`legal`]).
     ///
     /// # Errors
     /// Returns the first number that is out of its range, in the order of [`RigParts::mistakes`].
@@ -63,10 +64,10 @@ impl Rig {
         }
     }
 
-    /// Returns a copy of this rig, changed by `alter`.
+    /// Returns a copy of this rig, changed by `alter`. This rig itself does not change.
     ///
     /// # Errors
-    /// Fails in the same way as [`new`](Self::new). This rig does not change.
+    /// Fails if a number of the changed rig is out of its range, as in [`new`](Self::new).
     pub fn with(&self, alter: impl FnOnce(&mut RigParts)) -> Result<Self, RigError> {
         let mut parts = self.0;
         alter(&mut parts);
@@ -83,25 +84,25 @@ impl Deref for Rig {
     }
 }
 
-/// The parts of a [`Rig`], which are not checked yet.
+/// The properties of a rig, which need not be valid. [`Rig::new`] checks them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigParts {
-    /// Geometry and masses.
+    /// Geometry and mass of the sphere, and geometry and inertia of the wheels.
     pub device: Device,
     /// The joints, in the order steer, drive of each wheel. Entries beyond [`Device::joints`] are
     /// unused.
     pub joints: [Joint; MAX_JOINTS],
-    /// Limits that the rig must not exceed.
+    /// Limits that the control law must not exceed.
     pub limits: Limits,
-    /// Loop period and time-out.
+    /// Period of the loop, and the time after which missing readings are a fault.
     pub timing: Timing,
-    /// Methods that trade accuracy for time.
+    /// Choice of numerical methods, which trades accuracy for computing time.
     pub methods: Methods,
 }
 
 impl RigParts {
-    /// Returns the parts of a rig with `device` and with defaults for everything else. Its joints
-    /// have no motors until they are set.
+    /// Returns the parts of a rig with the geometry `device` and default values for everything
+    /// else. The default joints have no motors.
     #[must_use]
     pub fn new(device: Device) -> Self {
         Self {
@@ -113,15 +114,16 @@ impl RigParts {
         }
     }
 
-    /// Returns these parts with the joints `steer` and `drive` at every wheel.
+    /// Returns these parts with the joint `steer` as the steer joint, and `drive` as the drive
+    /// joint, of every wheel.
     #[must_use]
     pub fn with_joints(mut self, steer: Joint, drive: Joint) -> Self {
         self.joints = core::array::from_fn(|joint| if joint % 2 == 0 { steer } else { drive });
         self
     }
 
-    /// Returns every number that is out of its range: first those of the joints, then limits,
-    /// timing and methods.
+    /// Returns an error for every number that is out of its range: first for the joints, then for
+    /// limits, timing and methods.
     pub fn mistakes(&self) -> impl Iterator<Item = RigError> + '_ {
         let joints = self.joints[..self.device.joints()].iter().enumerate().flat_map(|(i, joint)| {
             joint.mistakes().map(move |mistake| RigError { joint: Some(i), ..mistake })
@@ -133,44 +135,45 @@ impl RigParts {
     }
 }
 
-/// One joint: its encoder and its motor.
+/// One joint of a wheel: its encoder, gear and motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Encoder counts per turn of the encoder (lines times 4), before the gear.
+    /// Encoder counts per turn of the encoder, which is on the motor side of the gear. It is four
+    /// times the number of lines.
     pub counts_per_turn: u32,
-    /// Turns of the encoder for one turn of the joint.
+    /// Gear ratio: turns of the encoder for one turn of the joint.
     pub gear: Real,
-    /// True if the motor controller counts, and makes torque, against the joint's positive
-    /// direction.
+    /// True if the motor controller's positive direction, of counts and of torque, is opposite to
+    /// the joint's.
     pub reversed: bool,
-    /// The way in which the zero of a steer joint becomes known. Unused for drive joints, which
-    /// need no zero.
+    /// How the zero of a steer joint is found. Unused for drive joints, which need no zero.
     pub zero: Zero,
-    /// Largest torque at the joint, N m; 0 if the joint has no motor.
+    /// Largest torque of the joint, N m. 0 if the joint has no motor.
     pub peak: Real,
-    /// Torque that the motor can hold forever, N m, at most `peak`. It has no meaning if the joint
-    /// has no motor.
+    /// Torque that the motor can hold continuously without overheating, N m; at most `peak`. Unused
+    /// if the joint has no motor.
     pub continuous: Real,
 }
 
 impl Default for Joint {
-    /// Returns an encoder of 4096 lines (16384 counts per turn) without a gear and without a motor.
-    /// A calibration finds the zero.
+    /// Returns a joint with an encoder of 4096 lines (16384 counts per turn), without a gear and
+    /// without a motor. Its zero is found by a calibration.
     fn default() -> Self {
         Self::new(16384, 0.0)
     }
 }
 
 impl Joint {
-    /// Creates a joint without a gear, with an encoder of `counts_per_turn` and a motor of the
-    /// torque `peak` (N m), which it can also hold forever. A calibration finds the zero.
+    /// Creates a joint without a gear. Its encoder has `counts_per_turn` counts per turn. Its motor
+    /// has the largest torque `peak` (N m), which it can also hold continuously. The zero is found
+    /// by a calibration.
     #[must_use]
     pub const fn new(counts_per_turn: u32, peak: Real) -> Self {
         Self { counts_per_turn, gear: 1.0, reversed: false, zero: Zero::Calibrate, peak, continuous: peak }
     }
 
-    /// Returns every number that is out of its range. The errors do not name the joint; those of
-    /// [`RigParts::mistakes`] do.
+    /// Returns an error for every number of the joint that is out of its range. These errors do not
+    /// say which joint it is; those of [`RigParts::mistakes`] do.
     pub fn mistakes(&self) -> impl Iterator<Item = RigError> + use<> {
         let continuous = Range::above(0.0, self.peak, legal::PEAK.unit);
         [
@@ -184,15 +187,15 @@ impl Joint {
         .flatten()
     }
 
-    /// Returns the encoder counts per turn of the joint: those per turn of the encoder times the
-    /// gear.
+    /// Returns the encoder counts per turn of the joint: counts per turn of the encoder times the
+    /// gear ratio.
     #[must_use]
     pub fn counts(&self) -> f64 {
         f64::from(self.counts_per_turn) * real_to_f64(self.gear)
     }
 
-    /// Returns the joint's angle for one count, rad. Negative if the motor controller counts
-    /// against the joint.
+    /// Returns the angle that the joint turns per encoder count, rad. Negative if the encoder
+    /// counts up when the joint turns backwards.
     #[must_use]
     pub fn radians_per_count(&self) -> Real {
         let turn = TURN / self.counts() as Real;
@@ -206,43 +209,44 @@ fn real_to_f64(x: Real) -> f64 {
     f64::from(x)
 }
 
-/// The way in which the zero of a steer joint becomes known.
+/// How the zero of a steer joint is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
 pub enum Zero {
-    /// The wheel is at zero when the motor controller powers up. Taken from the first reading, and
-    /// not again after a reboot.
+    /// The wheel is assumed to be at zero when the motor controller powers up. The zero is no
+    /// longer known after the motor controller reboots.
     Assume,
-    /// The encoder is absolute over a turn: its count is the angle.
+    /// The encoder is absolute over a turn: its count gives the angle directly.
     Absolute,
-    /// The zero is known when the motor controller has seen the encoder's index mark.
+    /// The zero is known after the encoder has passed its index mark.
     Index,
     /// The zero is known after a calibration.
     Calibrate,
 }
 
-/// Loop period and time-out.
+/// The period of the loop, and the time after which missing readings are a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
     /// Nominal time between ticks, ns.
     pub period_ns: u64,
-    /// Age of the newest reading, ticks, above which the fault `link_lost` occurs. The reading gets
-    /// old if no reading comes, or if readings answer old commands. At most 1000, because the
-    /// passivity observer remembers the torques of 1024 ticks.
+    /// Largest age of the newest reading, in ticks. Above it, the fault `link_lost` occurs. The age
+    /// grows if no reading comes, or if readings answer old commands. At most 1000, because the
+    /// passivity observer stores the torques of 1024 ticks.
     pub timeout_ticks: u32,
 }
 
 impl Default for Timing {
-    /// Returns a period of 1 ms (1 kHz) and a time-out of 20 ticks.
+    /// Returns the default timing: a period of 1 ms (1 kHz) and a fault if the newest reading is
+    /// older than 20 ticks.
     fn default() -> Self {
         Self { period_ns: 1_000_000, timeout_ticks: 20 }
     }
 }
 
 impl Timing {
-    /// Returns the shortest permitted watchdog time of a motor controller, ms. A command must still
-    /// be held when the next one is a whole period late.
+    /// Returns the shortest watchdog time of a motor controller that is permitted, ms. It is two
+    /// periods, so that the torque does not drop out if a command is a whole period late.
     #[must_use]
     pub const fn least_watchdog_ms(&self) -> u64 {
         (2 * self.period_ns).div_ceil(1_000_000)
@@ -255,7 +259,7 @@ impl Timing {
         ]
     }
 
-    /// Returns the period in seconds.
+    /// Returns the period of the loop, s.
     #[inline]
     #[must_use]
     pub fn period_s(&self) -> Real {

@@ -18,7 +18,8 @@ fn a_count_turns_the_joint_by_a_share_of_the_gear_in_its_own_sense() {
     assert!((joint.radians_per_count() + 1.570_796_3e-3).abs() < 1.0e-9);
 }
 
-/// A real number of the parts: its field name in an error, its range, and a function that sets it.
+/// A number of a rig, for tests of its range: its field name in errors, its permitted range, and a
+/// function that sets it.
 type Number = (&'static str, Range, fn(&mut RigParts, Real));
 
 const NUMBERS: [Number; 21] = [

@@ -8,15 +8,16 @@ use hbot_core::inputs::{Complaints, JointFeedback};
 
 use super::{Bench, Interrupted};
 
-/// Time in which the torque rises, s.
+/// Time in which the test torque rises from zero to its full value, s.
 const RISE_S: f64 = 0.1;
-/// Longest time for which the torque is held, s.
+/// Longest time for which the full test torque is held, s.
 const HOLD_S: f64 = 0.5;
-/// The test ends when the joint has turned this far, rad.
+/// Turn of the joint after which the test ends, rad.
 const FAR: f64 = 0.3;
-/// Smallest turn that counts as motion, rad.
+/// Smallest turn of a joint that counts as motion, rad.
 const STILL: f64 = 0.02;
-/// Relative difference from which counts and rates count as contradictory.
+/// Smallest relative difference between the turn by encoder counts and the turn by reported rates
+/// that counts as a contradiction.
 const DISAGREEMENT: f64 = 0.1;
 
 /// The result of testing one joint with a small torque.
@@ -24,40 +25,40 @@ const DISAGREEMENT: f64 = 0.1;
 pub struct Outcome {
     /// Number of the joint, from 0, in the order steer, drive of each wheel.
     pub joint: usize,
-    /// Commanded torque with the controller's sign, N m.
+    /// Largest commanded torque, with the sign of the joint's controller, N m.
     pub torque: f64,
-    /// Turn of the joint according to its counts, with the controller's sign, rad.
+    /// Turn of the joint according to its encoder counts, with the controller's sign, rad.
     pub moved: f64,
     /// Turn of the joint according to the rates that its controller reported, rad.
     pub by_rate: f64,
-    /// Largest speed of the joint, rad/s.
+    /// Largest speed of the joint during the test, rad/s.
     pub fastest: f64,
-    /// What the test has shown.
+    /// The diagnosis of the joint.
     pub verdict: Verdict,
 }
 
-/// What the test of a joint has shown.
+/// The diagnosis of a joint after a test with a small torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
-    /// The joint turns towards greater counts under a positive torque, and its rates agree with the
-    /// counts.
+    /// The encoder counts rise under a positive torque and agree with the reported rates.
     Good,
-    /// The joint already turned before the torque began.
+    /// The joint already turned before the torque was applied, so it was not tested.
     Turns,
-    /// Neither this joint nor any other has moved.
+    /// According to the encoder counts, neither this joint nor any other has moved.
     Stands,
-    /// The counts of this joint did not change, but those of the named joint did.
+    /// The encoder counts of this joint did not change, but those of another joint did, which has
+    /// this number.
     Another(usize),
-    /// The counts did not change, although the controller reports rates.
+    /// The encoder counts did not change, although the controller reports a rate of the joint.
     CountsStand,
-    /// The joint turns towards smaller counts under a positive torque.
+    /// The encoder counts fall under a positive torque, so a closed loop would run away.
     Reversed,
-    /// The turn by counts divided by the turn by rates. The gear in the rig file is too small by
-    /// this factor.
+    /// Encoder counts and reported rates disagree. The value is the turn by counts divided by the
+    /// turn by rates: the gear ratio in the rig file is too small by this factor.
     Gear(f64),
-    /// The test was stopped because the named joint turned faster than allowed.
+    /// The test was stopped because the joint with this number turned faster than allowed.
     TooFast(usize),
-    /// A motor controller reported complaints.
+    /// A motor controller reported these complaints, which ended the test.
     Complains(Complaints),
 }
 
@@ -113,9 +114,9 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Applies a torque of up to `torque` to one joint, N m, with its controller's sign. The test ends
-/// when the joint has turned a little, after half a second, or when any joint turns faster than
-/// `speed`, rad/s. The motors are off at the end, whatever happens.
+/// Tests one joint with a torque that rises to `torque`, N m, with its controller's sign. The test
+/// ends when the joint has turned a little, after about half a second, or when any joint turns
+/// faster than `speed`, rad/s. The motors are switched off at the end, even after an error.
 ///
 /// # Errors
 /// Fails if the controllers no longer answer, or if a stop was requested.

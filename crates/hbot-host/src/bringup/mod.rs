@@ -23,16 +23,16 @@ use crate::layout::Layout;
 use crate::motors::{Motors, OFF};
 use crate::run_loop::{StopFlag, Time};
 
-/// Watchdog time of the commands, ms: how long a controller holds a torque if no other command
-/// follows.
+/// Watchdog time of the commands, ms: how long a motor controller holds a torque if no other
+/// command follows.
 const WATCHDOG_MS: u16 = 20;
-/// Number of readings in a row that can be missing before the line counts as silent.
+/// Number of consecutive commands without an answer after which the line counts as silent.
 const PATIENCE: u32 = 50;
 
-/// How many times the motors are switched off at the end, in case a frame is lost.
+/// How many times the command to switch the motors off is sent at the end, in case a frame is lost.
 const STOPS: u32 = 3;
 
-/// The reason why no reading was received.
+/// The reason why an exchange with the motor controllers gave no reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Interrupted {
     /// The motor controllers no longer answer.
@@ -43,8 +43,9 @@ pub enum Interrupted {
     Stopped,
 }
 
-/// The motors of a rig without a control loop: each exchange sends one command and receives one
-/// reading. The motors are switched off when it is dropped.
+/// Access to the motors of a rig without a control loop, for the first tests of a new rig. Each
+/// exchange sends one command and receives one reading. The motors are switched off when this value
+/// is dropped.
 pub struct Bench {
     motors: Motors,
     rig: Rig,
@@ -53,14 +54,14 @@ pub struct Bench {
     /// True if the motors are simulated. Their time advances with each command, independently of
     /// the clock.
     simulated: bool,
-    /// Flag that is checked before each command with torque.
+    /// If this flag is set, no further command with torque is sent.
     stop: StopFlag,
     notices: Vec<String>,
 }
 
-/// Attaches the motors of `rig`. After `stop` is set, no further torque is written. `helper`
-/// switches the motors off if this process dies. If the rig is simulated and `turned` is true, a
-/// simulated hand turns the sphere widely; otherwise the sphere is free.
+/// Connects to the motors of `rig`. After `stop` is set, no further torque is sent. `helper` is the
+/// program that switches the motors off if this process dies. If the rig is simulated and `turned`
+/// is true, a simulated hand turns the sphere widely; otherwise the sphere is free.
 ///
 /// # Errors
 /// Fails if a port cannot be opened, or if its controllers are not those of the rig.
@@ -85,7 +86,7 @@ pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> 
 }
 
 impl Bench {
-    /// Creates a bench for motors whose controllers have been checked.
+    /// Creates a bench for motors whose controllers have already been checked.
     #[must_use]
     pub fn new(rig: &Rig, motors: Motors, simulated: bool) -> Self {
         Self {
@@ -105,7 +106,7 @@ impl Bench {
         &self.notices
     }
 
-    /// Returns the rig as its file describes it.
+    /// Returns the properties of the rig that its file describes.
     #[must_use]
     pub fn rig(&self) -> &Rig {
         &self.rig
@@ -117,8 +118,8 @@ impl Bench {
         self.rig.timing.period_s()
     }
 
-    /// Sends one command and returns the reading that answers it, after waiting one period.
-    /// `torque` is in the controllers' own sign, N m; `None` switches the motors off.
+    /// Sends one command, waits one period, and returns the reading that answers the command.
+    /// `torque` has the sign of the motor controllers, N m; `None` switches the motors off.
     ///
     /// # Errors
     /// Fails if no reading arrives for many periods, or if a stop was requested. In the second case
@@ -137,8 +138,8 @@ impl Bench {
         (0..STOPS).try_for_each(|_| self.converse(&OFF, || false).map(drop))
     }
 
-    /// Writes `drive` again in every period until each line has answered. Gives up if `stop`
-    /// returns true.
+    /// Sends `drive` in every period until each line has answered, at most [`PATIENCE`] times.
+    /// Gives up if `stop` returns true.
     fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointFeedback, Interrupted> {
         let mut complaints = Complaints::default();
         for _ in 0..PATIENCE {
@@ -164,20 +165,21 @@ impl Bench {
         Err(Interrupted::Silent)
     }
 
-    /// Returns the time of the next command, ns.
+    /// Returns the nominal time of the next command since the first one, ns.
     fn now_ns(&self) -> u64 {
         u64::from(self.tick) * self.rig.timing.period_ns
     }
 
-    /// Converts `counts` of a joint to its turn with its controller's sign, rad.
+    /// Converts a difference of encoder counts of a joint to its turn, rad, with the sign of its
+    /// motor controller.
     #[must_use]
     pub fn turned(&self, joint: usize, counts: i32) -> f64 {
         f64::from(counts) * self.rig.joints[joint].radians_per_count().abs()
     }
 }
 
-/// Switches the motors off, whether an error, a signal or a panic ends the bench. The command is
-/// written several times, whether it is answered or not.
+/// Switches the motors off when the bench is dropped, even after an error, a signal or a panic. The
+/// command is written several times, whether it is answered or not.
 impl Drop for Bench {
     fn drop(&mut self) {
         for k in 0..STOPS {

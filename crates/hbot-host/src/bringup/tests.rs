@@ -31,7 +31,7 @@ fn bench(
     on(Memory::new(simulated, inbox))
 }
 
-/// Returns a bench for the prototype on `line`.
+/// Returns a bench for the prototype rig, whose motor controllers are reached over `line`.
 fn on(line: impl Line + 'static) -> Bench {
     on_rig(&RigConfig::prototype(), line)
 }
@@ -83,8 +83,8 @@ fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
     assert_eq!(outcome.verdict, Verdict::TooFast(1));
 }
 
-/// A line whose controllers turn joint 1 the wrong way, because two leads of its motor are
-/// exchanged.
+/// A line to simulated motor controllers on which joint 1 turns the wrong way, as if two leads of
+/// its motor were exchanged.
 struct Exchanged(Memory);
 
 impl Line for Exchanged {
@@ -210,8 +210,8 @@ fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
     assert!((b.zero + 0.4).abs() < 1e-2 && found.after < 0.2 * found.before, "{found:?}");
 }
 
-/// Returns the prototype with a third wheel, whose axis is a quarter turn about the vertical from
-/// the others.
+/// Returns the prototype rig with a third wheel, whose axis is turned by 90° about the vertical
+/// relative to the other two.
 fn three_wheels() -> hbot_core::Rig {
     let rig = RigConfig::prototype().rig;
     let mut specs: Vec<_> = rig.device.wheels().iter().map(|wheel| *wheel.spec()).collect();

@@ -13,16 +13,15 @@ use super::{
 };
 use crate::line::Line;
 
-/// Temperature at which a motor or its controller counts as too hot, whatever limit the controller
-/// has, °C.
+/// Temperature above which a motor or its controller counts as too hot, °C, whatever limit the
+/// controller itself has.
 const TOO_HOT: f32 = 150.0;
-/// Largest current that is plausible for a motor of such a rig, A. A greater one counts as
-/// overcurrent.
+/// Largest plausible motor current, A. If a controller reports more, this counts as overcurrent.
 const TOO_STRONG: f32 = 1000.0;
-/// How often controllers that have lost power are asked to describe themselves, ticks.
+/// Number of ticks between two requests for a description from controllers that have lost power.
 const DESCRIBE_EVERY: u32 = 100;
 
-/// The protocol of hbot's own serial link.
+/// The driver of hbot's own serial protocol.
 #[derive(Debug, Clone, Copy)]
 pub struct HbotLink;
 
@@ -77,7 +76,7 @@ impl Protocol for HbotLink {
     }
 }
 
-/// The motor controllers on one line that speak hbot's own link.
+/// The motor controllers on one line that use hbot's own protocol.
 struct HbotBus {
     line: Box<dyn Line>,
     expected: Expected,
@@ -87,14 +86,15 @@ struct HbotBus {
     obedience: Obedience,
     /// The newest tick whose command has been answered.
     answered: Option<u32>,
-    /// True if the line accepted only a part of the last frame.
+    /// True if the line accepted only a part of the last frame, so that the next frame must be
+    /// separated from it.
     cut: bool,
     /// True if the last description received does not match the rig's controllers.
     stranger: bool,
     /// True if the newest readings come from controllers that have restarted since
     /// [`Protocol::meet`], or from other controllers.
     undescribed: bool,
-    /// True if a request for a description follows the next command.
+    /// True if the bus must ask the controllers to describe themselves after the next command.
     asks: bool,
 }
 
@@ -194,7 +194,8 @@ fn reading(feedback: &Feedback) -> Reading {
     Reading { answers: feedback.sequence, joints }
 }
 
-/// Returns the complaints that one reading contains.
+/// Returns the complaints in one message from the motor controllers. Motors that are on or off
+/// against the command are a complaint, too.
 fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     let on = feedback.flags.contains(ControllerFlags::ENABLED);
     let reasons = ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT | ControllerFlags::UNDESCRIBED;
@@ -214,14 +215,14 @@ fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     complaints
 }
 
-/// The property in which controllers differ from those of the rig.
+/// The property in which the controllers on a line differ from those in the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Difference {
     /// The version of the protocol.
     Version,
     /// The number of joints.
     Joints,
-    /// The counts per turn of the joint at this place of the bus.
+    /// The encoder counts per turn of one joint. The value is the joint's place on the bus.
     Counts(usize),
 }
 
@@ -239,7 +240,7 @@ fn difference(expected: &Expected, there: &Description) -> Option<Difference> {
         .map(Difference::Counts)
 }
 
-/// Returns the command that switches all motors of the line off.
+/// Returns the message that commands all motors of the line off.
 fn off(expected: &Expected) -> ToController {
     let mut off = Command { watchdog_ms: 1, ..Command::default() };
     // This cannot fail: a line has at most as many joints as the list has room for.
@@ -256,7 +257,8 @@ fn framed(message: &ToController) -> Vec<u8> {
     frame
 }
 
-/// Sends `message` repeatedly until `answer` accepts one of the messages that come back.
+/// Sends `message` repeatedly until `answer` returns a value for one of the received messages.
+/// Returns this value.
 fn ask<T>(
     line: &mut dyn Line,
     expected: &Expected,

@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::layout::{JointPlace, Layout};
 use crate::line::Line;
 
-/// How many times a question is sent before the controllers count as silent.
+/// How many times a question is sent without an answer before the controllers count as silent.
 const TRIES: u32 = 10;
 /// How long the host waits for an answer to each question.
 const WAIT: Duration = Duration::from_millis(100);
@@ -35,7 +35,7 @@ pub enum MeetError {
         /// The error that the system reports.
         error: io::Error,
     },
-    /// The controllers speak another version of the protocol.
+    /// The controllers use another version of the protocol.
     #[error(
         "controllers speak version {theirs} of the link protocol, this server {ours}: update the older one"
     )]
@@ -65,9 +65,9 @@ pub enum MeetError {
         joint: usize,
         /// The joint's table in the rig file, such as `wheel[0].steer`.
         field: String,
-        /// Counts per turn that the controller reports.
+        /// Encoder counts per turn that the controller reports.
         theirs: u32,
-        /// Counts per turn in the rig file.
+        /// Encoder counts per turn in the rig file.
         ours: u32,
     },
     /// A setting of a controller makes torque commands impossible.
@@ -85,11 +85,11 @@ pub enum MeetError {
 pub struct Expected {
     /// Name of the port, used in error messages.
     port: String,
-    /// The joints in the order of the bus.
+    /// The expected joints, in their order on the bus.
     joints: Vec<ExpectedJoint>,
 }
 
-/// One joint as the rig file describes it.
+/// One joint on a line, as the rig file describes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExpectedJoint {
     /// Number of the joint in the rig, from 0, in the order steer, drive of each wheel.
@@ -105,7 +105,7 @@ pub struct ExpectedJoint {
 
 impl Expected {
     /// Returns the controllers of `rig` that belong on bus number `bus` of `layout`. `port` is the
-    /// name of the port for messages.
+    /// name of the port for error messages.
     #[must_use]
     pub fn new(port: &str, rig: &Rig, layout: &Layout, bus: usize) -> Self {
         let mut joints: Vec<_> = layout.on(bus).collect();
@@ -155,8 +155,9 @@ impl Expected {
         other
     }
 
-    /// Returns the place of the first joint whose counts per turn differ from `theirs`, which are
-    /// in the order of the bus. Does not allocate memory.
+    /// Returns the place on the bus of the first joint whose encoder counts per turn differ from
+    /// `theirs`, the numbers that the controllers report in the order of the bus. Returns `None` if
+    /// all agree. Does not allocate memory.
     pub fn first_wrong_counts(&self, theirs: impl IntoIterator<Item = u32>) -> Option<usize> {
         theirs.into_iter().zip(&self.joints).position(|(theirs, joint)| theirs != joint.counts_per_turn)
     }
@@ -186,8 +187,8 @@ pub fn field(joint: usize) -> String {
     format!("wheel[{}].{}", joint / 2, if joint.is_multiple_of(2) { "steer" } else { "drive" })
 }
 
-/// Writes `question` up to ten times, 100 ms apart, until `answer` finds what it looks for in the
-/// received bytes. It waits, so drivers must call it outside the loop only.
+/// Writes `question` up to ten times, 100 ms apart, until `answer` returns a value for the received
+/// bytes. Returns this value. The call blocks, so drivers must use it outside the loop only.
 ///
 /// # Errors
 /// Fails if no answer arrives, or if the line is lost.

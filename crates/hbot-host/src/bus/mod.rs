@@ -56,8 +56,8 @@ pub struct Reading {
 /// The encoder reading of one joint, with the controller's own sign.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct JointReading {
-    /// Encoder count: `counts_per_turn` of the rig file for each turn of the encoder. It wraps at
-    /// 32 bits.
+    /// Encoder count, which grows by `counts_per_turn` of the rig file in each turn of the encoder.
+    /// It wraps at 32 bits.
     pub count: i32,
     /// Rate of the joint after its gear, rad/s.
     pub rate: f64,
@@ -68,7 +68,8 @@ pub struct JointReading {
 /// The command that the loop sends to one bus in one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusCommand {
-    /// The tick that this command belongs to. If the protocol can echo a number, send this one.
+    /// The tick that this command belongs to. If the protocol can return a number with each
+    /// reading, the driver must send this one.
     pub tick: u32,
     /// True to switch the motors on, false to switch them off.
     pub enable: bool,
@@ -87,15 +88,16 @@ pub trait MotorBus: Send {
     /// Reads everything that has arrived. The loop calls it before it sends the command of `tick`.
     fn receive(&mut self, now_ns: u64, tick: u32) -> Heard;
 
-    /// Writes a command. Returns whether the line accepted all of its bytes. The rest of a command
-    /// that was cut short must not corrupt the next one.
+    /// Writes a command. Returns whether the line accepted all of its bytes. If a command is cut
+    /// short, the driver must make sure that its fragment does not corrupt the next one.
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool;
 
     /// Informs the bus that its motors are off and that no command follows. This call can block.
     fn release(&mut self) {}
 }
 
-/// A protocol of motor controllers on a serial line, with the calls that are made outside the loop.
+/// A protocol that motor controllers on a serial line use. These functions are called outside the
+/// control loop.
 pub trait Protocol: fmt::Debug + Send + Sync {
     /// Checks that the controllers on a line answer and match the rig file. Their motors stay off.
     /// This call can block.
@@ -129,8 +131,8 @@ pub struct Traffic {
     pub commands: usize,
     /// Bytes from the controllers to the host.
     pub feedback: usize,
-    /// Time that the controllers need in addition to the transmission time of the bytes, µs. `rig
-    /// check` adds it to the time of the feedback.
+    /// Time that the controllers need in addition to the transmission time of the bytes, µs. The
+    /// command `rig check` adds it to the time of the feedback.
     pub turnaround_us: u32,
 }
 

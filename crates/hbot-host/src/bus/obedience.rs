@@ -1,9 +1,9 @@
 //! Checks that motors are on or off as commanded.
 
-/// Number of commands that are remembered.
+/// Number of the most recent commands that are remembered.
 const COMMANDS: usize = 64;
 
-/// Remembers for each of the last 64 commands whether it switched the motors on. A bus uses it to
+/// Remembers for each of the last 64 commands whether it switched the motors on, so that a bus can
 /// check whether a reading agrees with the command that it answers.
 #[derive(Debug, Clone)]
 pub struct Obedience {

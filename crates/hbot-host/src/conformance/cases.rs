@@ -75,7 +75,8 @@ fn half(subject: &Subject) -> Result<(), String> {
     Ok(())
 }
 
-/// Pseudo-random numbers that are equal in every run (xorshift, Marsaglia 2003).
+/// A pseudo-random number generator that repeats its sequence in every run (xorshift, Marsaglia
+/// 2003).
 struct Numbers(u32);
 
 impl Numbers {
@@ -162,8 +163,8 @@ fn out_of_order(subject: &Subject) -> Result<(), String> {
     Ok(())
 }
 
-/// Gives the bus answers to a command of tick 1000, which it has not sent. They come from other
-/// controllers.
+/// Checks that the bus ignores answers to a command that it has not sent, here one of tick 1000.
+/// Such answers come from other controllers.
 fn ahead(subject: &Subject) -> Result<(), String> {
     let mut other = Bench::new(subject)?;
     other.tick = 1000;
@@ -256,8 +257,9 @@ fn rebooted(subject: &Subject) -> Result<(), String> {
     bench.expect_recovery(false, 1000)
 }
 
-/// Sends the controllers a command that does not come from the bus: it has the same tick number,
-/// but switches the motors on.
+/// Checks that the bus complains of motors that are on although its command switched them off. To
+/// cause this, the controllers receive a foreign command with the same tick number, which switches
+/// the motors on.
 fn disobedient(subject: &Subject) -> Result<(), String> {
     let mut bench = Bench::pushing(subject)?;
     let mut other = Bench::pushing(subject)?;

@@ -28,9 +28,10 @@ use hbot_core::MAX_JOINTS;
 pub use self::cases::CASES;
 use self::wire::{Tap, Wire};
 
-/// Virtual motor controllers at the far end of a line.
+/// Virtual motor controllers at the far end of a line, against which the suite tests a driver.
 pub trait Controllers: Send {
-    /// Processes `bytes` that arrive at `now_ns`, and appends all answers to `answer` at once.
+    /// Processes `bytes` that arrive at `now_ns`, and appends all answers to `answer` without
+    /// delay.
     fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
 
     /// Returns the torque that each motor gives at `now_ns`, N m, in the order of the bus and with
@@ -41,7 +42,7 @@ pub trait Controllers: Send {
     fn lose_power(&mut self);
 }
 
-/// A driver under test, with virtual controllers that speak its protocol.
+/// A driver under test, with virtual controllers that use its protocol.
 pub struct Subject {
     /// The driver under test.
     pub protocol: &'static dyn Protocol,
@@ -70,7 +71,7 @@ impl Case {
     }
 }
 
-/// Runs all cases.
+/// Runs all cases of the conformance suite on a driver.
 ///
 /// # Panics
 /// Panics if the driver fails a case. The message lists all failed cases and what the driver did.
@@ -97,7 +98,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Creates a bus that has checked its controllers.
+    /// Creates virtual controllers, lets the driver identify them, and creates the driver's bus.
     fn new(subject: &Subject) -> Result<Self, String> {
         let (mut wire, tap) = Wire::new((subject.controllers)());
         let met = subject.protocol.meet(&mut wire, &subject.expected);
@@ -108,7 +109,7 @@ impl Bench {
         Ok(Self { bus, tap, torque, joints: subject.torque.len(), tick: 1 })
     }
 
-    /// Creates a bus whose motors have given torque for 20 ticks.
+    /// Creates a bus and commands torque for 20 ticks, so that its motors are on.
     fn pushing(subject: &Subject) -> Result<Self, String> {
         let mut bench = Self::new(subject)?;
         for _ in 0..20 {
@@ -122,7 +123,8 @@ impl Bench {
         u64::from(self.tick) * PERIOD_NS
     }
 
-    /// Returns the command of the next tick.
+    /// Returns the command of the next tick, with the subject's torques if `enable` is true and
+    /// with zero torque otherwise.
     fn order(&self, enable: bool) -> BusCommand {
         let torque = if enable { self.torque } else { [0.0; MAX_JOINTS] };
         BusCommand { tick: self.tick, enable, watchdog_ms: WATCHDOG_MS, torque }
@@ -141,7 +143,7 @@ impl Bench {
         self.tick_taken(enable).0
     }
 
-    /// Returns the torque of the motors at this moment, N m.
+    /// Returns the torque that each virtual motor gives now, N m.
     fn motors(&self) -> Vec<f64> {
         self.tap.controllers(|controllers| controllers.torque(self.now_ns()))
     }
@@ -156,7 +158,7 @@ impl Bench {
         expect(right, || format!("motors give {motors:?} N m in tick {}, not {words}", self.tick))
     }
 
-    /// Checks that the next tick's reading answers the last command, without complaints.
+    /// Runs one tick, and checks that its reading answers the previous command without complaints.
     fn expect_good(&mut self, enable: bool) -> Result<(), String> {
         let last = self.tick - 1;
         let heard = self.tick(enable);
@@ -167,7 +169,7 @@ impl Bench {
         expect(good, || format!("the answer to tick {last} was heard as {heard:?}"))
     }
 
-    /// Checks that readings are good again after at most `ticks`.
+    /// Runs up to `ticks` + 1 ticks, and checks that one of them has a good reading.
     fn expect_recovery(&mut self, enable: bool, ticks: u32) -> Result<(), String> {
         let mut outcome = Ok(());
         for _ in 0..=ticks {

@@ -7,30 +7,33 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::{Controllers, PERIOD_NS};
 use crate::line::{Line, Renewed};
 
-/// The bus's end of the line.
+/// The bus's end of the line to its virtual controllers.
 pub(super) struct Wire(Arc<Mutex<Middle>>);
 
-/// The suite's access to the line.
+/// The test suite's access to the line, used to disturb it.
 #[derive(Clone)]
 pub(super) struct Tap(Arc<Mutex<Middle>>);
 
-/// A function that replaces an answer by pieces, each with a delay in ticks.
+/// A function that disturbs the line: it replaces an answer of the controllers by pieces, each with
+/// a delay in ticks.
 pub(super) type Fate = Box<dyn FnMut(Vec<u8>) -> Vec<(u32, Vec<u8>)> + Send>;
 
 /// The state of the line between its two ends.
 pub(super) struct Middle {
     controllers: Box<dyn Controllers>,
-    /// Bytes on their way to the bus. Each piece has the time from which it can be read, ns.
+    /// Bytes on their way to the bus, in pieces. Each piece has the time from which it can be read,
+    /// ns.
     pieces: Vec<(u64, Vec<u8>)>,
-    /// The function that disturbs the next answers. With `None` they arrive whole.
+    /// The function that disturbs the answers of the controllers. With `None`, answers arrive
+    /// whole.
     pub(super) fate: Option<Fate>,
-    /// Number of bytes that the line accepts of each write. With `None` it accepts all.
+    /// Largest number of bytes that the line accepts in one write. With `None`, it accepts all.
     pub(super) takes: Option<usize>,
-    /// True if the line is lost.
+    /// True while the line is lost, so that reads and writes fail.
     pub(super) gone: bool,
-    /// The report for the bus that the line has been reopened.
+    /// Report to the bus that the line has been reopened, if the bus has not read it yet.
     pub(super) renewed: Option<Renewed>,
-    /// Collects the written bytes, if set. The controllers do not receive them then.
+    /// If set, collects the bytes that the bus writes, instead of passing them to the controllers.
     pub(super) diverted: Option<Vec<u8>>,
 }
 
@@ -69,7 +72,8 @@ impl Tap {
         held(&self.0).pieces.drain(..).flat_map(|(_, bytes)| bytes).collect()
     }
 
-    /// Sends bytes to the controllers without the bus. Their answer goes to the bus.
+    /// Sends `bytes` to the controllers as another sender on the line would. The answer goes to the
+    /// bus.
     pub(super) fn write(&self, now_ns: u64, bytes: &[u8]) {
         held(&self.0).reach(now_ns, bytes);
     }

@@ -9,8 +9,9 @@ use rustix::fs::{Access, access};
 use super::{Finding, Mark};
 use crate::line::serial::LatencyTimer;
 
-/// Checks whether a serial device exists, is accessible, is not in use, and has no long latency
-/// timer. The device is not opened, because opening can restart the controllers.
+/// Checks that a serial device exists, is accessible, is not in use, and does not delay received
+/// data by a long latency timer. The device is not opened, because opening can restart the
+/// controllers.
 #[must_use]
 pub fn serial(port: &str) -> Vec<Finding> {
     let path = Path::new(port);
@@ -57,7 +58,8 @@ pub fn serial(port: &str) -> Vec<Finding> {
     findings
 }
 
-/// Returns the programs that have the device open, as far as this user can see them.
+/// Returns the names and numbers of the processes that have the device open, as far as this user
+/// can see them.
 fn holders(device: &Path) -> Vec<String> {
     let Ok(device) = fs::canonicalize(device) else { return Vec::new() };
     let has_it_open = |process: &Path| {

@@ -5,16 +5,16 @@ use std::path::Path;
 
 use super::{Finding, Mark};
 
-/// Longest time for waking from sleep that still counts as good, µs. A longer one is a noticeable
-/// part of a tick.
+/// Longest time that a processor can take to wake from sleep without a warning, µs. A longer time
+/// is a noticeable part of a tick.
 const WAKE_US: u64 = 50;
 
-/// The computer that runs hbot, as described by the system's files. Tests replace the root
-/// directory.
+/// The computer that runs hbot, as the files of its operating system describe it. Tests read files
+/// in another root directory.
 pub struct Machine<'a> {
     root: &'a Path,
-    /// Limit on the wake-up time of the processors, µs, if the server sets one. Deeper sleep states
-    /// are not used then.
+    /// Largest wake-up time of the processors that the server allows, µs, if it sets such a limit.
+    /// Deeper sleep states are then not used.
     held_us: Option<u64>,
 }
 
@@ -42,7 +42,7 @@ impl<'a> Machine<'a> {
         Some(text.trim().to_owned())
     }
 
-    /// Reads `file` of each processor that has it.
+    /// Returns the contents of `file` for each processor that has this file.
     fn of_processors(&self, file: &str) -> Vec<String> {
         (0..4096)
             .take_while(|k| self.root.join(format!("sys/devices/system/cpu/cpu{k}")).exists())
@@ -50,7 +50,8 @@ impl<'a> Machine<'a> {
             .collect()
     }
 
-    /// Checks the kernel, the processors, and their sleep states.
+    /// Checks the kernel, the clock and sleep states of the processors, and the limits for
+    /// real-time threads.
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         vec![self.kernel(), self.governor(), self.sleep(), self.isolation(), self.throttling()]

@@ -20,10 +20,10 @@ pub use punctuality::{Punctuality, lead, punctuality, verdict};
 use crate::processor::Processor;
 use crate::realtime::{LOOP_PRIORITY, WakeLatency, lock_memory, real_time};
 
-/// Memory that a server locks, with a margin, bytes.
+/// Memory that a server needs to lock, with a margin, bytes.
 const MEMLOCK: u64 = 256 << 20;
 
-/// The grade of a finding.
+/// The grade of a finding: how well the machine meets one condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mark {
@@ -31,20 +31,20 @@ pub enum Mark {
     Good,
     /// The rig works, but other work on the machine can disturb it noticeably.
     Usable,
-    /// The rig does not work, or faults.
+    /// The rig does not work, or goes into a fault.
     NotSufficient,
 }
 
 /// The result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Identifier of the check. It is stable, so that programs can rely on it.
+    /// Identifier of the check. It never changes, so that programs can rely on it.
     pub id: &'static str,
-    /// How good the result is.
+    /// The grade of the result.
     pub mark: Mark,
     /// What was found, with its numbers.
     pub found: String,
-    /// Advice on how to correct it, if it is not good.
+    /// Advice on how to correct the problem, unless the mark is good.
     pub mend: Option<String>,
 }
 
@@ -55,8 +55,8 @@ impl Finding {
     }
 }
 
-/// Checks whether this process gets real-time priority and can lock its memory. Both are tried out;
-/// reading the limits would not be enough.
+/// Checks whether this process gets real-time priority and can lock enough memory. The priority is
+/// tried out. Locking is tried out only if the limit on locked memory is too low.
 #[must_use]
 pub fn rights() -> Vec<Finding> {
     let shown = |limit: Option<u64>| limit.map_or_else(|| "unlimited".to_owned(), |n| n.to_string());
@@ -87,8 +87,8 @@ pub fn rights() -> Vec<Finding> {
     vec![priority, memory]
 }
 
-/// Checks whether this process can limit the wake-up time of the processors to `wake_us`, µs. Also
-/// returns the limit, which lasts for as long as it is kept.
+/// Checks whether this process can limit the time that the processors take to wake, to `wake_us`
+/// µs. Also returns the limit, which holds until it is dropped.
 #[must_use]
 pub fn wake_latency(wake_us: u32) -> (Finding, Option<WakeLatency>) {
     match WakeLatency::limit(wake_us) {

@@ -36,9 +36,9 @@ pub struct Punctuality {
     pub skipped: u64,
 }
 
-/// Measures a loop that only sleeps until its deadlines, at `rate_hz` for `time`. This is the best
-/// that the machine can do. The loop runs under SCHED_FIFO if the system allows it, and on
-/// processor `cpu` if one is given and usable.
+/// Measures how late the ticks of a loop start if it only sleeps until its deadlines, at `rate_hz`
+/// for `time`. No other loop on this machine can be more punctual. The loop runs under SCHED_FIFO
+/// if the system allows it, and on processor `cpu` if one is given and usable.
 #[must_use]
 pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctuality {
     let period_ns = 1_000_000_000 / u64::from(rate_hz.max(1));
@@ -83,9 +83,9 @@ pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctualit
     }
 }
 
-/// Grades a measurement. Good: at most one tick in 10,000 is late (more than a quarter period), and
-/// none by more than a period. Usable: at most one in 100 is late, and none by more than 20 ms,
-/// which would be a fault. Otherwise it is not sufficient.
+/// Grades a measurement of lateness. It is good if at most one tick in 10,000 is late (by more than
+/// a quarter period) and none by more than a period. It is usable if at most one in 100 is late and
+/// none by more than 20 ms, which would be a fault. Otherwise it is not sufficient.
 #[must_use]
 pub fn verdict(measured: &Punctuality) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);
@@ -115,9 +115,9 @@ pub fn verdict(measured: &Punctuality) -> Finding {
     Finding::new("punctuality", mark, found, mend)
 }
 
-/// Estimates the effect of waking at most `early_ns` before each deadline: the lead that the loop
-/// will need, and the share of a processor that this costs. The finding is only usable if 1 % of
-/// the wake-ups or more come too late for the lead.
+/// Estimates the lead that the loop will need if it can wake up to `early_ns` before each deadline,
+/// and the share of a processor that this costs. The mark is `Usable` instead of `Good` if even the
+/// largest lead is too short for 1 % of the wake-ups or more.
 #[must_use]
 pub fn lead(measured: &Punctuality, early_ns: u64) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);

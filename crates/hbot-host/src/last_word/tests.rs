@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// Returns a program that reports ready at once and then runs `script`.
+/// Returns a helper program for a test: it reports that it is ready and then runs the shell script
+/// `script`.
 fn helper(script: &str) -> Program {
     Program::shell(&format!("printf '\\002' >&2; {script}"))
 }
@@ -12,8 +13,8 @@ fn start(program: &Program) -> io::Result<(LastWord, io::PipeReader)> {
     Ok((LastWord::start(program, &line, &[0, 7, 7, 0])?, far))
 }
 
-/// Returns what a helper writes to the line after it has received `bytes` from its server, and
-/// whether it ended as it should.
+/// Runs a helper that receives `bytes` from its server. Returns the bytes that the helper writes to
+/// the line, and whether it reported ready and ended without an error.
 fn said(bytes: &[u8]) -> (Vec<u8>, bool) {
     let (mut far, line) = io::pipe().unwrap();
     let mut answer = Vec::new();

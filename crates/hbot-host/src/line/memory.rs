@@ -15,7 +15,7 @@ pub type SimulatorCall = Box<dyn FnOnce(&mut SimulatedRig) + Send>;
 /// deliver at once, so that the loop never allocates memory.
 const INBOX: usize = 256 * 1024;
 
-/// A line to a simulated rig in memory.
+/// A line to a simulated rig in the memory of this process, for virtual time.
 pub struct Memory {
     rig: SimulatedRig,
     calls: Receiver<SimulatorCall>,

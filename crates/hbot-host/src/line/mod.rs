@@ -25,7 +25,8 @@ pub trait Line: Send {
     /// Fails if the line is lost.
     fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize>;
 
-    /// Returns a value if the line was lost and has been reopened since the last call. Never waits.
+    /// Returns a report if the line was lost and has been reopened since the last call. Never
+    /// waits.
     fn renewed(&mut self) -> Option<Renewed> {
         None
     }

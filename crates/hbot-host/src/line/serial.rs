@@ -29,7 +29,7 @@ use crate::bus::{Expected, Protocol};
 use crate::last_word::{LastWord, Program, Watched};
 use crate::line::{Line, Renewed};
 
-/// How often the thread of a line checks whether there is work to do.
+/// How often the thread that reopens a line checks whether the line is lost.
 const LOOK: Duration = Duration::from_millis(20);
 /// How long opening a port is retried while another program has it open. After a server was killed,
 /// its helper process keeps the port open until it has written the last word.
@@ -55,13 +55,13 @@ struct Held {
 /// The motor controllers that must be on a line, and their protocol.
 #[derive(Debug, Clone)]
 pub struct Peer {
-    /// Protocol that the controllers speak.
+    /// Protocol that the controllers use.
     pub protocol: &'static dyn Protocol,
     /// Controllers that the rig file expects.
     pub expected: Expected,
 }
 
-/// The error of a serial port that cannot be opened. It lists the ports of this machine.
+/// The error for a serial port that cannot be opened. Its message lists the ports of this machine.
 #[derive(Debug, Error)]
 #[error("cannot open serial port {port}: {reason}\n{}", list(.available))]
 pub struct OpenError {
@@ -115,8 +115,9 @@ impl Serial {
         Ok(())
     }
 
-    /// Starts a thread that reopens the line whenever it is lost. The thread accepts the line when
-    /// `peer` answers on it, and starts a new `helper` for it.
+    /// Starts a thread that reopens the line whenever it is lost. The thread accepts the reopened
+    /// line only if the controllers of `peer` answer on it. It then starts a new `helper` process
+    /// for the line.
     ///
     /// # Errors
     /// Fails if the system cannot start a thread.
@@ -182,7 +183,7 @@ impl Line for Serial {
     }
 }
 
-/// Returns the notice for the user if [`Serial::guard`] fails.
+/// Returns the notice for the user if [`Serial::guard`] could not start a helper process.
 #[must_use]
 pub fn unguarded(port: &impl Display, error: &io::Error) -> String {
     format!(

@@ -4,7 +4,8 @@
 use super::*;
 use crate::layout::JointPlace;
 
-/// Returns the prototype on one line whose behaviour the test controls.
+/// Returns the prototype rig in the mode `active`, on one simulated line. The test disturbs this
+/// line through the returned [`Fake`].
 fn one_line() -> (Bench, Fake) {
     let fake = Fake::new(4);
     let mut bench = Bench::new(&RigConfig::prototype(), vec![fake.clone()], &Layout::single(0..4));
@@ -132,7 +133,8 @@ fn a_line_that_was_gone_is_a_fault_even_where_its_controllers_do_not_complain() 
     }
 }
 
-/// Returns the prototype with wheel A on one line and wheel B on another, in the opposite order.
+/// Returns the prototype rig in the mode `active`, with wheel A on one simulated line and wheel B
+/// on another. The joints of wheel B are in the opposite order on their line.
 fn two_lines() -> (Bench, [Fake; 2]) {
     let fakes = [Fake::new(2), Fake::new(2)];
     let place = |bus, at| JointPlace { bus, at, id: at as u8 };

@@ -25,25 +25,25 @@ use crate::line::{Line, Renewed};
 use crate::motors::Motors;
 use crate::sample::Sample;
 
-/// Controllers that answer every command with constant counts, and the disturbances of their
-/// answers.
+/// Simulated motor controllers that answer every command with constant encoder counts, and the
+/// disturbances of their answers that a test sets.
 #[derive(Default)]
 struct Far {
     joints: usize,
     decoder: Decoder<ToController>,
     heard: Vec<Command>,
-    /// Number of times that they were asked to describe themselves.
+    /// Number of times that the controllers were asked to describe themselves.
     asked: u32,
     flags: ControllerFlags,
-    /// True if the supply of their motors is off: they never report `ENABLED`.
+    /// True if the power supply of the motors is off: the controllers then never report `ENABLED`.
     unsupplied: bool,
-    /// True if their encoders have passed their index mark.
+    /// True if the encoders have passed their index marks.
     index_seen: bool,
-    /// Temperature, °C, and current, A, of the last joint.
+    /// Temperature, °C, and current, A, that the controllers report for the last joint, if set.
     warmth: Option<[f32; 2]>,
     silent: bool,
     renewed: Option<Renewed>,
-    /// Frames that have not been read yet.
+    /// Frames that the engine has not read yet.
     answers: Vec<Vec<u8>>,
 }
 

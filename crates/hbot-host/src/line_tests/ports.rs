@@ -10,8 +10,8 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use super::*;
 use crate::line::serial::{Peer, Serial};
 
-/// Starts a rig behind a pseudo-terminal. `link` becomes a symbolic link to it, as udev creates one
-/// for a USB device.
+/// Starts a simulated rig behind a pseudo-terminal. `link` becomes a symbolic link to the terminal,
+/// as udev creates one for a USB device.
 fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
     let pty = spawn_pty(rig, PtyOptions::default()).expect("a pseudo-terminal");
     // The link does not exist yet, or leads nowhere.
@@ -20,14 +20,15 @@ fn plug(rig: SimulatedRig, link: &Path) -> PtyRig {
     pty
 }
 
-/// Removes the port of a rig and returns the rig. The link is removed as well, so that the port of
-/// another test cannot be found through it.
+/// Removes the pseudo-terminal of a simulated rig, as if its cable were pulled out, and returns the
+/// rig. Removes `link` as well, so that the port of another test cannot be found through it.
 fn unplug(pty: PtyRig, link: &Path) -> SimulatedRig {
     std::fs::remove_file(link).expect("a link");
     pty.stop().expect("it ran")
 }
 
-/// Returns an active rig behind `link`, whose line is reopened if it is lost.
+/// Returns a simulated rig in the mode `active`, behind the pseudo-terminal `link`. Its line is
+/// reopened if it is lost.
 fn plugged(link: &Path) -> (Bench, PtyRig) {
     // A busy machine can delay the bytes of a pseudo-terminal for longer than the prototype's 20
     // ticks.

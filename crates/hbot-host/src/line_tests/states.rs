@@ -9,8 +9,8 @@ use crate::bridge::CONFIRMED;
 const MODES: [Mode; 6] =
     [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
 
-/// Returns a rig in `mode` on one line. The mode `fault` is caused by a controller's fault that is
-/// over.
+/// Returns a simulated rig in `mode` on one line. For the mode `fault`, a motor controller has
+/// reported a fault that is already over.
 fn bench_in(mode: Mode) -> (Bench, Fake) {
     let mut rig = RigConfig::prototype();
     if mode == Mode::Unreferenced {

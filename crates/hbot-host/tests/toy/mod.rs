@@ -26,14 +26,15 @@ use hbot_host::line::Line;
 pub const ON: u32 = 1;
 /// Flag of a reading: the watchdog has expired.
 pub const EXPIRED: u32 = 2;
-/// Flag of a reading: the controllers have restarted since the host last asked who they are.
+/// Flag of a reading: the controllers have restarted since the host last asked for their
+/// description.
 pub const STARTED: u32 = 4;
-/// The line that asks the controllers who they are.
+/// The line that asks the controllers for their description.
 const ASK: &[u8] = b"D *44\n";
-/// The longest line, bytes.
+/// Largest length of a line of this protocol, bytes.
 pub const LONGEST: usize = 512;
 
-/// The driver of the toy protocol.
+/// The driver of the toy protocol, an example for authors of drivers.
 #[derive(Debug)]
 pub struct Toy;
 
@@ -84,7 +85,7 @@ impl Protocol for Toy {
     }
 }
 
-/// The motors on one line.
+/// The motors on one line that use the toy protocol.
 struct ToyBus {
     line: Box<dyn Line>,
     expected: Expected,
@@ -95,7 +96,7 @@ struct ToyBus {
     answered: Option<u32>,
     /// True if the line accepted only a part of the last command.
     cut: bool,
-    /// True if the controllers have restarted since the host last asked who they are.
+    /// True if the controllers have restarted since the host last asked for their description.
     started: bool,
 }
 
@@ -173,7 +174,7 @@ impl MotorBus for ToyBus {
     }
 }
 
-/// A received line that is not complete yet.
+/// A received line of text that is not complete yet.
 pub struct Inbox {
     bytes: [u8; LONGEST],
     length: usize,
@@ -209,7 +210,7 @@ impl Inbox {
     }
 }
 
-/// Returns the exclusive or of all bytes.
+/// Returns the exclusive or of all bytes, the checksum of a line.
 pub fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum ^ byte)
 }
@@ -238,7 +239,8 @@ pub fn framed(text: &str) -> Vec<u8> {
     format!("\n{text} *{:02X}\n", checksum(text.as_bytes())).into_bytes()
 }
 
-/// Sends a line repeatedly until `find` returns a value for the words of an answer.
+/// Sends the line `text` repeatedly until `find` returns a value for the words of an answer.
+/// Returns this value.
 fn ask<T>(
     line: &mut dyn Line,
     expected: &Expected,

@@ -5,9 +5,10 @@ use hbot_host::conformance::Controllers;
 
 use super::{EXPIRED, Inbox, ON, STARTED, framed};
 
-/// The virtual controllers of several held motors.
+/// Virtual motor controllers that use the toy protocol. Their motors are held: they give torque but
+/// do not turn.
 pub struct HeldMotors {
-    /// Counts per turn of each encoder.
+    /// Encoder counts per turn of each joint.
     counts: Vec<u32>,
     inbox: Inbox,
     on: bool,
@@ -20,7 +21,7 @@ pub struct HeldMotors {
 }
 
 impl HeldMotors {
-    /// Creates motors whose encoders have these `counts` per turn.
+    /// Creates virtual motors whose encoders have these `counts` per turn.
     pub fn new(counts: Vec<u32>) -> Self {
         let torque = vec![0.0; counts.len()];
         let inbox = Inbox::default();
@@ -31,7 +32,8 @@ impl HeldMotors {
         self.expired |= self.deadline_ns.is_some_and(|deadline_ns| now_ns >= deadline_ns);
     }
 
-    /// Returns the answer to a line, or `None` if the line has no meaning.
+    /// Returns the answer of the controllers to a line of text, or `None` if they do not understand
+    /// the line.
     fn answer(&mut self, now_ns: u64, text: &str) -> Option<String> {
         let mut words = text.split(' ');
         match words.next()? {

@@ -8,7 +8,8 @@ use std::{collections::BTreeMap, format, string::String, vec::Vec};
 
 const PAGE: &str = include_str!("../../../../docs/link.md");
 
-/// Returns the test vectors of the page, by heading, each with its lines `body`, `crc` and `frame`.
+/// Returns the test vectors listed in docs/link.md. The keys are the heading of the vector and the
+/// name of the line: `body`, `crc` or `frame`.
 fn vectors() -> BTreeMap<&'static str, BTreeMap<&'static str, Vec<u8>>> {
     let mut all = BTreeMap::<_, BTreeMap<_, Vec<u8>>>::new();
     let mut heading = None;
@@ -33,7 +34,7 @@ fn vectors() -> BTreeMap<&'static str, BTreeMap<&'static str, Vec<u8>>> {
     all
 }
 
-/// Returns a test vector in the format of the page.
+/// Returns a test vector as text, in the format in which docs/link.md lists it.
 fn written(sample: &AnyMessage) -> String {
     let body = sample.body();
     let check = CRC.checksum(&body).to_le_bytes();
@@ -67,7 +68,8 @@ fn every_vector_on_the_page_is_encoded_and_decoded_so() {
     assert!(page.is_empty(), "docs/link.md has vectors that no test knows: {:?}", page.keys());
 }
 
-/// Reads the rows `| bytes | direction | error | reason |` of the page's table of frames to refuse.
+/// Checks that each frame in the table "Frames to refuse" of docs/link.md is refused with the error
+/// that the page gives. The rows of the table are `| bytes | direction | error | reason |`.
 #[test]
 fn every_frame_to_refuse_on_the_page_is_refused_so() {
     let mut seen = Vec::new();
@@ -91,8 +93,8 @@ fn every_frame_to_refuse_on_the_page_is_refused_so() {
     }
 }
 
-/// Checks the page's tables of joints, bytes of both frames, and the share of a line that they
-/// take.
+/// Checks that docs/link.md gives the correct frame sizes for several numbers of joints, and the
+/// correct share of a line's capacity that the frames take.
 #[test]
 fn sizes_on_the_page_are_those_of_the_functions() {
     for joints in [1, 2, 4, 8, MAX_JOINTS] {
@@ -124,7 +126,7 @@ fn sizes_on_the_page_are_those_of_the_functions() {
     }
 }
 
-/// Checks the page's tables of the names and bits of the flags.
+/// Checks that docs/link.md gives the correct names and bits of all flags.
 #[test]
 fn flags_on_the_page_are_those_of_the_types() {
     let flags = [

@@ -6,7 +6,7 @@ use crate::*;
 use proptest::{collection::vec, prelude::*};
 use std::{vec, vec::Vec};
 
-/// Returns a frame with any body and a matching check.
+/// Returns a frame with the given body and a matching CRC. The body need not be a valid message.
 fn framed(body: &[u8]) -> Vec<u8> {
     let checked = [body, &CRC.checksum(body).to_le_bytes()].concat();
     let mut frame = vec![0; cobs::max_encoding_length(checked.len()) + 1];
@@ -16,7 +16,8 @@ fn framed(body: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// Asserts that a damaged frame gives only errors, and that the frame `next` after it is decoded.
+/// Asserts that the damaged frame gives only errors, and that the undamaged frame `next` after it
+/// is decoded.
 fn assert_refused_and_recovered(name: &str, sample: &AnyMessage, damaged: &[u8], next: &AnyMessage) {
     let results = sample.decode(&[damaged, &next.encoded()]);
     let (last, before) = results.split_last().expect("a result");
@@ -155,7 +156,8 @@ fn intact_frames_with_a_wrong_body_are_refused() {
     }
 }
 
-/// Checks that values are not judged: every bit pattern of a float is decoded unchanged.
+/// Checks that the decoder does not judge values: every bit pattern of a float is decoded
+/// unchanged, even NaN.
 #[test]
 fn floats_that_are_no_numbers_pass_through() {
     let patterns =
@@ -167,7 +169,8 @@ fn floats_that_are_no_numbers_pass_through() {
     assert_eq!(command.torque.iter().map(|torque| torque.to_bits()).collect::<Vec<_>>(), patterns);
 }
 
-/// Generates bytes that look like a line: random bytes with zeros and whole frames among them.
+/// Generates bytes as they could arrive on a damaged line: random bytes, with zeros and whole
+/// frames among them.
 fn any_line() -> impl Strategy<Value = Vec<u8>> {
     let frames = all_samples().into_iter().map(|(_, sample)| sample.encoded()).collect::<Vec<_>>();
     let piece = prop_oneof![
@@ -200,7 +203,8 @@ fn any_feedback() -> impl Strategy<Value = Feedback> {
 }
 
 proptest! {
-    /// Checks that nothing panics, and that single bytes give the same results as pieces.
+    /// Checks that the decoder never panics, and that it gives the same results for any division of
+    /// the bytes into pieces.
     #[test]
     fn any_bytes_in_any_pieces_give_the_same_results(line in any_line(), piece in 1_usize..50) {
         let bytes = line.chunks(1).collect::<Vec<_>>();
@@ -214,7 +218,7 @@ proptest! {
         decode_all(&[&line], AnyMessage::To);
     }
 
-    /// Checks that a frame after a delimiter is decoded, whatever came before it.
+    /// Checks that a frame after a delimiter is decoded, whatever bytes came before it.
     #[test]
     fn a_frame_after_any_bytes_decodes(before in any_line(), feedback in any_feedback()) {
         let sample = AnyMessage::From(FromController::Feedback(feedback));
@@ -222,8 +226,8 @@ proptest! {
         prop_assert_eq!(results.last(), Some(&Ok(sample)));
     }
 
-    /// Checks that decoding reverses encoding, and that no frame is longer than its number of
-    /// joints allows.
+    /// Checks that decoding an encoded feedback gives the same feedback, and that no frame is
+    /// longer than computed for its number of joints.
     #[test]
     fn feedback_goes_there_and_back(feedback in any_feedback()) {
         let joints = feedback.joints.len();

@@ -7,7 +7,7 @@ use crate::*;
 use heapless::{String, Vec};
 use std::vec::Vec as StdVec;
 
-/// A message of either direction.
+/// A message for tests, to or from a motor controller.
 #[expect(clippy::large_enum_variant, reason = "a test may waste a few bytes")]
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum AnyMessage {
@@ -37,7 +37,8 @@ impl AnyMessage {
         }
     }
 
-    /// Returns the results of a decoder for this message's direction, fed with `pieces`.
+    /// Feeds `pieces` to a decoder for messages of the same direction as this one. Returns the
+    /// decoder's results.
     pub(crate) fn decode(&self, pieces: &[&[u8]]) -> StdVec<Result<AnyMessage, FrameError>> {
         match self {
             Self::To(_) => decode_all(pieces, Self::To),
@@ -58,7 +59,8 @@ pub(crate) fn decode_all<M: Message>(
     results
 }
 
-/// A float without a zero byte, so that COBS cannot save a byte.
+/// A float without a zero byte. COBS adds the most bytes to data without zeros, so frames of such
+/// floats are as long as possible.
 const FULL_F32: f32 = f32::from_bits(0x7F7F_7F7F);
 
 pub(crate) fn largest_command(joints: usize) -> Command {
@@ -90,7 +92,8 @@ pub(crate) fn largest_description(joints: usize) -> Description {
     }
 }
 
-/// The messages whose bytes are listed in docs/link.md, with their names there.
+/// Returns the messages whose bytes are listed in docs/link.md, with the names that they have on
+/// that page.
 pub(crate) fn all_samples() -> StdVec<(&'static str, AnyMessage)> {
     let command = |sequence, enable, torque: &[f32]| {
         let torque = Vec::from_slice(torque).unwrap();

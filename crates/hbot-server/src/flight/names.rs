@@ -8,26 +8,27 @@ use std::path::{Path, PathBuf};
 
 use hbot_api::{Fault, Mode};
 
-/// Largest number of flight logs that are kept in the folder.
+/// Largest number of flight logs that are kept in a folder.
 pub const MAX_FILES: usize = 20;
 
-/// The cause in the file name of an emergency stop's flight log.
+/// The word in the file name that marks the flight log of an emergency stop.
 const ESTOP: &str = Mode::Estop.as_str();
-/// The pattern of the time in a file name. Each 0 stands for any digit.
+/// Pattern of the time in the file name of a flight log. Each 0 stands for any digit.
 const TIME: &str = "00000000T000000.000Z";
 
-/// The name of a log file, such as `flight-20260131T235959.123Z-4711-001-thermal.csv`. The
+/// The file name of a flight log, such as `flight-20260131T235959.123Z-4711-001-thermal.csv`. The
 /// extension is `.part` while the file is being written.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Name {
-    /// Time of the fault in UTC. Alphabetical order of these texts is the order of time.
+    /// Time of the fault in UTC, in a format whose alphabetical order is the order of time.
     time: String,
-    /// Number of the process that writes the log. Another server can use this folder and have a
-    /// fault in the same millisecond.
+    /// Number of the process that writes the log, so that two servers with a fault in the same
+    /// millisecond do not write the same file.
     process: u32,
-    /// Number of the log within its process, from 1, modulo 1000. Always written with three digits.
+    /// Number of the log within its process, from 1, modulo 1000. It is always written with three
+    /// digits.
     number: u16,
-    /// Name of the fault, or `estop`.
+    /// Name of the fault, or `estop` for an emergency stop.
     what: String,
     part: bool,
 }
@@ -38,7 +39,8 @@ impl Name {
         Self { time: time.to_owned(), process, number, what: what.to_owned(), part: false }
     }
 
-    /// Parses a file name. Returns `None` for a name that this program does not write.
+    /// Parses the file name of a flight log. Returns `None` for a name that this program does not
+    /// write.
     pub(super) fn parse(name: &str) -> Option<Self> {
         let (rest, extension) = name.strip_prefix("flight-")?.rsplit_once('.')?;
         let mut fields = rest.split('-');
@@ -61,15 +63,15 @@ impl fmt::Display for Name {
     }
 }
 
-/// Removes logs beyond [`MAX_FILES`] from the folder of `newest`. The file `newest` always stays,
-/// even if a wrong clock makes it look old.
+/// Removes flight logs beyond [`MAX_FILES`] from the folder of `newest`. The file `newest` always
+/// stays, even if a wrong clock makes it look old.
 ///
 /// Files are removed in this order, oldest first within each group:
 ///
 /// 1. incomplete files whose process has ended,
 /// 2. logs of emergency stops,
-/// 3. logs of faults that were not the first fault of their run,
-/// 4. logs of the first fault of a run.
+/// 3. logs of faults that were not the first fault of a server's run,
+/// 4. logs of the first fault of a server's run.
 ///
 /// Files with names that this program does not write stay and do not count.
 ///
@@ -89,7 +91,7 @@ pub fn prune(newest: &Path) -> io::Result<()> {
     })
 }
 
-/// Returns the logs that can be removed, in the order of removal.
+/// Returns those of the flight logs `names` that can be removed, in the order of removal.
 fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
     // Keep incomplete files whose process is still running.
     names.retain(|name| !(name.part && Path::new("/proc").join(name.process.to_string()).exists()));
@@ -147,7 +149,7 @@ mod tests {
         }
     }
 
-    /// Returns names for logs given as (second, process, number, what).
+    /// Returns file names of flight logs, each given as (second, process, number, what).
     fn logs(order: &[(u32, u32, u64, &str)]) -> Vec<Name> {
         let name = |(s, process, number, what): &(u32, u32, u64, &str)| {
             Name::new(&format!("20260131T2359{s:02}.000Z"), *process, *number, what)

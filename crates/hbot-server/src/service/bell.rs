@@ -6,15 +6,15 @@ use std::os::fd::OwnedFd;
 use hbot_host::bridge::Bell;
 use tokio::io::unix::AsyncFd;
 
-/// The loop's bell, in a form that async tasks can wait for. The loop rings it when the service
-/// should take samples. It belongs to one tokio runtime.
+/// The loop's notification of new samples, in a form that async tasks can wait for. It belongs to
+/// one tokio runtime.
 pub(super) struct Ringing {
     bell: Bell,
     descriptor: AsyncFd<OwnedFd>,
 }
 
 impl Ringing {
-    /// Prepares `bell` for waiting.
+    /// Makes `bell`, the loop's notification of new samples, available to async tasks.
     ///
     /// # Errors
     /// Fails if the operating system refuses a descriptor.
@@ -32,13 +32,13 @@ impl Ringing {
         Ok(Self { bell, descriptor })
     }
 
-    /// Selects what rings the bell next: any sample if `every` is true, otherwise only a notable
-    /// sample. See [`Bell::set`].
+    /// Selects which sample triggers the next notification: any sample if `every` is true,
+    /// otherwise only a notable one. See [`Bell::set`].
     pub(super) fn set(&self, every: bool) {
         self.bell.set(every);
     }
 
-    /// Waits until the bell rings. Cancel safe.
+    /// Waits until the loop notifies the service of new samples. Cancel safe.
     ///
     /// # Errors
     /// Fails if the runtime shuts down.

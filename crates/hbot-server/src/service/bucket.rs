@@ -5,19 +5,20 @@ use std::time::Duration;
 use hbot_api::OpName;
 use tokio::time::Instant;
 
-/// Bytes of a request that are free. Ordinary requests are shorter than this.
+/// Number of bytes of a request that do not add to its weight. Ordinary requests are shorter than
+/// this.
 const FREE_BYTES: usize = 256;
-/// Bytes beyond the free ones that weigh as much as one ordinary request.
+/// Number of bytes beyond [`FREE_BYTES`] that weigh as much as one ordinary request.
 const BYTES_A_REQUEST: usize = 16;
 
-/// Returns the weight of a request: the hub's time for it, in units of an ordinary request. It
-/// depends on the op (`None` if it could not be read) and on the number of bytes, whether they were
-/// parsed or skipped.
+/// Returns the weight of a request: the time that the service needs for it, in units of an ordinary
+/// request. It depends on the op (`None` if it could not be read) and on the number of bytes,
+/// whether they were parsed or skipped.
 pub(super) fn weight(op: Option<OpName>, bytes: usize) -> u32 {
     op.map_or(1, |op| op.row().weight) + weight_of(bytes)
 }
 
-/// Returns the part of a request's weight that is due to its bytes.
+/// Returns the part of a request's weight that comes from its number of bytes.
 pub(super) fn weight_of(bytes: usize) -> u32 {
     u32::try_from(bytes.saturating_sub(FREE_BYTES) / BYTES_A_REQUEST).unwrap_or(u32::MAX / 2)
 }
@@ -46,9 +47,9 @@ impl Bucket {
     }
 }
 
-/// Rest after each long message (a request of more than 2 KiB), as a multiple of the time that
-/// reading it took. All clients together therefore spend at most a tenth of the service's time on
-/// long messages.
+/// Pause after each long message (a request of more than 2 KiB), as a multiple of the time that
+/// reading it took. With this value, long messages of all clients together take at most a tenth of
+/// the service's time.
 const REST_PER_WORK: u32 = 9;
 
 /// Limits the share of the service's time that long messages (requests of more than 2 KiB) take.
@@ -58,13 +59,13 @@ pub(super) struct LongMessages {
 }
 
 impl LongMessages {
-    /// Returns the time before which no further long message may be read, or `None` if one may be
+    /// Returns the earliest time at which the next long message may be read, or `None` if it may be
     /// read now.
     pub(super) fn not_before(&self, now: Instant) -> Option<Instant> {
         self.next.filter(|next| *next > now)
     }
 
-    /// Records that a long message was read from `start` to `end`.
+    /// Records that a long message was read from `start` to `end`, which delays the next one.
     pub(super) fn took(&mut self, start: Instant, end: Instant) {
         self.next = Some(end + REST_PER_WORK * end.duration_since(start));
     }

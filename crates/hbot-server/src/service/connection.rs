@@ -50,7 +50,7 @@ pub(super) async fn serve(
     }
 }
 
-/// Serves a connection after the TLS handshake, if any. Closes it when no hello arrives by
+/// Serves a connection after the TLS handshake, if any. Closes it if no hello arrives by
 /// `deadline`.
 pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
     mut stream: S,
@@ -91,7 +91,8 @@ enum Over {
     Writing(io::Result<()>),
 }
 
-/// Runs both directions until one of them ends.
+/// Reads requests from a connection and writes messages to it, until one of the two directions
+/// ends. Returns which one ended, and how.
 async fn exchange<S: AsyncRead + AsyncWrite>(reader: &mut Reader<S>, writer: &mut Writer<S>) -> Over {
     loop {
         // The answers of this turn are sent right after it. A wake-up for them would only run the
@@ -125,7 +126,7 @@ pub(super) fn watch_over(stream: &TcpStream) -> rustix::io::Result<()> {
     sockopt::set_tcp_user_timeout(stream, u32::try_from(all.as_millis()).unwrap_or(u32::MAX))
 }
 
-/// Refuses a connection with an error message, without serving it.
+/// Refuses a new connection: sends an error message and closes it.
 pub(super) async fn turn_away(mut stream: TcpStream, error: ErrorBody) {
     let mut line = Vec::new();
     if Encoding::Json.encode(&Response::error(None, error), &mut line).is_ok()

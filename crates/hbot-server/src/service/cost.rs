@@ -8,16 +8,16 @@ use hbot_core::kinematics::Posture;
 use hbot_core::rig::{RigParts, Zero, legal};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Rig, Vec3};
 
-/// Ticks before the timed ones, in which the controller finds its zeros and is enabled, and caches
-/// warm up.
+/// Number of ticks before the timed ones. In these ticks the control law finds its zeros and is
+/// enabled, and the processor's caches fill.
 const WARM_UP: usize = 40;
-/// Number of timed ticks.
+/// Number of ticks whose computing time is measured.
 const TIMED: usize = 200;
-/// Angular velocity of the sphere during the measurement, rad/s. It is about all axes, so that no
+/// Angular velocity of the sphere during the measurement, rad/s. No component is zero, so that no
 /// effect takes a shortcut for rest.
 const OMEGA: Vec3 = Vec3::new(1.1, -0.7, 0.9);
-/// Torque of a client's stream during the measurement, N m. With it, the cost of torque allocation,
-/// which all effects share, is in both of the compared times.
+/// Torque that a client streams during the measurement, N m. With it, both of the compared times
+/// contain the cost of the torque allocation, which all effects share.
 const TORQUE: Vec3 = Vec3::new(0.02, 0.01, -0.015);
 
 /// Returns the time that each effect of a scene adds to a tick, ns: the median time with the effect
@@ -57,8 +57,8 @@ fn median(mut times: Vec<u64>) -> u64 {
     *times.select_nth_unstable(middle).1
 }
 
-/// Returns the rig with conditions under which the controller keeps rendering: zeros that are known
-/// at once, and the widest legal limits for the faults.
+/// Returns a copy of `rig` with which the control law keeps rendering during the measurement: its
+/// zeros are known at once, and its limits for faults are the widest legal ones.
 fn tolerant(rig: &Rig) -> Rig {
     let alter = |parts: &mut RigParts| {
         parts.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
@@ -69,8 +69,8 @@ fn tolerant(rig: &Rig) -> Rig {
     rig.with(alter).unwrap_or(*rig)
 }
 
-/// Returns the inputs of a `Controller` whose sphere turns at [`OMEGA`] without slip, as the
-/// encoders measure it.
+/// Returns the inputs of the control law in all ticks of the measurement. The sphere turns at
+/// [`OMEGA`] without slip, as the encoders measure it.
 fn inputs(rig: &Rig) -> Vec<Inputs> {
     let joints = rig.device.joints();
     let mut angles = [0.0; MAX_JOINTS];

@@ -7,8 +7,8 @@ use hbot_api::{Id, Request, RequestRefusal};
 
 use super::hub::{First, Gone, Hub};
 
-/// A shared handle to the hub. Tasks use the hub one at a time, and none of them waits while it
-/// does. All run on the service's single thread, so they never block each other.
+/// Shared access to the hub. Tasks use the hub one at a time, and none of them waits meanwhile. All
+/// run on the service's single thread, so they never block each other.
 #[derive(Clone)]
 pub(super) struct Desk(Arc<Mutex<Hub>>);
 
@@ -20,13 +20,13 @@ impl Desk {
     /// Returns exclusive access to the hub.
     ///
     /// # Panics
-    /// Panics if an earlier turn has panicked, because the hub's state may be inconsistent. This
-    /// ends the service, and with it the torque.
+    /// Panics if an earlier use of the hub has panicked, because the hub's state may be
+    /// inconsistent. This ends the service, and with it the torque.
     pub(super) fn hub(&self) -> MutexGuard<'_, Hub> {
         self.0.lock().unwrap_or_else(|_| resume_unwind(Box::new("a turn of the hub has panicked")))
     }
 
-    /// Runs `act` on the hub. Before it, sends waiting states to subscribers. After it, closes the
+    /// Runs `act` on the hub. First sends waiting states to subscribers. Afterwards closes the
     /// connections of clients that do not read.
     ///
     /// # Panics
@@ -41,29 +41,30 @@ impl Desk {
         result
     }
 
-    /// Passes the first message of a connection to the hub and returns its decision.
+    /// Passes the first message of a connection to the hub. Returns how the connection continues.
     pub(super) fn first(&self, session: u64, message: Result<Request, RequestRefusal>) -> First {
         self.turn(|hub| hub.first(session, message))
     }
 
-    /// Sends the delayed refusal of a connection's first message.
+    /// Sends the refusal of a connection's first message, which was delayed because its token was
+    /// wrong.
     pub(super) fn refuse_first(&self, session: u64, refusal: RequestRefusal) {
         self.turn(|hub| hub.refuse_first(session, refusal));
     }
 
-    /// Passes a message after the first one to the hub. Returns whether the hub accepts more
+    /// Passes a message that follows the hello to the hub. Returns whether the hub accepts more
     /// messages from this connection.
     pub(super) fn message(&self, session: u64, message: Result<Request, RequestRefusal>) -> bool {
         self.turn(|hub| hub.message(session, message))
     }
 
-    /// Answers an `estop` that already stopped the loop when its bytes arrived. Returns whether the
-    /// hub accepts more messages from this connection.
+    /// Answers an `estop` request, which already stopped the loop when its bytes arrived. Returns
+    /// whether the hub accepts more messages from this connection.
     pub(super) fn stopped(&self, session: u64, id: Option<Id>) -> bool {
         self.turn(|hub| hub.stopped(session, id))
     }
 
-    /// Tells the hub that the connection has ended, or that the client will send no more.
+    /// Informs the hub that the connection has ended, or that the client will send no more.
     pub(super) fn gone(&self, session: u64, why: Gone) {
         self.turn(|hub| hub.leave(session, why));
     }

@@ -16,26 +16,28 @@ use hbot_host::sample::Sample;
 /// as failed.
 const MAX_WRITING: usize = 2;
 
-/// The outcome of writing a flight log.
+/// The outcome of writing a flight log: the log and the result of writing its file, or the error of
+/// the thread that wrote it.
 pub(super) type Written = Result<(Flight, io::Result<()>), JoinError>;
 
-/// The flight recorder and the logs that are being written. The default value records nothing.
+/// The flight recorder and the flight logs that are being written. The default value records
+/// nothing.
 #[derive(Default)]
 pub(super) struct Flights {
     recorder: Option<FlightRecorder>,
     writing: JoinSet<(Flight, io::Result<()>)>,
     failures: Failures,
-    /// Number of flight logs written.
+    /// Number of flight logs written so far.
     logs: u64,
-    /// Number of flight logs that could not be written.
+    /// Number of flight logs that could not be written so far.
     failed: u64,
-    /// Notified when the writing of a log begins.
+    /// Wakes the service's task when the writing of a flight log begins.
     changed: Arc<Notify>,
 }
 
 impl Flights {
-    /// Creates a recorder for a loop with period `period_ns`, ns. Logs go into the folder `dir`;
-    /// with `None` no logs are written.
+    /// Creates a flight recorder for a loop with period `period_ns`, ns. Flight logs go into the
+    /// folder `dir`; with `None` none are written.
     pub(super) fn new(dir: Option<PathBuf>, period_ns: u64, changed: Arc<Notify>) -> Self {
         let recorder = dir.map(|dir| FlightRecorder::new(dir, period_ns));
         Self { recorder, changed, ..Self::default() }
@@ -54,8 +56,8 @@ impl Flights {
         }
     }
 
-    /// Begins a flight log about `what` in `tick`. Returns the path that the log will have, or
-    /// `None` if logs are not written.
+    /// Begins a flight log for the fault or stop `what` in `tick`. Returns the path that the log
+    /// will have, or `None` if flight logs are not written.
     pub(super) fn trigger(&mut self, tick: u64, what: &str) -> Option<&Path> {
         self.recorder.as_mut().map(|recorder| recorder.trigger(tick, what))
     }
@@ -69,7 +71,8 @@ impl Flights {
         }
     }
 
-    /// Counts a flight log that was written or failed, and reports it in the program's log.
+    /// Counts a flight log that was written or could not be written, and reports it in the
+    /// program's log.
     pub(super) fn written(&mut self, written: Written) {
         match written {
             Ok((flight, Ok(()))) => {

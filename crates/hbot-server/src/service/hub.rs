@@ -46,15 +46,15 @@ use hbot_host::sample::Sample;
 /// The reason why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Gone {
-    /// The client or the server has ended it.
+    /// The client or the server has ended the connection.
     Ended,
-    /// The server gave it up because the client did not read.
+    /// The server gave up the connection because the client did not read.
     Stuck,
     /// The TLS handshake failed or did not finish in time.
     NoHandshake,
 }
 
-/// The outcome of a connection's first message.
+/// How a connection continues after its first message.
 #[derive(Debug, PartialEq)]
 pub(super) enum First {
     /// The hello was accepted. The connection continues in this encoding.
@@ -72,7 +72,7 @@ pub(super) struct Hub {
     rig: RigConfig,
     token: Option<String>,
     encryption: Option<Encryption>,
-    /// The service's end of the channels to the loop.
+    /// The service's end of the bridge to the control loop.
     end: ServiceEnd,
     info: Info,
     stats: Stats,
@@ -83,14 +83,14 @@ pub(super) struct Hub {
     incidents: Incidents,
     flights: Flights,
     latest: Option<Sample>,
-    /// The time from which the next long message can be read.
+    /// Limits how often long messages are read.
     long_messages: LongMessages,
     wrong_tokens: WrongTokens,
     /// Number of connections accepted so far.
     sessions: u64,
     status: watch::Sender<Status>,
-    /// Notified when the service's task must change what it waits for: work on another thread has
-    /// begun, or the number of subscribers has changed.
+    /// Notifies the service's task that it must change what it waits for: work on another thread
+    /// has begun, or the number of subscribers has changed.
     changed: Arc<Notify>,
 }
 
@@ -128,7 +128,7 @@ impl Hub {
     }
 }
 
-/// The functions for the service's task and the connections.
+/// Functions that the service's task and the connections call.
 impl Hub {
     pub(super) fn bounds(&self) -> &Bounds {
         &self.bounds
@@ -138,7 +138,7 @@ impl Hub {
         self.encryption.as_ref()
     }
 
-    /// Returns the notifier that signals when the service's task must change what it waits for.
+    /// Returns the notifier that wakes the service's task when it must change what it waits for.
     pub(super) fn changed(&self) -> Arc<Notify> {
         Arc::clone(&self.changed)
     }
@@ -151,18 +151,18 @@ impl Hub {
         self.end.emergency_stop()
     }
 
-    /// Returns whether there are samples to take.
+    /// Returns whether samples from the loop are waiting.
     pub(super) fn has_samples(&self) -> bool {
         self.end.has_samples()
     }
 
-    /// Returns whether the loop has ended and all samples are taken.
+    /// Returns whether the loop has ended and all its samples have been taken.
     pub(super) fn is_over(&self) -> bool {
         self.end.is_over()
     }
 
-    /// Returns whether any client is subscribed to states. If not, samples wait until something
-    /// notable happens.
+    /// Returns whether any client is subscribed to states. If not, samples wait until a notable one
+    /// arrives.
     pub(super) fn is_watched(&self) -> bool {
         self.publisher.is_watched()
     }
@@ -171,7 +171,7 @@ impl Hub {
         &mut self.long_messages
     }
 
-    /// Returns the number of clients that have not said hello.
+    /// Returns the number of connected clients that have not sent their hello yet.
     pub(super) fn strangers(&self) -> usize {
         self.publisher.strangers()
     }
@@ -183,7 +183,7 @@ impl Hub {
         self.sessions
     }
 
-    /// Adds the client of a new connection.
+    /// Adds `peer`, the client of the new connection `session`.
     pub(super) fn admit(&mut self, session: u64, peer: Peer) {
         self.publisher.admit(session, peer);
     }
@@ -193,18 +193,18 @@ impl Hub {
         self.stats.counts.connections_turned_away += 1;
     }
 
-    /// Counts a refused request under `code`.
+    /// Counts a request that was refused with the error `code`.
     pub(super) fn refused(&mut self, code: ErrorCode) {
         self.stats.counts.refused.add(code);
     }
 
-    /// Closes the connection that has waited longest for the refusal of its wrong token, to free
-    /// its place. Returns false if there is none.
+    /// Closes the connection that has waited longest for the refusal of its wrong token, so that
+    /// another connection gets its place. Returns false if there is no such connection.
     pub(super) fn cut_a_guess(&mut self) -> bool {
         self.publisher.cut_a_guess()
     }
 
-    /// Takes the waiting samples and returns the statistics of the run so far.
+    /// Processes the waiting samples and returns the statistics of the run so far.
     pub(super) fn summary(&mut self) -> StatsOk {
         self.drain();
         self.stats.summary(&self.flights)
@@ -234,8 +234,8 @@ impl Hub {
         });
     }
 
-    /// Closes the connections of clients that do not read. Each closing can cause events, which can
-    /// overflow the queues of other clients.
+    /// Closes the connections of clients that do not read. Each closing can cause events that
+    /// overflow the queues of other clients, so this repeats until no such client is left.
     pub(super) fn bury(&mut self) {
         while let Some(session) = self.publisher.cut_next() {
             self.stats.counts.connections_cut += 1;
@@ -260,9 +260,9 @@ impl Hub {
         self.gone(session);
     }
 
-    /// Notes that a client sends no more. If it held the lease, the rig file's policy for a lost
-    /// client is ordered and the lease is freed. The client stays known until its pending answers
-    /// are sent.
+    /// Handles a client that sends no more requests. If it held the lease, this orders the loop to
+    /// apply the rig file's policy for a lost client, and frees the lease. The client stays known
+    /// until its pending answers are sent.
     pub(super) fn gone(&mut self, session: u64) {
         if !self.publisher.gone(session) {
             return;
@@ -276,7 +276,7 @@ impl Hub {
         self.tell_status();
     }
 
-    /// Announces to all clients that the server stops, and closes each connection after its queued
+    /// Informs all clients that the server stops, and closes each connection after its queued
     /// messages are sent. Returns the flight logs that are in progress.
     pub(super) fn farewell(&mut self, why: &str) -> Flights {
         self.publisher.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
@@ -285,10 +285,9 @@ impl Hub {
     }
 }
 
-/// The functions that several requests share.
+/// Functions that several requests share.
 impl Hub {
-    /// Sends a client's order, which is a command for the loop. The answer arrives with a later
-    /// sample.
+    /// Sends a client's command to the loop. The answer arrives with a later sample.
     ///
     /// # Errors
     /// Fails if too many orders are pending.
@@ -344,8 +343,8 @@ impl Hub {
         }
     }
 
-    /// Refuses a request and counts the refusal. A stream message without an id gets no answer, and
-    /// is reported to its client as a count.
+    /// Refuses a request and counts the refusal. A refused stream message without an id gets no
+    /// separate answer; the client is informed of the number of such refusals.
     fn refuse(&mut self, session: u64, id: Option<Id>, op: Option<OpName>, error: ErrorBody) {
         let stream = op.is_some_and(|op| op.row().stream);
         self.stats.counts.refused_streams += u64::from(stream);

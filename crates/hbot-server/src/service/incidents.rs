@@ -11,12 +11,12 @@ use super::flights::Flights;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
-/// Detects faults, stops and resets in samples.
+/// Detects faults, emergency stops and resets in the samples of the loop.
 pub(super) struct Incidents {
     rig: Rig,
-    /// Mode and cause of the last sample.
+    /// Mode and fault cause of the last sample.
     situation: Option<(Mode, Option<Cause>)>,
-    /// The loop's count of skipped ticks at the last sample.
+    /// Total number of skipped ticks that the last sample reported.
     skipped: u64,
     /// Number of ticks that were skipped just before the last sample.
     skipped_before: u64,
@@ -29,13 +29,14 @@ impl Incidents {
         Self { rig, situation: None, skipped: 0, skipped_before: 0, stopper: None }
     }
 
-    /// Records who stops the rig.
+    /// Records the description of the client that stops the rig, for the message about the stop.
     pub(super) fn stopped_by(&mut self, who: Option<String>) {
         self.stopper = who;
     }
 
-    /// Examines a sample. An incident is counted and logged, and a fault or stop also begins a
-    /// flight log. Returns the event for all clients, or `None` if there was no incident.
+    /// Examines a sample for an incident: a fault, an emergency stop or a reset. An incident is
+    /// counted and logged, and a fault or stop also begins a flight log. Returns the event for all
+    /// clients, or `None` if there was no incident.
     #[inline]
     pub(super) fn look(
         &mut self,
@@ -106,7 +107,8 @@ fn event(sample: &Sample, message: String) -> FaultEvent {
     }
 }
 
-/// Returns a message with the observed value, the limit that it exceeded, and the remedy.
+/// Returns the message that explains a fault to clients: the observed value, the limit that it
+/// exceeded, and the remedy.
 fn explain(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
     let state = &sample.state;
     match cause {
@@ -169,8 +171,8 @@ fn explain(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
     }
 }
 
-/// Describes the missed deadline: a tick that began too late, or ticks that were skipped because
-/// the tick before them took too long.
+/// Returns a description of a missed deadline: a tick that began too late, or ticks that were
+/// skipped because the tick before them took too long.
 fn deadline(lateness_ns: u64, skipped: u64) -> String {
     let late_ms = convert::seconds(lateness_ns) * 1.0e3;
     let what = if lateness_ns > LATE_FAULT_NS {

@@ -36,8 +36,8 @@ impl Info {
         Self { fixed, limits: joint_limits(config) }
     }
 
-    /// Returns the complete answer to `info`. The torque capability is computed for the posture in
-    /// `sample`, and is absent without a sample.
+    /// Returns the complete answer to `info`. The largest torque about each axis is computed for
+    /// the posture in `sample`, and is absent without a sample.
     pub(super) fn answer(
         &self,
         config: &RigConfig,
@@ -103,8 +103,8 @@ fn limits(config: &RigConfig) -> LimitsInfo {
     }
 }
 
-/// Returns the stiffness that can be expected of the rig, or `None` if the inertias of a wheel
-/// contradict each other.
+/// Returns the stiffness of springs that the rig is expected to render, or `None` if the inertias
+/// of a wheel contradict each other.
 fn render(config: &RigConfig) -> Option<RenderInfo> {
     let expected = StiffnessBound::of(config)?;
     let [stiffness_most, _] = expected.most();

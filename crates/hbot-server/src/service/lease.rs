@@ -2,7 +2,7 @@
 
 use hbot_api::{ErrorBody, ErrorCode, LeaseCause, LeaseEvent, LeaseInfo, OpName};
 
-/// The lease and its present holder, if any.
+/// The lease, which is the right to command the rig, and the client that holds it, if any.
 #[derive(Default)]
 pub(super) struct Lease {
     holder: Option<Holder>,
@@ -37,7 +37,7 @@ impl Lease {
         LeaseEvent { holder, session, cause }
     }
 
-    /// Checks that `session` holds the lease, which `what` requires. `what` is the name of an op.
+    /// Checks that `session` holds the lease, which the op `what` requires.
     ///
     /// # Errors
     /// Fails if `session` does not hold the lease.
@@ -51,8 +51,8 @@ impl Lease {
         Err(ErrorBody { holder, ..ErrorBody::new(ErrorCode::NotHolder, message) })
     }
 
-    /// Gives the lease to `session`. Returns how it changed hands, or `None` if `session` holds it
-    /// already.
+    /// Gives the lease to `session`. Returns whether it was acquired or stolen, or `None` if
+    /// `session` holds it already.
     ///
     /// # Errors
     /// Fails if another client holds the lease and `steal` is false.
@@ -76,7 +76,7 @@ impl Lease {
         Ok(Some(cause))
     }
 
-    /// Frees the lease if `session` holds it. Returns whether it did.
+    /// Frees the lease if `session` holds it. Returns true if the lease was freed.
     pub(super) fn free(&mut self, session: u64) -> bool {
         let held = self.is_held_by(session);
         if held {

@@ -77,45 +77,45 @@ use hbot_host::sample::Sample;
 /// A function that gives the simulated rig the phenomena of a scene.
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
 
-/// The settings of the service.
+/// The settings with which the service is started.
 pub struct ServiceSetup {
-    /// The rig that the loop drives.
+    /// The configuration of the rig that the loop drives.
     pub rig: RigConfig,
     /// The scene that the loop is already running.
     pub scene: RunningScene,
-    /// Called with the phenomena that a newly loaded scene names. `None` with a real rig, which
-    /// ignores phenomena.
+    /// The function that receives the phenomena that a newly loaded scene names. `None` with a real
+    /// rig, which ignores phenomena.
     pub phenomena: Option<SetPhenomena>,
-    /// The token that clients must show. With `None` no token is required.
+    /// The token that clients must send. With `None` no token is required.
     pub token: Option<String>,
-    /// Encrypts connections. With `None` connections are plain TCP.
+    /// The TLS encryption of connections. With `None` connections are plain TCP.
     pub encryption: Option<Encryption>,
     /// The folder for flight logs. With `None` no logs are written.
     pub flight_dir: Option<PathBuf>,
-    /// The names of the numerical methods in use, as text for the answer to `info`.
+    /// Name of the preset of numerical methods in use, for the answer to `info`.
     pub accuracy: String,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.
 #[derive(Debug)]
 pub enum Control {
-    /// Asks for the statistics of the run.
+    /// Asks for the statistics of the run, which are sent through this channel.
     Summarize(oneshot::Sender<Box<Summary>>),
     /// Asks the service to count a refusal that happened outside of the TCP service, such as at the
     /// metrics page.
     Refused(ErrorCode),
 }
 
-/// A summary of the service's present state, for a line in a terminal.
+/// A summary of the service's present state, for display in a terminal.
 #[derive(Debug, Clone, Default)]
 pub struct Status {
-    /// The newest sample. `None` before the first.
+    /// The newest sample of the loop. `None` before the first.
     pub sample: Option<Sample>,
-    /// Number of clients that have said hello.
+    /// Number of connected clients that have sent their hello.
     pub clients: usize,
     /// Name of the client that holds the lease, if any.
     pub holder: Option<String>,
-    /// Name of the scene.
+    /// Name of the running scene.
     pub scene: String,
 }
 
@@ -132,7 +132,7 @@ impl Status {
     }
 }
 
-/// The limits of the service.
+/// The limits that the service sets for its clients.
 #[derive(Debug, Clone, Copy)]
 struct Bounds {
     /// Largest number of simultaneous connections.
@@ -140,16 +140,16 @@ struct Bounds {
     /// Number of places, among `connections` and among `strangers`, that are reserved for programs
     /// on this machine.
     local: usize,
-    /// Largest number of simultaneous connections that have not said hello. Of these, `local`
-    /// places are reserved for programs on this machine.
+    /// Largest number of simultaneous connections that have not sent their hello yet. Of these,
+    /// `local` places are reserved for programs on this machine.
     strangers: usize,
-    /// Time within which a client must say hello.
+    /// Time within which a client must send its hello.
     hello: Duration,
-    /// Delay before the answer to a wrong token.
+    /// Delay before the answer to a wrong token, which slows down guessing.
     wrong_token: Duration,
-    /// Time without progress in sending after which a client is considered gone.
+    /// Time without progress in sending to a client after which the client is considered gone.
     stuck: Duration,
-    /// Largest number of messages that wait for one client.
+    /// Largest number of messages that wait to be sent to one client.
     outgoing: usize,
     /// Ordinary requests per second that one client can make. A request that takes longer counts as
     /// several.

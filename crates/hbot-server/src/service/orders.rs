@@ -9,29 +9,29 @@ use hbot_core::outputs::Reply;
 use hbot_host::bridge::{Busy, ServiceEnd};
 use hbot_host::sample::Answer;
 
-/// Number of pending orders from which on stream messages are refused. The loop executes 7 orders
-/// per tick, in sequence.
+/// If at least this many orders are pending, stream messages are refused. The loop executes 7
+/// orders per tick, in sequence.
 const MAX_STREAMS: usize = 32;
-/// Number of pending orders from which on all ops except `disable` and `estop` are refused.
+/// If at least this many orders are pending, all ops except `disable` and `estop` are refused.
 const MAX_ORDERS: usize = 64;
-/// Number of pending orders from which on a `disable` is refused. This leaves room for the
+/// If at least this many orders are pending, `disable` is refused. This leaves room for the
 /// confirmation of an emergency stop. The stop itself takes effect in the next tick, whatever
-/// waits.
+/// orders are pending.
 const MAX_DISABLES: usize = 128;
 
 /// Keeps track of orders, which are commands for the loop: those without an answer yet, and those
-/// that wait for a place in the ring.
+/// that wait for room in the ring to the loop.
 #[derive(Default)]
 pub(super) struct Orders {
-    /// Pending orders by ticket. The loop answers in this order.
+    /// Orders without an answer: the ticket and the origin of each. The loop answers in this order.
     pending: VecDeque<(u64, Asker)>,
-    /// Orders of the service itself that found no place in the ring yet.
+    /// Orders from the service itself for which the ring to the loop had no room yet.
     insisted: VecDeque<(Asker, Command)>,
-    /// The newest order, if it is one of the service itself.
+    /// The newest order, if it came from the service itself.
     newest: Option<Command>,
 }
 
-/// The origin of an order, which receives its answer.
+/// The origin of an order, to which the answer is passed on.
 #[derive(Debug, Clone)]
 pub(super) enum Asker {
     Client {
@@ -39,12 +39,13 @@ pub(super) enum Asker {
         id: Option<Id>,
         op: OpName,
     },
-    /// The service itself, with a description of the order.
+    /// The service itself, with a description of the order for the log.
     Service(&'static str),
 }
 
-/// Returns the number of pending orders from which on an order for `op` is refused. Orders that
-/// make the rig safe have higher limits, so that other orders cannot take their places.
+/// Returns the limit for orders of `op`: such an order is refused if at least this many orders are
+/// pending. Orders that make the rig safe have higher limits, so that other orders cannot take
+/// their places.
 fn places(op: OpName) -> usize {
     match op.row() {
         OpRow { stop: Some(Stop::Estop), .. } => usize::MAX,
@@ -58,7 +59,7 @@ impl Orders {
     /// Sends a client's order to the loop. The answer arrives with a later sample.
     ///
     /// # Errors
-    /// Fails if too many orders are pending for an order of the kind of `op`.
+    /// Fails if too many orders are pending for another order of `op`.
     pub(super) fn place(
         &mut self,
         end: &mut ServiceEnd,
@@ -76,9 +77,9 @@ impl Orders {
         Ok(())
     }
 
-    /// Sends an order of the service itself, now or as soon as there is a place. If it equals the
-    /// newest order and that one is still pending, it is not sent again: no order came between
-    /// them, and the events that cause it can come faster than the loop takes orders.
+    /// Sends an order from the service itself, now or when the ring to the loop has room. If it
+    /// equals the newest order and that one is still pending, it is not sent again: no order came
+    /// between them, and the events that cause it can come faster than the loop takes orders.
     pub(super) fn insist(&mut self, end: &mut ServiceEnd, asker: Asker, command: Command) {
         let on_its_way = !(self.pending.is_empty() && self.insisted.is_empty());
         if on_its_way && self.newest == Some(command) {
@@ -89,7 +90,7 @@ impl Orders {
         self.retry(end);
     }
 
-    /// Tries again to send the service's orders that found no place in the ring.
+    /// Tries again to send the service's orders for which the ring to the loop had no room.
     pub(super) fn retry(&mut self, end: &mut ServiceEnd) {
         while let Some((asker, command)) = self.insisted.pop_front() {
             match end.order(command) {
@@ -102,16 +103,16 @@ impl Orders {
         }
     }
 
-    /// Returns the next order that `answer` settles, and its reply. The reply is `None` if it was
-    /// in a sample that was dropped. One answer can settle several orders, so call this until it
-    /// returns `None`.
+    /// Returns an order that `answer` settles, with its reply. An answer also settles all earlier
+    /// orders without an answer. Their reply is `None`, because their answers were lost with a
+    /// dropped sample. Call this until it returns `None`.
     pub(super) fn answered(&mut self, answer: &Answer) -> Option<(Asker, Option<Reply>)> {
         let (asker, lost) = self.take(answer.ticket)?;
         Some((asker, (!lost).then_some(answer.reply)))
     }
 
-    /// Removes the oldest pending order up to `ticket`. Returns its asker, and whether its answer
-    /// was in a sample that was dropped.
+    /// Removes the oldest pending order, if its ticket is at most `ticket`. Returns its origin, and
+    /// whether its answer was lost with a dropped sample.
     fn take(&mut self, ticket: u64) -> Option<(Asker, bool)> {
         let (front, _) = self.pending.front()?;
         if *front > ticket {

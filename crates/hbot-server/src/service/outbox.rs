@@ -4,21 +4,21 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 
-/// Largest number of bytes that wait for one client. The longest message, the answer to `info`, is
-/// far less than a tenth of it. The service's memory for messages is at most this times the number
-/// of clients.
+/// Largest number of bytes that wait to be sent to one client. The longest message, the answer to
+/// `info`, is far less than a tenth of it. The service's memory for messages is at most this times
+/// the number of clients.
 const MAX_BYTES: usize = 1 << 20;
-/// Largest buffer that an idle connection keeps, bytes.
+/// Largest buffer that a connection keeps after its messages are sent, bytes.
 const KEPT_BYTES: usize = 64 * 1024;
 
-/// The hub's end of a client's queue.
+/// The hub's end of the queue of messages for one client.
 pub(super) struct Outbox {
     queue: Shared,
-    /// No samples are queued until most of the queue is free again.
+    /// True if no samples are queued until most of the queue is free again.
     congested: bool,
 }
 
-/// The connection's end of a client's queue.
+/// The connection's end of the queue of messages for one client.
 pub(super) struct Inbox {
     queue: Shared,
 }
@@ -26,14 +26,15 @@ pub(super) struct Inbox {
 #[derive(Clone)]
 struct Shared(Arc<Mutex<Queue>>);
 
-/// Encoded messages for one client, one after the other, and their counts.
+/// The encoded messages for one client, one after the other, and their number.
 struct Queue {
     bytes: Vec<u8>,
     messages: usize,
-    /// Bytes and messages that the connection has taken and not yet sent completely.
+    /// Number of bytes and number of messages that the connection has taken and not yet sent
+    /// completely.
     sending: (usize, usize),
     most: usize,
-    /// One of the two ends is gone.
+    /// True if one of the two ends of the queue has been dropped.
     closed: bool,
     waker: Option<Waker>,
 }
@@ -53,7 +54,8 @@ impl Shared {
     }
 }
 
-/// Creates a queue for at most `messages` messages. Returns both ends.
+/// Creates a queue of at most `messages` messages for one client. Returns the hub's end and the
+/// connection's end.
 pub(super) fn outbox(messages: usize) -> (Outbox, Inbox) {
     let queue =
         Queue { bytes: Vec::new(), messages: 0, sending: (0, 0), most: messages, closed: false, waker: None };
@@ -62,8 +64,8 @@ pub(super) fn outbox(messages: usize) -> (Outbox, Inbox) {
 }
 
 impl Outbox {
-    /// Queues the answer or event that `write` appends. Returns `Ok(false)` if there is no room or
-    /// the connection is gone.
+    /// Queues the message that `write` appends to a buffer. Returns `Ok(false)` if there is no room
+    /// or the connection is gone.
     ///
     /// # Errors
     /// Returns the errors of `write`. Nothing is queued then.
@@ -100,7 +102,7 @@ impl Outbox {
         written.is_ok_and(|placed| placed)
     }
 
-    /// Returns whether the connection has ended by itself.
+    /// Returns whether the connection has dropped its end of the queue.
     pub(super) fn is_closed(&self) -> bool {
         self.queue.lock().closed
     }
@@ -124,8 +126,8 @@ impl Drop for Outbox {
 }
 
 impl Inbox {
-    /// Takes all queued messages into `bytes`, whose old content has been sent. Returns false when
-    /// the hub has dropped its end and everything has been sent.
+    /// Moves all queued messages into `bytes`, whose old content has been sent. Returns false when
+    /// the hub has dropped its end of the queue and everything has been sent.
     pub(super) fn poll_take(&mut self, context: &Context<'_>, bytes: &mut Vec<u8>) -> Poll<bool> {
         let mut queue = self.queue.lock();
         queue.sending = (queue.bytes.len(), queue.messages);
@@ -161,7 +163,7 @@ impl Drop for Inbox {
 mod tests {
     use super::*;
 
-    /// Returns the result of `poll_take` and the bytes that it took.
+    /// Calls `poll_take` once. Returns its result and the bytes that it took.
     fn take(inbox: &mut Inbox) -> (Poll<bool>, Vec<u8>) {
         let mut bytes = Vec::new();
         let taken = inbox.poll_take(&Context::from_waker(Waker::noop()), &mut bytes);

@@ -13,13 +13,13 @@ use super::outbox::Outbox;
 /// Minimum time between two `refused` events to one client.
 const REFUSED_EVERY: Duration = Duration::from_secs(1);
 
-/// The state of one client.
+/// The state of one client, as the hub keeps it.
 pub(super) struct Peer {
     /// The name that the client gave in its hello. `None` before the hello.
     pub(super) name: Option<String>,
     /// The IP address of the client.
     pub(super) address: IpAddr,
-    /// The client has shown a wrong token, and its refusal is being delayed.
+    /// True if the client has sent a wrong token and its refusal is being delayed.
     pub(super) guessed: bool,
     pub(super) encoding: Encoding,
     pub(super) outbox: Outbox,
@@ -28,7 +28,7 @@ pub(super) struct Peer {
     pub(super) every: u64,
     /// Number of answers that are pending from the loop or from other threads.
     pub(super) owed: u32,
-    /// The client sends no more. It stays known only until its pending answers are sent.
+    /// True if the client sends no more. It stays known only until its pending answers are sent.
     pub(super) gone: bool,
     dropped: Tally,
     refused: Tally,
@@ -36,13 +36,14 @@ pub(super) struct Peer {
     refused_told: Option<Instant>,
 }
 
-/// The last refusal that has not been reported to the client.
+/// The last refused stream message that has not been reported to the client.
 struct Refused {
     op: Option<OpName>,
     error: ErrorBody,
 }
 
-/// Two counts of one kind of event: since the last report, and in total.
+/// The number of events of one kind, such as lost states: since the last report to the client, and
+/// in total.
 #[derive(Default)]
 struct Tally {
     untold: u64,
@@ -75,7 +76,7 @@ impl Peer {
         }
     }
 
-    /// Returns whether the client has said hello and has not gone.
+    /// Returns whether the client has sent its hello and is still connected.
     pub(super) fn listens(&self) -> bool {
         self.name.is_some() && !self.gone
     }
@@ -84,7 +85,7 @@ impl Peer {
         self.every != 0 && tick.is_multiple_of(self.every)
     }
 
-    /// Counts a state that the client does not get.
+    /// Counts a state that is not sent to the client, because the client reads too slowly.
     pub(super) fn drop_state(&mut self) {
         self.dropped.add();
     }
@@ -99,7 +100,7 @@ impl Peer {
         Some(Event::Dropped(DroppedEvent { count, total: self.dropped.total }))
     }
 
-    /// Records a refused stream message, for the next `refused` event.
+    /// Records a refused stream message, which the next `refused` event reports to the client.
     pub(super) fn refuse(&mut self, op: Option<OpName>, error: ErrorBody) {
         self.refused.add();
         self.last_refused = Some(Refused { op, error });
@@ -154,7 +155,8 @@ impl Frames {
         self.made = [false; Encoding::ALL.len()];
     }
 
-    /// Returns the encoded message, or nothing if it holds a number that is not finite.
+    /// Returns the encoded message. It is empty if the message contains a number that is not
+    /// finite.
     pub(super) fn of(&mut self, encoding: Encoding, message: &impl Serialize) -> &[u8] {
         let (bytes, made) = (&mut self.bytes[encoding as usize], &mut self.made[encoding as usize]);
         if !std::mem::replace(made, true) {

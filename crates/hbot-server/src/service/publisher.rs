@@ -13,18 +13,18 @@ use super::convert;
 use super::peer::{Frames, Peer};
 use hbot_host::sample::Sample;
 
-/// All clients, and the messages to them.
+/// All connected clients, and the messages to them.
 pub(super) struct Publisher {
     peers: BTreeMap<u64, Peer>,
     /// Number of clients that are subscribed to states.
     subscribers: usize,
-    /// The state event that is being published. It is reused, so that a sample allocates memory
-    /// only for its messages.
+    /// A state event whose memory is reused for each sample, so that a sample allocates memory only
+    /// for its messages.
     state: Event,
     frames: Frames,
-    /// Clients whose queue had no room for a message. They are disconnected at the end of the turn.
+    /// Clients that must be disconnected, because their queue had no room for a message.
     doomed: Vec<u64>,
-    /// Notified when the number of subscribers may have changed.
+    /// Wakes the service's task when the number of subscribers may have changed.
     changed: Arc<Notify>,
 }
 
@@ -40,13 +40,13 @@ impl Publisher {
         }
     }
 
-    /// Adds a client that has not said hello.
+    /// Adds a client that has not sent its hello yet.
     pub(super) fn admit(&mut self, session: u64, peer: Peer) {
         self.peers.insert(session, peer);
     }
 
-    /// Records the name and encoding of a client that has said hello. Returns false if the client
-    /// is not known.
+    /// Records the name and encoding of a client that has sent its hello. Returns false if the
+    /// client is not known.
     pub(super) fn greet(&mut self, session: u64, name: String, encoding: Encoding) -> bool {
         let Some(peer) = self.peers.get_mut(&session) else { return false };
         peer.encoding = encoding;
@@ -54,8 +54,8 @@ impl Publisher {
         true
     }
 
-    /// Removes a client that has not said hello. Its connection ends after its queued messages are
-    /// sent.
+    /// Removes a client that has not sent its hello. Its connection ends after its queued messages
+    /// are sent.
     pub(super) fn dismiss(&mut self, session: u64) {
         self.peers.remove(&session);
     }
@@ -65,7 +65,7 @@ impl Publisher {
         self.peers.clear();
     }
 
-    /// Records that a client has shown a wrong token. Returns the client's address.
+    /// Records that a client has sent a wrong token. Returns the client's address.
     pub(super) fn guessed(&mut self, session: u64) -> Option<IpAddr> {
         let peer = self.peers.get_mut(&session)?;
         peer.guessed = true;
@@ -73,7 +73,7 @@ impl Publisher {
     }
 
     /// Closes the connection that has waited longest for the refusal of its wrong token. Returns
-    /// false if there is none.
+    /// false if there is no such connection.
     pub(super) fn cut_a_guess(&mut self) -> bool {
         let guess = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session);
         let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
@@ -90,12 +90,12 @@ impl Publisher {
         self.peers.get(&session)?.name.as_deref()
     }
 
-    /// Returns the number of clients that have not said hello.
+    /// Returns the number of connected clients that have not sent their hello yet.
     pub(super) fn strangers(&self) -> usize {
         self.peers.values().filter(|peer| peer.name.is_none()).count()
     }
 
-    /// Returns the number of clients that have said hello and have not gone.
+    /// Returns the number of connected clients that have sent their hello.
     pub(super) fn listeners(&self) -> usize {
         self.peers.values().filter(|peer| peer.listens()).count()
     }
@@ -172,7 +172,7 @@ impl Publisher {
         Ok(())
     }
 
-    /// Sends an event to all clients that have said hello.
+    /// Sends an event to all clients that have sent their hello.
     pub(super) fn broadcast(&mut self, event: &Event) {
         self.frames.clear();
         for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
@@ -192,7 +192,8 @@ impl Publisher {
         }
     }
 
-    /// Notifies clients of states and stream messages that were lost since the last such notice.
+    /// Notifies each client of its dropped states and refused stream messages since the last such
+    /// notice.
     pub(super) fn tell_losses(&mut self, now: Instant) {
         let mut events = Vec::new();
         for (session, peer) in self.peers.iter_mut().filter(|(_, peer)| peer.listens()) {
@@ -275,7 +276,8 @@ mod tests {
         Publisher::new(Arc::default())
     }
 
-    /// Adds a client with a queue for `messages` messages.
+    /// Adds a client whose queue has room for `messages` messages. Returns the connection's end of
+    /// this queue.
     fn admit(publisher: &mut Publisher, session: u64, messages: usize) -> Inbox {
         let (out, inbox) = outbox(messages);
         publisher.admit(

@@ -45,14 +45,14 @@ pub(super) enum Ended {
     Broken,
 }
 
-/// Reads and splits the messages of one client.
+/// Reads the messages of one client from its socket, splits them, and passes them to the hub.
 pub(super) struct Reader<S> {
     half: ReadHalf<S>,
     splitter: Splitter,
     session: u64,
     desk: Desk,
-    /// The time at which the wait for a hello ends, and the length of that wait. `None` after the
-    /// hello.
+    /// The deadline for the client's hello, and the time that the client had for it. `None` after
+    /// the hello.
     hello: Option<(Instant, Duration)>,
     wrong_token: Duration,
     bucket: Bucket,
@@ -64,24 +64,24 @@ pub(super) struct Reader<S> {
     long: Option<Vec<u8>>,
     stops: StopFinder,
     stop: EmergencyStop,
-    /// Number of bytes read so far.
+    /// Number of bytes read from the client so far.
     read: u64,
-    /// Position after the last stop in the bytes read so far.
+    /// Position after the last stop request in the bytes read so far.
     stop_at: u64,
-    /// The client has closed its sending direction.
+    /// True if the client has closed its sending direction.
     closed: bool,
 }
 
 /// What a reader waits for before its next turn.
 #[derive(Debug)]
 pub(super) enum Pause {
-    /// More bytes from the client.
+    /// The reader waits for more bytes from the client.
     Read,
-    /// A turn for other tasks.
+    /// The reader gives other tasks a turn.
     Yield,
-    /// The time from which a long message can be read.
+    /// The reader waits until this time, from which a long message can be parsed.
     Until(Instant),
-    /// The delay before a wrong token is refused.
+    /// The reader delays this refusal of a wrong token.
     Refuse(RequestRefusal),
 }
 
@@ -208,8 +208,8 @@ impl<S: AsyncRead> Reader<S> {
         })
     }
 
-    /// Handles the first message, which decides whether the connection continues and in which
-    /// encoding.
+    /// Handles the first message of a connection, which decides whether the connection continues
+    /// and in which encoding.
     fn first(&mut self, message: Result<Request, RequestRefusal>) -> Result<Option<Pause>, Ended> {
         match self.desk.first(self.session, message) {
             First::Greeted(encoding) => {
@@ -225,7 +225,7 @@ impl<S: AsyncRead> Reader<S> {
         }
     }
 
-    /// Waits until the next turn. A client that has exceeded its rate waits first. Reads ahead
+    /// Waits until the next turn, longer if the client has exceeded its request rate. Reads ahead
     /// meanwhile.
     pub(super) async fn wait(&mut self, pause: Pause) -> Result<(), Ended> {
         let now = Instant::now();
@@ -284,17 +284,17 @@ impl<S: AsyncRead> Reader<S> {
         Ok(())
     }
 
-    /// Returns whether another piece can be read ahead. This is never so before the hello.
+    /// Returns whether another piece can be read ahead. Nothing is read ahead before the hello.
     fn has_room(&self) -> bool {
         self.hello.is_none() && !self.closed && self.splitter.pending() + PIECE_BYTES <= READ_AHEAD
     }
 
-    /// Returns the number of bytes that can be read at once.
+    /// Returns the largest number of bytes that can be read at once.
     fn piece(&self) -> usize {
         if self.hello.is_some() { MAX_SHORT_REQUEST_BYTES } else { PIECE_BYTES }
     }
 
-    /// Waits for bytes and reads them. Other tasks run meanwhile. Cancel safe.
+    /// Waits for bytes from the client and reads them. Other tasks run meanwhile. Cancel safe.
     async fn read(&mut self) -> Result<(), Ended> {
         let (before, piece) = (self.splitter.pending(), self.piece());
         let mut half = (&mut self.half).take(piece as u64);
@@ -331,8 +331,8 @@ impl<S: AsyncRead> Reader<S> {
         }
     }
 
-    /// Handles the result of a read. `before` is the number of bytes that were waiting before the
-    /// read.
+    /// Handles the result of a read. `before` is the number of bytes that waited to be processed
+    /// before the read.
     fn came(&mut self, before: usize, read: std::io::Result<usize>) -> Result<(), Ended> {
         match read {
             // The requests that have arrived are still executed.
@@ -350,8 +350,8 @@ impl<S: AsyncRead> Reader<S> {
         Ok(())
     }
 
-    /// Searches for stops in the last `bytes` bytes that have arrived, and obeys them at once.
-    /// Their answers are sent in the usual order.
+    /// Searches for stops (`estop` or `disable`) in the last `bytes` bytes that have arrived, and
+    /// carries them out at once. Their answers are sent in the usual order.
     fn look(&mut self, bytes: usize) {
         let waiting = self.splitter.waiting();
         let first = waiting.len() - bytes;
@@ -377,7 +377,7 @@ fn is_estop(request: &Result<Request, RequestRefusal>) -> bool {
     matches!(request, Ok(Request { op: Op::Estop, .. }))
 }
 
-/// Returns whether a message is no longer than ordinary requests may be. `message` is without its
+/// Returns whether a message is as short as an ordinary request must be. `message` is without its
 /// newline or length prefix.
 fn is_short(encoding: Encoding, message: &[u8]) -> bool {
     message.len() + usize::from(encoding == Encoding::Json) <= MAX_SHORT_REQUEST_BYTES

@@ -7,8 +7,8 @@ use hbot_core::outputs::Refusal;
 
 use super::convert;
 
-/// Returns the error that answers `op` after the loop has refused it. `effect` returns the id of
-/// the effect in a slot of the scene.
+/// Returns the error message for a client whose request `op` the loop has refused. `effect` returns
+/// the id of the effect in a slot of the scene.
 pub(super) fn refusal<'a>(
     op: &str,
     refusal: Refusal,

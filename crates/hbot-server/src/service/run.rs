@@ -25,7 +25,7 @@ use super::scenes::Measured;
 use super::strangers::Taken;
 use super::{Control, Summary, connection};
 
-/// Period of the service's regular work, which no event triggers.
+/// Period of the service's regular work, such as updating its status, which no event triggers.
 const HEARTBEAT: Duration = Duration::from_millis(50);
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
@@ -41,10 +41,10 @@ struct Connections {
     turned_away: JoinSet<()>,
 }
 
-/// The client that a task serves.
+/// The client whose connection a task serves.
 struct Session {
     number: u64,
-    /// The client runs on this machine.
+    /// True if the client runs on this machine.
     local: bool,
 }
 
@@ -137,7 +137,7 @@ pub(super) async fn run(
     close(desk, connections, why).await
 }
 
-/// Waits until there are samples to take or the loop has ended. Cancel safe.
+/// Waits until samples from the loop are waiting or the loop has ended. Cancel safe.
 async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
     let there = || {
         let hub = desk.hub();
@@ -154,8 +154,8 @@ async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
     Ok(())
 }
 
-/// Waits until the next piece of the hub's work on another thread is done, and returns its result.
-/// Stays pending while there is no such work. Cancel safe.
+/// Waits until `poll` reports that the hub's work on another thread is done, and returns its
+/// result. Stays pending while there is no such work. Cancel safe.
 async fn next_of<T>(desk: &Desk, poll: fn(&mut Hub, &mut Context<'_>) -> Poll<T>) -> T {
     poll_fn(|context| poll(&mut desk.hub(), context)).await
 }
@@ -168,8 +168,8 @@ async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(T
     listener.accept().await
 }
 
-/// Says goodbye to the clients, waits up to [`FLUSH`] for their messages to be sent, finishes the
-/// flight logs, and returns the final statistics.
+/// Informs the clients that the service ends, waits up to [`FLUSH`] for their messages to be sent,
+/// finishes the flight logs, and returns the final statistics.
 async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
     let flights = desk.turn(|hub| hub.farewell(why));
     let _ = timeout(FLUSH, async { while connections.serving.join_next().await.is_some() {} }).await;
@@ -225,7 +225,7 @@ impl Connections {
         hub.admit(session, Peer::new(outbox, task, address.ip()));
     }
 
-    /// Returns how many places for connections are taken.
+    /// Returns how many of the places for connections are taken.
     fn taken(&self, hub: &Hub) -> Taken {
         Taken {
             // Count tasks and not clients, because the task of a refused client can still be
@@ -236,8 +236,8 @@ impl Connections {
         }
     }
 
-    /// Handles the end of a connection's task. The task has already told the hub that its client is
-    /// gone, unless it was cut or has panicked. After a panic this function tells the hub.
+    /// Handles the end of a connection's task. Unless the task has panicked, the hub already knows
+    /// that the client is gone. After a panic, this function informs the hub.
     fn ended(&mut self, ended: Option<Result<(Id, ()), JoinError>>) {
         let id = match &ended {
             Some(Ok((id, ()))) => *id,

@@ -18,24 +18,25 @@ use hbot_host::sample::Sample;
 
 /// Largest number of scenes that are being loaded at a time.
 const MAX_LOADING: usize = 4;
-/// Largest length of an error message, bytes.
+/// Largest length of an error message about a scene, bytes.
 const MAX_MESSAGE: usize = 8192;
 
 /// The running scene, and the scenes that are being loaded.
 pub(super) struct Scenes {
     running: RunningScene,
-    /// Gives the simulated rig the phenomena of a scene. `None` with a real rig.
+    /// The function that gives the simulated rig the phenomena of a scene. `None` with a real rig.
     phenomena: Option<SetPhenomena>,
-    /// The rig for which the cost of effects is measured.
+    /// The rig for which the computing time of effects is measured.
     rig: Rig,
-    /// Scenes in the order in which they were given to the loop.
+    /// The scenes that are being loaded, in the order in which they were sent to the loop.
     loading: VecDeque<Loading>,
     measuring: JoinSet<Measured>,
-    /// Notified when a measurement begins.
+    /// Wakes the service's task when the measurement of a scene begins.
     changed: Arc<Notify>,
 }
 
-/// A scene that has been given to the loop and whose request has not been answered.
+/// A scene that has been sent to the loop, and whose `load_scene` request has not been answered
+/// yet.
 struct Loading {
     revision: u64,
     session: u64,
@@ -44,11 +45,11 @@ struct Loading {
     effects: Vec<EffectCost>,
     ignored: Vec<String>,
     measured: bool,
-    /// The first tick that rendered the scene. `None` until then.
+    /// The first tick that rendered the scene. `None` before it.
     tick: Option<u64>,
 }
 
-/// The measured cost of a scene's effects, ns per tick.
+/// The measured computing time of each effect of a scene, ns per tick.
 pub(super) struct Measured {
     revision: u64,
     costs: Vec<u64>,
@@ -73,7 +74,7 @@ impl Scenes {
         Self { running, phenomena, rig, loading: VecDeque::new(), measuring: JoinSet::new(), changed }
     }
 
-    /// Returns the current scene. The loop may not have adopted it yet.
+    /// Returns the scene that was loaded or changed last. The loop may not have adopted it yet.
     pub(super) fn file(&self) -> &SceneFile {
         self.running.file()
     }
@@ -83,7 +84,8 @@ impl Scenes {
         self.running.id_at(slot)
     }
 
-    /// Returns the place of an effect that has a reference.
+    /// Returns the place of the effect `id` among the effects of the scene. The effect must have a
+    /// reference.
     ///
     /// # Errors
     /// Fails if the scene has no such effect, or if the effect has no reference.
@@ -101,7 +103,7 @@ impl Scenes {
         Err(ErrorBody::new(ErrorCode::UnknownEffect, format!("effect {id:?} {what}; legal: {legal}")))
     }
 
-    /// Gives another scene to the loop for a client, and starts to measure its effects on another
+    /// Sends a new scene to the loop for a client, and starts to measure its effects on another
     /// thread. When the scene has been rendered and measured, [`next_loaded`](Self::next_loaded)
     /// returns the answer.
     ///
@@ -183,7 +185,8 @@ impl Scenes {
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
     }
 
-    /// Returns whether an effect of this id exists and has all of these parameters.
+    /// Returns whether the scene has an effect with this id, and the effect has all of these
+    /// parameters.
     fn knows(&self, effect: &str, parameters: &Map<String, Value>) -> bool {
         let effects = self.file().effects();
         let Some(effect) = effects.iter().find(|e| e.id() == effect) else { return false };
@@ -199,7 +202,7 @@ impl Scenes {
         !self.loading.is_empty()
     }
 
-    /// Records with which scene a sample was rendered.
+    /// Records which of the scenes that are being loaded have been rendered, according to a sample.
     pub(super) fn rendered(&mut self, sample: &Sample) {
         for loading in &mut self.loading {
             if loading.tick.is_none() && sample.scene >= loading.revision {
@@ -208,7 +211,8 @@ impl Scenes {
         }
     }
 
-    /// Polls for the next finished measurement. Stays pending while none is running.
+    /// Polls for the next scene whose effects have been timed. Stays pending while no measurement
+    /// is running.
     pub(super) fn poll_measured(&mut self, context: &mut Context<'_>) -> Poll<Result<Measured, JoinError>> {
         match self.measuring.poll_join_next(context) {
             Poll::Ready(Some(measured)) => Poll::Ready(measured),
@@ -216,8 +220,8 @@ impl Scenes {
         }
     }
 
-    /// Records the measured cost of a scene's effects. If the measurement failed, the reported cost
-    /// is zero.
+    /// Records the measured computing time of a scene's effects. If the measurement failed, the
+    /// reported time is zero.
     pub(super) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         match measured {
             Ok(Measured { revision, costs }) => {

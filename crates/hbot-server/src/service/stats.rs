@@ -9,11 +9,11 @@ use hbot_host::sample::{Counters, Sample};
 
 /// Longest time that the histograms can record, ns. Longer times are recorded as this one.
 const LONGEST_NS: u64 = 10_000_000_000;
-/// Significant decimal digits of the histograms. Three digits keep the error of a value below one
-/// thousandth.
+/// Significant decimal digits of the histograms. Three digits keep the error of a recorded time
+/// below one thousandth.
 const DIGITS: u8 = 3;
 
-/// All counters and histograms of a run.
+/// All counters and histograms of a run, from which the answer to `stats` is made.
 pub(super) struct Stats {
     awake: Histogram<u64>,
     lateness: Histogram<u64>,
@@ -22,8 +22,8 @@ pub(super) struct Stats {
     age: Histogram<u64>,
     /// Counters of the loop, as of the last sample.
     counters: Counters,
-    /// Counters that other parts of the service increment. The remaining fields of this answer stay
-    /// at zero.
+    /// Counters that other parts of the service increment, as fields of the answer to `stats`. Its
+    /// other fields stay at zero.
     pub(super) counts: StatsOk,
 }
 
@@ -45,7 +45,7 @@ impl Stats {
         }
     }
 
-    /// Records a sample.
+    /// Adds the timing and the counters of a sample to the statistics.
     #[inline]
     pub(super) fn record(&mut self, sample: &Sample) {
         let timing = &sample.timing;

@@ -12,12 +12,12 @@ use super::Bounds;
 /// Minimum time between two warnings about wrong tokens.
 const TOLD_EVERY: Duration = Duration::from_secs(60);
 
-/// File descriptors that the process can need in addition to those of its connections: for ports,
-/// logs, files, and connections that are being turned away.
+/// Number of file descriptors that the process can need in addition to those of its connections:
+/// for ports, logs, files, and connections that are being turned away.
 const OTHER_DESCRIPTORS: u64 = 128;
 
-/// Returns a message for the user if the system allows this process too few file descriptors for
-/// all connections.
+/// Returns a notice for the user if the system allows this process too few file descriptors for all
+/// connections.
 pub(crate) fn too_few_descriptors() -> Option<String> {
     few_descriptors(getrlimit(Resource::Nofile).current)
 }
@@ -32,12 +32,12 @@ fn few_descriptors(limit: Option<u64>) -> Option<String> {
     ))
 }
 
-/// How many places are taken when a new connection arrives.
+/// How many places for connections are taken when a new connection arrives.
 pub(super) struct Taken {
     pub(super) all: usize,
-    /// Places taken by other machines.
+    /// Places taken by connections from other machines.
     pub(super) remote: usize,
-    /// Places taken by connections without a hello.
+    /// Places taken by connections that have not sent a hello yet.
     pub(super) strangers: usize,
 }
 
@@ -63,7 +63,7 @@ impl Taken {
     }
 }
 
-/// Counts wrong tokens since the last warning about them.
+/// Counts the wrong tokens that clients send, and warns about them at most once a minute.
 #[derive(Default)]
 pub(super) struct WrongTokens {
     count: u64,
@@ -79,8 +79,8 @@ impl WrongTokens {
         self.tell(Instant::now());
     }
 
-    /// Logs a warning about the wrong tokens since the last one, at most once a minute. Returns the
-    /// number of wrong tokens that it reported.
+    /// Logs a warning about the wrong tokens since the last warning, at most once a minute. Returns
+    /// the number of wrong tokens that it reported.
     pub(super) fn tell(&mut self, now: Instant) -> Option<u64> {
         if self.count == 0 || self.told.is_some_and(|told| now < told + TOLD_EVERY) {
             return None;

@@ -11,18 +11,18 @@ use tokio::time::{Sleep, sleep};
 
 use super::outbox::Inbox;
 
-/// Sends the messages that wait in a client's queue.
+/// Sends the messages in a client's queue over its socket.
 pub(super) struct Writer<S> {
     half: WriteHalf<S>,
     inbox: Inbox,
-    /// Bytes taken from the queue.
+    /// The bytes taken from the queue that are being sent.
     batch: Vec<u8>,
     /// Number of the bytes in `batch` that have been sent.
     sent: usize,
     flushed: bool,
     stuck: Duration,
-    /// The time at which a client that accepts no bytes is considered gone. `None` while sending
-    /// makes progress.
+    /// A timer that ends when a client that accepts no bytes is considered gone. `None` while
+    /// sending makes progress.
     deadline: Option<Pin<Box<Sleep>>>,
 }
 
@@ -65,8 +65,8 @@ impl<S: AsyncWrite> Writer<S> {
         }
     }
 
-    /// Passes the result of a poll on, but turns a wait that lasts too long into an error. Most
-    /// polls are ready at once, and they start no timer.
+    /// Returns the result `polled` of sending, or an error if sending has made no progress for too
+    /// long. Most results are ready at once, and then no timer is started.
     fn in_time<T>(&mut self, context: &mut Context<'_>, polled: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if polled.is_ready() {
             self.deadline = None;

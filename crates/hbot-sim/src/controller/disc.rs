@@ -7,19 +7,22 @@ use oorandom::Rand64;
 
 use crate::phenomena::Encoder;
 
-/// The errors of one simulated encoder: coarse counts, an off-centre disc, and a wrong zero.
+/// The errors of one simulated encoder: coarse resolution, an off-centre disc, and a zero at a
+/// wrong angle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Disc {
     step: i64,
-    /// Amplitude of the error that repeats every turn, rad of the encoder.
+    /// Amplitude of the angle error that repeats every turn of the encoder, in rad of the encoder's
+    /// shaft.
     amplitude: f64,
     phase: f64,
-    /// Error of the zero, rad of the joint.
+    /// Angle by which the encoder's zero is wrong, in rad of the joint.
     pub(super) zero_off: f64,
 }
 
 impl Disc {
-    /// Creates the encoder errors of all joints. The seed determines their phases and zero errors.
+    /// Creates the encoder errors of all joints. The seed in `encoder` determines the phase and the
+    /// zero error of each.
     pub(super) fn all(encoder: &Encoder) -> Box<[Self; MAX_JOINTS]> {
         let mut random = Rand64::new(u128::from(encoder.seed));
         Box::new(core::array::from_fn(|_| Self {
@@ -30,23 +33,25 @@ impl Disc {
         }))
     }
 
-    /// Returns the angle error of the encoder at a joint angle (rad) behind `gear`, rad of the
-    /// joint.
+    /// Returns the error of the angle that the encoder reads, in rad of the joint. `angle` is the
+    /// joint's true angle (rad), and `gear` is the number of encoder turns per joint turn.
     pub(super) fn error(&self, angle: f64, gear: f64) -> f64 {
         self.amplitude / gear * libm::sin(angle * gear + self.phase)
     }
 
-    /// Returns the angle that the encoder reads at a joint angle, rad of the joint.
+    /// Returns the angle that the encoder reads if the joint's true angle is `angle`, in rad of the
+    /// joint. `gear` is the number of encoder turns per joint turn.
     pub(super) fn reading(&self, angle: f64, gear: f64) -> f64 {
         angle + self.error(angle, gear)
     }
 
-    /// Returns the rate that the encoder reads divided by the true joint rate.
+    /// Returns the ratio of the rate that the encoder reads to the joint's true rate, at the true
+    /// angle `angle` (rad).
     pub(super) fn slope(&self, angle: f64, gear: f64) -> f64 {
         1.0 + self.amplitude * libm::cos(angle * gear + self.phase)
     }
 
-    /// Rounds a count down to the step of the encoder.
+    /// Rounds an encoder count down to a multiple of the encoder's step.
     pub(super) fn coarse(&self, count: i64) -> i64 {
         count.div_euclid(self.step) * self.step
     }

@@ -7,34 +7,38 @@ use hbot_link::JointFlags;
 
 use super::disc::Disc;
 
-/// The kind of an encoder: which angle its count zero stands for.
+/// The kind of an encoder. It decides at which joint angle the encoder reads zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum EncoderKind {
-    /// Count zero is the angle at power-up. At the start of the simulation this is the angle zero.
+    /// The encoder reads zero at the angle at which it powered up. At the start of the simulation
+    /// this is the angle zero.
     #[default]
     Incremental,
-    /// Starts as [`EncoderKind::Incremental`]. When the joint first passes a whole turn, count zero
-    /// moves to that index mark, and [`JointFlags::INDEX_SEEN`] is set.
+    /// The encoder has one index mark per turn of the joint. It starts as [`Encoder::Incremental`].
+    /// When the joint first passes an index mark, the zero moves to that mark, and
+    /// [`JointFlags::INDEX_SEEN`] is set.
     Indexed,
-    /// Count zero is always the angle zero.
+    /// The encoder always reads zero at the joint angle zero.
     Absolute,
 }
 
-/// Encoder and motor of one simulated joint, as its motor controller knows them.
+/// Properties of the encoder and the motor of one simulated joint, as its motor controller sees
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SimulatedJoint {
-    /// Counts in one turn of the encoder, before the gear.
+    /// Encoder counts in one turn of the encoder's shaft. The joint turns slower by the gear ratio.
     pub counts_per_turn: u32,
-    /// Turns of the encoder for one turn of the joint.
+    /// Gear ratio: turns of the encoder for one turn of the joint.
     pub gear: f64,
-    /// Whether counts and torques of the motor controller have the opposite sign of the joint's.
+    /// Whether the motor controller measures angles and torques in the opposite direction to the
+    /// joint.
     pub reversed: bool,
-    /// Largest torque at the joint, N m. 0 for a joint without a motor.
+    /// Largest torque that the motor gives at the joint, N m. It is 0 for a joint without a motor.
     pub peak: f64,
-    /// Torque that the motor can hold for ever, N m. Used only if motors heat up
-    /// ([`Motor`](crate::phenomena::Motor)).
+    /// Torque that the motor can hold indefinitely without overheating, N m. It is used only if the
+    /// phenomenon [`Motor`](crate::phenomena::Motor) makes motors heat up.
     pub continuous: f64,
-    /// Kind of the encoder.
+    /// Kind of the encoder, which decides where it reads zero.
     pub encoder: EncoderKind,
 }
 
@@ -58,21 +62,24 @@ impl From<&Joint> for SimulatedJoint {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Axis {
     pub(super) joint: SimulatedJoint,
-    /// Peak torque of the joint as a command carries it, N m, never negative.
+    /// Peak torque of the joint as a single-precision number, as in commands, N m. It is never
+    /// negative.
     pub(super) peak: f32,
-    /// Counts per radian of the joint, with the motor controller's sign.
+    /// Encoder counts per radian of the joint. Negative if the motor controller counts in the
+    /// opposite direction.
     counts_per_rad: f64,
-    /// Angle that the encoder read when count zero was set, rad of the joint.
+    /// Angle that the encoder read when its zero was set, in rad of the joint.
     origin: f64,
-    /// Number of the turn in which the joint is. `None` after its index has been seen, or if it has
-    /// no index.
+    /// Number of the turn that the joint is in, used to detect the index mark between two turns.
+    /// `None` after the mark has been passed, or if the encoder has no index.
     turn: Option<f64>,
     pub(super) slipped: f64,
     pub(super) flags: JointFlags,
 }
 
 impl Axis {
-    /// Creates a joint that powered up at the angle zero and now stands at `angle`, rad.
+    /// Creates a joint whose encoder powered up at the angle zero and whose true angle is now
+    /// `angle`, rad.
     pub(super) fn new(joint: SimulatedJoint, angle: f64, disc: Option<&Disc>) -> Self {
         let sign = if joint.reversed { -1.0 } else { 1.0 };
         let mut axis = Self {
@@ -89,7 +96,8 @@ impl Axis {
         axis
     }
 
-    /// Simulates a loss of power and a restart at `angle`, rad.
+    /// Simulates that the motor controller loses power and restarts while the joint is at `angle`,
+    /// rad.
     pub(super) fn reboot(&mut self, angle: f64, disc: Option<&Disc>) {
         self.flags.set(JointFlags::INDEX_SEEN | JointFlags::OVERCURRENT, false);
         self.power_up(angle, disc);
@@ -104,20 +112,22 @@ impl Axis {
         };
     }
 
-    /// Returns the origin of the counts if the zero is taken at `angle`, rad.
+    /// Returns the value of `origin` that makes the encoder read zero at the joint angle `angle`,
+    /// rad.
     fn marked(&self, angle: f64, disc: Option<&Disc>) -> f64 {
         disc.map_or(angle, |disc| disc.reading(angle, self.joint.gear) + disc.zero_off)
     }
 
-    /// Replaces the errors of the encoder at `angle`, rad. The count continues from its present
-    /// value, and the zero is kept.
+    /// Replaces the errors of the encoder while the joint is at `angle`, rad. The encoder count
+    /// continues from its present value, and the zero is kept.
     pub(super) fn replace_disc(&mut self, angle: f64, old: Option<&Disc>, new: Option<&Disc>) {
         let reads =
             |disc: Option<&Disc>| disc.map_or(0.0, |disc| disc.error(angle + self.slipped, self.joint.gear));
         self.origin += reads(new) - reads(old);
     }
 
-    /// Updates the encoder with a joint angle, rad, so that it notices its index mark.
+    /// Updates the encoder with the joint's present angle, rad, so that a passed index mark is
+    /// detected.
     pub(super) fn sense(&mut self, angle: f64, disc: Option<&Disc>) {
         if let Some(before) = self.turn {
             let turn = turn_of(angle);
@@ -130,7 +140,7 @@ impl Axis {
         }
     }
 
-    /// Returns the count at a joint angle, rad. It is rounded down and wrapped to 32 bits.
+    /// Returns the encoder count at a joint angle, rad. It is rounded down and wrapped to 32 bits.
     pub(super) fn count(&self, angle: f64, disc: Option<&Disc>) -> i32 {
         let turned = angle + self.slipped;
         let read = disc.map_or(turned, |disc| disc.reading(turned, self.joint.gear));
@@ -142,15 +152,15 @@ impl Axis {
         disc.map_or(whole, |disc| disc.coarse(whole)) as i32
     }
 
-    /// Returns the rate that the motor controller reports at a joint angle (rad) and rate, in its
-    /// own sense, rad/s of the joint.
+    /// Returns the rate that the motor controller reports, in rad/s of the joint, positive in the
+    /// controller's direction. `angle` (rad) and `rate` (rad/s) are the joint's true values.
     pub(super) fn rate(&self, angle: f64, rate: f64, disc: Option<&Disc>) -> f32 {
         let rate = disc.map_or(rate, |disc| rate * disc.slope(angle + self.slipped, self.joint.gear));
         (if self.joint.reversed { -rate } else { rate }) as f32
     }
 }
 
-/// Returns the number of the turn in which an angle (rad) is.
+/// Returns the number of the turn that contains `angle` (rad). Turn 0 is from 0 to 2 pi.
 fn turn_of(angle: f64) -> f64 {
     libm::floor(angle / TAU)
 }

@@ -21,7 +21,8 @@ pub use self::joints::Truth;
 use crate::phenomena;
 use crate::plant::JointTorques;
 
-/// A fault to inject into the simulated motor controllers, or to end. Joints are counted from 0.
+/// A fault that a test or a user can switch on or off in the simulated motor controllers. Joints
+/// are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum InjectedFault {
     /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
@@ -30,9 +31,11 @@ pub enum InjectedFault {
     Reboot,
     /// [`InjectedFault::Reboot`] of the controller of one joint. Where one controller has all joints, of that.
     RebootOne(usize),
-    /// Switches loss of answers on or off. Commands still act, as if only the line back were cut.
+    /// Switches the loss of all answers on or off. Commands still take effect, as if only the line
+    /// back to the host were cut.
     Mute(bool),
-    /// Switches loss of commands and answers on or off, as if the line were cut in both directions.
+    /// Switches the loss of all commands and answers on or off, as if the line were cut in both
+    /// directions.
     Deaf(bool),
     /// Whether the controller of one joint hears and answers nothing. Where one controller has all joints, none does.
     DeafOne {
@@ -57,11 +60,11 @@ pub enum InjectedFault {
         /// Whether the joint reports overtemperature.
         on: bool,
     },
-    /// Simulates an encoder that has slipped on its shaft, by a constant error of its angle.
+    /// Simulates an encoder that has slipped on its shaft: its angle gets a constant error.
     Slipped {
         /// Index of the joint.
         joint: usize,
-        /// Encoder angle minus true angle, rad of the joint in its positive sense.
+        /// Encoder angle minus true angle, in rad of the joint in its positive direction.
         angle: f64,
     },
 }
@@ -145,9 +148,9 @@ pub struct SimulatedControllers {
 impl SimulatedControllers {
     /// Creates motor controllers that have just powered up.
     ///
-    /// The counts start as if all joints stood at the angle zero; `angles` are the true angles,
+    /// Encoder counts start as if all joints were at the angle zero; `angles` are the true angles,
     /// rad. At most [`MAX_JOINTS`] of `specs` are used. `encoder` gives the errors of the encoders,
-    /// if any.
+    /// or `None` for exact encoders.
     #[must_use]
     pub fn new(
         protocol: Protocol,
@@ -160,23 +163,24 @@ impl SimulatedControllers {
         Some(Self { joints, firmware, mute: false, deaf: false })
     }
 
-    /// Replaces the errors of the encoders, with the joints at `angles`, rad.
+    /// Replaces the errors of the encoders while the joints are at `angles`, rad.
     ///
-    /// Counts continue from their present values, and a zero already taken is kept until it is
-    /// taken again.
+    /// Encoder counts continue from their present values. A zero that was already set is kept until
+    /// it is set again.
     pub fn set_encoder(&mut self, encoder: Option<&phenomena::Encoder>, angles: &[f64; MAX_JOINTS]) {
         self.joints.set_encoder(encoder, angles);
     }
 
-    /// Replaces the parameters of the motors; `None` makes them ideal.
+    /// Replaces the parameters of the motors. `None` makes the motors ideal.
     ///
-    /// Motors that were ideal start cold with their present torque. Other motors keep their current
-    /// and heat.
+    /// Motors that were ideal before this call start cold, with their present torque. Other motors
+    /// keep their current and heat.
     pub fn set_motor(&mut self, motor: Option<phenomena::Motor>) {
         self.joints.set_motor(motor);
     }
 
-    /// Returns the torques that act at the joints now, in each joint's own positive sense, N m.
+    /// Returns the torques that act at the joints now, in N m. A positive torque acts in the
+    /// joint's positive direction.
     #[must_use]
     pub fn torque(&self) -> &JointTorques {
         self.joints.torque()
@@ -184,8 +188,8 @@ impl SimulatedControllers {
 
     /// Advances the motors by `h` seconds and returns the torques to apply during that time, N m.
     ///
-    /// For motors with a lag these are mean torques. `rates` returns the joint rates at the start,
-    /// rad/s; it is called only if the motors are not ideal.
+    /// For motors with a lag these are mean torques over that time. `rates` returns the joint rates
+    /// at its start, rad/s. It is called only if the motors are not ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
         self.joints.drive(h, rates)
     }
@@ -211,8 +215,8 @@ impl SimulatedControllers {
         }
     }
 
-    /// Updates the encoders with the joint angles, rad, so that they notice an index mark that is
-    /// passed.
+    /// Updates the encoders with the present joint angles, rad, so that a passed index mark is
+    /// detected.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         self.joints.sense(angles);
     }
@@ -229,8 +233,8 @@ impl SimulatedControllers {
         }
     }
 
-    /// Applies a fault or switches one off. `angles` are the true joint angles, rad. A fault of a
-    /// joint that does not exist is ignored.
+    /// Switches a fault on or off. `angles` are the true joint angles, rad. A fault of a joint that
+    /// does not exist is ignored.
     pub fn inject(&mut self, fault: InjectedFault, angles: &[f64; MAX_JOINTS]) {
         match fault {
             InjectedFault::Mute(on) => self.mute = on,

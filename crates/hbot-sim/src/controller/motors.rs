@@ -8,31 +8,33 @@ use super::joint::Axis;
 use crate::phenomena::Motor;
 use crate::plant::JointTorques;
 
-/// Current below which a decaying current becomes zero, as a torque in N m. This avoids subnormal
-/// numbers.
+/// Size below which a decaying motor current is set to zero, so that no subnormal numbers arise. It
+/// is expressed as a joint torque in N m.
 const NONE: f64 = 1.0e-15;
 
 /// Currents and heat of all motors. A current is expressed as the joint torque (N m) that the motor
-/// controller assumes it gives.
+/// controller expects from it.
 #[derive(Debug, Clone)]
 pub(super) struct Motors {
     motor: Motor,
     current: JointTorques,
-    /// Running mean of the squared current over the thermal time constant, N² m².
+    /// Running mean of the squared current of each motor over its thermal time constant, N² m². The
+    /// motor is hot if this reaches the square of its continuous torque.
     heat: JointTorques,
     /// Torques that act at the joints now, N m.
     pub(super) acting: JointTorques,
 }
 
 impl Motors {
-    /// Creates cold motors whose currents correspond to the torques `acting`, N m.
+    /// Creates motors that are cold. Their currents are those that correspond to the torques
+    /// `acting`, N m.
     pub(super) fn new(motor: Motor, acting: &JointTorques) -> Self {
         let mut motors = Self { motor, current: *acting, heat: [0.0; MAX_JOINTS], acting: [0.0; MAX_JOINTS] };
         motors.act();
         motors
     }
 
-    /// Replaces the parameters. Currents and heat are kept.
+    /// Replaces the parameters of the motors. Their currents and heat are kept.
     pub(super) fn replace(&mut self, motor: Motor) {
         self.motor = motor;
         self.act();
@@ -44,11 +46,11 @@ impl Motors {
         self.act();
     }
 
-    /// Advances the currents by `h` seconds towards the commanded torques `asked`, while the joints
-    /// turn at `rates`.
+    /// Advances the motor currents by `h` seconds towards the commanded torques `asked`, while the
+    /// joints turn at `rates`, rad/s.
     ///
-    /// `asked` is in the joint's own sense and within the peak. Returns the mean torques over that
-    /// time; applied for `h`, they give the exact impulse.
+    /// `asked` is positive in the joint's positive direction and within the peak torque. Returns
+    /// the mean torques over that time; applied for `h`, they give the exact impulse.
     pub(super) fn drive(
         &mut self,
         h: f64,
@@ -78,7 +80,8 @@ impl Motors {
         mean
     }
 
-    /// Returns whether a motor gives less than the commanded torque because it is hot.
+    /// Returns whether the motor of joint `j` gives less than the commanded torque `asked` because
+    /// it is hot.
     pub(super) fn derates(&self, j: usize, axis: &Axis, asked: f64) -> bool {
         self.is_hot(j, axis) && asked.abs() > axis.joint.continuous
     }
@@ -87,7 +90,8 @@ impl Motors {
         self.heat[j] >= axis.joint.continuous * axis.joint.continuous
     }
 
-    /// Returns the largest torque that motor and supply can give in the commanded direction, N m.
+    /// Returns the largest torque that motor and supply voltage can give in the direction of
+    /// `asked`, N m.
     fn limit(&self, j: usize, axis: &Axis, asked: f64, rate: f64) -> f64 {
         let peak = f64::from(axis.peak);
         let no_load =
@@ -104,8 +108,8 @@ impl Motors {
     }
 }
 
-/// Returns the remaining fraction of a first-order approach with time constant `tau`: after `h`,
-/// and as the mean over `h`.
+/// Returns what fraction of a deviation is left when it decays exponentially with the time constant
+/// `tau`: first after the time `h`, then as the mean over `h`.
 fn left(h: f64, tau: f64) -> (f64, f64) {
     if !(tau > 0.0) {
         return (0.0, 0.0);

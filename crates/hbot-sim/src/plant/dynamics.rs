@@ -8,11 +8,12 @@ use super::{ImpossibleInertia, JointTorques, Method, Plant, PlantState, Sum};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
-/// A plant with the requested phenomena.
+/// The mechanics of a rig with the requested phenomena.
 ///
-/// If nothing sticks, slips or has play, the plant is smooth: it has three speeds and is integrated
-/// by a [`Method`]. Otherwise friction, contacts and play follow set-valued laws, and a
-/// time-stepping scheme of order 1 is used (`docs/simulator.md`).
+/// If nothing sticks, slips or has play, the plant is smooth: all its speeds follow from the
+/// sphere's angular velocity, and it is integrated by a [`Method`]. Otherwise friction, contacts
+/// and play follow set-valued laws, and a time-stepping scheme of order 1 is used
+/// (`docs/simulator.md`).
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     device: Device,
@@ -29,12 +30,13 @@ enum Kind {
 }
 
 impl Dynamics {
-    /// Creates the plant of `device` at `state`, with the plant's part of `phenomena`. `method` is
-    /// used if the plant is smooth.
+    /// Creates the plant of `device` at `state`, with those of `phenomena` that act in the plant.
+    /// `method` is used if the plant is smooth.
     ///
     /// A hand in `phenomena` is ignored. Add its inertia with [`Dynamics::set_sphere_inertia`].
     ///
     /// # Errors
+    ///
     /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn new(
         device: &Device,
@@ -46,7 +48,8 @@ impl Dynamics {
         Ok(Self { device: *device, method, kind })
     }
 
-    /// Replaces all phenomena of the plant at `state`. The inertia of sphere and hand is kept.
+    /// Replaces all phenomena of the plant, which is now at `state`. The inertia of sphere and hand
+    /// is kept.
     pub fn set_phenomena(&mut self, phenomena: &Phenomena, state: &PlantState) {
         let inertia = self.sphere_inertia();
         // This cannot fail: the device's inertias were checked when the plant was created.
@@ -56,14 +59,15 @@ impl Dynamics {
         }
     }
 
-    /// Returns whether the plant is nonsmooth, because something sticks, slips or has play.
+    /// Returns whether the plant is nonsmooth, which means that something in it sticks, slips or
+    /// has play.
     #[must_use]
     pub fn is_nonsmooth(&self) -> bool {
         matches!(self.kind, Kind::Nonsmooth(_))
     }
 
-    /// Returns the inertia of the sphere and of anything attached to it, about any axis, kg m². The
-    /// wheels' inertia is not included.
+    /// Returns the inertia of the sphere and of anything attached to it, such as a hand, in kg m².
+    /// It is equal about all axes. The wheels' inertia is not included.
     #[must_use]
     pub fn sphere_inertia(&self) -> f64 {
         match &self.kind {
@@ -72,7 +76,8 @@ impl Dynamics {
         }
     }
 
-    /// Sets the inertia of the sphere and of anything attached to it, kg m². It must be positive.
+    /// Sets the inertia of the sphere and of anything attached to it, such as a hand, in kg m². It
+    /// must be positive.
     pub fn set_sphere_inertia(&mut self, inertia: f64) {
         match &mut self.kind {
             Kind::Smooth(plant) => plant.set_sphere_inertia(inertia),
@@ -80,11 +85,11 @@ impl Dynamics {
         }
     }
 
-    /// Restricts the sphere to turn about the unit vector `axis` (frame N) only, as on a test
-    /// bench. `None` releases it.
+    /// Restricts the sphere to turn only about the unit vector `axis` (frame N), as on a test
+    /// bench. `None` lets it turn freely again.
     ///
     /// Any angular velocity about other axes is lost. Returns false if `axis` is given and the
-    /// plant is smooth, which cannot be restricted.
+    /// plant is smooth, because a smooth plant cannot be restricted.
     pub fn set_hinge(&mut self, axis: Option<Vec3>) -> bool {
         match &mut self.kind {
             Kind::Smooth(_) => axis.is_none(),
@@ -95,7 +100,7 @@ impl Dynamics {
         }
     }
 
-    /// Adopts a `state` that was set from outside the plant.
+    /// Tells the plant that `state` was changed from outside.
     ///
     /// Joint rates are set to those of rolling without slip, motors to the middle of their gears'
     /// play, and all stored friction impulses are cleared.
@@ -107,8 +112,9 @@ impl Dynamics {
 
     /// Advances `state` by `h` seconds from time `t` (s).
     ///
-    /// The joint torques `tau` (on the motor's side of a gear), the torque `external` on the sphere
-    /// (frame N, N m) and an optional hand act on the plant.
+    /// Three torques act on the plant: the joint torques `tau` (on the motor's side of a gear), the
+    /// torque `external` on the sphere (frame N, N m), and the torque of the hand, if `grip` is
+    /// given.
     #[inline]
     pub fn step(
         &mut self,
@@ -167,8 +173,8 @@ impl Dynamics {
         }
     }
 
-    /// Returns the solver's work in the last step, or `None` if the plant is smooth: then every
-    /// step costs equally much.
+    /// Returns how many iterations the solver needed in the last step, or `None` if the plant is
+    /// smooth and has no solver.
     #[must_use]
     pub fn effort(&self) -> Option<Effort> {
         match &self.kind {
@@ -188,7 +194,8 @@ impl Kind {
     }
 }
 
-/// Returns whether a phenomenon makes something stick, slip or have play.
+/// Returns whether `phenomena` contain one that makes something stick, slip or have play. The plant
+/// is then nonsmooth.
 fn is_nonsmooth(phenomena: &Phenomena) -> bool {
     let dry =
         phenomena.joint_friction.is_some_and(|friction| friction.coulomb > 0.0 || friction.breakaway > 0.0);

@@ -15,25 +15,29 @@ use super::pair::Pair;
 use super::weights::{GRAVITY, Module, Weight};
 use crate::phenomena::Phenomena;
 
-/// Gives an integration method the accelerations and rates of a plant.
+/// The accelerations and rates of a plant, as an integration method needs them. `P` is the number
+/// of wheel pairs.
 pub(super) trait Field<const P: usize> {
-    /// Quantities that depend on time alone.
+    /// Quantities that depend on time alone, such as the target of a hand. They are computed once
+    /// for each time of a step.
     type Instant;
-    /// Quantities that depend on the orientation and the steer angles alone.
+    /// Quantities that depend on the orientation and the steer angles alone, such as the directions
+    /// at the contacts.
     type Geometry;
 
-    /// Returns the quantities that hold at time `t`, s.
+    /// Returns the quantities that depend on time alone, at time `t`, s.
     fn at(&self, t: f64) -> Self::Instant;
-    /// Returns the geometry at the orientation `q` and the steer angles `steer`, rad.
+    /// Returns the geometrical quantities at the orientation `q` and the steer angles `steer`, rad.
     fn geometry(&self, q: Quat, steer: &[Pair; P]) -> Self::Geometry;
-    /// Returns the accelerations and joint rates at the given geometry, instant, orientation and
-    /// angular velocity.
+    /// Returns the accelerations and joint rates for the geometry `at`, the time-dependent
+    /// quantities `now`, the orientation `q` and the angular velocity `omega`.
     fn flow(&self, at: &Self::Geometry, now: &Self::Instant, q: Quat, omega: Vec3) -> Flow<P>;
-    /// Returns the joint rates (steer, drive) while the sphere turns at `omega`, rad/s.
+    /// Returns the steer rates and the drive rates while the sphere turns at the angular velocity
+    /// `omega`, rad/s.
     fn rates(&self, at: &Self::Geometry, omega: Vec3) -> ([Pair; P], [Pair; P]);
 }
 
-/// The ideal plant under joint torques and a load.
+/// The ideal plant, without phenomena, under joint torques and a load on the sphere.
 pub(super) struct Ideal<'a, const P: usize, L> {
     pub(super) model: &'a Model,
     pub(super) push: Push<P>,
@@ -65,19 +69,20 @@ impl<const P: usize, L: Load> Field<P> for Ideal<'_, P, L> {
     }
 }
 
-/// The phenomena of a plant that is not ideal but still smooth.
+/// The phenomena that make a plant no longer ideal but keep it smooth: off-centre masses and
+/// viscous joint friction.
 #[derive(Debug, Clone)]
 pub(super) struct Extras {
     device: Device,
     offset: Vec3,
     weight: Option<Weight>,
     modules: Option<[Module; MAX_WHEELS]>,
-    /// Viscous friction of each joint, N m s/rad.
+    /// Viscous friction coefficient of each joint, N m s/rad.
     viscous: f64,
 }
 
 impl Extras {
-    /// Returns the extras that `phenomena` ask for, or `None` if there are none.
+    /// Returns the smooth phenomena that `phenomena` ask for, or `None` if there are none.
     pub(super) fn new(device: &Device, phenomena: &Phenomena) -> Option<Self> {
         let viscous = phenomena.joint_friction.map_or(0.0, |friction| friction.viscous);
         if phenomena.eccentric.is_none() && phenomena.wheel_modules.is_none() && viscous == 0.0 {
@@ -93,7 +98,8 @@ impl Extras {
         })
     }
 
-    /// Returns the potential energy up to a constant, J.
+    /// Returns the potential energy of the off-centre masses, up to a constant, J. `steer` are the
+    /// steer angles, rad.
     pub(super) fn energy(&self, q: Quat, steer: &[f64; MAX_WHEELS]) -> f64 {
         let modules =
             self.modules.iter().flatten().zip(steer).map(|(module, th)| module.energy(*th)).sum::<f64>();
@@ -101,7 +107,7 @@ impl Extras {
     }
 }
 
-/// A plant with off-centre masses or viscous joints, under joint torques and a load.
+/// A plant with off-centre masses or viscous joints, under joint torques and a load on the sphere.
 pub(super) struct Loaded<'a, L> {
     pub(super) inertia: f64,
     pub(super) extras: &'a Extras,
@@ -109,13 +115,14 @@ pub(super) struct Loaded<'a, L> {
     pub(super) load: &'a L,
 }
 
-/// The geometry of one wheel at its contact.
+/// The directions and distances at the contact of one wheel with the sphere.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Contact {
     th: f64,
     normal: Vec3,
     steer: Vec3,
-    /// The drive's row of G divided by `ratio`: (l.c1) g_th - c1.
+    /// The drive joint's row of the matrix G (from the sphere's angular velocity to joint rates),
+    /// divided by `ratio`: (l.c1) g_th - c1.
     per_radius: Vec3,
     /// Distance of the contact from the centre O of rotation, divided by the wheel's radius.
     ratio: f64,
@@ -146,7 +153,8 @@ impl<L> Loaded<'_, L> {
         contacts
     }
 
-    /// Returns the apparent inertia in frame N, kg m².
+    /// Returns the apparent inertia of the sphere in frame N, kg m². It includes the inertia of the
+    /// wheels, which turn with the sphere.
     pub(super) fn apparent(&self, contacts: &[Contact; MAX_WHEELS]) -> Symmetric {
         let i = self.inertia;
         let mut m = Symmetric { xx: i, yy: i, zz: i, xy: 0.0, xz: 0.0, yz: 0.0 };
@@ -182,8 +190,8 @@ impl<const P: usize, L: Load> Field<P> for Loaded<'_, L> {
         self.contacts(q, steer)
     }
 
-    /// Follows section 5 of the physics notes. If the sphere is off centre, the drive's row also
-    /// changes with the distance of the contact from O.
+    /// Computes the accelerations by the equations of the physics notes, section 5. If the sphere
+    /// is off centre, the drive's row of G also changes with the distance of the contact from O.
     fn flow(&self, contacts: &[Contact; MAX_WHEELS], now: &L::Instant, q: Quat, omega: Vec3) -> Flow<P> {
         let (mut steer_rates, mut drive_rates) = ([Pair::ZERO; P], [Pair::ZERO; P]);
         let offset = q * self.extras.offset;

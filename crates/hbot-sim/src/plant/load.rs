@@ -4,20 +4,21 @@ use hbot_core::{Quat, Vec3, rotation};
 
 /// A torque on the sphere that depends on time, orientation and angular velocity.
 ///
-/// [`at`](Load::at) computes what depends on time alone, once for each instant of a step. A method
-/// can then evaluate [`torque`](Load::torque) at that instant for several states. A closure of
-/// time, orientation and angular velocity is a load too.
+/// [`at`](Load::at) computes everything that depends on time alone. An integration method calls it
+/// only once for each time of a step, and then calls [`torque`](Load::torque) with the result for
+/// several states. A closure of time, orientation and angular velocity is a load too.
 pub trait Load {
-    /// Quantities that depend on time alone.
+    /// Quantities of this load that depend on time alone.
     type Instant;
 
-    /// Computes the quantities that depend on time alone, at time `t`, s.
+    /// Computes the quantities of this load that depend on time alone, at time `t`, s.
     fn at(&self, t: f64) -> Self::Instant;
 
-    /// Returns the torque on the sphere in frame N, N m.
+    /// Returns the torque on the sphere in frame N, in N m.
     ///
-    /// `q` is the orientation (sphere axes to N) and `omega` the angular velocity (in N, rad/s).
-    /// Within a step the norm of `q` can differ from 1 by the square of the turn in a step.
+    /// `now` is the result of [`at`](Load::at), `q` the orientation (sphere axes to N) and `omega`
+    /// the angular velocity (in N, rad/s). Within a step the norm of `q` can differ from 1 by the
+    /// square of the turn in a step.
     fn torque(&self, now: &Self::Instant, q: Quat, omega: Vec3) -> Vec3;
 }
 
@@ -35,7 +36,7 @@ impl<F: Fn(f64, Quat, Vec3) -> Vec3> Load for F {
     }
 }
 
-/// A constant torque on the sphere, in frame N, N m.
+/// A vector is a load: a constant torque on the sphere in frame N, in N m.
 impl Load for Vec3 {
     type Instant = ();
 
@@ -48,7 +49,7 @@ impl Load for Vec3 {
     }
 }
 
-/// The sum of two loads.
+/// A load whose torque is the sum of the torques of two loads.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sum<A, B>(pub A, pub B);
 
@@ -90,12 +91,12 @@ impl Load for SpringDamper {
     }
 }
 
-/// A sinusoidal torque about a fixed axis: `amplitude` sin(2 pi `hertz` t).
+/// A sinusoidal torque about a fixed axis: `amplitude` sin(2 pi `hertz` t), with the time t.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sine {
-    /// Largest torque, as a vector along its axis in frame N, N m.
+    /// Largest torque as a vector along the fixed axis, in frame N, in N m.
     pub amplitude: Vec3,
-    /// Frequency, Hz.
+    /// Frequency of the torque, Hz.
     pub hertz: f64,
 }
 

@@ -9,16 +9,17 @@ use super::{PlantState, gather, scatter};
 
 /// A method that advances a plant by one step of h seconds.
 ///
-/// The error over a given time falls as h to the power of the order. An *evaluation* computes the
-/// plant's accelerations and its load once. Nearly all the cost is in evaluations.
+/// The error over a given time falls as h to the power of the method's order. An *evaluation*
+/// computes the plant's accelerations and its load once. Nearly all the cost is in evaluations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Method {
     /// Order 1, one evaluation per step. Computes new speeds from the present accelerations, then
-    /// new angles from the new speeds. On a spring its energy error stays bounded, whereas that of
-    /// explicit Euler grows.
+    /// new angles from the new speeds. When it simulates a spring, its energy error stays bounded,
+    /// whereas that of explicit Euler grows.
     SemiImplicitEuler,
     /// Order 2, two evaluations per step. Makes half a step to the middle, then the whole step with
-    /// the rates at the middle. The orientation turns by the exponential of the middle rate.
+    /// the rates at the middle. The orientation turns by the exponential of the angular velocity at
+    /// the middle.
     Midpoint,
     /// Order 4, four evaluations per step. The classic Runge-Kutta rule on the components of the
     /// quaternion, which is normalised at the end of the step.
@@ -30,10 +31,10 @@ pub enum Method {
 }
 
 impl Method {
-    /// All methods, in rising order.
+    /// All methods, in rising order of accuracy.
     pub const ALL: [Self; 4] = [Self::SemiImplicitEuler, Self::Midpoint, Self::Rk4, Self::Rkmk4];
 
-    /// Returns the order: the power of the step with which the error falls.
+    /// Returns the order of the method: the error is proportional to the step to this power.
     #[must_use]
     pub const fn order(self) -> u32 {
         match self {
@@ -128,7 +129,8 @@ fn rkmk4<const P: usize, F: Field<P>>(field: &F, state: &mut PlantState, t: f64,
     finish(state, &steer, omega, &[k1.1, k2.1, k3.1, k4.1], sixth);
 }
 
-/// Completes a step of order 4, except for the orientation.
+/// Writes the result of a step of order 4 to `state`, except for the orientation. `k1` to `k4` are
+/// the accelerations and rates of the four stages.
 #[inline(always)]
 fn finish<const P: usize>(
     state: &mut PlantState,

@@ -38,12 +38,12 @@ use pair::Pair;
 
 use crate::phenomena::Phenomena;
 
-/// Joint torques in the order steer, drive of each wheel, N m. Entries beyond the device's joints
-/// must be finite and have no effect.
+/// Joint torques in N m, in the order steer, drive of each wheel. Entries beyond the device's
+/// joints must be finite and have no effect.
 pub type JointTorques = [f64; MAX_JOINTS];
 
-/// The model of a device whose wheels do not slip: its constants, and the phenomena that keep it
-/// smooth.
+/// The mechanics of a device whose wheels do not slip: its constants, and the phenomena that keep
+/// it smooth, such as viscous joint friction.
 #[derive(Debug, Clone)]
 pub struct Plant {
     model: Model,
@@ -51,24 +51,24 @@ pub struct Plant {
     extras: Option<Box<Extras>>,
 }
 
-/// The state of a plant: its angles and the sphere's angular velocity. Joint rates follow from
-/// `omega` and the steer angles.
+/// The state of a plant: the sphere's orientation and angular velocity, and the joint angles. Joint
+/// rates follow from `omega` and the steer angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantState {
     /// Orientation of the sphere as a unit quaternion that maps sphere axes to frame N.
     pub q: Quat,
     /// Angular velocity of the sphere in frame N, rad/s.
     pub omega: Vec3,
-    /// Steer angle th of each wheel, rad, never reduced modulo a turn. Entries beyond the device's
-    /// wheels do not change.
+    /// Steer angle th of each wheel, rad. It counts whole turns and is not reduced to one turn.
+    /// Entries beyond the device's wheels do not change.
     pub steer: [f64; MAX_WHEELS],
-    /// Drive angle ph of each wheel, rad, never reduced modulo a turn. Entries beyond the device's
-    /// wheels do not change.
+    /// Drive angle ph of each wheel, rad. It counts whole turns and is not reduced to one turn.
+    /// Entries beyond the device's wheels do not change.
     pub drive: [f64; MAX_WHEELS],
 }
 
 impl Default for PlantState {
-    /// Returns a state at rest with the identity orientation and all joint angles zero.
+    /// Returns a state at rest, with the identity as orientation and all joint angles zero.
     fn default() -> Self {
         Self { q: Quat::IDENTITY, omega: Vec3::ZERO, steer: [0.0; MAX_WHEELS], drive: [0.0; MAX_WHEELS] }
     }
@@ -105,8 +105,9 @@ impl fmt::Display for ImpossibleInertia {
 
 impl core::error::Error for ImpossibleInertia {}
 
-/// Runs an expression with `P` as a compile-time constant: a number of wheel pairs that is large
-/// enough for all wheels. Three pairs run as four, to avoid one more copy of the code.
+/// Runs an expression with `P` as a compile-time constant: the number of wheel pairs that holds all
+/// wheels of the plant. Plants with three pairs use `P` = 4, to save one more copy of the compiled
+/// code.
 macro_rules! with_pairs {
     ($plant:expr, $P:ident => $body:expr) => {
         match $plant.wheels.div_ceil(2) {
@@ -126,8 +127,8 @@ macro_rules! with_pairs {
     };
 }
 
-/// Runs an expression with `field` bound to the plant under joint torques and a load: the ideal
-/// plant, or the one with extras.
+/// Runs an expression with `field` bound to the plant under joint torques and a load. `field` is
+/// the ideal plant, or the plant with off-centre masses or viscous joints.
 macro_rules! with_field {
     ($plant:expr, $tau:expr, $load:expr, $P:ident, $field:ident => $body:expr) => {
         match &$plant.extras {
@@ -155,9 +156,10 @@ impl Plant {
     /// Creates the plant of `device` with those of `phenomena` that keep it smooth.
     ///
     /// These are an eccentric sphere, the weight of the wheel modules, and the viscous part of
-    /// joint friction. Other phenomena are ignored here; [`Dynamics`] handles them.
+    /// joint friction. Other phenomena are ignored; [`Dynamics`] handles them.
     ///
     /// # Errors
+    ///
     /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
     pub fn with(device: &Device, phenomena: &Phenomena) -> Result<Self, ImpossibleInertia> {
         let model = Model::new(device).map_err(|wheel| ImpossibleInertia { wheel })?;
@@ -165,21 +167,21 @@ impl Plant {
         Ok(Self { model, wheels: device.wheels().len(), extras })
     }
 
-    /// Returns the number of wheels.
+    /// Returns the number of wheels of the device.
     #[must_use]
     pub fn wheels(&self) -> usize {
         self.wheels
     }
 
-    /// Returns the inertia of the sphere and of anything attached to it, about any axis, kg m². The
-    /// wheels' inertia is not included.
+    /// Returns the inertia of the sphere and of anything attached to it, such as a hand, in kg m².
+    /// It is equal about all axes. The wheels' inertia is not included.
     #[must_use]
     pub fn sphere_inertia(&self) -> f64 {
         self.model.inertia
     }
 
-    /// Sets the inertia of the sphere and of anything attached to it, kg m². It must be positive. A
-    /// hand that takes hold adds its inertia here.
+    /// Sets the inertia of the sphere and of anything attached to it, such as a hand, in kg m². It
+    /// must be positive.
     pub fn set_sphere_inertia(&mut self, inertia: f64) {
         self.model.inertia = inertia;
     }
@@ -194,7 +196,7 @@ impl Plant {
         })
     }
 
-    /// Returns the rates of all joints in the order steer, drive of each wheel, rad/s. They follow
+    /// Returns the rates of all joints, rad/s, in the order steer, drive of each wheel. They follow
     /// from the sphere's angular velocity w, because the wheels do not slip: zd = G w.
     #[must_use]
     pub fn joint_rates(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
@@ -223,7 +225,7 @@ impl Plant {
     }
 
     /// Returns the apparent inertia of the sphere in frame N, kg m². It includes the inertia of the
-    /// wheels that turn with it: I_s I + Gᵀ J_q G.
+    /// wheels, which turn with the sphere: I_s I + Gᵀ J_q G.
     #[must_use]
     pub fn apparent_inertia(&self, state: &PlantState) -> Mat3 {
         let Symmetric { xx, yy, zz, xy, xz, yz } = match &self.extras {
@@ -236,8 +238,8 @@ impl Plant {
         Mat3::from_cols(Vec3::new(xx, xy, xz), Vec3::new(xy, yy, yz), Vec3::new(xz, yz, zz))
     }
 
-    /// Advances `state` by one step of `h` seconds from time `t` (s). The joint torques `tau` stay
-    /// constant and `load` acts on the sphere.
+    /// Advances `state` by one step of `h` seconds from time `t` (s). During the step the joint
+    /// torques `tau` are constant, and `load` acts on the sphere.
     #[inline]
     pub fn step<L: Load>(
         &self,
@@ -252,14 +254,14 @@ impl Plant {
     }
 }
 
-/// Groups one number per wheel into pairs.
+/// Groups an array with one number per wheel into pairs of wheels.
 #[inline(always)]
 fn gather<const P: usize>(wheels: &[f64; MAX_WHEELS]) -> [Pair; P] {
     core::array::from_fn(|p| Pair([wheels[2 * p], wheels[2 * p + 1]]))
 }
 
-/// Writes pairs back to one number per wheel. An absent wheel of the last pair is written too; its
-/// rate is zero.
+/// Writes pairs of wheels back to an array with one number per wheel. The missing wheel of a last,
+/// half-used pair is written too, but its number never changes.
 #[inline(always)]
 fn scatter<const P: usize>(pairs: &[Pair; P], wheels: &mut [f64; MAX_WHEELS]) {
     for p in 0..P {

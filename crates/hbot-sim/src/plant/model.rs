@@ -21,21 +21,21 @@ use hbot_core::{Quat, Vec3};
 use super::pair::Pair;
 use super::trig::sincos;
 
-/// Largest number of wheel pairs.
+/// Largest number of wheel pairs of a device.
 pub(crate) const MAX_PAIRS: usize = MAX_WHEELS / 2;
 
-/// One vector for each of the two wheels of a pair.
+/// One three-component vector for each of the two wheels of a pair.
 type Vectors = [Pair; 3];
 
-/// The constants of a pair of wheels. x and y are defined in the module documentation.
+/// The constants of a pair of wheels. The vectors x and y are defined in the module documentation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelPair {
-    /// Coefficient vectors of x = `x_cos` cos th + `x_sin` sin th + `axis`, with th the steer
-    /// angle.
+    /// Coefficient vectors that give x = `x_cos` cos th + `x_sin` sin th + `axis` at the steer
+    /// angle th.
     x_cos: Vectors,
     x_sin: Vectors,
     axis: Vectors,
-    /// Coefficient vectors of y = `y_cos` cos th + `y_sin` sin th, with th the steer angle.
+    /// Coefficient vectors that give y = `y_cos` cos th + `y_sin` sin th at the steer angle th.
     y_cos: Vectors,
     y_sin: Vectors,
     /// Ratio J_c / J_th of the coupling to the steer inertia. The steer rate is dth/dt = x.w - mix
@@ -47,7 +47,7 @@ pub(crate) struct WheelPair {
     y_inertia: Pair,
 }
 
-/// Constants of a pair in which neither wheel exists.
+/// Constants of a pair that has no wheels.
 const NO_WHEEL: WheelPair = WheelPair {
     x_cos: [Pair::ZERO; 3],
     x_sin: [Pair::ZERO; 3],
@@ -59,42 +59,43 @@ const NO_WHEEL: WheelPair = WheelPair {
     y_inertia: Pair::ZERO,
 };
 
-/// Joint torques of `P` wheel pairs along x and y instead of g_th and g_ph, N m.
+/// Joint torques of `P` wheel pairs, N m. They are components along the vectors x and y of each
+/// wheel, instead of along the rows g_th and g_ph of G.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Push<const P: usize> {
     x: [Pair; P],
     y: [Pair; P],
 }
 
-/// The vectors x and y of `P` wheel pairs at one posture.
+/// The vectors x and y (see the module documentation) of `P` wheel pairs at given steer angles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rows<const P: usize> {
     x: [Vectors; P],
     y: [Vectors; P],
 }
 
-/// The time derivatives of a plant's speeds and joint angles.
+/// The time derivatives of a plant's speeds and joint angles at one state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Flow<const P: usize> {
     /// Angular acceleration dw/dt of the sphere in frame N, rad/s².
     pub(crate) acceleration: Vec3,
-    /// Steer rates dth/dt, rad/s.
+    /// Steer rates dth/dt of all wheel pairs, rad/s.
     pub(crate) steer: [Pair; P],
-    /// Drive rates dph/dt, rad/s.
+    /// Drive rates dph/dt of all wheel pairs, rad/s.
     pub(crate) drive: [Pair; P],
 }
 
-/// The constants of all wheels, and the inertia of the sphere.
+/// The constants of all wheels and the inertia of the sphere, from which the accelerations follow.
 #[derive(Debug, Clone)]
 pub(crate) struct Model {
-    /// Inertia of the sphere (I_s) and of anything attached to it, kg m².
+    /// Inertia of the sphere (I_s) and of anything attached to it, such as a hand, kg m².
     pub(crate) inertia: f64,
     pub(crate) pairs: [WheelPair; MAX_PAIRS],
 }
 
 impl Model {
-    /// Computes the constants of `device`. Fails with the index of the first wheel whose inertia
-    /// matrix is not positive semidefinite.
+    /// Computes the constants of `device`. Fails with the index of the first wheel whose inertias
+    /// are physically impossible (its inertia matrix is not positive semidefinite).
     pub(crate) fn new(device: &Device) -> Result<Self, usize> {
         let mut pairs = [NO_WHEEL; MAX_PAIRS];
         for (i, wheel) in device.wheels().iter().enumerate() {
@@ -119,7 +120,8 @@ impl Model {
         rows
     }
 
-    /// Returns the joint rates (dth/dt, dph/dt) while the sphere turns at `omega`, rad/s.
+    /// Returns the joint rates dth/dt (steer) and dph/dt (drive) while the sphere turns at the
+    /// angular velocity `omega`, rad/s.
     #[inline(always)]
     pub(crate) fn rates<const P: usize>(&self, rows: &Rows<P>, omega: Vec3) -> ([Pair; P], [Pair; P]) {
         let w = splat(omega);
@@ -143,8 +145,9 @@ impl Model {
         push
     }
 
-    /// Returns accelerations and joint rates at `rows` while the sphere turns at `omega`. The joint
-    /// torques `push` and the torque `external` on the sphere (frame N, N m) act.
+    /// Returns the sphere's acceleration and the joint rates while the sphere turns at `omega`. The
+    /// joint torques `push` and the torque `external` on the sphere (frame N, N m) act. `rows` are
+    /// the vectors x and y at the present steer angles.
     #[inline(always)]
     pub(crate) fn flow<const P: usize>(
         &self,
@@ -169,7 +172,7 @@ impl Model {
         Flow { acceleration: self.apparent(rows).solve(b), steer, drive }
     }
 
-    /// Returns the apparent inertia I_s I + Gᵀ J_q G in frame N, kg m².
+    /// Returns the apparent inertia of sphere and wheels in frame N, I_s I + Gᵀ J_q G, in kg m².
     #[inline(always)]
     pub(crate) fn apparent<const P: usize>(&self, rows: &Rows<P>) -> Symmetric {
         let mut m = [Pair::ZERO; 6];
@@ -187,7 +190,8 @@ impl Model {
 }
 
 impl WheelPair {
-    /// Sets the constants of one wheel of the pair. Returns `None` if J_c² > J_th J_ph.
+    /// Sets the constants of one wheel of the pair; `lane` is 0 or 1. Returns `None` if the wheel's
+    /// inertias are physically impossible, J_c² > J_th J_ph.
     fn set(&mut self, lane: usize, device: &Device, wheel: &Wheel) -> Option<()> {
         let spec = wheel.spec();
         let (l1, l2) = (wheel.axis_along_axle(), wheel.axis_along_roll());
@@ -236,8 +240,8 @@ pub(crate) struct Symmetric {
 }
 
 impl Symmetric {
-    /// Returns the vector v with A v = b, for a positive definite A. It uses cofactors and only one
-    /// division.
+    /// Returns the vector v with A v = b, where A is this matrix, which must be positive definite.
+    /// It uses cofactors and only one division.
     #[inline(always)]
     pub(crate) fn solve(&self, b: Vec3) -> Vec3 {
         let &Self { xx, yy, zz, xy, xz, yz } = self;
@@ -252,7 +256,8 @@ impl Symmetric {
     }
 }
 
-/// Returns dq/dt = 1/2 (0, w) q of a sphere that turns at `omega`, in frame N.
+/// Returns the rate dq/dt = 1/2 (0, w) q of the orientation of a sphere that turns at the angular
+/// velocity `omega` in frame N.
 #[inline(always)]
 pub(crate) fn quaternion_rate(q: Quat, omega: Vec3) -> Quat {
     let w = omega * 0.5;

@@ -6,7 +6,7 @@
 
 use core::ops::{Add, Mul, Sub};
 
-/// One number for each of two wheels.
+/// One number for each of the two wheels of a pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pair(pub(crate) [f64; 2]);
 
@@ -20,7 +20,7 @@ impl Pair {
         Self([a; 2])
     }
 
-    /// Returns the sum of the two numbers.
+    /// Returns the sum of the numbers of the two wheels.
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
         self.0[0] + self.0[1]

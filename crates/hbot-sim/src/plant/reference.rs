@@ -11,16 +11,16 @@ use hbot_core::{Vec3, rotation};
 
 use super::{JointTorques, Load, Plant, PlantState};
 
-/// Number of coordinates: the turn since the start of the step, the angular velocity, the steer
-/// angles and the drive angles.
+/// Number of coordinates of the integration: the turn since the start of the step, the angular
+/// velocity, the steer angles and the drive angles.
 const SIZE: usize = 6 + 2 * MAX_WHEELS;
 type Coordinates = [f64; SIZE];
 
-/// Times of the stages, as fractions of the step.
+/// Times of the seven stages of the method, as fractions of the step.
 const AT: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 
-/// Weights with which each stage uses the stages before it. The last row gives the result of order
-/// 5.
+/// Weights with which each stage of the method uses the rates of the stages before it. The last row
+/// gives the result of order 5.
 const FROM: [&[f64]; 7] = [
     &[],
     &[1.0 / 5.0],
@@ -31,11 +31,12 @@ const FROM: [&[f64]; 7] = [
     &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
 
-/// Weights of the error estimate: the result of order 5 minus that of order 4.
+/// Weights of the stages in the error estimate, which is the result of order 5 minus that of order
+/// 4.
 const ERROR: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
-/// Error: the adaptive reference integrator found no step small enough.
+/// Error: the adaptive reference integrator cannot meet its tolerance with any step.
 ///
 /// The tolerance is below what rounding allows, or the load is not smooth or not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +98,8 @@ impl Plant {
         Ok(())
     }
 
-    /// Returns the state after one step and its estimated error, in units of the tolerance.
+    /// Computes one step of `h` seconds. Returns the state at its end and the estimated error, in
+    /// units of the tolerance.
     fn try_step<L: Load>(
         &self,
         state: &PlantState,

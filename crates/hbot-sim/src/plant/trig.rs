@@ -6,23 +6,23 @@
 
 use super::pair::Pair;
 
-/// Angle from which on `libm` is used, rad: about 160,000 turns. Beyond it the reduction below
-/// loses digits.
+/// Size of an angle, rad, from which `libm` computes sine and cosine: about 160,000 turns. For
+/// larger angles the reduction in this module loses digits.
 const FAR: f64 = 1.0e6;
 
-/// Adding and subtracting 1.5 * 2^52 rounds a number to the nearest integer. After the addition the
-/// low bits hold that integer.
+/// Adding this number, 1.5 * 2^52, and subtracting it again rounds a number to the nearest integer.
+/// After the addition the low bits hold that integer.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// A quarter turn as the sum of three parts. The first two have 33 bits, so that their products
-/// with a quadrant number are exact.
+/// A quarter turn in rad, as the sum of three parts. The first two have 33 bits each, so that their
+/// products with a quadrant number are exact.
 const QUARTER: [f64; 3] = [
     f64::from_bits(0x3FF9_21FB_5440_0000),
     f64::from_bits(0x3DD0_B461_1A60_0000),
     f64::from_bits(0x3BA3_198A_2E03_7073),
 ];
 
-/// Returns (sin, cos) of two angles in rad, with an error of about one ulp of 1.
+/// Returns (sin, cos) of two angles in rad. The error is about one ulp of 1.
 #[inline(always)]
 pub(crate) fn sincos(angle: Pair) -> (Pair, Pair) {
     let [a, b] = angle.0;

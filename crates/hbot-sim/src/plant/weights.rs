@@ -13,33 +13,34 @@ use hbot_core::{Quat, Vec3, rotation};
 /// Standard gravity, m/s². It acts along -n3.
 pub(crate) const GRAVITY: f64 = 9.806_65;
 
-/// A weight that is not at the centre of the sphere.
+/// The weight of the sphere, acting at a centre of mass that is not at the centre of the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Weight {
-    /// Position in sphere axes, m.
+    /// Position of the centre of mass in sphere axes, m.
     pub(crate) offset: Vec3,
-    /// Weight m g, N.
+    /// Weight m g of the sphere, N.
     pub(crate) weight: f64,
 }
 
 impl Weight {
-    /// Returns the potential energy at the orientation `q`, J.
+    /// Returns the potential energy of the weight at the orientation `q`, J.
     pub(crate) fn energy(&self, q: Quat) -> f64 {
         self.weight * (q * self.offset).z
     }
 
-    /// Returns the torque on the sphere at the orientation `q`, in frame N, N m.
+    /// Returns the torque of the weight on the sphere at the orientation `q`, in frame N, in N m.
     pub(crate) fn torque(&self, q: Quat) -> Vec3 {
         (q * self.offset).cross(Vec3::NEG_Z * self.weight)
     }
 
-    /// Returns the largest second derivative of the energy along any turn, N m.
+    /// Returns the largest second derivative of the potential energy along any turn, N m.
     pub(crate) fn curvature(&self) -> f64 {
         self.weight * self.offset.length()
     }
 
-    /// Returns the discrete-gradient torque for the turn by `phi` (rad, frame N) from the
-    /// orientation `q`, N m.
+    /// Returns the mean torque of the weight over the turn by `phi` (rad, frame N) from the
+    /// orientation `q`, in N m. It is a discrete gradient: its work is exactly the loss of
+    /// potential energy.
     pub(crate) fn torque_over(&self, q: Quat, phi: Vec3) -> Vec3 {
         let before = q * self.offset;
         let after = rotation::exp(phi) * before;
@@ -47,7 +48,8 @@ impl Weight {
     }
 }
 
-/// An isotropic quaternion spring with the energy V = 2 K |e|², where (eta, e) = q q_d⁻¹.
+/// An isotropic spring that pulls the sphere to the orientation q_d, with the energy V = 2 K |e|²,
+/// where (eta, e) = q q_d⁻¹.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Spring {
     pub(crate) stiffness: f64,
@@ -62,17 +64,17 @@ impl Spring {
     }
 }
 
-/// The weight of one wheel's module, at the wheel's centre off the steering axis. Its energy is a
-/// cosine of the steer angle th, plus a constant.
+/// The weight of one wheel module, which acts at the wheel's centre, off the steering axis. Its
+/// energy is a cosine of the steer angle th, plus a constant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Module {
-    /// Coefficients of cos th and sin th in the energy, J, with th the steer angle.
+    /// Coefficients of cos th and sin th in the potential energy, J, with the steer angle th.
     cos: f64,
     sin: f64,
 }
 
 impl Module {
-    /// Creates the module of wheel `index`, with `mass` kg at the wheel's centre (R + r) c3.
+    /// Creates the module of wheel `index`. Its `mass` (kg) is at the wheel's centre, (R + r) c3.
     fn new(device: &Device, index: usize, mass: f64) -> Self {
         let wheel = &device.wheels()[index];
         let lever = mass * GRAVITY * (device.sphere_radius() + wheel.spec().radius);
@@ -81,7 +83,7 @@ impl Module {
         Self { cos: 0.5 * (lift(0.0) - lift(2.0 * half)), sin: 0.5 * (lift(half) - lift(-half)) }
     }
 
-    /// Creates the modules of all wheels of `device`, with `mass` kg each.
+    /// Creates the wheel modules of all wheels of `device`, with `mass` kg each.
     pub(crate) fn all(device: &Device, mass: f64) -> [Self; MAX_WHEELS] {
         let mut modules = [Self::default(); MAX_WHEELS];
         for (i, place) in modules[..device.wheels().len()].iter_mut().enumerate() {
@@ -90,34 +92,36 @@ impl Module {
         modules
     }
 
-    /// Returns the potential energy up to a constant, J.
+    /// Returns the potential energy of the module at the steer angle `th`, up to a constant, J.
     pub(crate) fn energy(&self, th: f64) -> f64 {
         self.cos * libm::cos(th) + self.sin * libm::sin(th)
     }
 
-    /// Returns the torque on the steer joint at the steer angle `th`, N m.
+    /// Returns the torque of the module's weight on the steer joint at the steer angle `th`, N m.
     pub(crate) fn torque(&self, th: f64) -> f64 {
         self.cos * libm::sin(th) - self.sin * libm::cos(th)
     }
 
-    /// Returns the largest second derivative of the energy over the steer angle, N m.
+    /// Returns the largest second derivative of the potential energy with respect to the steer
+    /// angle, N m.
     pub(crate) fn curvature(&self) -> f64 {
         libm::sqrt(self.cos * self.cos + self.sin * self.sin)
     }
 
-    /// Returns the discrete-gradient torque for a turn of the steer joint by `delta` rad from `th`,
-    /// N m.
+    /// Returns the mean torque of the module's weight over a turn of the steer joint by `delta` rad
+    /// from `th`, in N m. It is a discrete gradient: its work is exactly the loss of potential
+    /// energy.
     pub(crate) fn torque_over(&self, th: f64, delta: f64) -> f64 {
         self.torque(th + 0.5 * delta) * sin_ratio(0.5 * delta)
     }
 }
 
-/// Returns tan x / x.
+/// Returns tan x / x. Near 0 it uses a power series, so x can be 0.
 fn tan_ratio(x: f64) -> f64 {
     if x < 1.0e-4 { 1.0 + x * x / 3.0 } else { libm::tan(x) / x }
 }
 
-/// Returns sin x / x.
+/// Returns sin x / x. Near 0 it uses a power series, so x can be 0.
 fn sin_ratio(x: f64) -> f64 {
     if x.abs() < 1.0e-4 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
 }
@@ -127,8 +131,9 @@ mod tests {
     use super::*;
     use hbot_core::device::WheelSpec;
 
-    /// The work of a discrete gradient is the loss of potential energy. The tolerance is the
-    /// rounding of energies of about 5 J.
+    /// The work of a discrete-gradient torque over a turn equals the loss of potential energy, for
+    /// the spring, the weight and the wheel module. The tolerance is the rounding of energies of
+    /// about 5 J.
     #[test]
     fn the_work_over_a_turn_is_what_the_potential_loses() {
         let spring = Spring { stiffness: 3.0, target: rotation::exp(Vec3::new(0.4, -1.0, 0.3)) };

@@ -8,8 +8,8 @@ use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
 
-/// Both ends of a pseudo-terminal. The far end is kept open so that the near end gets no hang-up
-/// while no other program has the far end open.
+/// Both ends of a pseudo-terminal. The far end is the port that other programs open. It is also
+/// kept open here, so that the near end gets no hang-up while no other program has the port open.
 pub(super) struct Line {
     pub(super) near: OwnedFd,
     pub(super) far: OwnedFd,
@@ -31,8 +31,8 @@ impl Line {
         Ok((Self { near, far }, path.into()))
     }
 
-    /// Reads the bytes that have arrived into `buffer`, without waiting. Returns their number, 0 if
-    /// there are none.
+    /// Reads the bytes that have arrived into `buffer`, without waiting. Returns their number,
+    /// which is 0 if there are none.
     pub(super) fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
         match rustix::io::read(&self.near, buffer) {
             Ok(count) => Ok(count),
@@ -42,8 +42,8 @@ impl Line {
         }
     }
 
-    /// Writes `bytes` in one call. If the buffer is full because no program reads, the rest is
-    /// lost.
+    /// Writes `bytes` in one call. If the buffer is full because no program reads, the remaining
+    /// bytes are lost.
     pub(super) fn write(&self, bytes: &[u8]) -> Result<(), Errno> {
         match rustix::io::write(&self.near, bytes) {
             Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(()),
@@ -51,7 +51,7 @@ impl Line {
         }
     }
 
-    /// Ends exclusive use of the far end, so that other programs can open it again.
+    /// Ends exclusive use of the far end (the port), so that other programs can open it again.
     ///
     /// Exclusive use outlasts the program that asked for it, as long as any program has the port
     /// open. This process always has it open.

@@ -25,10 +25,11 @@ use line::Line;
 
 /// Options of the thread that serves a simulated rig.
 pub struct PtyOptions {
-    /// Longest time between two updates of the plant while no bytes arrive. The default is 2 ms.
+    /// Longest time between two updates of the plant while no bytes arrive on the line. The default
+    /// is 2 ms.
     pub idle: Duration,
-    /// Function that the thread calls first, for example to set its scheduling priority. The
-    /// default does nothing.
+    /// Function that the thread calls when it starts, for example to set its scheduling priority.
+    /// The default does nothing.
     pub on_start: Box<dyn FnOnce() + Send>,
 }
 
@@ -44,16 +45,16 @@ impl std::fmt::Debug for PtyOptions {
     }
 }
 
-/// Why the simulated line could not be opened, or has stopped.
+/// Why the pseudo-terminal of a simulated rig could not be opened, or has stopped.
 #[derive(Debug)]
 pub enum PtyError {
-    /// This machine provides no pseudo-terminal.
+    /// The machine provides no pseudo-terminal.
     NoPty(io::Error),
-    /// The thread could not be started.
+    /// The thread that serves the simulated rig could not be started.
     Thread(io::Error),
-    /// The line failed while the thread served it.
+    /// The pseudo-terminal failed while the thread served it.
     Line(io::Error),
-    /// The thread has ended, or a closure that it ran panicked.
+    /// The thread has ended, or a closure that it ran has panicked.
     Stopped,
 }
 
@@ -86,7 +87,8 @@ enum Message {
     Stop,
 }
 
-/// A simulated rig behind a pseudo-terminal. Dropping it stops its thread and removes the port.
+/// A simulated rig behind a pseudo-terminal. Dropping this value stops its thread and removes the
+/// port.
 #[derive(Debug)]
 pub struct PtyRig {
     path: PathBuf,
@@ -154,7 +156,7 @@ impl PtyRig {
         self.send(Message::Call(Box::new(call)))
     }
 
-    /// Returns whether the thread still serves the line.
+    /// Returns whether the thread is still serving the line.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
@@ -240,8 +242,8 @@ impl Server {
     /// Waits for bytes, a message, a delayed frame, or the next update of the plant. Returns
     /// whether a message is waiting.
     ///
-    /// A line that is hung up is always ready. Therefore, after each hang-up, one wait leaves the
-    /// line out.
+    /// A line that is hung up would end every wait at once. Therefore, the first wait after a
+    /// hang-up does not watch the line.
     fn wait(&self, hung_up: &mut bool) -> Result<bool, Errno> {
         let mut fds = [
             PollFd::from_borrowed_fd(self.wake.as_fd(), PollFlags::IN),
@@ -310,8 +312,8 @@ mod tests {
         SimulatedRig::new(&config).unwrap()
     }
 
-    /// If the far end is not kept open, the line hangs up whenever no program has it open. The
-    /// thread then neither ends nor spins, and it serves the next program that opens the port.
+    /// A rig is served again after its line hangs up, which happens here whenever no program has
+    /// the port open. While the line is hung up, the thread neither ends nor spins.
     #[test]
     fn a_line_that_hangs_up_is_served_again() {
         let (mut line, path) = Line::open().unwrap();

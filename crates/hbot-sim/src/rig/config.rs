@@ -10,7 +10,8 @@ use crate::controller::SimulatedJoint;
 use crate::phenomena::Phenomena;
 use crate::plant::{ImpossibleInertia, Method, PlantState};
 
-/// The configuration of a [`SimulatedRig`](crate::rig::SimulatedRig).
+/// The configuration of a [`SimulatedRig`](crate::rig::SimulatedRig): its geometry, joints, start
+/// state and integration method.
 #[derive(Debug, Clone)]
 pub struct SimulatedConfig {
     /// What its controllers speak.
@@ -19,24 +20,24 @@ pub struct SimulatedConfig {
     pub device: Device,
     /// Motor and encoder of each joint, in the order steer, drive of each wheel.
     pub joints: Vec<SimulatedJoint>,
-    /// State in which the plant starts. Incremental encoders still start counting at angle zero.
+    /// State in which the plant starts. Incremental encoders still count from the angle zero.
     pub start: PlantState,
-    /// Phenomena that are switched on.
+    /// Phenomena of a real rig, such as friction, that are switched on.
     pub phenomena: Phenomena,
     /// Integration method of the plant.
     pub method: Method,
-    /// Longest step of the plant, ns. A longer interval is divided into equal steps. 0 counts as 1.
+    /// Longest step of the plant, ns. A longer interval is divided into equal steps. A value of 0
+    /// is treated as 1.
     pub max_step_ns: u64,
-    /// Longest interval that is simulated at once, ns.
+    /// Longest interval that the plant is simulated at once, ns.
     ///
-    /// If more time has passed (the process was stopped, or the machine slept), the rest is
-    /// skipped: the motor controllers' clock jumps, the plant's clock does not.
+    /// If more time has passed (the process was stopped, or the machine slept), the plant skips the
+    /// rest. The clock of the motor controllers still jumps to the new time.
     pub max_jump_ns: u64,
 }
 
 impl SimulatedConfig {
-    /// Returns the configuration of an ideal rig that fits `rig`, the description that the core
-    /// uses.
+    /// Returns the configuration of an ideal simulated rig with the geometry and joints of `rig`.
     ///
     /// The plant starts at rest with all angles at zero and without phenomena. It is integrated by
     /// [`Method::Rk4`] in steps of at most 1 ms, and by at most 100 ms at once.
@@ -62,7 +63,7 @@ pub enum SimulatedRigError {
     Protocol(Protocol),
     /// The inertias of a wheel are physically impossible.
     Inertia(ImpossibleInertia),
-    /// The number of joints does not fit the device.
+    /// The number of joints in the configuration differs from that of the device.
     Joints {
         /// Number of joints in the configuration.
         given: usize,

@@ -20,19 +20,20 @@ use crate::plant::{Dynamics, JointTorques, PlantState};
 
 /// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
 ///
-/// The method is stable at any step and has order 1. Compared with a step of 1 ms, this one has a
-/// quarter of the error at four times the cost, and still leaves time for ticks at 4 kHz
-/// (`docs/simulator.md`).
+/// The method is stable at any step and has order 1. Compared with a step of 1 ms, this step has a
+/// quarter of the error at four times the cost. The computation is still fast enough for ticks at 4
+/// kHz (`docs/simulator.md`).
 const MAX_NONSMOOTH_STEP_NS: u64 = 250_000;
 
 /// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it nothing more is kept.
 const UNASKED: usize = 64 * 1024;
 
-/// A rig that is simulated in memory: plant, motor controllers, line and optionally a hand.
+/// A rig that is simulated in memory: the plant, the motor controllers, the line to them, and
+/// optionally a hand on the sphere.
 #[derive(Debug, Clone)]
 pub struct SimulatedRig {
     dynamics: Dynamics,
-    /// Inertia of the sphere alone, kg m².
+    /// Inertia of the sphere without a hand, kg m².
     sphere_inertia: f64,
     state: PlantState,
     phenomena: Phenomena,
@@ -46,7 +47,7 @@ pub struct SimulatedRig {
     unasked: Vec<u8>,
     max_step_ns: u64,
     max_jump_ns: u64,
-    /// Last time given by the owner's clock, ns.
+    /// Latest time that the owner of the rig has passed in, ns.
     now_ns: u64,
     /// Total time over which the plant has been simulated, ns.
     simulated_ns: u64,
@@ -93,9 +94,9 @@ impl SimulatedRig {
     /// Receives `bytes` that the host sent at `now_ns`, and appends to `reply` the answers that
     /// have reached the host by then.
     ///
-    /// The plant is first simulated up to `now_ns` under the torques held so far. New torques act
-    /// when they arrive: at once, unless the line is impaired. Nothing is allocated if `reply` has
-    /// room for [`MAX_FEEDBACK_FRAME`] bytes a message.
+    /// The plant is first simulated up to `now_ns` under the torques commanded before. New torques
+    /// act when they arrive: at once, unless the line is impaired. Nothing is allocated if `reply`
+    /// has room for [`MAX_FEEDBACK_FRAME`] bytes per message.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -111,8 +112,8 @@ impl SimulatedRig {
     ///
     /// Only an impaired line delivers such late answers (see
     /// [`next_arrival_ns`](Self::next_arrival_ns)). Use this function if you first read and then
-    /// write at one instant, as a loop in virtual time does. An answer delayed by less than a
-    /// period is then read one tick later, as on a real line.
+    /// write at the same time, as a loop in virtual time does. An answer that is delayed by less
+    /// than a period is then read one tick later, as on a real line.
     pub fn deliver(&mut self, now_ns: u64, reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -121,8 +122,8 @@ impl SimulatedRig {
         }
     }
 
-    /// Returns when the next frame arrives at either end of an impaired line, ns of the owner's
-    /// clock.
+    /// Returns the time at which the next frame arrives at either end of an impaired line, ns on
+    /// the owner's clock.
     ///
     /// Returns `None` if the line is not impaired or no frame is in flight.
     #[must_use]
@@ -135,7 +136,8 @@ impl SimulatedRig {
         line.map_or(own, |line| Some(own.map_or(line, |own| own.min(line))))
     }
 
-    /// Passes `bytes` to the motor controllers now and appends their answers to `reply`.
+    /// Passes `bytes` to the motor controllers at the present time and appends their answers to
+    /// `reply`.
     fn hear(&mut self, bytes: &[u8], reply: &mut Vec<u8>) {
         if bytes.is_empty() {
             return;
@@ -145,8 +147,8 @@ impl SimulatedRig {
         controllers.hear(*now_ns, bytes, &Truth { angles: &angles, rates: &rates }, reply);
     }
 
-    /// Delivers to the motor controllers every frame that reaches them by `now_ns`, each at its
-    /// exact time.
+    /// Passes every frame that arrives by `now_ns` to the motor controllers, each at its exact
+    /// arrival time.
     fn arrivals(&mut self, line: &mut Impairment, now_ns: u64) {
         while let Some(due_ns) = line.commands.next_ns().filter(|due_ns| *due_ns <= now_ns) {
             self.move_to(due_ns, Some(line));
@@ -156,10 +158,10 @@ impl SimulatedRig {
         }
     }
 
-    /// Simulates the plant up to `now_ns` under the torques held so far.
+    /// Simulates the plant up to `now_ns` under the torques commanded before.
     ///
-    /// Frames that arrive on the way, and a watchdog that expires, act at their exact times. A time
-    /// before the last one given is ignored.
+    /// Frames that arrive meanwhile, and a watchdog that expires, take effect at their exact times.
+    /// A time before the last one given is ignored.
     pub fn advance_to(&mut self, now_ns: u64) {
         let mut line = self.line.take();
         if let Some(line) = &mut line {
@@ -201,8 +203,8 @@ impl SimulatedRig {
         }
     }
 
-    /// Sets the clock to `now_ns` without simulating the plant. The next interval starts at this
-    /// time.
+    /// Sets the clock to `now_ns` without simulating the plant, for example at the start. The next
+    /// simulated interval begins at this time.
     pub fn set_clock(&mut self, now_ns: u64) {
         self.now_ns = now_ns;
     }
@@ -237,8 +239,8 @@ impl SimulatedRig {
         &self.state
     }
 
-    /// Replaces the plant's state, for tests. The encoders count the change as if the rig had been
-    /// moved there.
+    /// Replaces the plant's state, for tests. The encoders read as if the rig had been moved to the
+    /// new state.
     pub fn set_state(&mut self, state: PlantState) {
         self.state = state;
         self.dynamics.adopt(&state);
@@ -246,13 +248,14 @@ impl SimulatedRig {
     }
 
     /// Returns the true rates that the encoders measure, rad/s, in the order steer, drive of each
-    /// wheel. With the gear phenomenon a drive's encoder sits on its motor.
+    /// wheel. If gears have play, the encoder of a drive is on its motor.
     #[must_use]
     pub fn joint_rates(&self) -> [f64; MAX_JOINTS] {
         self.dynamics.encoder_rates(&self.state)
     }
 
-    /// Returns the torques that the motors give now, in each joint's own positive sense, N m.
+    /// Returns the torques that the motors give now, in N m. A positive torque acts in the joint's
+    /// positive direction.
     #[must_use]
     pub fn joint_torque(&self) -> &JointTorques {
         self.controllers.torque()
@@ -264,13 +267,13 @@ impl SimulatedRig {
         &self.dynamics
     }
 
-    /// Returns the hand that holds the sphere, or `None`.
+    /// Returns the simulated hand that holds the sphere, or `None`.
     #[must_use]
     pub fn grip(&self) -> Option<&Grip> {
         self.grip.as_ref()
     }
 
-    /// Returns the phenomena that are switched on.
+    /// Returns the phenomena of a real rig, such as friction, that are switched on.
     #[must_use]
     pub fn phenomena(&self) -> &Phenomena {
         &self.phenomena
@@ -279,7 +282,8 @@ impl SimulatedRig {
     /// Replaces all phenomena from now on.
     ///
     /// Orientation and angular velocity are kept. Encoder counts continue from their present
-    /// values. Motors that stay simulated keep their current and heat. A hand takes hold anew.
+    /// values. If motors are simulated before and after, they keep their current and heat. A hand
+    /// takes hold again at the present orientation.
     pub fn set_phenomena(&mut self, phenomena: Phenomena) {
         let old = core::mem::replace(&mut self.phenomena, phenomena);
         if phenomena.encoder != old.encoder {
@@ -294,7 +298,7 @@ impl SimulatedRig {
         self.set_hand(phenomena.hand);
     }
 
-    /// Impairs the line from now on; `None` ends the impairment.
+    /// Impairs the line with the parameters `link` from now on. `None` ends the impairment.
     ///
     /// If only the parameters change, frames in flight arrive at the times already set. If the
     /// impairment ends, frames in flight are lost.
@@ -309,33 +313,34 @@ impl SimulatedRig {
         });
     }
 
-    /// Returns the frame counts of an impaired line: first to the motor controllers, then to the
-    /// host. `None` if the line is not impaired.
+    /// Returns the numbers of frames on an impaired line: first those to the motor controllers,
+    /// then those to the host. Returns `None` if the line is not impaired.
     #[must_use]
     pub fn traffic(&self) -> Option<[FrameCounts; 2]> {
         self.line.as_ref().map(|line| [line.commands.traffic, line.answers.traffic])
     }
 
-    /// Makes a hand take hold of the sphere at its present orientation, or let go (`None`).
-    /// Orientation and angular velocity are kept.
+    /// Lets a simulated hand take hold of the sphere at its present orientation. `None` makes the
+    /// hand let go. Orientation and angular velocity are kept.
     pub fn set_hand(&mut self, hand: Option<Hand>) {
         self.phenomena.hand = hand;
         self.grip = hand.map(|hand| Grip::new(hand, self.simulated_s(), self.state.q));
         self.dynamics.set_sphere_inertia(self.sphere_inertia + hand.map_or(0.0, |hand| hand.inertia));
     }
 
-    /// Sets a constant torque on the sphere, in frame N, N m. It is added to the torques of wheels
-    /// and hand.
+    /// Sets a constant torque on the sphere in frame N, in N m. It is added to the torques of the
+    /// wheels and of the simulated hand.
     pub fn set_external(&mut self, torque: Vec3) {
         self.external = torque;
     }
 
-    /// Applies a fault to the motor controllers, such as a reboot, or switches one off.
+    /// Switches a fault of the motor controllers on or off, or simulates their reboot.
     pub fn inject(&mut self, fault: InjectedFault) {
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));
     }
 
-    /// Returns the number of frames refused since power-up because they were damaged or invalid.
+    /// Returns the number of received frames that were refused since power-up because they were
+    /// damaged or invalid.
     #[must_use]
     pub fn refused_frames(&self) -> u64 {
         self.controllers.refused()

@@ -5,8 +5,8 @@ use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero
 use hbot_core::{Quat, Vec3};
 use hbot_sim::plant::{Load, Plant, PlantState, Sine, SpringDamper, Sum};
 
-/// Returns the prototype's geometry (physics notes, section 12) with the given wheel radius and
-/// inertias.
+/// Returns a device with the prototype's geometry (physics notes, section 12), wheels of radius
+/// `radius` and the given inertias of their joints.
 pub(crate) fn prototype(radius: f64, steer_inertia: f64, drive_inertia: f64) -> Device {
     let s = core::f64::consts::FRAC_1_SQRT_2;
     let wheel = |x: f64| WheelSpec {
@@ -21,7 +21,8 @@ pub(crate) fn prototype(radius: f64, steer_inertia: f64, drive_inertia: f64) -> 
     Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).unwrap()
 }
 
-/// Returns a device with `count` wheels that have toe and inertias that couple their joints.
+/// Returns a device of `count` wheels with toe angles, whose inertias couple the steer and the
+/// drive joint.
 pub(crate) fn toed(count: usize) -> Device {
     let wheel = |i: usize| {
         let turn = 2.4 * i as f64;
@@ -38,8 +39,8 @@ pub(crate) fn toed(count: usize) -> Device {
     Device::new(0.1, 0.4, &(0..count).map(wheel).collect::<Vec<_>>()).unwrap()
 }
 
-/// Returns the task of the speed comparison: the prototype, a spring with damper, and two
-/// sinusoidal torques.
+/// Returns the plant and the load of the task by which simulators are compared: the prototype, a
+/// spring with damper, and two sinusoidal torques.
 pub(crate) fn task() -> (Plant, impl Load) {
     let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
     let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
@@ -47,7 +48,7 @@ pub(crate) fn task() -> (Plant, impl Load) {
     (plant, Sum(spring, Sum(swing(Vec3::X * 0.5, 2.0), swing(Vec3::Y * 0.3, 3.0))))
 }
 
-/// Returns a state in which every coordinate is in motion.
+/// Returns a state in which the sphere and all joints move.
 pub(crate) fn brisk() -> PlantState {
     PlantState {
         q: hbot_core::rotation::exp(Vec3::new(0.4, -1.1, 0.7)),
@@ -57,8 +58,8 @@ pub(crate) fn brisk() -> PlantState {
     }
 }
 
-/// Returns the prototype as the core describes it: absolute steer encoders, and a gear and a
-/// reversed motor on each drive.
+/// Returns the configuration of the prototype, with absolute encoders on the steer joints, and a
+/// gear and a reversed motor on each drive joint.
 pub(crate) fn rig() -> Rig {
     let steer = Joint { zero: Zero::Absolute, continuous: 0.073, ..Joint::new(16384, 0.93) };
     let drive = Joint {

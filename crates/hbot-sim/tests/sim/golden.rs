@@ -7,7 +7,7 @@ use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 use serde_json::Value;
 
-/// Reads the cases of one file in the golden folder.
+/// Reads all test cases of one JSON file in the folder `tests/golden`.
 fn cases(name: &str) -> Vec<Value> {
     let folder = std::env::var_os("HBOT_GOLDEN")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden"), PathBuf::from);
@@ -51,8 +51,8 @@ fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
     core::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 
-/// The vectors are accurate to about 1e-12 relative. The torques summed in a case are larger than
-/// their sum, which costs digits.
+/// The plant's acceleration and energy equal those of the golden vectors. The vectors are accurate
+/// to about 1e-12. The torques summed in a case are larger than their sum, which costs digits.
 #[test]
 fn dynamics() {
     let (mut worst_acceleration, mut worst_energy): (f64, f64) = (0.0, 0.0);
@@ -126,14 +126,16 @@ impl Trajectory {
     }
 }
 
-/// Returns the largest difference between two states, in rad or rad/s.
+/// Returns the largest difference between two states: of the orientation, a joint angle (rad), or
+/// the angular velocity (rad/s).
 fn distance(a: &PlantState, b: &PlantState) -> f64 {
     let joints = a.joints().iter().zip(b.joints()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
     rotation::angle_between(a.q, b.q).max((a.omega - b.omega).length()).max(joints)
 }
 
-/// The vectors come from an integrator with tolerance 1e-13 and are accurate to 1e-10. Wheels act
-/// as casters and amplify errors, hence 1e-9.
+/// The adaptive reference integrator reproduces the golden trajectories. They come from an
+/// integrator with tolerance 1e-13 and are accurate to 1e-10. Wheels act as casters and amplify
+/// errors, so a difference of 1e-9 is accepted.
 #[test]
 fn trajectories_by_the_reference() {
     let mut worst: f64 = 0.0;
@@ -157,7 +159,8 @@ fn trajectories_by_the_reference() {
     println!("reference within {worst:.1e}");
 }
 
-/// Each method approaches the golden end state with its order: half the step, 2^order less error.
+/// Each integration method approaches the end of a golden trajectory with its order: half the step
+/// gives an error 2^order times smaller.
 #[test]
 fn trajectories_by_each_method() {
     for method in Method::ALL {

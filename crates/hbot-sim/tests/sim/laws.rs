@@ -15,8 +15,8 @@ fn outer(a: Vec3, b: Vec3) -> Mat3 {
     Mat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// The plant's rearranged equations equal the definition, with the rows of G from the core's
-/// kinematics.
+/// The plant uses rearranged equations. Its apparent inertia and joint rates equal those of the
+/// definition, with the rows of the matrix G from the core's kinematics.
 #[test]
 fn apparent_inertia_and_rates_are_those_of_the_definition() {
     for (plant, device) in plants() {
@@ -40,8 +40,8 @@ fn apparent_inertia_and_rates_are_those_of_the_definition() {
     }
 }
 
-/// Without torque the energy is constant: to the tolerance for the reference, to h^p for a method
-/// of order p.
+/// Without torque the energy of the plant is constant: within the tolerance for the reference
+/// integrator, and within an error of order h^p for a method of order p.
 #[test]
 fn energy_stays_without_torque() {
     for (plant, _) in plants() {
@@ -72,7 +72,8 @@ fn energy_stays_without_torque() {
     }
 }
 
-/// The energy gained equals the power supplied, dE/dt = T.w + tau.zd, by central differences.
+/// The energy that the plant gains equals the power supplied to it, dE/dt = T.w + tau.zd. The
+/// derivative is computed by central differences.
 #[test]
 fn power_in_is_energy_gained() {
     for (plant, device) in plants() {
@@ -103,7 +104,7 @@ fn power_in_is_energy_gained() {
     }
 }
 
-/// Every method keeps the quaternion at unit norm.
+/// Every integration method keeps the orientation quaternion at unit norm.
 #[test]
 fn the_quaternion_stays_unit() {
     let (plant, _) = plants().remove(0);
@@ -120,8 +121,8 @@ fn the_quaternion_stays_unit() {
     }
 }
 
-/// The hash of one second of motion equals the recorded one. It changes if a machine rounds
-/// differently or operations run in another order.
+/// One second of motion gives the recorded hash with each method. The hash changes if a machine
+/// rounds differently or computes in another order.
 #[test]
 fn the_same_bits_everywhere() {
     let (plant, load) = crate::devices::task();

@@ -14,26 +14,26 @@ use crate::devices::rig;
 
 pub(crate) const MS: u64 = 1_000_000;
 
-/// Returns the bytes of a message.
+/// Encodes a message and returns the bytes of its frame.
 pub(crate) fn frame(message: &ToController) -> Vec<u8> {
     let mut buffer = [0; MAX_COMMAND_FRAME];
     let length = encode(message, &mut buffer).unwrap();
     buffer[..length].to_vec()
 }
 
-/// Returns a command with a watchdog time of 20 ms.
+/// Returns a command with the given torques and a watchdog time of 20 ms.
 pub(crate) fn command(sequence: u32, enable: bool, torque: &[f32]) -> Command {
     Command { sequence, enable, watchdog_ms: 20, torque: torque.iter().copied().collect() }
 }
 
-/// Decodes all messages in `bytes`.
+/// Decodes `bytes` and returns all messages in them.
 pub(crate) fn messages(bytes: &[u8]) -> Vec<FromController> {
     let mut all = Vec::new();
     Decoder::default().feed(bytes, |result| all.push(result.unwrap()));
     all
 }
 
-/// A host that has a simulated rig at the other end of its line.
+/// A host whose line leads to a simulated rig.
 struct Host {
     rig: SimulatedRig,
 }
@@ -218,8 +218,8 @@ fn faults_show_and_end() {
     assert_eq!(host.command(31 * MS, false, &torque).unwrap().joints[0].count, 4096);
 }
 
-/// After a reboot absolute counts stay, incremental counts restart, and indexed counts become right
-/// when the index is passed.
+/// After a reboot the counts of absolute encoders stay, those of incremental encoders restart at
+/// zero, and those of indexed encoders become correct when the index mark is passed.
 #[test]
 fn counts_after_a_reboot() {
     let mut config = prototype();

@@ -6,8 +6,7 @@ use hbot_sim::plant::{Method, Plant, PlantState};
 
 use crate::devices::{brisk, prototype, task, toed};
 
-/// The state of the comparison task at 2 s equals that of another program, with the steer inertia
-/// J_th given to 11 digits.
+/// The state of the comparison task after 2 s equals the result of an independent program.
 #[test]
 fn the_task_of_the_speed_comparison_ends_where_it_should() {
     let (plant, load) = task();
@@ -24,7 +23,8 @@ fn the_task_of_the_speed_comparison_ends_where_it_should() {
     }
 }
 
-/// The error at 0.5 s falls with the step according to the order of each method.
+/// The error of each integration method after 0.5 s falls with the step as the method's order
+/// predicts.
 #[test]
 fn errors_fall_with_the_order() {
     let (plant, load) = task();
@@ -50,7 +50,8 @@ fn errors_fall_with_the_order() {
     }
 }
 
-/// Joint rates equal those of the physics notes, section 5, to the ten digits printed there.
+/// The plant's joint rates equal those of the physics notes, section 5, to the ten digits printed
+/// there.
 #[test]
 fn check_numbers_of_the_physics_notes() {
     let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
@@ -60,8 +61,8 @@ fn check_numbers_of_the_physics_notes() {
     }
 }
 
-/// A motion forwards and then back in time ends where it began. This tests the reference integrator
-/// itself, with toe.
+/// With the reference integrator, a motion that runs forwards and then backwards in time ends where
+/// it began. The wheels have toe.
 #[test]
 fn the_reference_runs_back() {
     let plant = Plant::new(&toed(3)).unwrap();

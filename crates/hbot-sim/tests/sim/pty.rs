@@ -17,7 +17,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use crate::devices::rig;
 use crate::line::{command, frame};
 
-/// Longest delay that the tests accept. A busy machine can take long to wake a thread.
+/// Longest delay that the tests accept, because a busy machine can take long to wake a thread.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn spawn() -> PtyRig {
@@ -25,7 +25,7 @@ fn spawn() -> PtyRig {
     spawn_pty(rig, PtyOptions::default()).unwrap()
 }
 
-/// The host's end of the line, opened like any serial port.
+/// The host's end of the line: the pseudo-terminal, opened like any serial port.
 struct Port {
     file: File,
     decoder: Decoder<FromController>,
@@ -37,7 +37,7 @@ impl Port {
         Self { file, decoder: Decoder::default() }
     }
 
-    /// Returns the next message, or `None` if none arrives within the given time.
+    /// Returns the next message from the rig, or `None` if none arrives within the given time.
     fn next(&mut self, within: Duration) -> Option<FromController> {
         let mut answer = None;
         while answer.is_none() {
@@ -155,8 +155,8 @@ fn a_panic_in_a_call_is_told_as_stopped() {
     assert!(matches!(rig.stop(), Err(PtyError::Stopped)));
 }
 
-/// A delayed answer arrives by itself when it is due and not before, while the host writes nothing
-/// and the thread would otherwise sleep.
+/// On a line with latency, an answer arrives when it is due and not before. The host writes nothing
+/// meanwhile, and the rig's thread would otherwise sleep.
 #[test]
 fn a_late_answer_comes_by_itself() {
     let options = PtyOptions { idle: Duration::from_secs(3600), ..PtyOptions::default() };

@@ -22,8 +22,8 @@ fn joints_and_device_must_fit() {
     assert!(error.to_string().contains("3 joints"), "{error}");
 }
 
-/// In virtual time a tick of 1 ms is one step of 1 ms. The rig's state equals that of the plant
-/// alone, bit by bit.
+/// In virtual time, a tick of 1 ms is one step of 1 ms: the state of the rig equals, bit by bit,
+/// that of its plant simulated alone.
 #[test]
 fn a_tick_is_a_step() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
@@ -40,8 +40,8 @@ fn a_tick_is_a_step() {
     }
 }
 
-/// The motion does not depend on the times at which the rig is advanced, to the accuracy of the
-/// method.
+/// The motion of the rig does not depend on the times at which `advance_to` is called, apart from
+/// the error of the integration method.
 #[test]
 fn looks_do_not_matter() {
     let mut config = config();
@@ -77,8 +77,8 @@ fn a_clock_that_jumps_moves_the_plant_by_a_tenth_of_a_second_and_one_that_goes_b
     assert_eq!(rig.simulated_s(), 0.102);
 }
 
-/// A hand takes hold of a turning sphere and lets go. Orientation and rate do not jump, and its
-/// inertia is added and removed.
+/// A hand takes hold of a turning sphere and later lets go. Orientation and angular velocity do not
+/// jump, and the hand's inertia is added and removed.
 #[test]
 fn a_hand_takes_hold_and_lets_go() {
     let mut rig = SimulatedRig::new(&config()).unwrap();
@@ -122,7 +122,7 @@ fn an_external_torque_acts() {
     assert!(energy > 0.0 && (energy / work - 1.0).abs() < 1e-3, "{energy} {work}");
 }
 
-/// Two runs with equal ticks give equal bytes.
+/// Two runs of a rig with equal commands at equal times give equal bytes.
 #[test]
 fn runs_repeat_bit_by_bit() {
     let mut config = config();

@@ -4,7 +4,8 @@ use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
 use super::Report;
 
-/// Style sheet of the page. It follows the reader's light or dark colours, and wide tables scroll.
+/// Style sheet of the HTML report. It uses light or dark colours as the reader's system does, and
+/// lets wide tables scroll.
 const STYLE: &str = "\
 :root { color-scheme: light dark }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem }
@@ -43,8 +44,8 @@ impl Report {
         )
     }
 
-    /// Returns the SVG of the plot in file `name`, without the XML declaration, which is only
-    /// allowed at the start of a file.
+    /// Returns the plot that is stored in the file `name`, as SVG text to embed in HTML. The XML
+    /// declaration is left out, because it is only allowed at the start of a file.
     fn inline(&self, name: &str) -> String {
         let plot = self.plots.iter().find(|(plot, _)| name.strip_suffix(".svg") == Some(plot));
         let Some((_, svg)) = plot else {

@@ -11,32 +11,32 @@ use crate::computer::Computer;
 use crate::names;
 use crate::timing::Time;
 
-/// A number that a study found. `summary.json` lists all figures.
+/// A number that a study computed or measured. `summary.json` lists all figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     /// Id of the figure in lower_snake_case. It is unique and does not change between runs.
     pub id: String,
-    /// The number, in the unit [`unit`](Self::unit).
+    /// The number itself, in the unit [`unit`](Self::unit).
     pub value: f64,
-    /// Unit of the value; `1` for a ratio.
+    /// Unit of the number; `1` for a ratio.
     pub unit: &'static str,
-    /// Further properties of the figure, such as its quartiles.
+    /// Further properties of the figure by name, such as its quartiles.
     pub more: Map<String, Value>,
 }
 
-/// A condition that must hold, and what the study found.
+/// A condition that must hold, and the value that the study found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// The condition, with its bound.
+    /// The condition in words, with its bound.
     pub what: String,
-    /// The value that was found.
+    /// The value that the study found, in words.
     pub found: String,
     /// Whether the condition holds.
     pub holds: bool,
 }
 
-/// A family of ids with one unit and one meaning. Each `{...}` in its pattern stands for a part of
-/// the id that varies.
+/// A group of figures with one unit and one meaning. Their ids fit one pattern, in which each
+/// `{...}` stands for a part that varies.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Family {
     pub(crate) pattern: &'static str,
@@ -44,11 +44,11 @@ pub(crate) struct Family {
     pub(crate) meaning: &'static str,
 }
 
-/// A place in the text of a report: a byte offset between two of its blocks.
+/// A place in the text of a report at which a table can be inserted later. It is a byte offset.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ReportPlace(usize);
 
-/// The results of a study: text, plots, figures and checks.
+/// The results of a study: its text, plots, figures and checks.
 #[derive(Debug, Clone)]
 pub struct Report {
     study: &'static str,
@@ -57,7 +57,8 @@ pub struct Report {
     machine: Computer,
     body: String,
     plots: Vec<(String, String)>,
-    /// Further files that are written with the report: name and content.
+    /// Further files that are written into the folder of the report, each with its name and
+    /// content.
     files: Vec<(String, String)>,
     figures: Vec<Figure>,
     checks: Vec<Check>,
@@ -80,19 +81,19 @@ impl Report {
         }
     }
 
-    /// Returns all figures, in the order of the report.
+    /// Returns all figures, in the order in which the study reported them.
     #[must_use]
     pub fn figures(&self) -> &[Figure] {
         &self.figures
     }
 
-    /// Returns all checks, in the order of the report.
+    /// Returns all checks, in the order in which the study made them.
     #[must_use]
     pub fn checks(&self) -> &[Check] {
         &self.checks
     }
 
-    /// Returns whether all checks hold.
+    /// Returns whether all conditions that the study checked hold.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.checks.iter().all(|check| check.holds)
@@ -107,40 +108,41 @@ impl Report {
         self.body.push_str("\n\n");
     }
 
-    /// Appends a table. The first row is its header.
+    /// Appends a table to the text. The first row of `rows` is its header.
     pub(crate) fn table(&mut self, rows: &[Vec<String>]) {
         self.body.push_str(&tabled(rows));
     }
 
-    /// Returns the current end of the text. A table can be inserted at this place later, when its
+    /// Returns the current end of the text, so that a table can be inserted there later, when its
     /// content is known.
     pub(crate) fn place(&self) -> ReportPlace {
         ReportPlace(self.body.len())
     }
 
-    /// Inserts a table at `place`.
+    /// Inserts a table at `place`. The first row of `rows` is its header.
     pub(crate) fn table_at(&mut self, place: ReportPlace, rows: &[Vec<String>]) {
         self.body.insert_str(place.0, &tabled(rows));
     }
 
-    /// Appends a plot, which is stored in the file `name.svg`.
+    /// Appends a plot and its caption to the text. The plot is written to the file `name.svg`.
     pub(crate) fn plot(&mut self, name: &str, caption: &str, svg: String) {
         self.body.push_str(&format!("![{caption}]({name}.svg)\n\n*{caption}*\n\n"));
         self.plots.push((name.to_owned(), svg));
     }
 
-    /// Adds a file that is written into the folder of the report.
+    /// Adds a file that will be written into the folder of the report.
     pub(crate) fn file(&mut self, name: &str, text: String) {
         self.files.push((name.to_owned(), text));
     }
 
-    /// Declares a family of ids with its unit and its meaning. A figure gets its unit from its
-    /// family.
+    /// Declares a group of figures whose ids fit `pattern`, with its unit and its meaning. A figure
+    /// gets its unit from its group.
     pub(crate) fn family(&mut self, pattern: &'static str, unit: &'static str, meaning: &'static str) {
         self.families.push(Family { pattern, unit, meaning });
     }
 
-    /// Adds a figure. Its family must have been declared with [`family`](Self::family).
+    /// Adds a figure with the given id. A pattern that fits the id must have been declared with
+    /// [`family`](Self::family).
     pub(crate) fn figure(&mut self, id: String, value: f64) -> &mut Figure {
         debug_assert!(names::is_id(&id), "{id}");
         let unit = self.families.iter().find(|f| names::matches(f.pattern, &id)).map_or("", |f| f.unit);
@@ -149,8 +151,8 @@ impl Report {
         &mut self.figures[last]
     }
 
-    /// Adds a measured time with its quartiles. The figure is marked if the program was not
-    /// compiled for speed.
+    /// Adds a measured time with its quartiles as a figure. The figure is marked if the program was
+    /// not compiled for speed.
     pub(crate) fn time(&mut self, id: String, time: Time) {
         let marked = self.machine.warning().is_some();
         let figure = self.figure(id, time.median);
@@ -166,7 +168,7 @@ impl Report {
 }
 
 impl Figure {
-    /// Adds a property to the figure and returns the figure.
+    /// Adds a further property to the figure. Returns the figure, so that calls can be chained.
     pub(crate) fn note(&mut self, key: &str, value: impl Into<Value>) -> &mut Self {
         self.more.insert(key.to_owned(), value.into());
         self
@@ -185,12 +187,12 @@ fn tabled(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Returns a time with its quartiles as the text of a table cell.
+/// Formats a measured time as "median (lower quartile to upper quartile)", for a table cell.
 pub(crate) fn spread(time: Time) -> String {
     format!("{} ({} to {})", short(time.median), short(time.q1), short(time.q3))
 }
 
-/// Returns the cells as a row of a table.
+/// Returns a row of a table with the given cells.
 pub(crate) fn row<S: AsRef<str>>(cells: impl IntoIterator<Item = S>) -> Vec<String> {
     cells.into_iter().map(|cell| cell.as_ref().to_owned()).collect()
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::{Figure, Report};
 
 impl Report {
-    /// Returns the report as Markdown text.
+    /// Returns the whole report as Markdown text.
     #[must_use]
     pub fn markdown(&self) -> String {
         let mut text = format!("# `hbot-study {}`\n\n", self.study);
@@ -33,7 +33,7 @@ impl Report {
         text
     }
 
-    /// Returns the content of `summary.json`.
+    /// Returns the content of `summary.json`: the machine, all figures and all checks.
     #[must_use]
     pub fn summary(&self) -> Value {
         json!({
@@ -49,8 +49,9 @@ impl Report {
         })
     }
 
-    /// Writes all files into the folder `out`. Each file is first written under a temporary name.
-    /// When all are written, each is renamed to its final name.
+    /// Writes all files of the report into the folder `out`. Each file is first written under a
+    /// temporary name. When all are written, each is renamed, so that a failure leaves no
+    /// incomplete file under a final name.
     pub(crate) fn write(&self, out: &Path) -> Result<(), (PathBuf, std::io::Error)> {
         let mut files =
             vec![("report.md".to_owned(), self.markdown()), ("report.html".to_owned(), self.html())];

@@ -8,7 +8,7 @@ pub(crate) mod accuracy;
 pub(crate) mod effects;
 pub(crate) mod stability;
 
-/// The stages with `Real = f64`.
+/// The stages of the computation under study, compiled with `Real = f64`.
 #[path = "."]
 mod double {
     pub(crate) use hbot_core as core;
@@ -18,7 +18,7 @@ mod double {
     pub(crate) mod stages;
 }
 
-/// The stages with `Real = f32`.
+/// The stages of the computation under study, compiled with `Real = f32`.
 #[allow(dead_code, reason = "what both widths share, such as lists of names, is read from the other one")]
 #[path = "."]
 mod single {

@@ -8,7 +8,7 @@ use crate::{assert_documented, assert_holds, measure, value};
 
 const PATHS: [&str; 3] = ["straight", "quadratic", "cubic"];
 
-/// Returns the ids of figures that other programs and pages use.
+/// Returns ids of figures on which other programs and pages rely.
 fn promised() -> Vec<String> {
     let rates = [500, 1000, 2000, 4000, 8000];
     let mut ids = Vec::new();
@@ -40,7 +40,8 @@ fn promised() -> Vec<String> {
     ids
 }
 
-/// The checks of the study include that the order of every method is within 0.1 of theory.
+/// The study reports every figure on which others rely, and all its checks hold. Among the checks,
+/// the order of every method is within 0.1 of theory.
 #[test]
 fn every_figure_that_was_promised_is_there_and_every_check_holds() {
     let report = measure(Study::Accuracy);
@@ -78,8 +79,8 @@ fn every_figure_that_was_promised_is_there_and_every_check_holds() {
     assert_eq!(outline(&report.markdown()), outline(REPORT));
 }
 
-/// Returns the lines of a report that do not change between runs: title, headings, table headers
-/// and the meanings of ids.
+/// Returns the lines of a report that do not change between runs: its title, headings, table
+/// headers, and the meanings of ids.
 fn outline(report: &str) -> Vec<&str> {
     let lines: Vec<&str> = report.lines().collect();
     let fixed = |(k, line): (usize, &&str)| {

@@ -12,13 +12,13 @@ use hbot_plot::{Lines, Series};
 
 const PAGE: &str = include_str!("../../../../docs/allocation.md");
 
-/// The steer angles of the example, rad.
+/// Steer angles of both wheels in the page's example, rad.
 const STEER: [f64; 2] = [0.3, -0.5];
 
-/// The torque of the example in N, N m.
+/// Wanted torque on the sphere in the page's example, in frame N, in N m.
 const WANTED: Vec3 = Vec3::new(2.4, 0.0, 1.8);
 
-/// The prototype at the posture of the example.
+/// The prototype at the steer angles of the page's example.
 struct Example {
     posture: Posture,
     limits: JointLimits,
@@ -38,7 +38,8 @@ impl Example {
         allocate_clipped(self.posture.rows(), &self.limits, wanted)
     }
 
-    /// The border of a region in the plane of n1 and n3: the largest torque in each direction, N m.
+    /// Returns the border of a region of torques in the plane of n1 and n3, N m. `largest` gives
+    /// the largest torque in a direction.
     fn border(&self, largest: impl Fn(Vec3) -> f64) -> Vec<(f64, f64)> {
         (0..=360)
             .map(|degree| {
@@ -104,7 +105,8 @@ fn the_page_quotes_what_the_allocation_gives() {
     }
 }
 
-/// The constants in the sources of the allocation, by name, with what their declarations say.
+/// Returns the constants in the source files of the allocation: their names, and their values as
+/// text.
 fn declared() -> Vec<(String, String)> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../hbot-core/src/allocation");
     let files = std::fs::read_dir(folder)
@@ -129,7 +131,8 @@ fn declared() -> Vec<(String, String)> {
     found
 }
 
-/// A number as the page and the sources write it.
+/// Reads a number as it is written on the page or in the sources. Returns `None` if `text` contains
+/// none.
 fn number(text: &str) -> Option<f64> {
     text.trim_matches(|c: char| !c.is_ascii_digit()).parse().ok()
 }

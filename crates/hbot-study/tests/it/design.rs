@@ -12,7 +12,8 @@ use crate::{assert_documented, assert_holds, measure, options, value};
 
 const WHEELS: [u32; 3] = [2, 3, 4];
 
-/// Returns one quick run with its folder, which all tests share.
+/// Returns one quick run of the study and the folder with its files. All tests share it, because a
+/// run takes long.
 fn study() -> &'static (Report, tempfile::TempDir) {
     static RUN: OnceLock<(Report, tempfile::TempDir)> = OnceLock::new();
     RUN.get_or_init(|| {
@@ -23,7 +24,8 @@ fn study() -> &'static (Report, tempfile::TempDir) {
     })
 }
 
-/// Returns the rig files of the run: their names `<wheels>w_<which>`, and their contents.
+/// Returns the rig files that the study wrote: for each its name `<wheels>w_<which>` and its
+/// content.
 fn rigs() -> Vec<(String, RigConfig)> {
     let entries = std::fs::read_dir(study().1.path()).expect("a folder");
     let mut all: Vec<(String, RigConfig)> = entries
@@ -55,7 +57,8 @@ fn every_figure_is_documented_and_every_check_holds() {
     }
 }
 
-/// docs/physics.md, sections 3, 7, 11, 12. The prototype is also the design with two of its wheels.
+/// The figures of the prototype are those of docs/physics.md, sections 3, 7, 11 and 12. The
+/// prototype also equals the design with two of its wheels.
 #[test]
 fn the_prototype_is_what_the_notes_say() {
     let (report, _) = study();
@@ -96,8 +99,8 @@ fn more_wheels_bring_what_is_claimed_at_the_price_of_inertia() {
     }
 }
 
-/// The best design for a figure is not beaten in it by another reported design, and all margins are
-/// kept.
+/// The best design for a figure is at least as good in it as every other reported design, and all
+/// reported designs keep their margins.
 #[test]
 fn the_best_are_the_best_and_keep_their_margins() {
     let (report, _) = study();
@@ -124,8 +127,8 @@ fn the_best_are_the_best_and_keep_their_margins() {
     }
 }
 
-/// The figures of a rig file's device, computed with the core's functions, are those that the study
-/// reports of the design.
+/// The device in each rig file has the figures that the study reports for that design. The figures
+/// are computed again with the core's functions.
 #[test]
 fn rig_files_are_the_designs_that_were_measured() {
     let (report, _) = study();
@@ -157,7 +160,7 @@ fn rig_files_are_the_designs_that_were_measured() {
     }
 }
 
-/// Two runs give identical figures, plots and rig files, to the last digit.
+/// Two runs of the study give identical figures, plots and rig files, to the last digit.
 #[test]
 fn another_run_says_the_same() {
     let (first, folder) = study();

@@ -1,4 +1,4 @@
-//! The study `effects`: it contains everything that a scene can name.
+//! The study reports the cost of every effect and phenomenon that a scene can name.
 
 use hbot_config::scene::{kinds, phenomena};
 use hbot_study::{Study, count_worker};

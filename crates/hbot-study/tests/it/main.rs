@@ -15,7 +15,7 @@ use std::collections::HashSet;
 
 use hbot_study::{Interrupt, Report, Study, StudyOptions};
 
-/// Returns the options of a quick run that counts no instructions.
+/// Returns the options of a quick run of a study that counts no instructions.
 fn options() -> StudyOptions {
     StudyOptions { out: None, quick: true, counter: None }
 }
@@ -24,8 +24,8 @@ fn measure(study: Study) -> Report {
     hbot_study::measure(study, &options(), &Interrupt::default()).expect("nobody stops it")
 }
 
-/// Asserts that every figure has a unique id in lower_snake_case, a finite value, and a family that
-/// explains it in the report.
+/// Asserts that every figure of a report has a unique id in lower_snake_case, a finite value, and
+/// an explanation in the report.
 fn assert_documented(report: &Report) {
     let mut seen = HashSet::new();
     for figure in report.figures() {
@@ -45,7 +45,7 @@ fn assert_holds(report: &Report) {
     assert!(!report.checks().is_empty());
 }
 
-/// Returns the value of the figure `id`.
+/// Returns the value of the figure with the given id. Panics if the report has no such figure.
 fn value(report: &Report, id: &str) -> f64 {
     let figure = report.figures().iter().find(|figure| figure.id == id);
     figure.unwrap_or_else(|| panic!("no figure {id}")).value

@@ -7,7 +7,8 @@ use hbot_study::{Report, Study};
 
 use crate::{assert_documented, assert_holds, measure, value};
 
-/// Returns one quick run, which all tests share.
+/// Returns the report of one quick run of the study `paper`. All tests share it, because a run
+/// takes long.
 pub(crate) fn report() -> &'static Report {
     static REPORT: OnceLock<Report> = OnceLock::new();
     REPORT.get_or_init(|| measure(Study::Paper))
@@ -18,7 +19,7 @@ fn assert_near(id: &str, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{id} is {found}, not {expected} +- {tolerance}");
 }
 
-/// Returns the ids of figures that other programs and pages use.
+/// Returns ids of figures on which other programs and pages rely.
 fn promised() -> Vec<String> {
     let mut ids = Vec::new();
     for motors in ["three_motors", "four_motors", "without_steer_1", "without_drive_1", "without_steer_2"] {

@@ -6,7 +6,7 @@ use hbot_study::Report;
 use crate::paper::report;
 use crate::value;
 
-/// Returns the property `key` of a figure.
+/// Returns the property `key` of the figure with the given id. Panics if there is none.
 fn noted(report: &Report, id: &str, key: &str) -> f64 {
     let figure =
         report.figures().iter().find(|figure| figure.id == id).unwrap_or_else(|| panic!("no figure {id}"));

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Returns the program under test.
+/// Returns a command that runs the program under test, `hbot-study`.
 fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot-study"))
 }
@@ -54,7 +54,7 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
     assert!(!out.exists());
 }
 
-/// Returns whether a process has a handler for SIGINT, from the signal mask in /proc.
+/// Returns whether a process handles the signal SIGINT. It reads the signal mask in /proc.
 fn catches_interrupt(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).expect("it runs");
     let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("a mask of signals");

@@ -1,11 +1,11 @@
 //! The figures quoted in docs/accuracy.md are those of its report, docs/accuracy/report.md.
 
 const PAGE: &str = include_str!("../../../../docs/accuracy.md");
-/// The report that a run of `hbot-study accuracy` without `--quick` has written.
+/// The report that a full run of `hbot-study accuracy` has written, without `--quick`.
 pub(crate) const REPORT: &str = include_str!("../../../../docs/accuracy/report.md");
 
-/// Returns a cell of the report's table in `section`: the row that begins with `row`, and the
-/// column `column`. Quartiles are left out.
+/// Returns one cell of a table in the report's section `section`: the one in the row whose first
+/// cells are `row`, and in the column named `column`. Quartiles are left out.
 fn cell(section: &str, row: &[&str], column: &str) -> String {
     let body = REPORT.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
     let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
@@ -29,18 +29,18 @@ fn cell(section: &str, row: &[&str], column: &str) -> String {
     found[0].split(' ').next().unwrap_or_default().to_owned()
 }
 
-/// Converts a share from the report to per cent.
+/// Converts a share, such as 0.25, to a whole number of per cent.
 fn percent(share: &str) -> String {
     format!("{:.0}", 100.0 * share.parse::<f64>().expect("a number"))
 }
 
-/// Replaces each `{}` in `text` by the next of `figures`.
+/// Replaces each `{}` in `text` by the next element of `figures`.
 fn filled(text: &str, figures: &[String]) -> String {
     assert_eq!(text.matches("{}").count(), figures.len(), "{text}");
     figures.iter().fold(text.to_owned(), |text, figure| text.replacen("{}", figure, 1))
 }
 
-/// Returns the sentences about orientation that the page must contain, with the figures of the
+/// Returns the sentences about odometry that the page must contain, filled with the figures of the
 /// report.
 fn orientation() -> Vec<String> {
     let method = |row: &[&str], rate: &str| cell("Odometry: the method's error", row, rate);
@@ -100,8 +100,8 @@ fn orientation() -> Vec<String> {
     said
 }
 
-/// Returns all other sentences with figures that the page must contain, with the figures of the
-/// report.
+/// Returns all other sentences with figures that the page must contain, filled with the figures of
+/// the report.
 fn the_rest() -> Vec<String> {
     let plant = |step: &str| cell("The plant", &["rk4", step], "error, rad");
     let slips = |step: &str| cell("The plant that slips", &[step], "error, rad");
@@ -143,7 +143,8 @@ fn the_rest() -> Vec<String> {
     ]
 }
 
-/// Sentences on the page with rounded numbers that are not figures of the report.
+/// Sentences on the page whose rounded numbers are not figures of the report, so that they are not
+/// compared.
 const ROUND: [&str; 4] = [
     "nothing gets much better than 1e-6",
     "errors of 1e-3 rad will do",
@@ -151,14 +152,15 @@ const ROUND: [&str; 4] = [
     "1e-4 rad at 4 N m/rad is 0.4 mN m",
 ];
 
-/// Statements about the server's output at start, which tests/server/accuracy.rs checks.
+/// Sentences on the page about what the server prints when it starts. The test
+/// tests/server/accuracy.rs checks them.
 const OF_THE_SERVER: [&str; 3] = [
     "errs by 7.4e-5 rad in 10 s of brisk motion",
     "`hbot server --accuracy-target 1e-3`",
     "Euler down to 7e-3 rad, midpoint down to 7.4e-5, and nothing below",
 ];
 
-/// Returns the numbers with an exponent in `text`, such as 2.0e-6.
+/// Returns the numbers in `text` that are written with an exponent, such as 2.0e-6.
 fn numbers(text: &str) -> Vec<&str> {
     text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '.' || c == '-'))
         .filter(|word| word.contains("e-") && word.trim_end_matches('.').parse::<f64>().is_ok())

@@ -8,15 +8,15 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// A torque that does not change, like the pull of a wound-up string. It delivers energy for as
-/// long as the sphere turns along it.
+/// A constant torque on the sphere, like that of a wound-up string. It delivers energy while the
+/// sphere turns in its direction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Constant {
     /// Torque on the sphere.
     #[schemars(inner(range(min = -100.0, max = 100.0)), extend("unit" = "N m"))]
     torque: [f64; 3],
-    /// Axes in which `torque` is given: those of frame N, or those of the sphere.
+    /// Axes in which `torque` is given: those of frame N (fixed in space), or those of the sphere.
     frame: Frame,
 }
 

@@ -13,10 +13,11 @@ use crate::document::{Report, join};
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Damper {
     /// Torque per angular rate, against the sphere's rotation: a number, or a symmetric 3x3 matrix
-    /// in frame N.
+    /// in frame N (fixed in space).
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
-    /// Rate below which there is no torque. Above it, only the excess rate counts.
+    /// Angular rate below which there is no torque. Above it, the torque is in proportion to the
+    /// excess.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "rad/s"))]
     deadband: f64,
 }

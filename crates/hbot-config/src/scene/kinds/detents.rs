@@ -8,30 +8,30 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Notches of a dial about an axis, evenly spaced or at given angles.
+/// Notches of a dial that turns about an axis. They are evenly spaced or at given angles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Detents {
-    /// Axis of the dial in the frame of the reference. Any length except zero.
+    /// Axis of the dial, in the axes of the reference. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
     /// Largest torque of a notch: the torque needed to leave it.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// Half width of a notch. The torque is largest halfway to the edge. Notches closer than twice
-    /// this width meet halfway.
+    /// Half the width of a notch. The torque is largest halfway from the notch to its edge. Where
+    /// notches are closer than twice this width, the edge is midway between them.
     #[schemars(range(min = 0.001, max = 3.2), extend("unit" = "rad"))]
     width: f64,
-    /// Number of notches in one turn, evenly spaced. The first is at the reference.
+    /// Number of evenly spaced notches in one turn. The first is at the reference.
     #[schemars(range(min = 1, max = 720))]
     count: u16,
     /// Angles of the notches, ascending and at least 0.002 rad apart. They can cover several turns.
     /// If given, they replace `count`.
     #[schemars(length(max = 64), inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
     positions: Vec<f64>,
-    /// What lies beyond the outermost of `positions`: no torque, or walls.
+    /// What happens beyond the first and last of `positions`: no torque, or walls.
     ends: Ends,
-    /// Stiffness of the walls at closed ends.
+    /// Stiffness of the walls if `ends` is `closed`.
     #[schemars(range(min = 0.01, max = 1000.0), extend("unit" = "N m/rad"))]
     end_stiffness: f64,
     /// Damping of the dial's rotation about its axis.
@@ -45,13 +45,13 @@ pub(super) struct Detents {
     anchor: Anchor,
 }
 
-/// What lies beyond the outermost notches of a dial.
+/// What happens beyond the first and the last notch of a dial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Ends {
-    /// No torque: the dial turns freely.
+    /// There is no torque, so the dial turns freely.
     Open,
-    /// Walls that begin at the outermost notches.
+    /// Walls keep the dial between the first and the last notch.
     Closed,
 }
 
@@ -76,7 +76,7 @@ impl EffectKind for Detents {
     const NAME: &'static str = "detents";
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
-        /// Least angle between two notches, rad. Closer ones would act as one.
+        /// Least angle between two notches, rad. Notches that are closer would act as one.
         const APART: f64 = 0.002;
         let axis = unit_vector(self.axis, &join(path, "axis"), report);
         let target = target(self.reference, self.anchor, path, report);

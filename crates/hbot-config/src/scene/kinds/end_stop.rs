@@ -8,15 +8,15 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Walls that keep an axis of the sphere inside a cone, its twist inside a range, or both. Walls
-/// only push back.
+/// Walls that keep an axis of the sphere inside a cone, its twist about this axis inside a range,
+/// or both. The walls only push back.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct EndStop {
-    /// Which walls exist: those of the cone, of the twist, or both.
+    /// Which walls exist: those of the cone, those of the twist, or both.
     walls: Walls,
-    /// Axis fixed in the sphere, given in the frame of the reference. The cone limits its
-    /// direction, and the twist is about it. Any length except zero.
+    /// Axis fixed in the sphere. The cone limits its direction, and the twist is the sphere's
+    /// rotation about it. Given in the axes of the reference. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
     /// Half angle of the cone.
@@ -39,7 +39,7 @@ pub(super) struct EndStop {
     anchor: Anchor,
 }
 
-/// The walls of an end stop.
+/// Which walls an end stop has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Walls {

@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// Dry friction that truly sticks: the sphere does not slide until the limit `torque` is reached.
-/// It only absorbs energy.
+/// Dry friction: the sphere sticks until the torque on it reaches the limit `torque`, then it
+/// slides. It only absorbs energy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Friction {
-    /// Torque at which the sphere slides.
+    /// Torque above which the sphere slides.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     torque: f64,
-    /// Stiffness while the sphere sticks.
+    /// Stiffness of the spring that holds the sphere while it sticks.
     #[schemars(range(min = 0.1, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Damping, both while the sphere sticks and while it slides.
+    /// Damping of the sphere's rotation, both while it sticks and while it slides.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
 }

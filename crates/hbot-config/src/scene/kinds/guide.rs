@@ -8,32 +8,32 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Holds the sphere against some rotations and leaves others free, as a hinge does.
+/// Prevents some rotations of the sphere and leaves the others free, as a hinge does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Guide {
-    /// Which rotations are free: about the axis, all others, or those that keep the pointer in a
-    /// plane.
+    /// Which rotations are free: only those about the axis, all others, or those that keep the
+    /// pointer in a plane.
     free: Free,
-    /// Axis in the frame of the reference. With `free = "plane"`, the normal of the plane. Any
-    /// length except zero.
+    /// Axis of the guide, in the axes of the reference. With `free = "plane"`, the normal of the
+    /// plane. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
     /// With `free = "plane"`: the axis fixed in the sphere that stays in the plane. Any length
     /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pointer: [f64; 3],
-    /// Stiffness against the rotations that are held.
+    /// Stiffness against the rotations that are not free.
     #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Damping of the rotations that are held.
+    /// Damping of the rotations that are not free.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// Play to either side, within which there is no spring torque.
+    /// Play in either direction: the angle within which there is no spring torque.
     #[schemars(range(min = 0.0, max = 1.5), extend("unit" = "rad"))]
     deadband: f64,
-    /// Orientation from which the held rotations are measured, as a quaternion [w, x, y, z]. Any
-    /// length except zero.
+    /// Orientation from which the rotations that are not free are measured, as a quaternion [w, x,
+    /// y, z]. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
     /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
@@ -46,7 +46,7 @@ pub(super) struct Guide {
 enum Free {
     /// Rotation about the axis only, as with a hinge.
     Axis,
-    /// Every rotation except the one about the axis.
+    /// Every rotation except that about the axis.
     Swing,
     /// Every rotation that keeps the pointer in the plane.
     Plane,

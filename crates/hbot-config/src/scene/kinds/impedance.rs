@@ -17,8 +17,8 @@ pub(super) enum Impedance {
 }
 
 impl Impedance {
-    /// Returns the 3x3 matrix. Returns `None` and adds a mistake to the report if it is not
-    /// symmetric and positive semidefinite.
+    /// Returns the value as a 3x3 matrix. If the matrix is not symmetric and positive semidefinite,
+    /// adds a mistake at `path` to the report and returns `None`.
     pub(super) fn matrix(&self, path: &str, report: &mut Report) -> Option<Mat3> {
         let rows = match self {
             Self::Number(x) => return Some(Mat3::from_diagonal(hbot_core::Vec3::splat(*x))),
@@ -53,7 +53,8 @@ impl Impedance {
     }
 }
 
-/// Returns the schema of a number from 0 to `most`, or of a matrix of such numbers, in `unit`.
+/// Returns the JSON schema of a number from 0 to `most`, or of a 3x3 matrix with elements of that
+/// size. `unit` is the unit in the description.
 fn schema(most: f64, unit: &str) -> Schema {
     json_schema!({
         "anyOf": [
@@ -71,17 +72,17 @@ fn schema(most: f64, unit: &str) -> Schema {
     })
 }
 
-/// Returns the schema of a stiffness, up to 1000 N m/rad.
+/// Returns the JSON schema of a stiffness of at most 1000 N m/rad.
 pub(super) fn stiffness(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(1000.0, "N m/rad")
 }
 
-/// Returns the schema of a damping, up to 100 N m s/rad.
+/// Returns the JSON schema of a damping of at most 100 N m s/rad.
 pub(super) fn damping(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(100.0, "N m s/rad")
 }
 
-/// Returns the schema of a virtual mass, up to 1 kg m².
+/// Returns the JSON schema of a virtual mass of at most 1 kg m².
 pub(super) fn mass(_: &mut schemars::SchemaGenerator) -> Schema {
     schema(1.0, "kg m²")
 }

@@ -8,17 +8,17 @@ use super::EffectKind;
 use super::impedance::{self, Impedance};
 use crate::document::{Report, join};
 
-/// A virtual mass that resists acceleration. The acceleration is measured late, so only a limited
-/// mass is stable: more smoothing allows more mass. Mass beyond that limit is left out
+/// A virtual mass that resists acceleration. The measured acceleration is delayed, so only a
+/// limited mass is stable. Mass beyond the limit is left out. More smoothing allows more mass
 /// (docs/effects.md).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Inertia {
-    /// Virtual mass: a number, or a symmetric 3x3 matrix in frame N.
+    /// Virtual mass: a number, or a symmetric 3x3 matrix in frame N (fixed in space).
     #[schemars(schema_with = "impedance::mass")]
     mass: Impedance,
-    /// Time constant of the low-pass filter on the acceleration. Faster motion feels a damper
-    /// instead of a mass.
+    /// Time constant of the low-pass filter on the acceleration. Against faster motion, the effect
+    /// acts as a damper instead of a mass.
     #[schemars(range(min = 0.001, max = 1.0), extend("unit" = "s"))]
     smoothing_s: f64,
 }

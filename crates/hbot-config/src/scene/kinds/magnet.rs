@@ -8,11 +8,12 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target};
 use crate::document::Report;
 
-/// Attraction towards an orientation when the sphere is near it, and almost none far from it.
+/// A torque that pulls the sphere towards an orientation when it is near it, and almost no torque
+/// far from it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Magnet {
-    /// Largest torque.
+    /// Largest torque of the magnet.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
     /// Angle from the reference at which the torque is largest. At three times this angle, little

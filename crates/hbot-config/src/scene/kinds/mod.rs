@@ -33,8 +33,8 @@ use crate::schema;
 
 pub(in crate::scene) use track::MAX_POINTS;
 
-/// Every kind of effect that a scene can name. To add a kind, add a file in this folder and a line
-/// in this list.
+/// Every kind of effect that a scene can contain. To add a kind, add a file in this folder and a
+/// line in this list.
 pub(super) static KINDS: LazyLock<Vec<KindEntry>> = LazyLock::new(|| {
     vec![
         KindEntry::of::<constant::Constant>(),
@@ -55,36 +55,37 @@ pub(super) static KINDS: LazyLock<Vec<KindEntry>> = LazyLock::new(|| {
     ]
 });
 
-/// The parameters of one kind of effect. The type's doc comment describes the kind to users. The
-/// doc comments, ranges and units of its fields describe the parameters. No parameter can be called
-/// `id`, `op`, `effect`, `kind`, `gain`, `fade_s` or `fade_out_s`.
+/// Implemented by the parameters of each kind of effect. The doc comments of the type and its
+/// fields, with the fields' ranges and units, become the description that users read. No parameter
+/// can be called `id`, `op`, `effect`, `kind`, `gain`, `fade_s` or `fade_out_s`.
 pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
-    /// Name of the kind in files.
+    /// Name of the kind in scene files, such as `spring`.
     const NAME: &'static str;
 
-    /// Checks what the schema cannot express, and makes the core's effect. `path` is the path of
-    /// the effect. Returns `None` and adds mistakes to the report if the parameters are not legal.
+    /// Checks what the schema cannot express, and creates the core's effect. `path` is the path of
+    /// the effect in the file. If the parameters are not legal, adds mistakes to the report and
+    /// returns `None`.
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind>;
 
-    /// Returns the numbers that the effect puts into the scene's table of figures. Called only
-    /// after [`compile`](Self::compile) has succeeded.
+    /// Returns the positions, orientations or points of the effect as a list of numbers, for the
+    /// scene's table of figures. It is called only after [`compile`](Self::compile) has succeeded.
     fn figures(&self) -> Vec<f64> {
         Vec::new()
     }
 }
 
-/// The parameters that every effect has.
+/// The parameters that every kind of effect has.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub(super) struct Common {
-    /// Factor on the effect's torque.
+    /// Factor by which the effect's torque is multiplied.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) gain: f64,
-    /// Time that the effect takes to fade in.
+    /// Time in which the effect fades in.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     pub(super) fade_s: f64,
-    /// Time that the effect takes to fade out after another scene is loaded. 0: it ends with the
-    /// blend of 50 ms between the scenes.
+    /// Time in which the effect fades out after another scene is loaded. 0: it ends with the blend
+    /// of 50 ms between the scenes.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     pub(super) fade_out_s: f64,
 }
@@ -95,25 +96,27 @@ impl Default for Common {
     }
 }
 
-/// The result of compiling the parameters of one effect.
+/// An effect after its parameters have been checked.
 pub(super) struct Compiled {
-    /// The parameters, with all defaults written out.
+    /// The parameters of the effect, including those that have their default.
     pub(super) parameters: Map<String, Value>,
-    /// The effect as the core computes it.
+    /// The kind of the effect with its parameters, as the core computes it.
     pub(super) kind: Kind,
-    /// The numbers that the effect puts into the scene's table of figures.
+    /// The positions, orientations or points of the effect as a list of numbers, for the scene's
+    /// table of figures.
     pub(super) figures: Vec<f64>,
 }
 
-/// One entry of the list of kinds: the name, schemas and compile function of a kind.
+/// Describes one kind of effect: its name, its schemas and the function that compiles it.
 pub(super) struct KindEntry {
     pub(super) name: &'static str,
-    /// Schema of what the op `set` accepts: the common parameters and those of the kind.
+    /// JSON schema of the parameters that a client can set while a scene runs (with the op `set`):
+    /// the common ones and those of the kind.
     pub(super) schema: Value,
-    /// Schema of an effect in a scene: what `set` accepts, and `id` and `kind`.
+    /// JSON schema of an effect of this kind in a scene file: `id`, `kind` and all parameters.
     pub(super) effect_schema: Value,
-    /// Compiles values that the schema allows. Returns `None` and adds mistakes to the report if
-    /// they are not legal together.
+    /// Creates an effect from values that the schema allows. If the values are not legal together,
+    /// adds mistakes to the report and returns `None`.
     pub(super) compile: fn(&Value, &str, &mut Report) -> Option<Compiled>,
 }
 
@@ -138,7 +141,7 @@ impl KindEntry {
         Self { name: K::NAME, schema, effect_schema, compile: compile::<K> }
     }
 
-    /// Returns the kind with this name, if there is one.
+    /// Returns the entry for the kind with this name, or `None` if there is no such kind.
     pub(super) fn named(name: &str) -> Option<&'static Self> {
         KINDS.iter().find(|k| k.name == name)
     }
@@ -161,7 +164,7 @@ fn compile<K: EffectKind>(value: &Value, path: &str, report: &mut Report) -> Opt
 /// Largest number of characters in an effect's id.
 const ID_CHARS: usize = 64;
 
-/// The schema of the keys `id` and `kind`, without the names of the kinds.
+/// The JSON schema of an effect's keys `id` and `kind`. It does not list the legal kinds.
 static HEADER_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
     json!({
         "type": "object",
@@ -176,8 +179,8 @@ static HEADER_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
     })
 });
 
-/// The schema for an effect whose kind is unknown: `id`, `kind` and the parameters that every
-/// effect has.
+/// The JSON schema used for an effect whose kind is unknown: `id`, `kind` and the parameters that
+/// every effect has.
 pub(super) static EFFECT_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
     let mut schema = HEADER_SCHEMA.clone();
     schema["properties"]["kind"]["enum"] = KINDS.iter().map(|k| k.name).collect();

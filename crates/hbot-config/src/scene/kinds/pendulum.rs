@@ -8,18 +8,19 @@ use serde::{Deserialize, Serialize};
 use super::EffectKind;
 use crate::document::Report;
 
-/// A mass away from the sphere's centre, under gravity. It has weight but no inertia.
+/// A point mass away from the sphere's centre, which gravity pulls down. Its weight turns the
+/// sphere, but it adds no inertia.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Pendulum {
-    /// Position of the mass relative to the sphere's centre, in the sphere's axes.
+    /// Position of the point mass relative to the sphere's centre, in the sphere's axes.
     #[schemars(inner(range(min = -10.0, max = 10.0)), extend("unit" = "m"))]
     centre: [f64; 3],
-    /// Mass at the position `centre`.
+    /// The point mass.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "kg"))]
     mass: f64,
-    /// Gravity, positive downwards in frame N. A negative value makes the mass rise, like a
-    /// balloon.
+    /// Acceleration of gravity, positive downwards in frame N (fixed in space). A negative value
+    /// makes the mass rise, like a balloon.
     #[schemars(range(min = -100.0, max = 100.0), extend("unit" = "m/s²"))]
     gravity: f64,
 }

@@ -8,12 +8,12 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
-/// Clicks about an axis: a short torque, then its opposite. A click comes when `fire` changes,
-/// every `period_s`, and when the dial about the axis reaches the next of `count` notches.
+/// Clicks about an axis. A click is a short torque, then its opposite. It occurs when `fire`
+/// changes, every `period_s`, and when the dial about the axis reaches the next of `count` notches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Pulse {
-    /// Axis of the clicks and of the dial, in the frame of the reference. Any length except zero.
+    /// Axis of the clicks and of the dial, in the axes of the reference. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
     /// Peak torque of a click.
@@ -22,15 +22,15 @@ pub(super) struct Pulse {
     /// Duration of a click.
     #[schemars(range(min = 0.002, max = 1.0), extend("unit" = "s"))]
     duration_s: f64,
-    /// Every change of this number makes one click. A number other than 0 also makes a click at
-    /// load.
+    /// Each change of this number makes one click. A value other than 0 also makes a click when the
+    /// scene is loaded.
     #[schemars(range(min = 0, max = 4_000_000_000_u32))]
     fire: u32,
-    /// Time from one click to the next. 0: no periodic clicks.
+    /// Time from one click to the next. 0: there are no periodic clicks.
     #[schemars(range(min = 0.0, max = 3600.0), extend("unit" = "s"))]
     period_s: f64,
-    /// Number of notches in one turn, placed as in `detents`. Reaching the next notch makes a
-    /// click. 0: no notches.
+    /// Number of evenly spaced notches in one turn of the dial. A click occurs when the dial
+    /// reaches the next notch. 0: no notches.
     #[schemars(range(min = 0, max = 720))]
     count: u16,
     /// Orientation at which the dial is at zero, as a quaternion [w, x, y, z]. Any length except

@@ -10,27 +10,27 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target, unit_quaternion};
 use crate::document::{Report, join};
 
-/// Orientations that the sphere snaps into: those of a rotation group, or a given list. The nearest
-/// attracts the sphere.
+/// A set of orientations of the sphere, the nearest of which pulls the sphere towards it. They are
+/// those of a rotation group, or a given list.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Snaps {
-    /// Which set of orientations attracts the sphere: those of a solid's symmetry, or
+    /// Which set of orientations pulls the sphere: those of a solid's symmetry, or the list
     /// `orientations`.
     set: Set,
-    /// With `set = "own"`: the orientations relative to the reference, as quaternions. Any length
-    /// except zero, and at least 0.2 rad apart.
+    /// With `set = "own"`: the orientations relative to the reference, as quaternions [w, x, y, z].
+    /// Any length except zero, and at least 0.2 rad apart.
     #[schemars(
         length(max = MAX_OWN),
         inner(inner(range(min = -1000.0, max = 1000.0))),
         extend("legal" = "up to 16 quaternions [w, x, y, z]")
     )]
     orientations: Vec<[f64; 4]>,
-    /// Largest torque needed to leave an orientation.
+    /// Largest torque of an orientation: the torque needed to leave it.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// Angle over which the torque rises. `strength` divided by `width` is the stiffness at an
-    /// orientation.
+    /// Angle over which the torque rises to `strength`. `strength` divided by `width` is the
+    /// stiffness at an orientation.
     #[schemars(range(min = 0.01, max = 3.0), extend("unit" = "rad"))]
     width: f64,
     /// Damping of the sphere's rotation.
@@ -44,7 +44,7 @@ pub(super) struct Snaps {
     anchor: Anchor,
 }
 
-/// The set of orientations that the sphere snaps into.
+/// The set of orientations towards which the sphere is pulled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Set {
@@ -54,7 +54,7 @@ enum Set {
     Cube,
     /// The 60 rotations that map an icosahedron onto itself.
     Icosahedron,
-    /// The orientations listed in `orientations`.
+    /// The orientations in the list `orientations`.
     Own,
 }
 
@@ -87,7 +87,8 @@ impl EffectKind for Snaps {
     const NAME: &'static str = "snaps";
 
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
-        /// Least angle between two orientations, rad. Closer ones would merge into one.
+        /// Least angle between two orientations, rad. Orientations that are closer would merge into
+        /// one.
         const APART: f64 = 0.2;
         let target = target(self.reference, self.anchor, path, report);
         let at = join(path, "orientations");

@@ -9,11 +9,12 @@ use super::impedance::{self, Impedance};
 use super::target::{Anchor, IDENTITY, unit_quaternion};
 use crate::document::{Report, join};
 
-/// A spring towards a reference orientation, with a damper on the rate relative to the reference.
+/// A spring that pulls the sphere towards a reference orientation, and a damper of its rotation
+/// relative to the reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Spring {
-    /// How the torque grows with the angle from the reference: in proportion to it, or to its sine.
+    /// How the torque depends on the angle from the reference: in proportion to it, or to its sine.
     law: Law,
     /// Torque per angle: a number, or a symmetric 3x3 matrix in the axes of the reference.
     #[schemars(schema_with = "impedance::stiffness")]
@@ -22,8 +23,8 @@ pub(super) struct Spring {
     /// axes of the reference.
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
-    /// Angle from the reference within which there is no spring torque. Beyond it, only the excess
-    /// angle counts.
+    /// Angle from the reference within which there is no spring torque. Beyond it, the torque is
+    /// that of the excess angle.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     deadband: f64,
     /// Orientation that the spring pulls towards, as a quaternion [w, x, y, z]. Any length except
@@ -34,13 +35,13 @@ pub(super) struct Spring {
     anchor: Anchor,
 }
 
-/// How the torque of a spring grows with the angle from the reference.
+/// How the torque of a spring depends on the angle from the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Law {
     /// In proportion to the angle, up to a half turn.
     Geodesic,
-    /// In proportion to the sine of the angle: weaker beyond a quarter turn, zero at a half turn.
+    /// In proportion to the sine of the angle: largest at a quarter turn, zero at a half turn.
     Quaternion,
 }
 

@@ -7,21 +7,22 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::{Report, join};
 
-/// The default of the key `reference`: the identity, as [w, x, y, z].
+/// The default of a reference orientation, as a quaternion [w, x, y, z]: no rotation.
 pub(super) const IDENTITY: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-/// The default axis: up, the third axis of frame N.
+/// The default of an axis: upwards, along the third axis of frame N (fixed in space).
 pub(super) const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// Least length of a vector or quaternion that has a usable direction.
+/// Smallest length of a vector or quaternion. A shorter one has no usable direction.
 const LEAST_LENGTH: f64 = 1.0e-6;
 
-/// What a reference orientation is measured from.
+/// The orientation from which a reference is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Anchor {
     /// Frame N, which is fixed in space.
     Absolute,
-    /// The sphere's orientation at enable, or at load if the rig is already active.
+    /// The sphere's orientation when rendering is enabled, or when the scene is loaded if the rig
+    /// is already active.
     Here,
 }
 
@@ -34,8 +35,8 @@ impl From<Anchor> for effects::Anchor {
     }
 }
 
-/// Makes a target from the parameters `reference` and `anchor` of the effect at `path`. Returns
-/// `None` and adds a mistake to the report if the reference has no direction.
+/// Creates the core's target from the parameters `reference` and `anchor` of the effect at `path`.
+/// If the reference has length zero, adds a mistake to the report and returns `None`.
 pub(super) fn target(reference: [f64; 4], anchor: Anchor, path: &str, report: &mut Report) -> Option<Target> {
     let reference = unit_quaternion(reference, &join(path, "reference"), report)?;
     Target::new(reference, anchor.into())

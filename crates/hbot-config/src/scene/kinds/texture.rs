@@ -8,14 +8,16 @@ use super::EffectKind;
 use super::target::{UP, unit_vector};
 use crate::document::{Report, join};
 
-/// Bumps on the sphere's surface, felt as it turns past a fixed point.
+/// Bumps on the sphere's surface, which are felt as the surface turns past a point that is fixed in
+/// space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Texture {
-    /// Direction of the fixed point from the sphere's centre, in frame N. Any length except zero.
+    /// Direction from the sphere's centre to the fixed point, in frame N (fixed in space). Any
+    /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     at: [f64; 3],
-    /// Number of bumps that pass in one turn.
+    /// Number of bumps that pass the fixed point in one turn.
     #[schemars(range(min = 1.0, max = 500.0))]
     waves: f64,
     /// Torque amplitude of the bumps along each of the sphere's three axes.

@@ -10,20 +10,20 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_quaternion, unit_vector};
 use crate::document::{Report, join};
 
-/// Largest number of points in a track.
+/// Largest number of points in a track, the kind of effect that moves the sphere along a path.
 pub(in crate::scene) const MAX_POINTS: usize = 800;
 
-/// A spring towards a reference that moves by itself: along a sine, a chirp, waypoints or a
-/// recorded path.
+/// A spring that pulls the sphere towards a moving reference. The reference follows a sine, a
+/// chirp, waypoints or a recorded path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Track {
     /// How the reference moves: in a sine or chirp, or along the points of `waypoints` or `record`.
     path: Path,
-    /// Axis of a sine or chirp, in frame N. Any length except zero.
+    /// Axis of a sine or chirp, in frame N (fixed in space). Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// Largest angle of a sine or chirp to either side.
+    /// Largest angle of a sine or chirp in either direction.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     amplitude: f64,
     /// Frequency of a sine, or of a chirp at its start.
@@ -32,10 +32,10 @@ pub(super) struct Track {
     /// Frequency of a chirp at its end.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency_end: f64,
-    /// Time that a chirp takes from `frequency` to `frequency_end`.
+    /// Time in which a chirp goes from `frequency` to `frequency_end`.
     #[schemars(range(min = 0.001, max = 3600.0), extend("unit" = "s"))]
     sweep_s: f64,
-    /// Points of `waypoints` or `record`, each [t, w, x, y, z]: the time in s, ascending from 0,
+    /// Points of `waypoints` or `record`, each [t, w, x, y, z]: the time t in s, ascending from 0,
     /// and an orientation relative to the reference.
     #[schemars(
         length(max = MAX_POINTS),
@@ -43,10 +43,10 @@ pub(super) struct Track {
         extend("legal" = "up to 800 points [t, w, x, y, z]")
     )]
     points: Vec<[f64; 5]>,
-    /// Only in a scene file, in place of `points`: a CSV file with the columns t, w, x, y, z. Its
+    /// Only in a scene file, instead of `points`: a CSV file with the columns t, w, x, y, z. Its
     /// path is relative to the scene file.
     file: String,
-    /// Whether the motion repeats for ever. A chirp then goes up and down in frequency. Points then
+    /// Whether the motion repeats without end. A chirp then goes up and down in frequency. Points
     /// start again after the last one, which must equal the first.
     repeat: bool,
     /// Torque per angle from the moving reference.
@@ -70,13 +70,13 @@ pub(super) struct Track {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Path {
-    /// Turns to and fro about the axis in a sine.
+    /// The reference turns to and fro about the axis in a sine.
     Sine,
-    /// Turns to and fro about the axis in a sine whose frequency changes over time.
+    /// The reference turns to and fro about the axis in a sine whose frequency changes over time.
     Chirp,
-    /// Goes from point to point with minimum jerk, and rests at each.
+    /// The reference goes from point to point with minimum jerk, and rests at each.
     Waypoints,
-    /// Goes from point to point at constant rates, without resting.
+    /// The reference goes from point to point at constant rates, without resting.
     Record,
 }
 
@@ -102,8 +102,8 @@ impl Default for Track {
 }
 
 impl Track {
-    /// Checks the points of a path that consists of points. Returns `None` and adds a mistake to
-    /// the report if they are not legal.
+    /// Checks the points of a `waypoints` or `record` path. If they are not legal, adds mistakes to
+    /// the report and returns `None`.
     fn check_points(&self, path: &str, report: &mut Report) -> Option<()> {
         let at = join(path, "points");
         if self.points.len() < 2 {
@@ -127,8 +127,8 @@ impl Track {
             last = Some(*t);
         }
         let ends = [self.points.first(), self.points.last()].map(|p| p.map_or(Quat::IDENTITY, orientation));
-        /// Largest angle between the ends of a closed path, rad. A reference can move this far in a
-        /// few ticks.
+        /// Largest angle between the first and the last point of a path that repeats, rad. The
+        /// reference can move by this angle in a few ticks.
         const CLOSED: f64 = 0.01;
         if self.repeat && angle_between(ends[0], ends[1]) > CLOSED {
             let legal = "a last point that is the first one again".to_owned();

@@ -8,31 +8,31 @@ use super::EffectKind;
 use super::target::{UP, unit_vector};
 use crate::document::{Report, join};
 
-/// Vibration about an axis: continuous, once, or repeated. It delivers energy, at most its
-/// amplitude times the angle turned.
+/// A vibrating torque about an axis: continuous, once, or repeated. The energy it delivers is at
+/// most its amplitude times the angle that the sphere turns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Vibration {
-    /// Axis of the vibration in frame N. Any length except zero.
+    /// Axis of the vibration, in frame N (fixed in space). Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
     /// Peak torque of the wave.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     amplitude: f64,
-    /// Frequency of the wave. The loop can render up to half its own rate, and renders well up to a
-    /// tenth.
+    /// Frequency of the wave. The loop can produce up to half its tick rate, but is accurate only
+    /// up to a tenth.
     #[schemars(range(min = 0.0, max = 500.0), extend("unit" = "Hz"))]
     frequency: f64,
     /// Shape of the wave.
     wave: Wave,
-    /// Time that the vibration takes to rise to its full amplitude.
+    /// Time in which the vibration rises to its full amplitude.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     attack_s: f64,
-    /// Time from the start, including the rise, until the vibration begins to fall. 0: it lasts for
-    /// ever.
+    /// Time from the start, including the rise, until the vibration begins to fall. 0: it never
+    /// falls.
     #[schemars(range(min = 0.0, max = 3600.0), extend("unit" = "s"))]
     hold_s: f64,
-    /// Time that the vibration takes to fall to zero.
+    /// Time in which the vibration falls to zero.
     #[schemars(range(min = 0.0, max = 60.0), extend("unit" = "s"))]
     release_s: f64,
     /// Time from one start of the vibration to the next. 0: it does not repeat.
@@ -46,9 +46,10 @@ pub(super) struct Vibration {
 enum Wave {
     /// A sine wave.
     Sine,
-    /// A square wave: it switches between full torque in one direction and in the other.
+    /// A square wave: the torque switches between its peak in one direction and its peak in the
+    /// other.
     Square,
-    /// A sawtooth wave: it rises slowly and falls at once.
+    /// A sawtooth wave: the torque rises slowly and falls at once.
     Saw,
 }
 

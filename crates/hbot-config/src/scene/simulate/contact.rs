@@ -3,11 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Contacts that transmit at most the Coulomb friction force. Beyond it, the wheels slip.
+/// Limited friction between wheels and sphere. A wheel slips if its force exceeds the Coulomb
+/// friction force.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Slip {
-    /// Friction coefficient of the contacts.
+    /// Friction coefficient between wheel and sphere.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub mu: f64,
     /// Normal force of each wheel on the sphere, N.
@@ -22,17 +23,18 @@ impl Default for Slip {
     }
 }
 
-/// Friction that opposes the pivoting of each contact patch about its normal.
+/// Friction torque that opposes the pivoting of each wheel on the sphere, about the contact normal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Pivoting {
-    /// Friction coefficient of the contact patches.
+    /// Friction coefficient between wheel and sphere.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub mu: f64,
     /// Normal force of each wheel on the sphere, N.
     #[schemars(range(min = 0.0, max = 10_000.0), extend("unit" = "N"))]
     pub normal_force: f64,
-    /// Radius of each contact patch, m. The pressure in it is assumed to be uniform.
+    /// Radius of the area in which each wheel touches the sphere, m. The pressure in it is assumed
+    /// to be uniform.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "m"))]
     pub patch_radius: f64,
 }

@@ -3,19 +3,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts
-/// (`counts_per_turn`) is simulated even without this table.
+/// Encoders with coarse resolution, periodic errors or a wrong zero. Rounding to whole encoder
+/// counts (`counts_per_turn`) is simulated even without this table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Encoder {
-    /// Number of counts by which an encoder's reading changes at a time.
+    /// Number of encoder counts by which a reading changes at a time.
     #[schemars(range(min = 1, max = 1000000))]
     pub step: u32,
     /// Amplitude of the error that repeats with every turn of the encoder, rad of the encoder.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "rad"))]
     pub turn_error: f64,
-    /// Largest error of a joint's zero in either direction, rad of the joint. It acts when the zero
-    /// is found.
+    /// Largest error of a joint's zero in either direction, rad of the joint. It acts from the time
+    /// when the zero is found.
     #[schemars(range(min = 0.0, max = 1.0), extend("unit" = "rad"))]
     pub index_error: f64,
     /// Seed of the random phases and zero errors.

@@ -3,21 +3,22 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Friction at every joint: Coulomb friction with a Stribeck peak, and viscous friction. A joint at
-/// rest truly sticks.
+/// Friction in every joint: Coulomb friction with a Stribeck peak, and viscous friction. A joint at
+/// rest sticks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointFriction {
     /// Coulomb friction torque of a moving joint, N m.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m"))]
     pub coulomb: f64,
-    /// Viscous friction coefficient, N m s/rad.
+    /// Viscous friction coefficient of a joint, N m s/rad.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m s/rad"))]
     pub viscous: f64,
-    /// Largest friction torque of a joint at rest, N m. Values below `coulomb` count as `coulomb`.
+    /// Largest friction torque of a joint at rest, N m. A value below `coulomb` is replaced by
+    /// `coulomb`.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m"))]
     pub breakaway: f64,
-    /// Rate over which the friction falls from `breakaway` to `coulomb`, rad/s.
+    /// Joint rate over which the friction falls from `breakaway` to `coulomb`, rad/s.
     #[schemars(range(min = 1.0e-3, max = 100.0), extend("unit" = "rad/s"))]
     pub stribeck_rate: f64,
 }
@@ -38,11 +39,11 @@ impl Default for JointFriction {
     }
 }
 
-/// Coulomb friction of the sphere in its cage.
+/// Coulomb friction between the sphere and the cage that holds it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CageFriction {
-    /// Largest friction torque, N m.
+    /// Largest friction torque on the sphere, N m.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m"))]
     pub torque: f64,
 }

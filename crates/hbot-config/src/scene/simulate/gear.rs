@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Play and losses of the gears on the drive joints. The encoder is on the motor's side.
+/// Play and losses in the gears of the drive joints. The encoder is on the motor's side of the
+/// gear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Gear {
@@ -13,7 +14,7 @@ pub struct Gear {
     /// Fraction of the power that the gear transmits, in either direction.
     #[schemars(range(min = 0.01, max = 1.0))]
     pub efficiency: f64,
-    /// Fraction of the drive joint's inertia that is on the motor's side.
+    /// Fraction of the drive joint's inertia that is on the motor's side of the gear.
     #[schemars(range(min = 0.01, max = 0.99))]
     pub rotor_share: f64,
 }

@@ -3,24 +3,25 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A person's hand that holds the sphere. It adds inertia to the sphere, and pulls it with a spring
-/// and a damper towards an orientation that the hand moves.
+/// A person's hand that holds the sphere. It adds inertia to the sphere. Its grip, a spring and a
+/// damper, pulls the sphere towards an orientation that the hand moves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Hand {
-    /// Stiffness of the hand's grip, N m/rad.
+    /// Spring stiffness of the hand's grip, N m/rad.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m/rad"))]
     pub stiffness: f64,
     /// Damping of the hand's grip, N m s/rad.
     #[schemars(range(min = 0.0, max = 10.0), extend("unit" = "N m s/rad"))]
     pub damping: f64,
-    /// Inertia of the hand that moves with the sphere, kg m².
+    /// Moment of inertia that the hand adds to the sphere, kg m².
     #[schemars(range(min = 0.0, max = 1.0), extend("unit" = "kg m²"))]
     pub inertia: f64,
-    /// Amplitude of the hand's own motion about each axis, rad. 0: the hand holds still.
+    /// Amplitude of the orientation that the hand moves, about each axis, rad. 0: the hand holds
+    /// still.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     pub amplitude: f64,
-    /// Frequency of the hand's own motion about its fastest axis, Hz.
+    /// Frequency of the hand's motion about its fastest axis, Hz.
     #[schemars(range(min = 0.0, max = 20.0), extend("unit" = "Hz"))]
     pub rate: f64,
 }

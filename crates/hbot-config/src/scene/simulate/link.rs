@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A serial line that delays, loses and corrupts frames in both directions, from the first tick on.
-/// Frames in one direction keep their order.
+/// Frames in the same direction keep their order.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Link {
@@ -14,7 +14,8 @@ pub struct Link {
     /// Delay of a frame from the PC to the motor controllers, s.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub command_latency_s: f64,
-    /// Largest extra delay in either direction, s. It is uniformly distributed.
+    /// Largest additional delay of a frame in either direction, s. The delay is uniformly
+    /// distributed from 0.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub jitter_s: f64,
     /// Probability that a frame is lost.

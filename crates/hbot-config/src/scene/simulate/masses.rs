@@ -3,11 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A sphere that is off centre. Gravity turns it, and the wheels roll on a varying radius.
+/// A sphere whose centre is displaced. Gravity turns it, and the wheels roll on a varying radius.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Eccentric {
-    /// Position of the sphere's true centre relative to the nominal one, in the sphere's axes, m.
+    /// Position of the sphere's true centre relative to its nominal centre, in the sphere's axes,
+    /// m.
     #[schemars(inner(range(min = -0.1, max = 0.1)), extend("unit" = "m"))]
     pub offset: [f64; 3],
 }
@@ -19,11 +20,12 @@ impl Default for Eccentric {
     }
 }
 
-/// The weight of each wheel's module, which acts on its steer joint.
+/// The weight of the parts that are steered with each wheel (its module). It acts on the steer
+/// joint.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WheelModules {
-    /// Mass of each module, placed at the wheel's centre, kg.
+    /// Mass of the parts that are steered with each wheel, kg. It is placed at the wheel's centre.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "kg"))]
     pub mass: f64,
 }

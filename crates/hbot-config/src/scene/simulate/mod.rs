@@ -29,41 +29,47 @@ pub use self::masses::{Eccentric, WheelModules};
 pub use self::motor::Motor;
 use crate::schema;
 
-/// The table `[simulate]` of a scene file. Only the phenomena that it names are simulated.
+/// The table `[simulate]` of a scene file. It switches on phenomena of the simulated rig. Absent
+/// phenomena are not simulated.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Simulate {
-    /// Friction at every joint: Coulomb friction with a Stribeck peak, and viscous friction. A
-    /// joint at rest truly sticks.
+    /// Friction in every joint: Coulomb friction with a Stribeck peak, and viscous friction. A
+    /// joint at rest sticks.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "JointFriction")]
     pub joint_friction: Option<JointFriction>,
-    /// Coulomb friction of the sphere in its cage.
+    /// Coulomb friction between the sphere and the cage that holds it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "CageFriction")]
     pub cage_friction: Option<CageFriction>,
-    /// Contacts that transmit at most the Coulomb friction force. Beyond it, the wheels slip.
+    /// Limited friction between wheels and sphere. A wheel slips if its force exceeds the Coulomb
+    /// friction force.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Slip")]
     pub slip: Option<Slip>,
-    /// Friction that opposes the pivoting of each contact patch about its normal.
+    /// Friction torque that opposes the pivoting of each wheel on the sphere, about the contact
+    /// normal.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Pivoting")]
     pub pivoting: Option<Pivoting>,
-    /// A sphere that is off centre. Gravity turns it, and the wheels roll on a varying radius.
+    /// A sphere whose centre is displaced. Gravity turns it, and the wheels roll on a varying
+    /// radius.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Eccentric")]
     pub eccentric: Option<Eccentric>,
-    /// The weight of each wheel's module, which acts on its steer joint.
+    /// The weight of the parts that are steered with each wheel (its module). It acts on the steer
+    /// joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "WheelModules")]
     pub wheel_modules: Option<WheelModules>,
-    /// Play and losses of the gears on the drive joints. The encoder is on the motor's side.
+    /// Play and losses in the gears of the drive joints. The encoder is on the motor's side of the
+    /// gear.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Gear")]
     pub gear: Option<Gear>,
-    /// Encoders that are coarse, off centre or wrongly zeroed. Rounding to whole counts
-    /// (`counts_per_turn`) is simulated even without this table.
+    /// Encoders with coarse resolution, periodic errors or a wrong zero. Rounding to whole encoder
+    /// counts (`counts_per_turn`) is simulated even without this table.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Encoder")]
     pub encoder: Option<Encoder>,
@@ -73,7 +79,7 @@ pub struct Simulate {
     #[schemars(with = "Motor")]
     pub motor: Option<Motor>,
     /// A serial line that delays, loses and corrupts frames in both directions, from the first tick
-    /// on. Frames in one direction keep their order.
+    /// on. Frames in the same direction keep their order.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Link")]
     pub link: Option<Link>,

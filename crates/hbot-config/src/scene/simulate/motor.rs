@@ -14,11 +14,11 @@ pub struct Motor {
     /// Time constant of the current loop, s.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub lag_s: f64,
-    /// Rate of a steer joint at which back-EMF leaves no torque in the direction of motion, rad/s.
+    /// Rate at which back-EMF leaves a steer joint no torque in the direction of motion, rad/s.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
     pub steer_no_load_rate: f64,
-    /// Rate of a drive joint, after the gear, at which back-EMF leaves no torque in the direction
-    /// of motion, rad/s.
+    /// Rate at which back-EMF leaves a drive joint no torque in the direction of motion, rad/s,
+    /// after the gear.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
     pub drive_no_load_rate: f64,
     /// Time constant with which the windings warm up, s. A hot motor gives only its continuous

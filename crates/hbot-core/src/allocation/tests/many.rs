@@ -12,8 +12,8 @@ fn reference(rows: &[Vec3], limits: &JointLimits) -> Reference {
     }
 }
 
-/// Compares with the reference: the largest torque along `axis`, and the least cost of the fraction
-/// `part` of it.
+/// Compares the allocation with the slow reference solver: the largest torque along `axis`, and the
+/// cost of making the fraction `part` of that torque.
 fn check_against_reference(
     rows: &[Vec3],
     limits: &JointLimits,

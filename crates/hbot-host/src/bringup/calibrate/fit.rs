@@ -3,15 +3,18 @@
 
 use super::{Fit, Guess, PARAMETERS};
 
-/// Standard deviation of the slip in one step, as a share of the root mean square rolling distance.
+/// Assumed standard deviation of a wheel's slip between two readings, as a fraction of the root
+/// mean square rolling distance.
 const STEP: f64 = 0.01;
-/// Standard deviations of the rig file's radii (as a share) and of its cones (rad).
+/// Assumed standard deviation of the wheel radii in the rig file, as a fraction of the radius.
 const RADIUS: f64 = 0.05;
+/// Assumed standard deviation of the cone angles in the rig file, rad.
 const CONE: f64 = 0.05;
 
 impl Fit<'_> {
-    /// Returns the residuals of a guess in standard deviations: the slips, and the differences of
-    /// radii and cones from the rig file.
+    /// Returns the residuals of a guess, each divided by its standard deviation: the slips of the
+    /// wheels, and the differences of radii and cone angles from the rig file. Returns `None` if
+    /// the guess is not a valid geometry.
     fn residuals(&self, guess: &Guess) -> Option<Vec<f64>> {
         let n = self.rig.device.wheels().len();
         let device = self.device(guess, n)?;
@@ -25,8 +28,8 @@ impl Fit<'_> {
         Some(all)
     }
 
-    /// Improves the zeros, radii and cones of `guess`. Returns the standard deviation of each zero,
-    /// rad.
+    /// Improves the steering zeros, wheel radii and cone angles of `guess` by least squares.
+    /// Returns the standard deviation of each zero, rad.
     pub(super) fn refine(&self, guess: &mut Guess) -> Vec<f64> {
         const H: f64 = 1.0e-5;
         let n = self.rig.device.wheels().len();
@@ -76,8 +79,9 @@ impl Fit<'_> {
     }
 }
 
-/// Solves a symmetric positive definite system by elimination. Each diagonal element is increased
-/// by the share `damping` first. Returns `None` if the matrix is not positive definite.
+/// Solves the symmetric linear system `matrix` x = `right` by elimination, after increasing each
+/// diagonal element by the fraction `damping`. Returns `None` if the matrix is not positive
+/// definite.
 fn solve(matrix: &[Vec<f64>], right: &[f64], damping: f64) -> Option<Vec<f64>> {
     let n = right.len();
     let mut rows: Vec<Vec<f64>> = matrix

@@ -16,37 +16,41 @@ use hbot_core::kinematics::Posture;
 
 pub use wiring::{exchanged, explains, still};
 
-/// Standard deviation from which a zero counts as unknown, rad.
+/// Standard deviation below which a steering zero counts as determined, rad.
 const KNOWN: f64 = 0.05;
-/// Number of parameters per wheel: zero, logarithm of the radius, cone.
+/// Number of fitted parameters per wheel: steering zero, logarithm of the radius divided by that of
+/// the rig file, and cone angle.
 const PARAMETERS: usize = 3;
 
-/// The counts of all joints at one moment, in the order of the rig and with the controllers' own
-/// signs.
+/// The encoder counts of all joints at one moment, in the order of the rig and with the sign of
+/// their motor controllers.
 pub type Counts = [i32; MAX_JOINTS];
 
-/// The result of a calibration.
+/// The result of a calibration: the values found for the wheels, and how well they explain the
+/// readings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// The parameters of each wheel.
+    /// The values that the calibration found for each wheel.
     pub wheels: Vec<WheelFound>,
-    /// Ratio of slip to rolling with the values of the rig file, root mean square.
+    /// Root mean square slip of the wheels divided by their rolling distance, with the values of
+    /// the rig file.
     pub before: f64,
-    /// Ratio of slip to rolling with the values found, root mean square.
+    /// Root mean square slip of the wheels divided by their rolling distance, with the values that
+    /// the calibration found.
     pub after: f64,
-    /// True if the motion was sufficient to determine the zeros.
+    /// True if the motion was sufficient to determine the steering zeros of all wheels.
     pub known: bool,
 }
 
-/// The parameters found for one wheel.
+/// The values that a calibration found for one wheel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelFound {
-    /// True if the rig file's sign of the steer joint or of the drive joint is wrong.
+    /// For the steer joint and the drive joint: true if the sign in the rig file is wrong.
     pub wrong_sign: [bool; 2],
-    /// True steer angle at the zero of the rig file, rad, from -pi to pi. It is the error of that
-    /// zero.
+    /// True steer angle of the wheel where the rig file assumes its zero, rad, from -pi to pi. It
+    /// is the error of the zero in the rig file.
     pub zero: f64,
-    /// Standard deviation of the zero, rad.
+    /// Standard deviation of `zero`, rad.
     pub zero_deviation: f64,
     /// Radius of the wheel, m.
     pub radius: f64,
@@ -54,22 +58,23 @@ pub struct WheelFound {
     pub cone: f64,
 }
 
-/// The motion of all joints between two readings, with the values of the rig file.
+/// The motion of all joints between two consecutive readings, computed with the values of the rig
+/// file.
 struct Step {
-    /// Steer angles in the middle of the step, rad.
+    /// Steer angle of each wheel in the middle of the step, rad.
     angle: [f64; MAX_WHEELS],
-    /// Turns of the joints during the step, rad.
+    /// Turn of each joint during the step, rad.
     turn: [f64; MAX_JOINTS],
 }
 
-/// One possible set of signs and parameters that could explain the readings.
+/// One possible set of signs and wheel parameters that could explain the readings.
 #[derive(Clone, Copy)]
 struct Guess {
     flipped: [bool; MAX_JOINTS],
     wheels: [[f64; PARAMETERS]; MAX_WHEELS],
 }
 
-/// Wraps an angle to the range from -pi to pi.
+/// Returns the angle wrapped to the range from -pi to pi, rad.
 fn within(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
 }
@@ -77,12 +82,12 @@ fn within(angle: f64) -> f64 {
 struct Fit<'a> {
     rig: &'a Rig,
     steps: Vec<Step>,
-    /// Root mean square of the distance that the wheels roll in a step, m.
+    /// Root mean square distance that the wheels roll in one step, m.
     rolled: f64,
 }
 
-/// Finds the signs, zeros, radii and cones that explain the counts best. Returns `None` if the
-/// drive joints have not moved.
+/// Finds the signs, steering zeros, wheel radii and cone angles that explain the encoder counts
+/// best. Returns `None` if the drive joints have not moved.
 #[must_use]
 pub fn calibrate(rig: &Rig, counts: &[Counts]) -> Option<Calibration> {
     let fit = Fit::new(rig, counts)?;
@@ -144,8 +149,8 @@ impl<'a> Fit<'a> {
         guess
     }
 
-    /// Returns the device of a guess, with its first `count` wheels. Returns `None` if no legal
-    /// device has these values.
+    /// Returns the rig's geometry with the radii and cone angles of `guess`, reduced to the first
+    /// `count` wheels. Returns `None` if these values are not a valid geometry.
     fn device(&self, guess: &Guess, count: usize) -> Option<Device> {
         let filed = &self.rig.device;
         let specs: Vec<_> = filed.wheels()[..count]
@@ -160,8 +165,8 @@ impl<'a> Fit<'a> {
         Device::new(filed.sphere_radius(), filed.sphere_mass(), &specs).ok()
     }
 
-    /// Appends the slip of the wheels of `device` to `out`, divided by the rolling distance. It
-    /// uses every `every`th step.
+    /// Appends to `out` the slip that `guess` leaves at each wheel of `device`, divided by the
+    /// rolling distance. Only every `every`th step is used.
     fn slips(&self, guess: &Guess, device: &Device, every: usize, out: &mut Vec<f64>) {
         let count = device.wheels().len();
         for step in self.steps.iter().step_by(every.max(1)) {
@@ -177,7 +182,8 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Returns the ratio of slip to rolling of a guess, root mean square.
+    /// Returns the root mean square slip that `guess` leaves, divided by the rolling distance. It
+    /// is infinite if the guess is not a valid geometry.
     fn share(&self, guess: &Guess) -> f64 {
         let Some(device) = self.device(guess, self.rig.device.wheels().len()) else { return f64::INFINITY };
         let mut slips = Vec::new();

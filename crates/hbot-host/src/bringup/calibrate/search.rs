@@ -3,25 +3,29 @@
 
 use super::{Fit, Guess, within};
 
-/// Number of zeros that are tried per turn.
+/// Number of steering zeros, evenly spread over a turn, that the search tries for each wheel.
 const GRID: usize = 36;
-/// Number of steps that are used to find signs and zeros. The fit uses all steps.
+/// Largest number of steps that the search for signs and zeros uses. The fit that follows uses all
+/// steps.
 const COARSE: usize = 60;
-/// For each set of signs, this many zeros are refined. They are at least `APART` rad apart.
+/// Number of guesses that are refined for each combination of signs, best first.
 const LOOKED_AT: usize = 6;
+/// Smallest difference between two guesses that are both refined, in the steering zero of at least
+/// one wheel, rad.
 const APART: f64 = 0.4;
-/// Error of a zero that still counts as correct when explanations are compared, rad.
+/// Error below which a steering zero in the rig file counts as correct, rad.
 const RIGHT: f64 = 0.02;
-/// An explanation with fewer errors is chosen unless another one leaves less than this share of its
-/// residual.
+/// A guess is rejected if another one leaves less than this fraction of its slip. Of the remaining
+/// guesses, the one that implies the fewest errors in the rig file is chosen.
 const BELIEVED: f64 = 0.3;
 
 impl Guess {
-    /// Returns how wrong the rig file would be under this guess: the number of wrong signs and
-    /// zeros, plus a small penalty for the size of each zero's error, because nobody overlooks half
-    /// a turn. The penalty decides between guesses that explain the counts equally well. If wheels
-    /// are opposite each other, a steering sign cannot be distinguished from another wheel's zero
-    /// that is off by half a turn.
+    /// Returns a measure of how wrong the rig file is if this guess is true: the number of wrong
+    /// signs and zeros, plus a small penalty for the size of each zero's error.
+    ///
+    /// The penalty decides between guesses that explain the encoder counts equally well, because
+    /// nobody overlooks an error of half a turn. For wheels opposite each other, a wrong steering
+    /// sign has the same effect as another wheel's zero that is off by half a turn.
     fn wrong(&self, count: usize) -> f64 {
         let flips = self.flipped.iter().filter(|flipped| **flipped).count() as f64;
         let zeros = self.wheels[..count].iter().map(|wheel| {
@@ -33,8 +37,8 @@ impl Guess {
 }
 
 impl Fit<'_> {
-    /// Finds signs and rough zeros: first those of two wheels together, then those of each further
-    /// wheel relative to the wheels before it.
+    /// Finds the signs and rough steering zeros of all wheels: first those of two wheels together,
+    /// then those of each further wheel relative to the wheels before it.
     pub(super) fn coarse(&self) -> Guess {
         let mut found = self.as_filed();
         let first: Vec<Guess> =
@@ -46,7 +50,7 @@ impl Fit<'_> {
         found
     }
 
-    /// Returns `guess` with all combinations of signs and zeros of one wheel.
+    /// Returns copies of `guess` with all combinations of signs and steering zeros of one wheel.
     fn variants<'b>(&'b self, guess: &Guess, wheel: usize) -> impl Iterator<Item = Guess> + 'b {
         let guess = *guess;
         (0..4 * GRID).map(move |k| {
@@ -57,9 +61,10 @@ impl Fit<'_> {
         })
     }
 
-    /// Returns the most plausible of `guesses` about the first `count` wheels. For each set of
-    /// signs, the best zeros that are some distance apart are refined. Among all guesses that
-    /// explain the readings, the one with the fewest errors in the rig file is chosen.
+    /// Returns the most plausible of `guesses`, judged by the first `count` wheels. For each
+    /// combination of signs, it refines the best guesses whose zeros differ clearly. Among the
+    /// guesses that then explain the readings well, it chooses the one that implies the fewest
+    /// errors in the rig file.
     fn best(&self, filed: &Guess, guesses: Vec<Guess>, count: usize) -> Guess {
         let Some(device) = self.device(filed, count) else { return *filed };
         let every = self.steps.len().div_ceil(COARSE);

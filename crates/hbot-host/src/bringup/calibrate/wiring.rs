@@ -4,23 +4,23 @@ use hbot_core::Rig;
 
 use super::{Calibration, Counts, calibrate};
 
-/// Largest ratio of slip to rolling that bearings, rubber and encoders cause in a rig that is as
-/// its file states.
+/// Largest ratio of slip to rolling distance that bearings, rubber and encoders cause in a rig that
+/// is built as its file states.
 const ORDINARY: f64 = 0.05;
-/// Error of a cone angle that is too large for a mistake of a workshop, rad.
+/// A cone angle that differs from the rig file by this much cannot be a manufacturing error, rad.
 const MISBUILT: f64 = 0.15;
 
-/// Returns the joints whose counts have not moved. A change by one count is ignored, because an
-/// encoder at rest can jitter by one.
+/// Returns the numbers of the joints whose encoder counts have not changed. A change by one count
+/// is ignored, because an encoder at rest can jitter by one count.
 #[must_use]
 pub fn still(rig: &Rig, counts: &[Counts]) -> Vec<usize> {
     let moved = |j: usize| counts.iter().any(|now| now[j].wrapping_sub(counts[0][j]).unsigned_abs() > 1);
     (0..rig.device.joints()).filter(|j| !moved(*j)).collect()
 }
 
-/// Returns whether the calibration describes a rig that can exist, with little slip. The radii and
-/// cones are checked too: wheels with a very small radius or cone would show little slip in any
-/// motion.
+/// Returns whether the calibration `found` leaves little slip and describes a rig that can exist.
+/// It must have radii and cone angles close to the rig file, because wheels with a very small
+/// radius or cone angle would show little slip in any motion.
 #[must_use]
 pub fn explains(rig: &Rig, found: &Calibration) -> bool {
     let like = found.wheels.iter().zip(rig.device.wheels()).all(|(wheel, filed)| {
@@ -30,8 +30,8 @@ pub fn explains(rig: &Rig, found: &Calibration) -> bool {
     like && found.after <= ORDINARY
 }
 
-/// Returns two joints that explain the readings if their counts are exchanged, or `None` if there
-/// are no such joints.
+/// Returns the numbers of two joints whose encoder counts explain the readings if they are
+/// exchanged, or `None` if there are no such joints.
 #[must_use]
 pub fn exchanged(rig: &Rig, counts: &[Counts]) -> Option<(usize, usize)> {
     let n = rig.device.joints();

@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use super::*;
 
-/// A line that records the commands, and sets `stop` after `after` commands with torque.
+/// A line to simulated motor controllers that records all commands, and sets the flag `stop` after
+/// `after` commands with torque.
 struct Recorded {
     line: Memory,
     decoder: hbot_link::Decoder<ToController>,
@@ -32,8 +33,8 @@ impl Line for Recorded {
     }
 }
 
-/// Returns a bench that is stopped at its 50th command with torque, and a record of the commands
-/// that its controllers receive.
+/// Returns a bench whose stop flag is set at its 50th command with torque, and a record of the
+/// commands that its motor controllers receive.
 fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
     let rig = RigConfig::prototype().rig;
     let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap();
@@ -50,8 +51,8 @@ fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
     (bench, heard)
 }
 
-/// Returns the number of commands that switched the motors on. Checks that the last three switched
-/// them off.
+/// Returns how many of the recorded commands switched the motors on. Checks that the last three
+/// switched them off.
 fn pushes(heard: &Mutex<Vec<hbot_link::Command>>) -> usize {
     let heard = heard.lock().unwrap();
     for last in &heard[heard.len() - 3..] {

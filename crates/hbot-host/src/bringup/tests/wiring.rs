@@ -5,24 +5,24 @@ use hbot_link::{Command, Decoder, Feedback, FromController, encode};
 use super::super::joint::Outcome;
 use super::*;
 
-/// Wiring errors between the controllers and their motors and encoders.
+/// Wiring errors that a test simulates between the motor controllers and their motors and encoders.
 #[derive(Default, Clone)]
 struct Wiring {
-    /// The motor of which two leads are exchanged.
+    /// Number of the joint whose motor has two leads exchanged.
     leads: Option<usize>,
-    /// Two joints whose motors are connected to each other's controllers.
+    /// Numbers of two joints whose motors are connected to each other's controllers.
     motors: Option<(usize, usize)>,
-    /// Two joints whose encoders are connected to each other's controllers.
+    /// Numbers of two joints whose encoders are connected to each other's controllers.
     encoders: Option<(usize, usize)>,
-    /// The motor that is not connected.
+    /// Number of the joint whose motor is not connected.
     dead_motor: Option<usize>,
-    /// The encoder whose count does not change.
+    /// Number of the joint whose encoder count does not change.
     dead_encoder: Option<usize>,
     /// True if the controller of the dead encoder still reports rates.
     rates_stay: bool,
 }
 
-/// A line to controllers with wiring errors.
+/// A line to simulated motor controllers that behave as if they were wired wrongly.
 struct Miswired {
     line: Memory,
     wiring: Wiring,

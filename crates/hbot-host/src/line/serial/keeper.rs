@@ -12,14 +12,14 @@ use super::{Held, LOOK, Peer, Serial, open, unguarded};
 use crate::last_word::{LastWord, Program, Watched};
 use crate::line::Renewed;
 
-/// Pause before the first attempt to reopen a lost line, and the longest pause between two
-/// attempts.
+/// Pause before the first attempt to reopen a lost line.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
+/// Longest pause between two attempts to reopen a lost line.
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
-/// Stack size of the thread, bytes.
+/// Stack size of the thread that reopens a line, bytes.
 const STACK: usize = 256 * 1024;
 
-/// The loop's end of a line that is reopened if it is lost.
+/// The control loop's connection to the thread that reopens a lost line.
 #[derive(Debug)]
 pub(super) struct Reopening {
     pub(super) lost: Producer<Held>,
@@ -33,7 +33,7 @@ impl Drop for Reopening {
     }
 }
 
-/// Everything that is needed to reopen a line.
+/// The settings that are needed to reopen a lost line.
 #[derive(Debug, Clone)]
 pub(super) struct Kept {
     pub(super) path: PathBuf,
@@ -42,17 +42,18 @@ pub(super) struct Kept {
     pub(super) helper: Option<Program>,
 }
 
-/// The thread's end of a line that is reopened if it is lost.
+/// The state of the thread that reopens a lost line.
 struct Keeper {
     kept: Kept,
-    /// The helper process of the line while it is open.
+    /// The helper process of the line, while the line is open.
     watched: Option<Watched>,
     lost: Consumer<Held>,
     back: Producer<(Held, Renewed)>,
     over: Arc<AtomicBool>,
 }
 
-/// Starts the thread for a line that is open now. `watched` is the helper process of the line.
+/// Starts the thread that reopens a line whenever it is lost. The line is open now, and `watched`
+/// is its helper process.
 pub(super) fn keep(kept: Kept, watched: Option<Watched>) -> io::Result<Reopening> {
     let (lost, to_reopen) = RingBuffer::new(1);
     let (into, back) = RingBuffer::new(1);
@@ -89,7 +90,8 @@ impl Keeper {
         }
     }
 
-    /// Tries to reopen the line until it succeeds. Returns `None` if the line is no longer wanted.
+    /// Tries to reopen the line until it succeeds. Returns `None` if the loop no longer needs the
+    /// line.
     fn find(&self) -> Option<(Held, Renewed)> {
         let mut told = String::new();
         let mut rebooted = false;

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The latency that is set on FTDI chips, ms. Their default of 16 ms would be 16 ticks.
+/// The latency that is set on FTDI chips, ms. Their default of 16 ms would be 16 ticks at 1 kHz.
 const LATENCY_MS: u32 = 1;
 
 /// The latency timer of a USB serial chip: how long the chip waits for more bytes before it passes
@@ -30,8 +30,8 @@ impl LatencyTimer {
         Some(Self { path, ms })
     }
 
-    /// Sets the timer to the shortest latency. If its file must not be written, the timer stays as
-    /// it is, and `hbot doctor` reports it.
+    /// Sets the timer to 1 ms. If its file must not be written, the timer stays as it is, and `hbot
+    /// doctor` reports it.
     pub(super) fn shorten(&self) {
         if self.ms > LATENCY_MS {
             let _ = fs::write(&self.path, LATENCY_MS.to_string());

@@ -13,7 +13,8 @@ use super::Hub;
 use hbot_host::bridge::CONFIRMED;
 
 impl Hub {
-    /// Handles a message after the first. Returns false if the client is no longer known.
+    /// Executes or refuses a message that a client has sent after its hello. Returns false if the
+    /// client is no longer known.
     pub(in crate::service) fn message(
         &mut self,
         session: u64,
@@ -37,8 +38,8 @@ impl Hub {
         true
     }
 
-    /// Handles an `estop` that already stopped the loop when its bytes arrived. Returns false if
-    /// the client is no longer known.
+    /// Answers an `estop` request, which already stopped the loop when its bytes arrived. Returns
+    /// false if the client is no longer known.
     pub(in crate::service) fn stopped(&mut self, session: u64, id: Option<Id>) -> bool {
         let there = self.publisher.knows(session);
         if there {
@@ -48,8 +49,8 @@ impl Hub {
         there
     }
 
-    /// Checks whether a message of more than 2 KiB may be parsed. Scans its bytes without parsing
-    /// them.
+    /// Checks whether a client may send this message of more than 2 KiB. Only scans its bytes,
+    /// without parsing them.
     ///
     /// # Errors
     /// Fails if the op may not be that long, or if the client does not hold the lease.
@@ -68,7 +69,7 @@ impl Hub {
         self.lease.require(session, &format!("{} of this length", long_ops().join(" or ")))
     }
 
-    /// Records which client stops the rig, for the `fault` event.
+    /// Records which client stops the rig, so that the `fault` event can name it.
     pub(in crate::service) fn stopped_by(&mut self, session: u64) {
         let name = self.publisher.name(session);
         self.incidents.stopped_by(name.map(|name| format!("client {name:?} (session {session})")));
@@ -84,8 +85,9 @@ impl Hub {
         }
     }
 
-    /// Executes a request. It is answered now, or later when the loop has answered. Code that needs
-    /// much stack is in separate functions, so that ordinary requests do not touch that memory.
+    /// Executes a request. The answer is sent now, or after the loop has answered. Code that needs
+    /// much stack memory is in separate functions, so that ordinary requests do not touch that
+    /// memory.
     fn obey(&mut self, session: u64, id: Option<Id>, op: Op) -> Result<(), ErrorBody> {
         let name = op.name();
         match op {
@@ -152,7 +154,7 @@ impl Hub {
         self.answer(session, id, summary);
     }
 
-    /// Stops the rig for an `estop` that was not found in the incoming bytes.
+    /// Stops the rig for an `estop` request that was not recognized in the incoming bytes.
     #[inline(never)]
     fn estop(&mut self, session: u64, id: Option<Id>) {
         self.end.emergency_stop().stop();
@@ -160,7 +162,8 @@ impl Hub {
         self.confirm_estop(session, id);
     }
 
-    /// Answers an `estop`. The loop was stopped already, so it is not stopped a second time.
+    /// Answers an `estop` request. The loop was stopped already, so it is not stopped a second
+    /// time.
     fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
         tracing::warn!(session, name = self.publisher.name(session), "estop");
         if self.order(session, id.clone(), OpName::Estop, CONFIRMED).is_err() {
@@ -223,14 +226,14 @@ impl Hub {
         Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
     }
 
-    /// Converts milliseconds to ticks, rounded up, at least one.
+    /// Converts milliseconds to ticks of the loop, rounded up, at least one.
     fn ticks(&self, ms: u64) -> u32 {
         let ticks = (ms * u64::from(self.rig.rate_hz)).div_ceil(1000).max(1);
         u32::try_from(ticks).unwrap_or(u32::MAX)
     }
 }
 
-/// Returns the names of the ops whose requests may be longer than 2 KiB.
+/// Returns the names of the ops whose requests can be longer than 2 KiB.
 fn long_ops() -> Vec<&'static str> {
     OpName::ALL.into_iter().filter(|op| op.row().long).map(OpName::as_str).collect()
 }

@@ -14,12 +14,12 @@ use super::super::scenes::{Loaded, Measured};
 use super::Hub;
 use hbot_host::sample::Sample;
 
-/// Largest number of samples that are taken before other tasks get a turn.
+/// Largest number of samples that are processed before other tasks get a turn.
 const SAMPLES_A_TURN: usize = 512;
 
 impl Hub {
-    /// Takes the waiting samples, at most [`SAMPLES_A_TURN`], and retries orders that found no
-    /// place.
+    /// Processes the waiting samples, at most [`SAMPLES_A_TURN`]. Then retries the orders for which
+    /// the ring to the loop had no room.
     pub(in crate::service) fn drain(&mut self) {
         for _ in 0..SAMPLES_A_TURN {
             let Some(sample) = self.end.try_sample() else { break };
@@ -28,7 +28,8 @@ impl Hub {
         self.orders.retry(&mut self.end);
     }
 
-    /// Processes one sample. This runs for every tick, in virtual time as fast as the loop runs.
+    /// Processes one sample. This must take little time, because in virtual time samples arrive as
+    /// fast as the loop can compute them.
     #[inline]
     fn take(&mut self, sample: &Sample) {
         self.stats.record(sample);
@@ -50,7 +51,8 @@ impl Hub {
         }
     }
 
-    /// Passes on the answers that a sample carries.
+    /// Passes each answer in a sample on to the client or the part of the service that sent the
+    /// order.
     fn answered(&mut self, sample: &Sample) {
         for answer in sample.answers.iter().flatten() {
             while let Some((asker, reply)) = self.orders.answered(answer) {
@@ -59,8 +61,8 @@ impl Hub {
         }
     }
 
-    /// Passes the loop's answer to one order on to its asker. `reply` is `None` if the answer was
-    /// in a sample that was dropped.
+    /// Passes the loop's answer to one order on to the client that sent it, or logs it if the
+    /// service sent the order. `reply` is `None` if the answer was lost with a dropped sample.
     fn pass_on(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
         let (session, id, op) = match asker {
             Asker::Client { session, id, op } => (session, id, op),
@@ -99,7 +101,8 @@ impl Hub {
         self.publisher.paid(session);
     }
 
-    /// Polls for the next finished measurement of a scene. Stays pending while none is running.
+    /// Polls for the next scene whose effects have been timed. Stays pending while no measurement
+    /// is running.
     pub(in crate::service) fn poll_measured(
         &mut self,
         context: &mut Context<'_>,
@@ -107,13 +110,14 @@ impl Hub {
         self.scenes.poll_measured(context)
     }
 
-    /// Records the measured cost of a scene's effects.
+    /// Records the measured computing time of a scene's effects.
     pub(in crate::service) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         self.scenes.measured(measured);
         self.loaded();
     }
 
-    /// Answers the `load_scene` requests that are complete, in the order of the requests.
+    /// Answers the `load_scene` requests whose scenes are loaded completely, in the order of the
+    /// requests.
     fn loaded(&mut self) {
         while let Some(Loaded { session, id, answer, event }) = self.scenes.next_loaded() {
             self.answer(session, id, answer);

@@ -8,7 +8,8 @@ use crate::service::bell::Ringing;
 use hbot_host::bridge::{LoopEnd, ServiceEnd};
 use hbot_host::sample::{Answer, Sample};
 
-/// Returns both ends of a bridge whose first sample has been taken, and its bell.
+/// Returns both ends of a bridge and its notification of new samples. One sample has been published
+/// and taken.
 fn ends() -> (LoopEnd, ServiceEnd, Ringing) {
     let (mut inner, mut outer) = bridge().unwrap();
     assert!(inner.publish(crate::still::still(0)));

@@ -22,7 +22,7 @@ fn mode(result: Result<Value, ClientError>) -> String {
     result.unwrap()["mode"].as_str().unwrap().to_owned()
 }
 
-/// Returns the first state for which `found` holds.
+/// Waits until the client receives a state for which `found` returns true, and returns this state.
 fn state(
     client: &mut Client,
     what: &str,
@@ -115,7 +115,7 @@ fn others_than_clients_can_ask_how_it_goes() {
     assert!(summary.ticks >= 10 && summary.compute_us.count == summary.ticks);
 }
 
-/// Returns a legal request for an op.
+/// Returns a valid request for the given op.
 fn request(op: OpName) -> Op {
     match op {
         OpName::Hello => unreachable!("the client has said hello"),

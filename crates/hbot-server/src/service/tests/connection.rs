@@ -14,7 +14,7 @@ use super::super::peer::Peer;
 use super::*;
 use hbot_host::bridge::LoopEnd;
 
-/// Capacity of a pipe, bytes.
+/// Capacity of the pipe between a client and the service, bytes.
 const PIPE: usize = 128 * 1024;
 
 pub(super) fn still() -> (LoopEnd, Desk) {
@@ -34,14 +34,15 @@ pub(super) fn still() -> (LoopEnd, Desk) {
     (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))
 }
 
-/// Connects a client with MessagePack. Returns its end of the pipe, after the hello, and its
-/// session.
+/// Connects a client that uses MessagePack. Returns the client's end of the pipe, after the hello,
+/// and its session number.
 async fn greeted(desk: &Desk) -> (DuplexStream, u64) {
     let (client, session) = connected(desk, PIPE, b", \"encoding\": \"msgpack\"").await;
     (client, session)
 }
 
-/// Connects a client with JSON over a pipe of `pipe` bytes. Returns its end, after the hello.
+/// Connects a client that uses JSON, over a pipe of `pipe` bytes. Returns the client's end of the
+/// pipe, after the hello.
 pub(super) async fn greeted_in_json(desk: &Desk, pipe: usize) -> DuplexStream {
     connected(desk, pipe, b"").await.0
 }
@@ -67,7 +68,7 @@ async fn connected(desk: &Desk, pipe: usize, fields: &[u8]) -> (DuplexStream, u6
     (client, session)
 }
 
-/// Returns a request that takes 200 times its size in memory when it is parsed.
+/// Returns a request that takes 200 times its own size in memory when it is parsed.
 fn swelling() -> Vec<u8> {
     let mut map = b"\x82\xa2op\xa4ping\xa4data\xdc\x50\x00".to_vec();
     map.extend(b"\x81\xa0\x00".repeat(0x5000));
@@ -76,7 +77,8 @@ fn swelling() -> Vec<u8> {
     frame
 }
 
-/// These requests are longer than a ping may be, so they are refused without being parsed.
+/// Checks that requests that would take much memory are refused without being parsed, because they
+/// are longer than a ping can be.
 #[test]
 fn requests_that_swell_are_read_one_after_the_other() {
     const CLIENTS: usize = 24;
@@ -110,7 +112,8 @@ fn requests_that_swell_are_read_one_after_the_other() {
     assert!(used.bytes_max < most, "{} KiB of {}", used.bytes_max >> 10, most >> 10);
 }
 
-/// A request allocates memory only for its answer.
+/// Checks that a request allocates memory only for its answer: with room for the answers, pings
+/// allocate none.
 #[tokio::test]
 async fn a_ping_is_answered_without_an_allocation() {
     const PINGS: usize = 100;

@@ -43,8 +43,8 @@ fn the_lease_has_one_holder_and_everybody_knows() {
     bench.wait_until("a free lease", |status| status.holder.is_none());
 }
 
-/// Starts a rig whose lease holder commands a torque for one second and then disconnects. Returns
-/// the service and a client that watches.
+/// Starts a service with the given policy for a lost client. The lease holder commands a torque for
+/// one second and then disconnects. Returns the service and a client that is subscribed to states.
 fn lost(policy: OnClientLost) -> (TestService, Client) {
     let mut rig = RigConfig::prototype();
     rig.api.on_client_lost = policy;

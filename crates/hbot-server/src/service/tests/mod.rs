@@ -41,10 +41,10 @@ use hbot_host::line::{Line, Memory, SimulatorCall};
 use hbot_host::motors::Motors;
 use hbot_host::run_loop::{StopFlag, lockstep};
 
-/// Longest time that a test waits for an expected event. It does not say how fast anything is.
+/// Longest time that a test waits for an expected event. It is not a requirement on speed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The settings of a test's service.
+/// The settings of the service that a test starts.
 struct TestOptions {
     rig: RigConfig,
     scene: SceneFile,
@@ -56,7 +56,7 @@ struct TestOptions {
     bounds: Bounds,
     /// Number of ticks after which the loop ends.
     ticks: Option<u64>,
-    /// Wall-clock time of a tick. With zero the loop runs as fast as possible.
+    /// Time that each tick takes on the clock. With zero the loop runs as fast as possible.
     breath: Duration,
 }
 
@@ -79,7 +79,7 @@ impl Default for TestOptions {
     }
 }
 
-/// A service with a loop and a simulated rig.
+/// A running service with a control loop and a simulated rig.
 struct TestService {
     address: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,
@@ -91,7 +91,8 @@ struct TestService {
     threads: Option<(JoinHandle<Summary>, JoinHandle<()>)>,
 }
 
-/// A line that sleeps for this time at each write, to leave processor time to the other threads.
+/// A line to a simulated rig that sleeps for the given time at each write, so that other threads
+/// get processor time.
 struct Breathing(Memory, Duration);
 
 impl Line for Breathing {
@@ -192,7 +193,7 @@ impl TestService {
         Raw::new(self.address)
     }
 
-    /// Calls a function with the simulated rig.
+    /// Runs `call` on the simulated rig.
     fn with_rig(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) {
         self.rig.send(Box::new(call)).unwrap();
     }
@@ -245,7 +246,7 @@ fn eventually(what: &str, condition: impl Fn() -> bool) {
     }
 }
 
-/// A connection that sends and receives lines of text without the client library.
+/// A connection to the service that sends and receives lines of text without the client library.
 struct Raw {
     stream: TcpStream,
     reader: BufReader<TcpStream>,
@@ -260,7 +261,7 @@ impl Raw {
         Self { stream, reader }
     }
 
-    /// Returns a connection that has said hello.
+    /// Returns a connection that has sent its hello.
     fn greeted(bench: &TestService) -> Self {
         let mut raw = bench.raw();
         raw.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "raw"}"#);
@@ -313,7 +314,8 @@ fn refused(result: Result<Value, ClientError>) -> ErrorBody {
     }
 }
 
-/// Returns the first result of `pick` that is `Some`, over the events of a client.
+/// Waits until the client receives an event for which `pick` returns a value, and returns this
+/// value.
 fn event<T>(client: &mut Client, what: &str, pick: impl Fn(&Event) -> Option<T>) -> T {
     let deadline = Instant::now() + PATIENCE;
     loop {

@@ -3,9 +3,9 @@
 
 use super::*;
 
-/// Describes the form of a message: for a map its names in order, for a list the form of its first
-/// entry, for any other value its type. Schemas and scenes are not examined, because they have
-/// their own tests.
+/// Returns a description of the form of a message: for a map its names in order, for a list the
+/// form of its first entry, for any other value its type. Schemas and scenes are not examined,
+/// because they have their own tests.
 fn shape(name: &str, value: &Value) -> String {
     match value {
         Value::Null => "null".to_owned(),

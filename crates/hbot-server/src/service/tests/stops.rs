@@ -31,7 +31,8 @@ fn requests(desk: &Desk) -> u64 {
     desk.hub().summary().requests
 }
 
-/// Waits until the loop is asked to stop. Returns how many times other tasks ran before that.
+/// Waits until an emergency stop is requested from the loop. Returns how many times other tasks ran
+/// before that.
 async fn turns_to_a_stop(loop_end: &LoopEnd) -> u32 {
     for turn in 0..100_000 {
         if loop_end.take_estop() {

@@ -34,7 +34,7 @@ impl Made {
     }
 }
 
-/// Returns a certificate authority and its certificate in PEM.
+/// Creates a certificate authority with the name `called`. Returns it with its certificate in PEM.
 fn authority(called: &str) -> (CertifiedIssuer<'static, KeyPair>, String) {
     let mut params = CertificateParams::new([]).unwrap();
     params.distinguished_name.push(DnType::CommonName, called);
@@ -44,7 +44,7 @@ fn authority(called: &str) -> (CertifiedIssuer<'static, KeyPair>, String) {
     (authority, pem)
 }
 
-/// Returns a certificate for `name`, signed by an authority.
+/// Returns a certificate for the host `name`, signed by `authority`, with its private key.
 fn signed(authority: &CertifiedIssuer<'static, KeyPair>, name: &str) -> Made {
     let key = KeyPair::generate().unwrap();
     let certificate = CertificateParams::new([name.to_owned()]).unwrap().signed_by(&key, authority).unwrap();
@@ -63,7 +63,7 @@ fn connect(bench: &TestService, options: &ConnectOptions) -> Result<Client, Clie
     Client::connect_with(&bench.address.to_string(), options)
 }
 
-/// Returns the reason why a connection fails, as text.
+/// Connects to the service, which must fail because of the encryption. Returns the reason as text.
 fn refusal(bench: &TestService, options: &ConnectOptions) -> String {
     match connect(bench, options) {
         Err(ClientError::Tls(why)) => why,

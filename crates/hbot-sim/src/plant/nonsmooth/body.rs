@@ -11,44 +11,48 @@ use super::solver::StepProblem;
 use super::{JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
 use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
-/// Error of a gear's loss that is negligible, relative to the torque that would stop its motor in
-/// one step.
+/// Largest error of a gear's friction loss that is ignored, relative to the torque that would stop
+/// its motor in one step.
 const SMALL_LOSS: f64 = 1.0e-9;
 
-/// Inertia given to a joint without one, relative to the sphere's inertia. It is a thousandth of a
-/// real joint's. A much smaller value would cost the solver digits.
+/// Inertia that is given to a joint without inertia, as a fraction of the sphere's inertia. It is a
+/// thousandth of a real joint's inertia. With a much smaller value the solver would lose digits.
 const LEAST_MASS: f64 = 1.0e-6;
 
-/// The geometry at the middle of a step. It is held constant during the step.
+/// The geometry of all contacts at the middle of a step. It is held constant during the step.
 pub(super) struct Instant {
     frames: [ContactFrame; MAX_WHEELS],
     /// Distance of each contact from the centre O of rotation, m.
     radius: [f64; MAX_WHEELS],
-    /// Rows of G (steer, drive) of each wheel: the joint rates of a wheel that does not slip.
+    /// Rows of the matrix G (steer, drive) of each wheel. They give the joint rates from the
+    /// sphere's angular velocity, for a wheel that does not slip.
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
 }
 
-/// Torques and impulses that act during one step, for a guess of the speeds at its end.
+/// Torques and impulses that act during one step, and a guess of the speeds at its end.
 pub(super) struct Given<'a> {
     pub(super) h: f64,
     pub(super) tau: &'a JointTorques,
-    /// Impulse of the torques on the sphere, N m s.
+    /// Impulse of the torques on the sphere over the step, N m s.
     pub(super) impulse: Vec3,
-    /// Inertia added to the sphere for torques that fall with its speed, kg m².
+    /// Inertia that is added to the sphere's to represent torques that fall as its speed rises,
+    /// such as damping, kg m².
     pub(super) implicit: f64,
-    /// Guess of the speeds at the end. The torques of the wheel modules are taken over the motion
-    /// that it makes.
+    /// Guess of the speeds at the end of the step. The torques of the wheel modules are averaged
+    /// over the motion that this guess makes.
     pub(super) guess: &'a Vector,
-    /// Whether to add a stiffness that keeps a guess of zero speeds from adding energy.
+    /// Whether to add a stiffness that keeps the step from adding energy. It is needed if `guess`
+    /// is zero instead of a solution.
     pub(super) bounded: bool,
 }
 
-/// The moving parts of the nonsmooth plant, with the rates of its joints and motors.
+/// The moving parts of a plant that can stick, slip or have play: sphere, wheels and motors, with
+/// the rates of the joints and motors.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
     pub(super) device: Device,
     pub(super) phenomena: Phenomena,
-    /// Inertia of the sphere (I_s) and of anything attached to it, kg m².
+    /// Inertia of the sphere (I_s) and of anything attached to it, such as a hand, kg m².
     pub(super) inertia: f64,
     pub(super) modules: Option<[Module; MAX_WHEELS]>,
     /// Joint rates, on the wheel's side of a gear, rad/s.
@@ -64,28 +68,29 @@ impl Body {
         self.device.wheels().len()
     }
 
-    /// Returns the index of a joint's rate among the speeds (`k` is 0 for steer, 1 for drive).
-    /// `None` if the wheels cannot slip, because the rate then follows from the sphere's.
+    /// Returns the index of a joint's rate in the vector of speeds (`k` is 0 for steer, 1 for
+    /// drive). Returns `None` if the wheels cannot slip, because the joint's rate then follows from
+    /// the sphere's.
     pub(super) fn joint_at(&self, wheel: usize, k: usize) -> Option<usize> {
         self.phenomena.slip.map(|_| 3 + 2 * wheel + k)
     }
 
-    /// Returns the index of the rate of a drive's motor among the speeds, or `None` if gears have
-    /// no play.
+    /// Returns the index of the rate of a drive's motor in the vector of speeds, or `None` if gears
+    /// have no play.
     pub(super) fn motor_at(&self, wheel: usize) -> Option<usize> {
         let first = if self.phenomena.slip.is_some() { 3 + 2 * self.wheels() } else { 3 };
         self.phenomena.gear.map(|_| first + wheel)
     }
 
-    /// Returns the number of speeds.
+    /// Returns the number of speeds that the solver finds.
     fn size(&self) -> usize {
         let joints = if self.phenomena.slip.is_some() { 2 } else { 0 };
         let motors = if self.phenomena.gear.is_some() { 1 } else { 0 };
         3 + self.wheels() * (joints + motors)
     }
 
-    /// Returns the inertias of a wheel's joints without the motor behind a gear: steer, coupling,
-    /// drive, kg m².
+    /// Returns the inertias of a wheel's joints in the order steer, coupling, drive, kg m². The
+    /// motor behind a gear with play is not included.
     pub(super) fn wheel_mass(&self, wheel: &Wheel) -> [f64; 3] {
         let spec = wheel.spec();
         let coupling = spec.axial_inertia * wheel.axis_along_axle();
@@ -97,23 +102,24 @@ impl Body {
 
     /// Returns the inertia of a drive's motor behind its gear, scaled to the joint, kg m².
     ///
-    /// It is a share of the inertia that the coupling of the joints leaves free, so that the
-    /// inertia left to the wheel stays physically possible.
+    /// It is a share of the drive inertia that the coupling of the joints does not need. The
+    /// inertia left to the wheel therefore stays physically possible.
     pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
         self.phenomena
             .gear
             .map_or(0.0, |gear| (gear.rotor_share * free_inertia(wheel)).max(self.least_mass()))
     }
 
-    /// Returns the smallest inertia of a joint, kg m². A device can have joints without inertia,
-    /// which only the no-slip condition moves. If their rates are separate speeds, they need some
-    /// inertia.
+    /// Returns the smallest inertia that a joint must have in the solver, kg m². A device can have
+    /// joints without inertia, which only the no-slip condition moves. If slip or play makes their
+    /// rates separate speeds, they need some inertia.
     fn least_mass(&self) -> f64 {
         let apart = self.phenomena.slip.is_some() || self.phenomena.gear.is_some();
         if apart { LEAST_MASS * self.device.sphere_inertia() } else { 0.0 }
     }
 
-    /// Returns the geometry at `ahead` seconds after `state`, extrapolated with the present rates.
+    /// Returns the geometry of the contacts `ahead` seconds after `state`, extrapolated with the
+    /// present rates.
     pub(super) fn instant(&self, state: &PlantState, ahead: f64) -> Instant {
         let mut now = Instant {
             frames: [ContactFrame::default(); MAX_WHEELS],
@@ -136,8 +142,8 @@ impl Body {
         now
     }
 
-    /// Returns the present speeds: those of the sphere, then those of joints and motors that move
-    /// separately.
+    /// Returns the present vector of speeds: those of the sphere, then those of joints and motors
+    /// that move separately from it.
     pub(super) fn speeds(&self, state: &PlantState) -> Vector {
         let mut speeds = [0.0; MAX_SPEEDS];
         speeds[..3].copy_from_slice(&state.omega.to_array());
@@ -154,7 +160,8 @@ impl Body {
         speeds
     }
 
-    /// Returns the rate of a joint, on the wheel's side of a gear, as a combination of the speeds.
+    /// Returns the rate of a joint, on the wheel's side of a gear, as a linear combination of the
+    /// speeds.
     fn joint_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
         match self.joint_at(wheel, k) {
             Some(at) => Row::EMPTY.and(at, 1.0),
@@ -162,8 +169,8 @@ impl Body {
         }
     }
 
-    /// Returns the rate of the shaft on which a joint's motor, encoder and friction act, as a
-    /// combination of the speeds.
+    /// Returns the rate of the shaft that carries a joint's motor, encoder and friction, as a
+    /// linear combination of the speeds.
     fn driven_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
         match self.motor_at(wheel).filter(|_| k == 1) {
             Some(at) => Row::EMPTY.and(at, 1.0),
@@ -171,8 +178,9 @@ impl Body {
         }
     }
 
-    /// Returns the slip of a contact along the wheel's axle (c1) and rolling direction (c2), wheel
-    /// minus sphere, m/s: H zd + Z w.
+    /// Returns the slip velocity H zd + Z w of a contact, wheel minus sphere, as linear
+    /// combinations of the speeds, in m/s. The components are along the wheel's axle (c1) and its
+    /// rolling direction (c2).
     pub(super) fn slip_rows(&self, now: &Instant, i: usize) -> [Row; 2] {
         let (wheel, frame, radius) = (&self.device.wheels()[i], &now.frames[i], now.radius[i]);
         let (Some(steer), Some(drive)) = (self.joint_at(i, 0), self.joint_at(i, 1)) else {
@@ -186,8 +194,8 @@ impl Body {
         ]
     }
 
-    /// Sets up the laws of this step. Impulses of the last step are kept, multiplied by `share`, as
-    /// the solver's start.
+    /// Writes the friction, slip and play laws of this step to `elements`. The impulses of the last
+    /// step, multiplied by `share`, are kept as start values for the solver.
     pub(super) fn lay_out(
         &self,
         elements: &mut Vec<Element>,
@@ -266,8 +274,8 @@ impl Body {
         }
     }
 
-    /// Returns the spin of a contact about its normal c3, wheel minus sphere, rad/s: (dth/dt) cos a
-    /// - w.c3, with a the cone angle.
+    /// Returns the spin of a contact about its normal c3, wheel minus sphere, as a linear
+    /// combination of the speeds, in rad/s. It is (dth/dt) cos a - w.c3, with the cone angle a.
     fn spin_row(&self, now: &Instant, i: usize, cone: f64) -> Row {
         let normal = now.frames[i].c3;
         match self.joint_at(i, 0) {
@@ -276,12 +284,12 @@ impl Body {
         }
     }
 
-    /// Updates the friction of gears under load, at the motor's side. It is the loss that leaves
-    /// the other side `efficiency` of the power.
+    /// Updates the friction of gears under load, on the motor's side. It is the loss that leaves
+    /// `efficiency` of the power on the other side.
     ///
-    /// The loss depends on the impulse from which it is taken, so it is found by repeated calls.
+    /// The loss depends on the impulse that the gear passes on, so it is found by repeated calls.
     /// Each call moves the friction limits closer to those that follow from the last solution.
-    /// Returns whether all of them were within `tolerance` already.
+    /// Returns whether all of them were already within `tolerance`.
     pub(super) fn mesh(&mut self, elements: &mut [Element], speeds: &Vector, h: f64, tolerance: f64) -> bool {
         let Some(gear) = self.phenomena.gear else { return true };
         let mut stands = true;
@@ -315,7 +323,7 @@ impl Body {
         stands
     }
 
-    /// Computes the masses and momenta of this step.
+    /// Writes the mass matrix and the momentum of this step to `problem`.
     pub(super) fn assemble(
         &self,
         problem: &mut StepProblem,
@@ -367,15 +375,15 @@ impl Body {
     }
 }
 
-/// Returns the drive inertia that can belong to the motor instead of the wheel, J_ph - J_c² / J_th,
-/// kg m². The coupling J_c of the wheel's joints needs the rest.
+/// Returns the part of a wheel's drive inertia that can belong to its motor, J_ph - J_c² / J_th, kg
+/// m². The coupling J_c of the wheel's joints needs the rest.
 fn free_inertia(wheel: &Wheel) -> f64 {
     let spec = wheel.spec();
     let coupling = spec.axial_inertia * wheel.axis_along_axle();
     spec.drive_inertia - if coupling == 0.0 { 0.0 } else { coupling * coupling / spec.steer_inertia }
 }
 
-/// Returns the component of the sphere's angular velocity along `v`, as a combination of the
+/// Returns the component of the sphere's angular velocity along `v`, as a linear combination of the
 /// speeds.
 fn on_sphere(v: Vec3) -> Row {
     Row::EMPTY.and(0, v.x).and(1, v.y).and(2, v.z)

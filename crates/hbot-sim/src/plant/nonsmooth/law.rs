@@ -8,21 +8,22 @@
 
 use super::{MAX_SPEEDS, Vector};
 
-/// Largest number of components of an element's velocity.
+/// Largest number of components of the velocity to which one law applies.
 pub(super) const MAX_DIMENSION: usize = 3;
 
-/// The law of one element: the relation between its velocity and its impulse.
+/// The relation between a velocity and the impulse of friction or of a stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// Coulomb friction. The impulse acts against the velocity u. Its size is `limit` if there is
-    /// motion, and at most `limit` at rest. Its convex function is g = limit |u|.
+    /// Coulomb friction. The impulse acts against the velocity u. Its size is `limit` if u is not
+    /// zero, and at most `limit` if u is zero. The convex function of the law is g = limit |u|.
     Friction {
-        /// Largest impulse, N s or N m s. Infinite for a direction in which nothing ever slides.
+        /// Largest impulse, N s or N m s. It is infinite for a direction in which nothing ever
+        /// slides.
         limit: f64,
     },
-    /// A stop. There is no impulse while the velocity is within the bounds, and the bounds are
-    /// never exceeded. Its convex function g is the indicator function of the bounds, which include
-    /// zero.
+    /// A stop. There is no impulse while the velocity is within the bounds, and the velocity never
+    /// exceeds the bounds. The convex function g of the law is the indicator function of the
+    /// bounds, which include zero.
     Gap {
         /// Lower bound of the velocity, at most 0.
         low: f64,
@@ -31,7 +32,8 @@ pub(super) enum Law {
     },
 }
 
-/// One component of an element's velocity, as a sparse linear combination of the speeds.
+/// One component of the velocity to which a law applies, as a sparse linear combination of the
+/// speeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Row {
     at: [u8; 5],
@@ -42,7 +44,7 @@ pub(super) struct Row {
 impl Row {
     pub(super) const EMPTY: Self = Self { at: [0; 5], by: [0.0; 5], len: 0 };
 
-    /// Adds `by` times the speed of index `at`.
+    /// Adds the term `by` times the speed with index `at` to the combination.
     #[inline]
     pub(super) fn and(mut self, at: usize, by: f64) -> Self {
         self.at[usize::from(self.len)] = at as u8;
@@ -51,20 +53,20 @@ impl Row {
         self
     }
 
-    /// Returns the index and the factor of each speed in the combination.
+    /// Returns the index and the factor of each speed in this linear combination.
     #[inline]
     pub(super) fn terms(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
         let n = usize::from(self.len);
         self.at[..n].iter().zip(&self.by[..n]).map(|(at, by)| (usize::from(*at) % MAX_SPEEDS, *by))
     }
 
-    /// Returns the value of the component at `speeds`.
+    /// Returns the value of this linear combination at `speeds`.
     #[inline]
     pub(super) fn dot(&self, speeds: &Vector) -> f64 {
         self.terms().map(|(at, by)| by * speeds[at]).sum()
     }
 
-    /// Multiplies each term by the scale of its speed.
+    /// Multiplies the factor of each speed by the scale of that speed.
     #[inline]
     pub(super) fn scaled(mut self, scale: &Vector) -> Self {
         for (at, by) in self.at.iter().zip(&mut self.by).take(usize::from(self.len)) {
@@ -74,19 +76,19 @@ impl Row {
     }
 }
 
-/// A law of friction or play together with the velocity to which it applies.
+/// A law of friction or of a stop, together with the velocity to which it applies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Element {
     pub(super) law: Law,
     pub(super) dimension: usize,
     pub(super) rows: [Row; MAX_DIMENSION],
-    /// Impulse against the speeds: the transpose of `rows` times it is subtracted from the
-    /// momentum.
+    /// Impulse that opposes the velocity. Its effect on the speeds is to subtract the transpose of
+    /// `rows` times the impulse from the momentum.
     pub(super) impulse: [f64; MAX_DIMENSION],
 }
 
-/// The impulse at one velocity and its derivative dp/du = along I + across d dᵀ, with d the
-/// `direction`.
+/// The impulse of a law at one velocity u, and its derivative dp/du = along I + across d dᵀ, where
+/// d is `direction`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Response {
     pub(super) impulse: [f64; MAX_DIMENSION],
@@ -96,7 +98,8 @@ pub(super) struct Response {
 }
 
 impl Element {
-    /// Returns the impulse at the velocity `u`, with the penalty `rho` and the multiplier `last`.
+    /// Returns the impulse of the law at the velocity `u` and its derivative. `rho` is the penalty
+    /// of the solver's present round, and `last` the impulse of its last round.
     #[inline]
     pub(super) fn response(
         &self,

@@ -32,25 +32,26 @@ use super::{JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
-/// Largest number of speeds: 3 of the sphere, 2 joints per wheel, 1 motor behind each drive's gear.
+/// Largest number of speeds: 3 of the sphere, 2 of the joints of each wheel, and 1 of the motor
+/// behind each drive's gear.
 const MAX_SPEEDS: usize = 3 + 3 * MAX_WHEELS;
 type Vector = [f64; MAX_SPEEDS];
 
-/// Largest number of sweeps in a step. Each sweep recomputes discrete gradients and gear losses,
-/// and gains at least a digit.
+/// Largest number of times that one step is solved. Each time, the torques of potentials and the
+/// gear losses are recomputed, which gains at least one digit.
 const MAX_SWEEPS: usize = 12;
-/// Relative change of the speeds below which the sweeps have settled. The error of the torque is
-/// then smaller still, by the turn in a step.
+/// Relative change of the speeds below which a step need not be solved again. The torques then have
+/// an even smaller error, because they depend only on the small turn within a step.
 const SETTLED: f64 = 1.0e-10;
-/// Smallest speed used for the relative change in the settling test, rad/s. Slower speeds settle to
-/// 1e-12, about the remaining velocity of a sticking element.
+/// Smallest speed to which a change of the speeds is compared, rad/s. Slower speeds settle to 1e-12
+/// rad/s, which is about the remaining velocity of a sticking part.
 const RESTING: f64 = 1.0e-2;
-/// Relative difference up to which a gear can keep the loss of the step before.
+/// Relative error up to which a gear can keep the friction loss of the step before.
 ///
-/// Such a loss changes slowly, so the error is of the scheme's order. When the gear teeth meet, the
-/// loss changes fast, and it is recomputed.
+/// While the loss changes slowly, this error is no larger than that of the integration scheme. When
+/// the gear teeth meet, the loss changes fast, and it is recomputed.
 const LAG: f64 = 0.05;
-/// Relative tolerance of a gear's loss that is recomputed.
+/// Relative tolerance to which a gear's friction loss is computed, if it must be recomputed.
 const SETTLED_LOSS: f64 = 1.0e-6;
 
 /// A plant with friction that sticks, contacts that slip, or gears that have play.
@@ -58,20 +59,20 @@ const SETTLED_LOSS: f64 = 1.0e-6;
 pub(crate) struct Nonsmooth {
     body: Body,
     elements: Vec<Element>,
-    /// Length of the step to which the elements' impulses belong, s.
+    /// Length of the step to which the stored impulses in `elements` belong, s.
     last_step: f64,
     problem: StepProblem,
     workspace: Workspace,
     effort: Effort,
 }
 
-/// A drive's motor behind its gear. Angle and rate are scaled to the joint, as if the gear ratio
-/// were 1.
+/// The motor behind the gear of a drive joint. Angle and rate are scaled to the joint, as if the
+/// gear ratio were 1.
 #[derive(Debug, Clone, Copy, Default)]
 struct Motor {
     angle: f64,
     rate: f64,
-    /// Torque that the gear lost by friction under load in the last step, at the motor's side, N m.
+    /// Torque that the gear lost by friction under load in the last step, on the motor's side, N m.
     loss: f64,
 }
 
@@ -99,8 +100,8 @@ impl Nonsmooth {
         plant
     }
 
-    /// Adopts a state that was set from outside: joints roll without slip, motors stand in the
-    /// middle of their play, and all friction impulses are cleared.
+    /// Adopts a state that was set from outside the plant. Joints then roll without slip, motors
+    /// stand in the middle of their gears' play, and all friction impulses are cleared.
     pub(super) fn adopt(&mut self, state: &PlantState) {
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
@@ -126,7 +127,7 @@ impl Nonsmooth {
         self.elements.clear();
     }
 
-    /// Returns the solver's work in the last step.
+    /// Returns how many iterations the solver needed in the last step.
     pub(super) fn effort(&self) -> Effort {
         self.effort
     }
@@ -143,7 +144,8 @@ impl Nonsmooth {
         angles
     }
 
-    /// Returns the rates that the encoders measure, rad/s.
+    /// Returns the rates that the encoders measure, rad/s. If gears have play, the drive rates are
+    /// those of the motors.
     pub(super) fn encoder_rates(&self) -> [f64; MAX_JOINTS] {
         let mut rates = self.body.rates;
         if self.body.phenomena.gear.is_some() {
@@ -182,8 +184,10 @@ impl Nonsmooth {
         energy + self.weight().map_or(0.0, |weight| weight.energy(state.q))
     }
 
-    /// Advances `state` by `h` seconds to the time `end` (s). The torques `tau` act at the motors,
-    /// `external` acts on the sphere (frame N, N m), and a hand can hold it.
+    /// Advances `state` by `h` seconds to the time `end` (s).
+    ///
+    /// The joint torques `tau` act at the motors and the torque `external` on the sphere (frame N,
+    /// N m). If `grip` is given, a hand holds the sphere.
     pub(super) fn step(
         &mut self,
         state: &mut PlantState,
@@ -255,7 +259,8 @@ impl Nonsmooth {
         self.take(state, &now, &speeds, h);
     }
 
-    /// Stores the speeds at the end of the step, and moves all angles by them.
+    /// Stores the speeds at the end of the step, and moves all angles at these speeds for `h`
+    /// seconds.
     fn take(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
         state.omega = Vec3::from_slice(&speeds[..3]);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
@@ -276,7 +281,7 @@ impl Nonsmooth {
         }
     }
 
-    /// Returns the weight of the sphere if its centre of mass is off centre.
+    /// Returns the weight of the sphere if its centre of mass is off centre, otherwise `None`.
     fn weight(&self) -> Option<Weight> {
         self.body.phenomena.eccentric.map(|eccentric| Weight {
             offset: Vec3::from_array(eccentric.offset),

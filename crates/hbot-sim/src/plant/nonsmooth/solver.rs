@@ -12,29 +12,30 @@
 use super::law::{Element, MAX_DIMENSION, Response, Row};
 use super::{MAX_SPEEDS, Vector};
 
-/// Initial penalty, relative to the mass that a row sees. A larger penalty needs fewer rounds and
-/// loses digits.
+/// Initial penalty of the method of multipliers, relative to the mass that a law acts on. A larger
+/// penalty needs fewer rounds but loses digits.
 const PENALTY: f64 = 1.0e3;
-/// Largest penalty. Beyond it, rounding of the Newton matrix becomes noticeable.
+/// Largest penalty of the method of multipliers. With a larger one, rounding errors of the Newton
+/// matrix become noticeable.
 const MAX_PENALTY: f64 = 1.0e9;
-/// Largest velocity that a sticking element can keep, relative to the velocity that the momentum
-/// and impulses of the step would make.
+/// Largest velocity that a sticking part can keep, relative to the velocity that the momentum and
+/// impulses of the step would make.
 const STICKING: f64 = 1.0e-12;
-/// Slope that counts as zero in the line search, as a fraction of the slope at the start.
+/// Slope that counts as zero in the line search, as a fraction of the slope at its start.
 const LEVEL: f64 = 1.0e-2;
-/// Factor by which rounding errors can exceed their estimate.
+/// Safety factor: rounding errors can exceed their estimate by this factor.
 const NEAR: f64 = 64.0;
-/// Tolerance in place of [`STICKING`] when the largest penalties bring no more progress.
+/// Tolerance that replaces [`STICKING`] when even the largest penalties bring no more progress.
 ///
 /// This happens if no equation determines some impulses (a device held fast everywhere, or a gear
-/// with almost no play). They then drift slowly while the speeds stay constant.
+/// with almost no play). These impulses then drift slowly while the speeds stay constant.
 const STALLED: f64 = 1.0e-10;
 const MAX_ROUNDS: usize = 60;
 const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
 
-/// The function that the speeds must minimise. `mass` is stored by rows, and only its lower half is
-/// read.
+/// The quadratic part of the function that the solver minimises over the speeds. `mass` is stored
+/// by rows, and only its lower half is used.
 #[derive(Debug, Clone)]
 pub(super) struct StepProblem {
     pub(super) n: usize,
@@ -42,18 +43,18 @@ pub(super) struct StepProblem {
     pub(super) momentum: Vector,
 }
 
-/// The solver's work in one step of the nonsmooth plant.
+/// How many iterations the solver needed in one step of a plant with sticking, slip or play.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
     /// Number of rounds of the method of multipliers.
     pub rounds: u32,
-    /// Total number of Newton steps.
+    /// Total number of Newton steps in all rounds.
     pub newton: u32,
     /// Whether the solver converged within its limits of rounds and Newton steps.
     pub converged: bool,
 }
 
-/// Memory for the solver, so that a step allocates nothing.
+/// Memory that the solver reuses in every step, so that a step allocates nothing.
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
     factor: [Vector; MAX_SPEEDS],
@@ -68,7 +69,7 @@ impl StepProblem {
     pub(super) const EMPTY: Self =
         Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
 
-    /// Adds to the mass matrix the inertia `mass` between the velocities `a` and `b`: mass aᵀ b.
+    /// Adds the inertia `mass` between the velocities `a` and `b` to the mass matrix: mass aᵀ b.
     pub(super) fn weigh(&mut self, a: &Row, b: &Row, mass: f64) {
         for (i, a) in a.terms() {
             for (j, b) in b.terms() {
@@ -77,7 +78,7 @@ impl StepProblem {
         }
     }
 
-    /// Adds an impulse along the velocity `row` to the momentum.
+    /// Adds an impulse that acts along the velocity `row` to the momentum.
     pub(super) fn push(&mut self, row: &Row, impulse: f64) {
         for (i, by) in row.terms() {
             self.momentum[i] += by * impulse;
@@ -97,8 +98,8 @@ impl Workspace {
         }
     }
 
-    /// Solves for the speeds, starting from the guess in `speeds`. Reads the start values of the
-    /// impulses from `elements`, and writes the results back.
+    /// Solves for the speeds at the end of the step, starting from the guess in `speeds`. Reads the
+    /// start values of the impulses from `elements`, and writes the resulting impulses back.
     pub(super) fn solve(
         &mut self,
         problem: &mut StepProblem,
@@ -178,8 +179,8 @@ impl Workspace {
         }
     }
 
-    /// Computes the impulses and the gradient at `speeds`. Returns the size of gradient that
-    /// rounding alone can cause.
+    /// Computes the impulses of all laws and the gradient of the function to minimise, at `speeds`.
+    /// Returns the size of gradient that rounding errors alone can cause.
     fn look(&mut self, problem: &StepProblem, speeds: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let pace = norm(&speeds[..n]);
@@ -213,8 +214,9 @@ impl Workspace {
         }
     }
 
-    /// Minimises with the present multipliers. Returns the number of Newton steps, and whether only
-    /// rounding is left of the gradient. The responses are then those at the minimum.
+    /// Finds the speeds that minimise the function while the multipliers stay fixed. Returns the
+    /// number of Newton steps, and whether the gradient is zero apart from rounding. `responses`
+    /// are then those at the minimum.
     fn minimize(&mut self, problem: &StepProblem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
@@ -237,8 +239,8 @@ impl Workspace {
         (steps, norm(&gradient[..n]) <= NEAR * floor)
     }
 
-    /// Moves along `step` by a line search on the slope, and returns the rounding bound of the
-    /// gradient.
+    /// Moves `speeds` along `step` by a line search on the slope, and returns the rounding error of
+    /// the gradient.
     ///
     /// It takes the whole step unless the slope there is upward. Otherwise it bisects to a point at
     /// which the slope is not upward and at most half as steep as at the start. Up to such a point
@@ -275,7 +277,7 @@ impl Workspace {
         floor
     }
 
-    /// Computes the Cholesky factor of the Newton matrix at the present responses.
+    /// Computes the Cholesky factor of the Newton matrix for the present responses of all laws.
     fn factorize(&mut self, problem: &StepProblem) {
         let n = problem.n;
         for i in 0..n {

@@ -5,14 +5,15 @@ use hbot_sim::phenomena::CageFriction;
 use super::reference::{End, Sharpness};
 use super::scenes::{self, Scene, turned_apart};
 
-/// Steps of 1 ms and a quarter, a twentieth and a hundredth of it, s.
+/// Lengths of the step with which each scene is simulated: 1 ms, and a quarter, a twentieth and a
+/// hundredth of it, in s.
 const STEPS: [f64; 4] = [1.0e-3, 2.5e-4, 5.0e-5, 1.0e-5];
 
-/// Returns the end of the scene as computed by the reference, and an estimate of the reference's
+/// Returns the end of the scene as computed by the independent reference, and an estimate of its
 /// error, rad.
 ///
-/// The estimate is the sum of the changes by a regularisation ten times as sharp, a gear ten times
-/// as hard, and a tolerance ten times as tight.
+/// The estimate is the sum of three changes of the end: by a regularisation ten times as sharp, a
+/// gear ten times as hard, and a tolerance ten times as tight.
 fn reference(scene: &Scene) -> (End, f64) {
     let sharp = scene.sharpness;
     let best = scene.by_reference(sharp);
@@ -29,10 +30,11 @@ fn listed(errors: &[f64]) -> String {
     errors.iter().map(|error| format!("{error:.1e}")).collect::<Vec<_>>().join(", ")
 }
 
-/// Checks that the errors at [`STEPS`] are at most `rate` times the step plus the reference's own
-/// error.
+/// Checks that the plant's errors at [`STEPS`] are at most `rate` times the step plus the error of
+/// the reference.
 ///
-/// `order` is the range for the order of the orientation error, from the first step to the third.
+/// `order` is the range in which the order of the orientation error must lie, measured from the
+/// first step to the third.
 fn agrees(scene: &Scene, rate: f64, order: core::ops::Range<f64>) {
     let (best, own) = reference(scene);
     let ends = STEPS.map(|h| scene.stepped(h));
@@ -56,8 +58,9 @@ fn slip_sets_in_slides_and_stops() {
     agrees(&scenes::slide(), 5.0, 0.95..1.05);
 }
 
-/// A part held by friction does not move in the plant. In the reference it creeps, because friction
-/// is regularised with v = 1e-5 rad/s.
+/// A part that is held by friction does not move at all in the plant. In the independent reference
+/// it creeps, in proportion to its regularisation speed, because the reference replaces dry
+/// friction by a smooth law.
 #[test]
 fn what_is_held_stays() {
     let scene = scenes::held();
@@ -78,8 +81,9 @@ fn joints_stick_and_slip() {
     agrees(&scenes::stick_slip(), 8.0, 0.8..1.1);
 }
 
-/// Inputs are taken at the middle of each step, so only the contact of the flanks is of order 1.
-/// Its error is small.
+/// The plant agrees with the reference while a gear crosses its play. Inputs are taken at the
+/// middle of each step, so only the contact of the gear's flanks has an error of order 1. That
+/// error is small.
 #[test]
 fn a_gear_crosses_its_play() {
     agrees(&scenes::backlash(), 0.1, 1.0..2.2);
@@ -100,16 +104,17 @@ fn contacts_resist_pivoting() {
     agrees(&scenes::pivoting(), 30.0, 0.9..1.1);
 }
 
-/// The worst angle is that of a drive that slips and meets its gear's flanks again and again, 5 rad
-/// in all. A contact of the flanks that depends on the step makes its order uneven. The order of
-/// the orientation is at least 0.8.
+/// The plant agrees with the reference with all phenomena at once.
+///
+/// The largest error is that of a drive that slips and meets its gear's flanks again and again; it
+/// turns 5 rad in all. The order is uneven because the step affects when the flanks meet.
 #[test]
 fn everything_at_once() {
     agrees(&scenes::everything(), 100.0, 0.7..1.2);
 }
 
-/// If nothing sticks, Rk4 has order four down to the reference's own error, and time stepping has
-/// order one.
+/// With off-centre masses and nothing that sticks, the method Rk4 has order four down to the error
+/// of the reference, and the time-stepping scheme has order one.
 #[test]
 fn masses_out_of_place() {
     let scene = scenes::smooth();

@@ -10,20 +10,21 @@ use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::prototype;
 
-/// Number of pairs of steer angles. Each wheel takes this many equally spaced angles. Friction is a
-/// sum over the wheels, so its mean does not depend on how their angles are paired.
+/// Number of pairs of steer angles that are tested. Each wheel takes this many equally spaced
+/// angles. Friction is a sum over the wheels, so its mean does not depend on how their angles are
+/// paired.
 const GRID: u32 = 144;
-/// Steps of the second wheel's angle for one step of the first's. 55 and 144 have no common factor,
-/// so the second wheel takes every angle once.
+/// Number of angle steps by which the second wheel advances for one step of the first. 55 and 144
+/// have no common factor, so the second wheel takes every angle once.
 const SKEW: u32 = 55;
-/// Growth of the torque in a step of 1 ms, N m.
+/// Increase of the torque in each step of 1 ms, N m.
 const RAMP: f64 = 2.0e-5;
 
-/// Compares the mean over both steer angles of the torque found by the ramp with the expected
-/// torque.
+/// The torque at which the sphere begins to turn, averaged over the steer angles of both wheels,
+/// equals the expected back-drive torque.
 ///
-/// At a hinge about n the power of all friction is that of the cage plus c |g.n| for each joint,
-/// whatever torques the hinge itself takes.
+/// For a sphere that can turn only about n, friction opposes it with the torque of the cage plus c
+/// |g.n| for each joint, whatever torques the hinge itself takes.
 #[test]
 fn back_drive_torques_are_those_of_cage_and_joints() {
     let device = prototype(0.0155, 2.7e-5, 3.5e-6);

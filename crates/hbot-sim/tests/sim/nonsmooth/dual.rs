@@ -84,7 +84,7 @@ impl Div for Dual {
     }
 }
 
-/// A vector of three dual numbers.
+/// A vector of three components, each with its derivative.
 pub(super) type Triple = [Dual; 3];
 
 pub(super) fn fixed(v: [f64; 3]) -> Triple {
@@ -107,14 +107,16 @@ pub(super) fn cross(a: Triple, b: Triple) -> Triple {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Returns v turned by the quaternion (w, x, y, z), which can have any norm near 1.
+/// Returns the vector v turned by the quaternion (w, x, y, z). The norm of the quaternion need not
+/// be exactly 1.
 pub(super) fn turned(q: [Dual; 4], v: Triple) -> Triple {
     let e = [q[1], q[2], q[3]];
     let t = times(cross(e, v), constant(2.0));
     plus(v, plus(times(t, q[0]), cross(e, t)))
 }
 
-/// Solves the 3 x 3 system with the rows `m` by Cramer's rule.
+/// Returns the solution of three linear equations by Cramer's rule. `m` holds the rows of the
+/// matrix, and `b` the right-hand side.
 pub(super) fn solved(m: [Triple; 3], b: Triple) -> Triple {
     let det = dot(m[0], cross(m[1], m[2]));
     let columns: [Triple; 3] = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];

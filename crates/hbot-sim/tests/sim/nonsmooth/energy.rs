@@ -10,7 +10,7 @@ use hbot_sim::phenomena::{
 };
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
-/// A pseudo-random sequence: splitmix64 (Steele, Lea and Flood 2014).
+/// A generator of pseudo-random numbers: splitmix64 (Steele, Lea and Flood 2014).
 struct Dice(u64);
 
 impl Dice {
@@ -30,7 +30,7 @@ impl Dice {
         low + (high - low) * self.unit()
     }
 
-    /// Returns a number whose logarithm is uniformly distributed.
+    /// Returns a random number between `low` and `high` whose logarithm is uniformly distributed.
     fn decade(&mut self, low: f64, high: f64) -> f64 {
         10.0f64.powf(self.between(low.log10(), high.log10()))
     }
@@ -39,8 +39,8 @@ impl Dice {
         self.unit() < share
     }
 
-    /// Returns zero one time in five, `huge` one time in five, and otherwise a number between `low`
-    /// and `high`.
+    /// Returns zero one time in five, `huge` one time in five, and otherwise a random number
+    /// between `low` and `high`.
     fn figure(&mut self, low: f64, high: f64, huge: f64) -> f64 {
         match self.next() % 5 {
             0 => 0.0,
@@ -58,8 +58,9 @@ impl Dice {
     }
 }
 
-/// Returns a random device. One time in four its inertias differ by up to six powers of ten;
-/// otherwise they are like those of a real device. One device in twenty has joints without inertia.
+/// Returns a random device. One device in four has inertias that differ by up to six powers of ten;
+/// the others have inertias like those of a real device. One device in twenty has joints without
+/// inertia.
 fn device(dice: &mut Dice) -> Option<Device> {
     let count = 2 + (dice.next() % 7) as usize;
     let extreme = dice.chance(0.25);
@@ -123,22 +124,22 @@ fn phenomena(dice: &mut Dice) -> Phenomena {
     }
 }
 
-/// Totals over all scenes of the test.
+/// Totals over all scenes that the test has run.
 #[derive(Default)]
 struct Tally {
     scenes: u32,
     steps: u32,
-    /// Number of steps in which the solver did not converge.
+    /// Number of time steps in which the solver did not converge.
     unfinished: u32,
-    /// Largest rise of energy in a step, relative to the energy at the start plus the swing of the
-    /// weights.
+    /// Largest rise of energy in one time step, relative to the energy at the start plus the range
+    /// of the weights' potential energy.
     rise: f64,
-    /// Largest number of Newton steps in a step.
+    /// Largest number of Newton steps that the solver needed in one time step.
     newton: u32,
 }
 
-/// Runs one scene of `steps` steps. Does nothing if the seed gives no valid device or no nonsmooth
-/// phenomena.
+/// Simulates one random scene for `steps` steps, checks that no step adds energy, and updates
+/// `tally`. Does nothing if the seed gives no valid device or no nonsmooth phenomena.
 fn run(seed: u64, steps: u32, tally: &mut Tally) {
     let mut dice = Dice(seed);
     let Some(device) = device(&mut dice) else { return };
@@ -189,8 +190,8 @@ fn run(seed: u64, steps: u32, tally: &mut Tally) {
     }
 }
 
-/// Runs ten thousand scenes of a few steps each, some of them longer, with all combinations of
-/// phenomena.
+/// No step adds energy. Ten thousand random scenes with all combinations of phenomena run for a few
+/// steps each, some of them longer.
 #[test]
 fn no_step_adds_energy() {
     let mut tally = Tally::default();

@@ -6,8 +6,9 @@ use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::prototype;
 
-/// Returns the state after a second in steps of 1 ms from a motion that can roll or slip. Checks
-/// that no step adds energy.
+/// Simulates one second in steps of 1 ms and returns the state at the end. `inertia` scales the
+/// inertias of the joints, `coulomb` is the friction of the joints, and `mu` that of the contacts.
+/// Checks that no step adds energy.
 fn a_second(inertia: f64, coulomb: f64, mu: f64) -> PlantState {
     let device = prototype(0.0155, 2.7e-5 * inertia, 3.5e-6 * inertia);
     let phenomena = Phenomena {

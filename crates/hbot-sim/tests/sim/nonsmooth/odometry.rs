@@ -8,8 +8,8 @@ use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use crate::devices::{prototype, toed};
 
-/// Returns the part of the slip `s` that no angular velocity of the sphere explains: s - Z (ZᵀZ)⁻¹
-/// Zᵀ s, with Z = R [-c2ᵀ; c1ᵀ] per wheel.
+/// Returns the part of the slip `s` that no angular velocity of the sphere can explain, so that
+/// encoders can observe it: s - Z (ZᵀZ)⁻¹ Zᵀ s, with Z = R [-c2ᵀ; c1ᵀ] per wheel.
 fn observable(device: &Device, posture: &Posture, s: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let r = device.sphere_radius();
     let (mut square, mut right) = (Mat3::ZERO, Vec3::ZERO);
@@ -32,8 +32,8 @@ fn size(slip: &[[f64; 2]]) -> f64 {
     slip.iter().flatten().fold(0.0, |m, s| s.abs().max(m))
 }
 
-/// Drives two wheels with `torque` for 30 ms. Returns the largest slip computed from the encoders
-/// and the largest observable true slip, m/s.
+/// Drives two wheels with `torque` for 30 ms. Returns the largest slip computed from the encoders,
+/// and the largest true slip that encoders can observe, m/s.
 fn slips(device: &Device, slip: Option<Slip>, torque: f64, h: f64) -> (f64, f64) {
     // A cage with almost no friction selects the nonsmooth plant, with or without slip.
     let phenomena =

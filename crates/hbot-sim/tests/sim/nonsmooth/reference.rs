@@ -18,14 +18,15 @@ use hbot_sim::plant::PlantState;
 
 use super::dual::{Dual, Triple, constant, cross, dot, fixed, plus, solved, times, turned};
 
-/// Number of variables: orientation, angular velocity, and for each of two wheels th, ph, their
-/// rates, and the motor's angle and rate.
+/// Number of variables of the equations: orientation, angular velocity, and for each of two wheels
+/// the angles th and ph, their rates, and the motor's angle and rate.
 const SIZE: usize = 7 + 2 * 6;
 type Numbers = [f64; SIZE];
 
 const GRAVITY: f64 = 9.80665;
 
-/// Torques from outside as functions of time, and an optional hand.
+/// Joint torques and a torque on the sphere, as functions of time, and optionally a hand that holds
+/// the sphere.
 #[derive(Clone, Copy)]
 pub(super) struct Input {
     pub(super) tau: fn(f64) -> [f64; 4],
@@ -33,19 +34,19 @@ pub(super) struct Input {
     pub(super) grip: Option<Grip>,
 }
 
-/// How closely the regularised laws follow the set-valued ones.
+/// How closely the smooth laws of the reference approach the set-valued laws of friction and play.
 #[derive(Clone, Copy)]
 pub(super) struct Sharpness {
-    /// Regularisation speed v of joints, cage and pivoting, rad/s. For contacts it is this times
-    /// 0.01 m.
+    /// Regularisation speed v of joints, cage and pivoting, rad/s. For the slip of contacts, the
+    /// speed is this number times 0.01 m.
     pub(super) rate: f64,
-    /// Damping of the flanks of a gear, N m s/rad.
+    /// Damping of a gear's flanks when they touch, N m s/rad.
     pub(super) flank: f64,
-    /// Tolerance of the integration.
+    /// Relative and absolute error that the integrator allows.
     pub(super) tolerance: f64,
 }
 
-/// The equations of a device with its phenomena and its inputs.
+/// The independent equations of motion of a device with its phenomena and its inputs.
 pub(super) struct Reference<'a> {
     pub(super) device: &'a Device,
     pub(super) phenomena: &'a Phenomena,
@@ -53,7 +54,7 @@ pub(super) struct Reference<'a> {
     pub(super) sharpness: Sharpness,
 }
 
-/// The geometry of one wheel at one instant.
+/// Axes and distance of the contact of one wheel with the sphere.
 struct Contact {
     axis: Triple,
     c1: Triple,
@@ -63,7 +64,7 @@ struct Contact {
     radius: Dual,
 }
 
-/// Returns v turned by the least rotation that takes n3 to `l`.
+/// Returns the vector v turned by the smallest rotation that takes the axis n3 to `l`.
 fn a0(l: [f64; 3], v: Triple) -> Triple {
     let axis = fixed([-l[1], l[0], 0.0]);
     let turn = cross(axis, v);
@@ -71,8 +72,8 @@ fn a0(l: [f64; 3], v: Triple) -> Triple {
 }
 
 impl Reference<'_> {
-    /// Returns the end of the motion, `seconds` after `state`. The wheels roll without slip at
-    /// `state`.
+    /// Integrates the motion for `seconds` from `state`, and returns its end. At `state` the wheels
+    /// roll without slip.
     pub(super) fn advance(&self, state: &PlantState, seconds: f64) -> End {
         let mut y = [0.0; SIZE];
         y[..4].copy_from_slice(&[state.q.w, state.q.x, state.q.y, state.q.z]);
@@ -123,13 +124,14 @@ impl Reference<'_> {
         }
     }
 
-    /// Returns the sphere's offset from the centre in frame N, m.
+    /// Returns the vector from the centre O of rotation to the sphere's centre, in frame N, m.
     fn offset(&self, y: &[Dual; SIZE]) -> Triple {
         let d = self.phenomena.eccentric.map_or([0.0; 3], |e| e.offset);
         turned([y[0], y[1], y[2], y[3]], fixed(d))
     }
 
-    /// Returns the rows of G (steer, drive) of a wheel, from H zd + Z w = 0.
+    /// Returns the rows of the matrix G (steer, drive) of a wheel that rolls without slip, from H
+    /// zd + Z w = 0.
     fn rolling(&self, i: usize, at: &Contact) -> [Triple; 2] {
         let r = self.device.wheels()[i].spec().radius;
         let steer = at.c2.map(|c| c / dot(at.axis, at.c2));
@@ -138,15 +140,16 @@ impl Reference<'_> {
         [steer, drive]
     }
 
-    /// Returns the regularised friction -limit u / sqrt(|u|² + v²).
+    /// Returns the regularised friction -limit u / sqrt(|u|² + v²) at the velocity `u`. `scale`
+    /// converts the regularisation speed v to the unit of `u`.
     fn friction<const N: usize>(&self, limit: Dual, u: [Dual; N], scale: f64) -> [Dual; N] {
         let v = self.sharpness.rate * scale;
         let size = u.iter().fold(constant(v * v), |sum, u| sum + *u * *u).sqrt();
         u.map(|u| -(limit * u / size))
     }
 
-    /// Returns the viscous and dry friction torque of a joint. `more` is added to the limit of the
-    /// dry part.
+    /// Returns the viscous and dry friction torque of a joint at `rate`. `more` is added to the
+    /// limit of the dry part, for the losses of a gear.
     fn joint_friction(&self, rate: Dual, more: Dual) -> Dual {
         let Some(f) = self.phenomena.joint_friction else { return self.friction(more, [rate], 1.0)[0] };
         let x = rate * (1.0 / f.stribeck_rate);
@@ -158,8 +161,8 @@ impl Reference<'_> {
     /// Returns the torque that a gear's flanks give to the wheel.
     ///
     /// The flanks are hard dampers, so that they do not bounce, with springs that undo the
-    /// penetration within a millisecond. They engage over a millionth of a radian, because a jump
-    /// would stop the integrator.
+    /// penetration within a millisecond. Their torque rises over a millionth of a radian, because a
+    /// jump would stop the integrator.
     fn flanks(&self, behind: Dual, rate: Dual) -> Dual {
         let Some(gear) = self.phenomena.gear else { return Dual::default() };
         let c = self.sharpness.flank;
@@ -280,8 +283,8 @@ impl Reference<'_> {
     }
 }
 
-/// Returns the torque of a hand on the sphere: the spring, 2 K times the scalar and the vector part
-/// of q_d q⁻¹, plus the damper.
+/// Returns the torque of a hand on the sphere: the damper plus the spring, which is 2 K times the
+/// scalar and the vector part of q_d q⁻¹.
 fn hand(grip: &Grip, t: f64, q: [Dual; 4], w: Triple) -> Triple {
     let (target, hand) = (grip.target(t), grip.hand());
     let (d, e) = (fixed([target.q.x, target.q.y, target.q.z]), [q[1], q[2], q[3]]);
@@ -308,11 +311,11 @@ impl ODE<f64, Numbers> for Reference<'_> {
     }
 }
 
-/// The orientation and angles at the end of a motion.
+/// The sphere's orientation and the angles of joints and motors at the end of a motion.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct End {
     pub(super) q: Quat,
-    /// Angles th and ph of each wheel, rad.
+    /// Steer angle th and drive angle ph of each wheel, rad.
     pub(super) joints: [f64; 4],
     /// Angles of the drive motors, rad.
     pub(super) motors: [f64; 2],

@@ -15,7 +15,8 @@ use hbot_sim::plant::{Dynamics, Method, PlantState};
 use super::reference::{End, Input, Reference, Sharpness};
 use crate::devices::{prototype, toed};
 
-/// A motion that starts from a state without slip.
+/// A motion that both the plant and the independent reference can compute. It starts from a state
+/// without slip.
 pub(super) struct Scene {
     pub(super) name: &'static str,
     pub(super) device: Device,
@@ -27,7 +28,7 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// Returns the end of the motion as computed by the plant with steps of `h`.
+    /// Returns the end of the motion as computed by the plant in steps of `h` seconds.
     pub(super) fn stepped(&self, h: f64) -> End {
         let mut state = self.start;
         let mut dynamics = Dynamics::new(&self.device, &self.phenomena, Method::Rk4, &state).unwrap();
@@ -54,14 +55,14 @@ impl Scene {
         }
     }
 
-    /// Returns the end of the motion as computed by the reference.
+    /// Returns the end of the motion as computed by the independent reference.
     pub(super) fn by_reference(&self, sharpness: Sharpness) -> End {
         let (device, phenomena, input) = (&self.device, &self.phenomena, self.input);
         Reference { device, phenomena, input, sharpness }.advance(&self.start, self.seconds)
     }
 
-    /// Returns the largest difference of orientation and joint angles, rad. With gears the motor
-    /// angles count too.
+    /// Returns the largest difference between two ends of the motion: in orientation, joint angles,
+    /// and motor angles if gears have play, rad.
     pub(super) fn apart(&self, a: &End, b: &End) -> f64 {
         let joints = a.joints.iter().zip(b.joints).map(|(a, b)| (a - b).abs());
         let motors = a.motors.iter().zip(b.motors).map(|(a, b)| (a - b).abs());
@@ -70,7 +71,7 @@ impl Scene {
     }
 }
 
-/// Returns the difference of orientation alone, rad.
+/// Returns the difference in orientation between two ends of a motion, rad.
 pub(super) fn turned_apart(a: &End, b: &End) -> f64 {
     rotation::angle_between(a.q, b.q)
 }
@@ -81,14 +82,15 @@ fn nothing<const N: usize>(_: f64) -> [f64; N] {
     [0.0; N]
 }
 
-/// Returns sin² over the first `length` seconds, then 0.
+/// Returns a smooth pulse: sin² over the first `length` seconds, then 0.
 fn bump(t: f64, length: f64) -> f64 {
     if t < length { (PI * t / length).sin().powi(2) } else { 0.0 }
 }
 
 const IDLE: Input = Input { tau: nothing, external: nothing, grip: None };
 
-/// A drive is pushed beyond the grip of its contact, then released until it grips again.
+/// Returns a scene in which a drive is pushed until its contact slips, and is then released until
+/// the contact grips again.
 pub(super) fn slide() -> Scene {
     Scene {
         name: "slip onset, slide and stop",
@@ -101,7 +103,8 @@ pub(super) fn slide() -> Scene {
     }
 }
 
-/// All kinds of friction hold three quarters of the load that would move the sphere.
+/// Returns a scene in which the friction of joints, cage and contacts holds three quarters of the
+/// load that would move the sphere.
 pub(super) fn held() -> Scene {
     Scene {
         name: "sticking under load",
@@ -123,7 +126,8 @@ pub(super) fn held() -> Scene {
     }
 }
 
-/// A slow spring pulls joints whose friction falls when they move.
+/// Returns a scene in which a slow spring pulls joints whose friction falls when they begin to
+/// move, so that they stick and slip.
 pub(super) fn stick_slip() -> Scene {
     let hand = Hand { stiffness: 3.0, damping: 0.0, inertia: 0.0, amplitude: 0.25, rate: 0.25 };
     let start = PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
@@ -146,7 +150,7 @@ pub(super) fn stick_slip() -> Scene {
     }
 }
 
-/// A drive swings to and fro through its play.
+/// Returns a scene in which a drive moves to and fro through the play of its gear.
 pub(super) fn backlash() -> Scene {
     Scene {
         name: "backlash crossing",
@@ -162,8 +166,8 @@ pub(super) fn backlash() -> Scene {
     }
 }
 
-/// A drive closes its play and pushes. The sphere then drives it back across the play. There are
-/// losses in both directions.
+/// Returns a scene in which a drive crosses the play of its gear and pushes. The sphere then drives
+/// it back across the play. The gear has losses in both directions.
 pub(super) fn lossy() -> Scene {
     Scene {
         name: "backlash with losses",
@@ -181,7 +185,7 @@ pub(super) fn lossy() -> Scene {
     }
 }
 
-/// A sphere is brought to rest by its cage.
+/// Returns a scene in which the friction of the cage brings a turning sphere to rest.
 pub(super) fn cage() -> Scene {
     Scene {
         name: "cage friction",
@@ -194,7 +198,8 @@ pub(super) fn cage() -> Scene {
     }
 }
 
-/// Wheels slip while their contact patches resist turning about the contact normals.
+/// Returns a scene in which wheels slip while their contact patches resist turning about the
+/// contact normals.
 pub(super) fn pivoting() -> Scene {
     Scene {
         name: "pivoting",
@@ -211,7 +216,7 @@ pub(super) fn pivoting() -> Scene {
     }
 }
 
-/// All phenomena of the plant at once.
+/// Returns a scene with all phenomena that act in the plant.
 pub(super) fn everything() -> Scene {
     let start = PlantState { omega: Vec3::new(0.3, -0.2, 0.1), ..PlantState::default() };
     Scene {
@@ -243,7 +248,7 @@ pub(super) fn everything() -> Scene {
     }
 }
 
-/// Off-centre masses and viscous joints, without anything that sticks.
+/// Returns a scene with off-centre masses and viscous joints, in which nothing sticks.
 pub(super) fn smooth() -> Scene {
     Scene {
         name: "masses out of place",

@@ -12,7 +12,8 @@ fn steered() -> PlantState {
     PlantState { steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() }
 }
 
-/// Returns the angle by which the sphere turns in `seconds` under a steady load, rad.
+/// Returns the angle by which the sphere turns in `seconds` under a constant load, rad. The load is
+/// `external` on the sphere and the joint torques `tau`.
 fn turn(device: &Device, phenomena: &Phenomena, external: Vec3, tau: &[f64; 16], seconds: f64) -> f64 {
     let mut state = steered();
     let mut dynamics = Dynamics::new(device, phenomena, Method::Rk4, &state).unwrap();
@@ -23,7 +24,8 @@ fn turn(device: &Device, phenomena: &Phenomena, external: Vec3, tau: &[f64; 16],
     rotation::angle_between(state.q, steered().q)
 }
 
-/// Checks that a load 1 % below `limit` is held for a minute, and that one 1 % above is not held.
+/// Checks that a load 1 % below `limit` is held for a minute, and that a load 1 % above it moves
+/// the sphere within half a second.
 fn holds_up_to(limit: f64, turn: impl Fn(f64, f64) -> f64, name: &str) {
     let (below, above) = (turn(0.99 * limit, 60.0), turn(1.01 * limit, 0.5));
     println!(
@@ -33,10 +35,11 @@ fn holds_up_to(limit: f64, turn: impl Fn(f64, f64) -> f64, name: &str) {
     assert!(above > 1e-6, "{name}: {above:e} rad above the limit");
 }
 
-/// Returns the multiple of the load `along` that a zonotope of `generators` plus a ball of radius
-/// `ball` can hold.
+/// Returns the factor by which the load `along` can grow before friction no longer holds it. Joint
+/// friction holds any torque in the zonotope of `generators`, and the cage any torque in a ball of
+/// radius `ball`.
 ///
-/// It is the least, over all directions n, of (sum |g.n| + ball) / |along.n|, with g the
+/// The factor is the least, over all directions n, of (sum |g.n| + ball) / |along.n|, with g the
 /// generators. Support functions add, and a convex body ends at the first of its half-spaces. The
 /// directions are searched on a grid that is refined around the best one.
 fn capacity(along: Vec3, generators: &[Vec3], ball: f64) -> f64 {
@@ -90,8 +93,8 @@ fn joints_and_cage() {
     }
 }
 
-/// Joint torques load the sphere by Gᵀ tau, and the friction of each joint takes part of its own
-/// torque.
+/// Friction of joints and cage holds joint torques up to the computed limit. Joint torques load the
+/// sphere by Gᵀ tau, and the friction of each joint takes part of its own torque.
 #[test]
 fn joints_and_cage_under_joint_torques() {
     let phenomena = Phenomena {
@@ -114,7 +117,7 @@ fn joints_and_cage_under_joint_torques() {
     holds_up_to(limit, load, "joint torques");
 }
 
-/// Locked joints, contacts with a limited force, and the cage.
+/// With locked joints, the friction of contacts and cage holds a load up to the computed limit.
 ///
 /// Each contact holds a disc of forces: mu N in every direction perpendicular to c3, with the lever
 /// arm R. It therefore holds mu N R |n x c3|.
@@ -144,8 +147,8 @@ fn contacts_and_cage() {
     holds_up_to(limit, |load, s| turn(&device, &phenomena, axis * load, &[0.0; 16], s), "contacts and cage");
 }
 
-/// A drive against its contact: the wheel spins when its torque exceeds mu N r plus the friction of
-/// its own joint.
+/// A driven wheel whose sphere is held slips when its drive torque exceeds mu N r plus the friction
+/// of its joint.
 #[test]
 fn a_contact_under_a_drive() {
     let slip = Slip { mu: 0.5, normal_force: 2.0 };

@@ -11,7 +11,7 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use crate::devices::{brisk, rig};
 use crate::line::{command, frame, messages};
 
-/// Parameters of an encoder without errors.
+/// Encoder parameters that cause no errors.
 const EXACT: Encoder = Encoder { step: 1, turn_error: 0.0, index_error: 0.0, seed: 1 };
 
 fn with(encoder: Option<Encoder>, kind: EncoderKind) -> SimulatedRig {
@@ -53,8 +53,8 @@ fn a_coarse_encoder_counts_in_steps() {
     assert_eq!(counts(&mut exact, 1.234, -5.6), counts(&mut fine, 1.234, -5.6));
 }
 
-/// Fits a sine to the error over a turn of the encoder. Returns its amplitude (rad of the encoder),
-/// its phase, and the largest residual.
+/// Reads an encoder over one turn of its shaft and fits a sine to the error. Returns the amplitude
+/// of the sine (rad of the encoder), its phase, and the largest residual.
 fn fitted(rig: &mut SimulatedRig, joint: usize, gear: f64) -> (f64, f64, f64) {
     const N: u32 = 2000;
     let errors: Vec<(f64, f64)> = (0..N)
@@ -95,8 +95,9 @@ fn a_disc_out_of_centre_errs_by_a_sine_a_turn() {
     assert_eq!(counts(&mut with(Some(encoder), EncoderKind::Incremental), 0.0, 0.0), [0; 4]);
 }
 
-/// The reported rate has the error that follows from the reported angle: it equals the slope of the
-/// counts.
+/// If an encoder's angle error varies over a turn, the rate that it reports has the matching error:
+/// the reported rate, divided by the true rate, equals the slope of the encoder counts over the
+/// true angle.
 #[test]
 fn the_rate_errs_with_the_angle() {
     let mut bad = with(Some(Encoder { turn_error: 0.1, ..EXACT }), EncoderKind::Absolute);
@@ -145,8 +146,8 @@ fn a_zero_is_off_where_it_is_taken() {
     }
 }
 
-/// No count jumps when encoder errors appear and vanish while the rig runs. The server would take
-/// such a jump for a motion of the joint.
+/// When encoder errors are switched on or off while the rig runs, no encoder count jumps. The
+/// server would take such a jump for a motion of the joint.
 #[test]
 fn counts_do_not_jump_when_errors_come_and_go() {
     for kind in [EncoderKind::Absolute, EncoderKind::Incremental] {

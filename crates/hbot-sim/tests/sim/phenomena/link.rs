@@ -7,7 +7,7 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
 
-/// Parameters of a link without impairments.
+/// Parameters of a link that delivers every frame at once and unchanged.
 const PERFECT: Link =
     Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
 
@@ -21,7 +21,8 @@ fn bytes(sequence: u32) -> Vec<u8> {
     frame(&ToController::Command(command(sequence, true, &[0.01, 0.002, 0.0, -0.003])))
 }
 
-/// Returns the sequence numbers of the answers in `bytes`, and the number of refused frames.
+/// Decodes `bytes`. Returns the sequence numbers of the answers in them, and the number of refused
+/// frames.
 fn heard(decoder: &mut Decoder<FromController>, bytes: &[u8]) -> (Vec<u32>, u32) {
     let (mut sequences, mut refused) = (Vec::new(), 0);
     decoder.feed(bytes, |result| match result {
@@ -33,8 +34,8 @@ fn heard(decoder: &mut Decoder<FromController>, bytes: &[u8]) -> (Vec<u32>, u32)
     (sequences, refused)
 }
 
-/// `receive` returns an answer at the first tick at or after its arrival. `deliver`, which reads
-/// before writing, returns it at the first tick after its arrival.
+/// With a given latency, `receive` returns an answer at the first tick at or after its arrival.
+/// `deliver`, which reads before writing, returns it at the first tick after its arrival.
 #[test]
 fn latency_is_exact_in_ticks() {
     for (latency_ms, received, read) in [(0.0, 0, 1), (0.4, 1, 1), (1.0, 1, 2), (3.0, 3, 4), (3.4, 4, 4)] {
@@ -58,8 +59,8 @@ fn latency_is_exact_in_ticks() {
     }
 }
 
-/// A command acts at the nanosecond of its arrival, whenever the rig is advanced, and restarts the
-/// watchdog then.
+/// On a line with latency, a command acts at the nanosecond of its arrival and then restarts the
+/// watchdog. The times at which the rig is advanced do not matter.
 #[test]
 fn a_late_command_acts_when_it_arrives() {
     let mut late = with(Link { command_latency_s: 2.5e-3, ..PERFECT });
@@ -84,8 +85,8 @@ fn a_late_command_acts_when_it_arrives() {
     assert_eq!(heard(&mut Decoder::new(), &reply), (vec![1], 0));
 }
 
-/// Loss and damage have the requested rates, within four standard deviations. Damaged frames are
-/// refused. Accepted frames were sent, and arrive once and in order.
+/// On a noisy line, lost and damaged frames have the requested rates, within four standard
+/// deviations. Damaged frames are refused. All other frames that arrive do so once and in order.
 #[test]
 fn loss_and_damage_have_their_rates_and_nothing_damaged_is_accepted() {
     const N: u32 = 50_000;
@@ -126,8 +127,8 @@ fn loss_and_damage_have_their_rates_and_nothing_damaged_is_accepted() {
     }
 }
 
-/// Jitter never reorders frames, and each delay is at most latency plus jitter. Rare frames, which
-/// do not wait for each other, have delays over the whole range.
+/// Jitter never reorders frames, and each delay is at most latency plus jitter. Frames so rare that
+/// they do not wait for each other have delays over the whole range.
 #[test]
 fn jitter_does_not_reorder() {
     for every in [1, 30] {
@@ -152,8 +153,8 @@ fn jitter_does_not_reorder() {
     }
 }
 
-/// Equal seeds give equal bytes, however the frames are cut into pieces. Another seed gives other
-/// bytes.
+/// On an impaired line, equal seeds give equal bytes, however the frames are cut into pieces.
+/// Another seed gives other bytes.
 #[test]
 fn what_is_random_comes_from_the_seed() {
     let run = |seed: u32, pieces: usize| {
@@ -172,7 +173,8 @@ fn what_is_random_comes_from_the_seed() {
     assert_ne!(run(2, 1000), whole);
 }
 
-/// A host that sends without end fills no memory. Frames beyond the limit are lost and counted.
+/// The memory for frames in flight is bounded, even if a host sends without end. Frames beyond the
+/// limit are lost and counted.
 #[test]
 fn what_is_on_its_way_is_bounded() {
     let mut full = with(Link { command_latency_s: 0.1, ..PERFECT });
@@ -197,8 +199,8 @@ fn what_is_on_its_way_is_bounded() {
     assert_eq!(heard(&mut Decoder::new(), &reply), (vec![3], 0));
 }
 
-/// If the parameters change, frames in flight arrive at the times already set. If the impairment
-/// ends, they are lost.
+/// If the parameters of an impaired line change, frames in flight arrive at the times already set.
+/// If the impairment ends, frames in flight are lost.
 #[test]
 fn lines_change_under_way() {
     let slow = Link { latency_s: 5e-3, ..PERFECT };

@@ -10,7 +10,7 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use crate::devices::rig;
 use crate::line::{MS, command, frame};
 
-/// Parameters of a motor that gives exactly the commanded torque.
+/// Parameters of a motor that gives exactly the commanded torque at any rate and for any time.
 const IDEAL: Motor = Motor {
     torque_scale: 1.0,
     lag_s: 0.0,
@@ -19,7 +19,7 @@ const IDEAL: Motor = Motor {
     thermal_time_s: f64::INFINITY,
 };
 const STILL: [f64; 16] = [0.0; 16];
-/// Peak torque of steer and drive, N m, as a command carries it.
+/// Peak torque of a steer and a drive motor, in N m, as single-precision numbers, as in commands.
 const PEAK: [f32; 2] = [0.93, 0.14];
 const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 
@@ -44,8 +44,8 @@ fn ask(controllers: &mut SimulatedControllers, enable: bool, torque: [f32; 4]) -
     }
 }
 
-/// The current loop is exactly of first order for any steps, and the torque held over a step has
-/// the exact impulse.
+/// A motor with lag approaches the commanded torque exactly exponentially, for any length of step.
+/// The torque that is returned for a step has the exact impulse.
 #[test]
 fn a_lag_is_an_exact_exponential() {
     let motor = Motor { lag_s: 5e-4, torque_scale: 0.95, ..IDEAL };
@@ -82,8 +82,8 @@ fn a_lag_is_an_exact_exponential() {
     assert_eq!(controllers.torque(), &STILL);
 }
 
-/// In the driving direction the available torque falls linearly from the peak at rest to zero at
-/// the no-load rate.
+/// If a motor drives its joint, the available torque falls linearly from the peak at rest to zero
+/// at the no-load rate. If it brakes the joint, the peak is available.
 #[test]
 fn back_emf_takes_torque_along_a_line() {
     let motor = Motor { steer_no_load_rate: 500.0, drive_no_load_rate: 60.0, ..IDEAL };
@@ -109,8 +109,8 @@ fn back_emf_takes_torque_along_a_line() {
     assert_eq!(controllers.drive(1e-3, || [250.0; 16])[0], f64::from(0.1_f32));
 }
 
-/// From cold, a motor gives its peak for T ln(n² / (n² - 1)) with n = peak / continuous. Then it
-/// gives its continuous torque and reports this.
+/// A cold motor gives its peak torque for the time T ln(n² / (n² - 1)), with n = peak / continuous.
+/// Then it gives its continuous torque and reports overtemperature.
 #[test]
 fn heat_takes_a_motor_back_to_its_continuous_torque_in_time() {
     let time = 10.0;
@@ -175,7 +175,8 @@ fn a_motor_that_holds_its_continuous_torque_never_gets_hot() {
     }
 }
 
-/// The plant feels the torque that the motors give, including scale and lag.
+/// The torque that moves the plant is the one that the motors give, including their torque scale
+/// and lag.
 #[test]
 fn the_rig_s_plant_feels_what_its_motors_give() {
     let run = |motor: Option<Motor>| {

@@ -18,8 +18,8 @@ fn hash(bytes: &[u8]) -> u64 {
 
 /// Runs two seconds with a hand and two without, and returns all bytes that the rig sent.
 ///
-/// The run contains everything that a rig without phenomena can meet: all kinds of encoders, torque
-/// beyond the peak, an expired watchdog, a reboot, a damaged frame, and odd times.
+/// The run contains everything that a rig without phenomena can encounter: all kinds of encoders,
+/// torque beyond the peak, an expired watchdog, a reboot, a damaged frame, and irregular times.
 fn eventful(phenomena: Phenomena) -> Vec<u8> {
     let mut config = SimulatedConfig::new(&rig());
     config.phenomena = phenomena;
@@ -49,15 +49,16 @@ fn eventful(phenomena: Phenomena) -> Vec<u8> {
     reply
 }
 
-/// The bytes equal those of the rig before it had any phenomena. Length and hash were recorded
-/// then.
+/// Without phenomena the rig sends exactly the bytes that it sent before phenomena were added to
+/// the program. Their number and hash were recorded then.
 #[test]
 fn bytes_are_those_of_the_ideal_rig() {
     let bytes = eventful(Phenomena::default());
     assert_eq!((bytes.len(), hash(&bytes)), (301_060, 12_510_209_690_109_648_662));
 }
 
-/// Phenomena whose parameters are all neutral change no byte either.
+/// Phenomena that are switched on with neutral parameters, such as a latency of 0, change no byte
+/// that the rig sends.
 #[test]
 fn phenomena_of_nothing_change_no_byte() {
     let link =
@@ -81,7 +82,8 @@ fn phenomena_of_nothing_change_no_byte() {
     }
 }
 
-/// With all phenomena of motor controllers and line, a tick still allocates nothing.
+/// With all phenomena of the motor controllers and the line switched on, a tick of the rig still
+/// allocates no memory.
 #[test]
 fn a_tick_with_phenomena_allocates_nothing() {
     let mut config = SimulatedConfig::new(&rig());

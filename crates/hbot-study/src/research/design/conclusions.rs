@@ -6,7 +6,7 @@ use super::space::{DEGREE, Parts};
 use super::torus::Measures;
 use crate::report::Report;
 
-/// A function that returns one figure of a design.
+/// A function that returns one figure of a measured design, such as its peak torque.
 type Of = fn(&Measures) -> f64;
 
 pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {

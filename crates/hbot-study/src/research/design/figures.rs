@@ -5,8 +5,8 @@ use super::space::{Design, Parts};
 use super::torus::Measures;
 use crate::report::Report;
 
-/// One kind of figure of a design: its name in ids, its unit, its meaning and the families of ids
-/// that it belongs to.
+/// One kind of figure that is reported of designs, such as the peak torque: its name in ids, its
+/// unit, its meaning, and the patterns of the ids.
 pub(super) struct Told {
     name: &'static str,
     unit: &'static str,
@@ -106,8 +106,8 @@ const TOLD: [Told; 18] = [
         .headroom(p.sphere_radius())),
 ];
 
-/// The designs that figures are reported of: the prototype, the best designs, or the designs
-/// compared by number of wheels.
+/// The group of designs whose figures are reported: the prototype, the best designs, or the designs
+/// that are compared by number of wheels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Of {
     Prototype,
@@ -115,14 +115,14 @@ pub(super) enum Of {
     Wheels,
 }
 
-/// Declares the families of ids for the figures of the designs `of`.
+/// Declares the figures of the designs in the group `of`, with their units and meanings.
 pub(super) fn families(report: &mut Report, of: Of) {
     for told in TOLD {
         report.family(told.families[of as usize], told.unit, told.meaning);
     }
 }
 
-/// Reports all figures of a design. Their ids begin with `stem`.
+/// Reports all figures of a design. The id of each figure begins with `stem`.
 pub(super) fn figures(report: &mut Report, stem: &str, parts: &Parts, design: &Design, measures: &Measures) {
     for told in TOLD {
         report.figure(format!("{stem}_{}", told.name), (told.of)(parts, design, measures));

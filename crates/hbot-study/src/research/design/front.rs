@@ -4,16 +4,18 @@
 use super::space::Point;
 use super::torus::{Measures, kronecker};
 
-/// The four costs to minimise: minus the mean conditioning, minus the peak torque (N m), the
-/// apparent inertia (kg m²) and the steering speed.
+/// The four properties of a design that the search minimises: minus the mean conditioning, minus
+/// the peak torque (N m), the apparent inertia (kg m²) and the steering speed.
 pub(super) type Costs = [f64; 4];
 
-/// The range of each cost in which the dominated volume is measured, from the worst to an
-/// unreachable value: conditioning 0.25 to 1, peak torque 0 to 4 N m, apparent inertia 8e-3 to
-/// 3.2e-3 kg m² (that of the sphere alone), steering speed 10 to 2.
+/// The ranges of the four costs within which the volume dominated by designs is measured.
+///
+/// Each goes from the worst value to one that no design reaches: conditioning 0.25 to 1, peak
+/// torque 0 to 4 N m, apparent inertia 8e-3 to 3.2e-3 kg m² (that of the sphere alone), steering
+/// speed 10 to 2.
 pub(super) const BOX: [[f64; 2]; 4] = [[-0.25, -1.0], [0.0, -4.0], [8.0e-3, 3.2e-3], [10.0, 2.0]];
 
-/// A design that was measured.
+/// A design on the search grid, with its measured figures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Found {
     pub(super) point: Point,
@@ -26,13 +28,14 @@ impl Measures {
     }
 }
 
-/// Returns whether `a` dominates `b`: it is at least as good in every cost and better in one.
+/// Returns whether costs `a` dominate costs `b`: they are at least as good in every cost, and
+/// better in one.
 pub(super) fn dominates(a: &Costs, b: &Costs) -> bool {
     a.iter().zip(b).all(|(a, b)| a <= b) && a != b
 }
 
-/// Returns the indices of the costs that no other costs dominate, in ascending order. Equal costs
-/// are all kept.
+/// Returns the indices of the elements of `costs` that no other element dominates, in ascending
+/// order. Equal elements are all kept.
 pub(super) fn front(costs: &[Costs]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..costs.len()).collect();
     // In lexicographic order, dominating costs come before those that they dominate. So each needs
@@ -51,15 +54,15 @@ pub(super) fn front(costs: &[Costs]) -> Vec<usize> {
     front
 }
 
-/// The designs found so far by a search that no other found design dominates.
+/// The designs found by a search that no other found design dominates.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Archive {
     pub(super) members: Vec<Found>,
 }
 
 impl Archive {
-    /// Adds a design unless a member dominates or equals it, and removes the members that it
-    /// dominates.
+    /// Adds a design, unless a member dominates or equals it. Removes the members that the new
+    /// design dominates.
     pub(super) fn offer(&mut self, found: Found) {
         let costs = found.measures.costs();
         let beaten = |member: &Found| {
@@ -74,11 +77,11 @@ impl Archive {
     }
 }
 
-/// The share of [`BOX`] that designs dominate. It is counted at points spread evenly in the box, so
-/// it never decreases.
+/// The share of the volume of [`BOX`] that designs dominate. It is estimated as the share of
+/// points, spread evenly in the box, that are dominated. More designs never decrease it.
 #[derive(Debug, Clone)]
 pub(super) struct Volume {
-    /// Points that no design dominates yet.
+    /// Sample points of the volume that no design dominates yet.
     left: Vec<Costs>,
     points: usize,
 }
@@ -98,23 +101,24 @@ impl Volume {
     }
 }
 
-/// Returns the share of [`BOX`] that designs with these costs dominate.
+/// Returns the share of the volume of [`BOX`] that designs with the costs `all` dominate, estimated
+/// with `points` sample points.
 pub(super) fn volume(all: impl Iterator<Item = Costs>, points: usize) -> f64 {
     let mut volume = Volume::new(points);
     all.for_each(|costs| volume.add(&costs));
     volume.share()
 }
 
-/// Returns the largest factor by which `a` is better than `b` in every figure at once. It is above
-/// 1 only if `a` dominates `b`.
+/// Returns the largest factor by which design `a` is better than design `b` in all four figures at
+/// once. It is above 1 only if `a` dominates `b`.
 pub(super) fn better_by(a: &Measures, b: &Measures) -> f64 {
     [a.gci / b.gci, a.torque / b.torque, b.inertia / a.inertia, b.speed[0] / a.speed[0]]
         .into_iter()
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Returns the index of the best compromise: the costs nearest to the best value of each cost, with
-/// each cost scaled to its range in `all`. Returns `None` if `all` is empty.
+/// Returns the index of the best compromise in `all`: the costs that are nearest to the best value
+/// of each cost, with each cost scaled to its range in `all`. Returns `None` if `all` is empty.
 pub(super) fn compromise(all: &[Costs]) -> Option<usize> {
     let range: [[f64; 2]; 4] = core::array::from_fn(|k| {
         let values = || all.iter().map(|costs| costs[k]);
@@ -197,8 +201,9 @@ mod tests {
         assert_eq!(archive.members.len(), 1);
     }
 
-    /// A design at half of every range dominates 1/16 of the box. A design outside the box
-    /// dominates nothing, and one at the ideal corner dominates everything.
+    /// The dominated share is right for known designs: 1/16 for a design at half of every range,
+    /// nothing for a design at the worst corner of the box, and everything for one at the ideal
+    /// corner.
     #[test]
     fn the_volume_of_known_fronts() {
         let at = |part: f64| core::array::from_fn(|k| BOX[k][0] + part * (BOX[k][1] - BOX[k][0]));

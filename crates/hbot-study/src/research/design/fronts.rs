@@ -4,26 +4,27 @@ use super::front::{Found, better_by, compromise, dominates, front};
 use super::space::WHEELS;
 use super::torus::Measures;
 
-/// The names of the four figures that are traded off, in the order of the costs and as used in file
-/// names.
+/// Names of the four figures by which designs are compared, in the order of
+/// [`Costs`](super::front::Costs). They are used in file names.
 pub(super) const FIGURES: [&str; 4] = ["conditioning", "torque", "inertia", "steering"];
 
-/// A notable design of a front. `which` names the reason.
+/// A design of a Pareto front that is worth reporting. `which` names the reason, such as `torque`
+/// for the largest torque.
 pub(super) struct Best {
     pub(super) which: &'static str,
     pub(super) found: Found,
 }
 
-/// The fronts for all numbers of wheels. Their designs are measured with the effort of the reported
-/// figures.
+/// The Pareto fronts for all numbers of wheels, and the prototype's figures for comparison. All are
+/// measured as thoroughly as reported figures are.
 pub(super) struct Fronts {
-    /// One front for each number of wheels, in the order of [`WHEELS`].
+    /// One Pareto front for each number of wheels, in the order of [`WHEELS`].
     pub(super) each: Vec<Vec<Found>>,
     pub(super) prototype: Measures,
 }
 
 impl Fronts {
-    /// Returns the front for one number of wheels.
+    /// Returns the Pareto front of the designs with `wheels` wheels.
     pub(super) fn of(&self, wheels: usize) -> &[Found] {
         WHEELS.iter().position(|w| *w == wheels).map_or(&[], |k| &self.each[k])
     }
@@ -35,7 +36,8 @@ impl Fronts {
         front(&costs).into_iter().map(|k| all[k]).collect()
     }
 
-    /// Returns the notable designs for one number of wheels, the compromise first.
+    /// Returns the designs with `wheels` wheels that are worth reporting. The first is the
+    /// compromise between all figures.
     pub(super) fn best(&self, wheels: usize) -> Vec<Best> {
         let all = self.of(wheels);
         let costs: Vec<_> = all.iter().map(|found| found.measures.costs()).collect();
@@ -53,8 +55,8 @@ impl Fronts {
         best
     }
 
-    /// Returns the design for a number of wheels that is better than the prototype in every figure
-    /// by the largest factor, and this factor.
+    /// Returns the design with `wheels` wheels that exceeds the prototype in all four figures by
+    /// the largest factor, and this factor.
     pub(super) fn nearest_above(&self, wheels: usize) -> Option<(Found, f64)> {
         let by = |found: &Found| better_by(&found.measures, &self.prototype);
         let best = self.of(wheels).iter().max_by(|a, b| by(a).total_cmp(&by(b)))?;

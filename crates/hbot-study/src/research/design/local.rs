@@ -4,26 +4,28 @@ use hbot_core::allocation::ContactArms;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
 
-/// A device with precomputed data for evaluating its figures at many postures.
+/// A device with precomputed data, so that its figures can be computed quickly at many postures.
 #[derive(Debug, Clone)]
 pub(super) struct RatedDevice {
     pub(super) device: Device,
     /// Largest torque of each joint, N m; 0 for a joint without a motor.
     pub(super) peak: [f64; MAX_JOINTS],
     inertia: [f64; MAX_JOINTS],
-    /// Inverse of each joint's default weight in allocation, 1/w, m².
+    /// Inverse 1/w of each joint's default weight in the allocation of joint torques, m².
     give: [f64; MAX_JOINTS],
     arms: Vec<ContactArms>,
 }
 
-/// A figure of a design at one posture. For some figures more is better, for others less.
+/// A figure of a design that depends on the posture. For some figures a larger value is better, for
+/// others a smaller one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quantity {
-    /// The ratio sigma_min / sigma_max of G.
+    /// The spectral index of the matrix G: its smallest singular value divided by its largest.
     Conditioning,
-    /// The largest torque that the motors can make in every direction, N m.
+    /// The largest torque that the motors can make in every direction, N m. It is limited by the
+    /// worst direction.
     Torque,
-    /// The largest eigenvalue of the apparent inertia, kg m².
+    /// The largest eigenvalue of the sphere's apparent inertia, kg m².
     Inertia,
     /// The largest contact force for a torque of 1 N m in the worst direction, N.
     Load,
@@ -32,7 +34,7 @@ pub(super) enum Quantity {
 impl Quantity {
     pub(super) const ALL: [Self; 4] = [Self::Conditioning, Self::Torque, Self::Inertia, Self::Load];
 
-    /// Returns whether the value `a` is worse than `b`.
+    /// Returns whether the value `a` of this figure is worse than the value `b`.
     pub(super) fn worse(self, a: f64, b: f64) -> bool {
         match self {
             Self::Conditioning | Self::Torque => a < b,
@@ -42,7 +44,8 @@ impl Quantity {
 }
 
 impl RatedDevice {
-    /// Prepares `device`. `peaks` are the largest torques of a steer and a drive motor, N m.
+    /// Prepares `device` for computing its figures. `peaks` are the largest torques of a steer and
+    /// a drive motor, N m.
     pub(super) fn new(device: Device, peaks: [f64; 2]) -> Self {
         let (mut peak, mut inertia, mut give) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         let arms: Vec<ContactArms> =
@@ -59,12 +62,12 @@ impl RatedDevice {
         Self { device, peak, inertia, give, arms }
     }
 
-    /// Returns the value of `quantity` at the steer angles `th` (rad).
+    /// Returns the value of the figure `quantity` at the steer angles `th` (rad).
     pub(super) fn at(&self, th: &[f64], quantity: Quantity) -> f64 {
         self.of(&Posture::new(&self.device, th), quantity)
     }
 
-    /// Returns the value of `quantity` at a posture.
+    /// Returns the value of the figure `quantity` at a posture.
     pub(super) fn of(&self, posture: &Posture, quantity: Quantity) -> f64 {
         let rows = posture.rows();
         match quantity {
@@ -78,8 +81,9 @@ impl RatedDevice {
         }
     }
 
-    /// Returns the largest contact force for a torque of 1 N m in the worst direction, N. The joint
-    /// torques are those of least cost, which the controller uses while no motor is at its limit.
+    /// Returns the largest contact force for a torque of 1 N m on the sphere in the worst
+    /// direction, N. The controller allocates this torque to the joints at least cost, as it does
+    /// while no motor is at its limit.
     fn load(&self, rows: &[Vec3]) -> f64 {
         // tau = W⁻¹ G A⁻¹ T with A = Gᵀ W⁻¹ G.
         let inverse = gram(rows, &self.give).inverse();
@@ -96,7 +100,7 @@ impl RatedDevice {
     }
 }
 
-/// Returns Gᵀ diag(weights) G for the rows of G.
+/// Returns the matrix Gᵀ diag(weights) G, where `rows` are the rows of G.
 pub(super) fn gram(rows: &[Vec3], weights: &[f64; MAX_JOINTS]) -> Mat3 {
     let mut sum = Mat3::ZERO;
     for (row, weight) in rows.iter().zip(weights) {
@@ -109,8 +113,10 @@ pub(super) fn gram(rows: &[Vec3], weights: &[f64; MAX_JOINTS]) -> Mat3 {
 }
 
 /// Returns the radius of the largest ball of torques that joints limited to `peak` can make, N m.
-/// It is the distance of the nearest facet of the zonotope sum of tau_k g_k. Every facet is spanned
-/// by two rows, and its distance is the sum of |g.n| peak along its normal n.
+///
+/// The torques form a zonotope, the sum of tau_k g_k, and the radius is the distance of its nearest
+/// facet. Every facet is spanned by two rows, and its distance is the sum of |g.n| peak along its
+/// normal n.
 pub(super) fn every_direction(rows: &[Vec3], peak: &[f64; MAX_JOINTS]) -> f64 {
     let mut scaled = [Vec3::ZERO; MAX_JOINTS];
     let mut count = 0;
@@ -135,7 +141,7 @@ pub(super) fn every_direction(rows: &[Vec3], peak: &[f64; MAX_JOINTS]) -> f64 {
 }
 
 /// Returns the eigenvalues of a symmetric matrix in ascending order, by the trigonometric formula
-/// of Smith (1961). Errors are of the order of the rounding of the largest.
+/// of Smith (1961). The errors are about as large as the rounding error of the largest eigenvalue.
 pub(super) fn eigenvalues(m: &Mat3) -> [f64; 3] {
     let mean = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
     let (x, y, z) = (m.x_axis.x - mean, m.y_axis.y - mean, m.z_axis.z - mean);
@@ -151,7 +157,7 @@ pub(super) fn eigenvalues(m: &Mat3) -> [f64; 3] {
     [least, 3.0 * mean - largest - least, largest]
 }
 
-/// Returns the larger eigenvalue of [[xx, xy], [xy, yy]].
+/// Returns the larger eigenvalue of the symmetric 2 x 2 matrix [[xx, xy], [xy, yy]].
 fn largest_of_pair(xx: f64, xy: f64, yy: f64) -> f64 {
     0.5 * (xx + yy + libm::hypot(xx - yy, 2.0 * xy))
 }
@@ -180,7 +186,8 @@ mod tests {
         core::array::from_fn(|_| rng.between(-3.0, 3.0))
     }
 
-    /// The figures agree with those that the core and the plant compute by other methods.
+    /// The figures of a design at a posture agree with those that the core and the simulated plant
+    /// compute by other methods.
     #[test]
     fn figures_are_those_of_the_core_and_of_the_plant() {
         let mut rng = Rng(1);
@@ -230,7 +237,7 @@ mod tests {
     }
 
     /// For two wheels without toe and with r = R sin a, the conditioning is sqrt((1 - |cos g|)/2),
-    /// with the angle g between the contacts.
+    /// where g is the angle between the contacts.
     #[test]
     fn two_matched_wheels_are_as_even_as_their_contacts_are_apart() {
         let cone = 12.0 * DEGREE;
@@ -246,8 +253,8 @@ mod tests {
         }
     }
 
-    /// Three or four matched wheels turn the sphere equally well about every axis if the angle
-    /// between n3 and each contact has cos² = 1/3.
+    /// Three or four wheels with r = R sin a turn the sphere equally well about every axis if the
+    /// angle between n3 and each contact has cos² = 1/3.
     #[test]
     fn matched_wheels_at_the_magic_angle_are_isotropic() {
         let (cone, magic) = (10.0 * DEGREE, libm::acos(libm::sqrt(1.0 / 3.0)));

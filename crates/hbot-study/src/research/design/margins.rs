@@ -3,7 +3,8 @@
 use super::space::{Design, Parts};
 use super::torus::Measures;
 
-/// A lower bound for a property of a design.
+/// A property that a design must not fall below, such as the distance from a singularity, and its
+/// lower bound.
 pub(super) struct Margin {
     pub(super) name: &'static str,
     pub(super) meaning: &'static str,
@@ -12,7 +13,7 @@ pub(super) struct Margin {
     of: fn(&Judged<'_>) -> f64,
 }
 
-/// The data from which margins are computed.
+/// The data of one design from which its margins are computed.
 struct Judged<'a> {
     design: &'a Design,
     measures: &'a Measures,
@@ -20,8 +21,8 @@ struct Judged<'a> {
     grip: f64,
 }
 
-/// Smallest allowed torque at which the first contact slips, in the worst direction, N m. The
-/// prototype has 0.77.
+/// Smallest allowed torque on the sphere at which the first contact slips, in the worst direction,
+/// N m. The prototype reaches 0.77.
 pub(super) const HOLDS: f64 = 0.75;
 
 pub(super) const MARGINS: [Margin; 7] = [
@@ -82,19 +83,20 @@ pub(super) fn grip(parts: &Parts) -> f64 {
     traction.map_or_else(|| unreachable!("the prototype's file says it"), |t| t.mu * t.normal_force)
 }
 
-/// Returns the margins of a design, in the order of [`MARGINS`].
+/// Returns the values of all margins of a design, in the order of [`MARGINS`].
 pub(super) fn margins(parts: &Parts, design: &Design, measures: &Measures) -> [f64; MARGINS.len()] {
     let judged = Judged { design, measures, sphere_radius: parts.sphere_radius(), grip: grip(parts) };
     MARGINS.map(|margin| (margin.of)(&judged))
 }
 
-/// Returns whether a design keeps all margins.
+/// Returns whether all margins of a design are at or above their lower bounds.
 pub(super) fn keeps(parts: &Parts, design: &Design, measures: &Measures) -> bool {
     margins(parts, design, measures).iter().zip(MARGINS).all(|(value, margin)| *value >= margin.least)
 }
 
-/// Returns whether the dimensions leave room for the modules and keep the joint speeds within their
-/// bounds. This needs no measurement of the design.
+/// Returns whether the dimensions of a design leave room for the wheel modules and keep the joint
+/// speeds within their bounds. This needs no measurement, so unsuitable designs are rejected
+/// quickly.
 pub(super) fn has_room(parts: &Parts, design: &Design) -> bool {
     let r = parts.sphere_radius();
     design.gap(r) >= 0.0

@@ -32,15 +32,16 @@ use search::{Search, climb, measure, measure_all, search};
 use space::{Design, MODULE_MASS, MODULE_ROOM, Parts, Point, WHEEL_DENSITY, WHEEL_WIDTH, WHEELS};
 use torus::{Measures, TOLD};
 
-/// Random seeds of the searches for each number of wheels.
+/// Random seeds of the searches. One search per seed is run for each number of wheels.
 const SEEDS: [u64; 2] = [1, 2];
-/// Number of points at which reported volumes are counted.
+/// Number of sample points with which the reported volumes are estimated. The volume is the share
+/// of the points that designs dominate.
 const VOLUME_POINTS: usize = 32_768;
-/// Largest allowed difference of the volumes of two seeds, relative to the larger one: in a full
-/// run, and in a quick run, which varies more by chance.
+/// Largest allowed difference of the volumes that two seeds reach, relative to the larger one. The
+/// first value is for a full run, the second for a quick run, which varies more by chance.
 const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
-/// Number of designs measured per seed, for 2, 3 and 4 wheels: in a full run and in a quick one.
-/// Designs with fewer wheels are faster to measure and leave less to search.
+/// Number of designs that are measured per seed, for 2, 3 and 4 wheels: in a full run and in a
+/// quick one. Designs with fewer wheels are faster to measure.
 const EVALUATIONS: [[usize; 3]; 2] = [[10240, 6144, 4096], [1536, 512, 384]];
 
 /// Runs the study `design` and returns its report.
@@ -100,8 +101,8 @@ fn introduce(report: &mut Report, parts: &Parts) {
     report.table(&table);
 }
 
-/// Returns the front for each number of wheels, from the designs of all seeds. Also reports how
-/// well the fronts have converged.
+/// Searches for designs and returns the Pareto front for each number of wheels, from the designs of
+/// all seeds. Also reports how well the fronts have converged.
 fn fronts(
     context: &Context,
     report: &mut Report,
@@ -211,9 +212,9 @@ fn fronts(
     Ok(each)
 }
 
-/// Returns the front of the designs that all searches found, together with the designs that are
-/// better than the prototype in every figure by the largest factor. All are measured with the
-/// effort of the report.
+/// Returns the Pareto front of all designs that the searches `runs` found. Also considers the
+/// designs that exceed the prototype in all figures by the largest factor. All are measured as
+/// thoroughly as reported figures are.
 fn told(
     context: &Context,
     parts: &Parts,
@@ -238,7 +239,7 @@ fn told(
     Ok(front(&costs).into_iter().map(|k| found[k]).collect())
 }
 
-/// Formats a number with its unit. The unit `1` of a ratio is left out.
+/// Formats a number with its unit. The unit `1`, which marks a ratio, is left out.
 fn with_unit(value: f64, unit: &str) -> String {
     if unit == "1" { short(value) } else { format!("{} {unit}", short(value)) }
 }

@@ -8,15 +8,16 @@ use super::space::WHEELS;
 use super::torus::Measures;
 use crate::report::Report;
 
-/// Number of points of a cloud that are drawn.
+/// Largest number of points that are drawn for the designs of one front, so that the plot stays
+/// readable.
 const DRAWN: usize = 400;
 
-/// An axis of a plot: one of the four figures.
+/// One of the four figures of a design, used as an axis of a plot.
 struct Axis {
     name: &'static str,
-    /// Label of the axis.
+    /// Label of the axis in the plot.
     long: &'static str,
-    /// Whether a smaller value is better.
+    /// Whether a smaller value of this figure is better.
     falls: bool,
     of: fn(&Measures) -> f64,
 }
@@ -112,7 +113,8 @@ fn capital(text: &str) -> String {
     chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
 }
 
-/// Returns the points that no other point dominates in both figures, from left to right.
+/// Returns the points that no other point dominates in the two figures of the plot, from left to
+/// right. `x_falls` and `y_falls` say whether a smaller value is better.
 fn best_of_two(points: &[(f64, f64)], x_falls: bool, y_falls: bool) -> Vec<(f64, f64)> {
     let sign = |falls: bool| if falls { 1.0 } else { -1.0 };
     let cost = |p: &(f64, f64)| [sign(x_falls) * p.0, sign(y_falls) * p.1, 0.0, 0.0];

@@ -91,13 +91,15 @@ fn line(name: &str, parts: &Parts, design: &super::space::Design, m: &Measures) 
     ])
 }
 
-/// Returns whether a margin is close to its bound: within 5 % of the bound, or within 1 degree.
+/// Returns whether `value` is close to the lower bound of `margin`: within 5 % of the bound, or
+/// within 1 degree if the bound is 0.
 fn near(value: f64, margin: &bounds::Margin) -> bool {
     let reach = if margin.least > 0.0 { 0.05 * margin.least } else { DEGREE };
     value < margin.least + reach
 }
 
-/// Reports which margins limit the fronts.
+/// Reports for each margin how many designs of the fronts are close to its bound. These margins
+/// prevent better designs.
 fn bind(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.say("How many of a front's designs have a margin at its bound (within 5 %, angles within 1 deg), in per cent: what holds them back.");
     report.family(

@@ -6,18 +6,18 @@ use super::margins::grip;
 use super::space::{DEGREE, Design, MODULE_MASS, Parts};
 use super::torus::Measures;
 
-/// The torque limit in the file, relative to what motors and contacts can give.
+/// Torque limit in the rig file, as a fraction of the torque that motors and contacts can give.
 const RESERVE: f64 = 0.95;
 
-/// Returns the torque limit for the rig file of a design, N m, rounded down to 0.01. Motors and
+/// Returns the torque limit for the rig file of a design, N m, rounded down to 0.01 N m. Motors and
 /// contacts can give this torque in every direction.
 pub(super) fn torque_limit(parts: &Parts, measures: &Measures) -> f64 {
     let most = measures.torque.min(measures.slips_from(grip(parts)));
     (RESERVE * most * 100.0).floor() / 100.0
 }
 
-/// Returns the rig file of a design. Dimensions and inertias are those of the design, and
-/// everything else is as in `rigs/prototype.toml`.
+/// Returns the text of a rig file for a design. Dimensions and inertias are those of the design,
+/// and everything else is as in `rigs/prototype.toml`.
 pub(super) fn text(parts: &Parts, name: &str, design: &Design, measures: &Measures) -> String {
     let mut out = String::new();
     let degrees = |x: f64| x / DEGREE;
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
     use hbot_config::RigConfig;
 
-    /// The rig file describes the design that was measured.
+    /// A rig file, when it is read again, describes the design from which it was written.
     #[test]
     fn a_file_says_what_was_measured() {
         let parts = Parts::prototype();

@@ -13,32 +13,35 @@ use crate::rng::Rng;
 
 /// Number of designs that are measured in parallel.
 const BATCH: usize = 128;
-/// Number of points at which the dominated volume is counted during a search.
+/// Number of sample points with which the dominated volume is estimated during a search.
 const VOLUME_POINTS: usize = 8192;
-/// Largest part of the difference of two designs that a step takes (differential evolution: Storn
-/// and Price 1997).
+/// Largest part of the difference of two designs that a search step adds to a third design
+/// (differential evolution: Storn and Price 1997).
 const STRIDE: f64 = 0.8;
-/// The share of steps that change only one dimension, and the largest such change relative to the
-/// dimension's range.
+/// The share of search steps that change only one dimension, and the largest such change relative
+/// to the dimension's range.
 const NUDGES: (f64, f64) = (0.4, 0.05);
-/// Number of attempts to find a new design that has room. After that the search takes what it has.
+/// Number of attempts to find a new design that leaves room for the wheel modules. If all fail, a
+/// known design is used again.
 const TRIES: usize = 100;
 
-/// A search among designs with one number of wheels.
+/// The course and the results of a search among designs with one number of wheels.
 #[derive(Debug, Clone)]
 pub(super) struct Search {
     pub(super) archive: Archive,
-    /// The course of the search: the number of designs measured so far, and the share of the box
-    /// that the best of them dominate.
+    /// Course of the search: the number of designs measured so far, and the share of
+    /// [`BOX`](super::front::BOX) that they dominate.
     pub(super) history: Vec<(usize, f64)>,
-    /// Of the even samples: the number whose dimensions left no room, and the number of all.
+    /// Of the designs that were spread evenly: the number that left no room for the wheel modules,
+    /// and the number of all.
     pub(super) without_room: [usize; 2],
-    /// Number of measured designs that did not keep their margins.
+    /// Number of measured designs with a margin below its bound.
     pub(super) failed: usize,
 }
 
 /// Measures `evaluations` designs with `wheels` wheels: first the prototype's dimensions, then one
-/// half spread evenly and one half near the best. Another seed gives other designs.
+/// half spread evenly over all dimensions, and one half near the best designs so far. Another seed
+/// gives other designs.
 pub(super) fn search(
     context: &Context,
     parts: &Parts,
@@ -101,7 +104,7 @@ pub(super) fn search(
     Ok(run)
 }
 
-/// Returns a point near the best designs so far. It either adds part of the difference of two
+/// Returns a new design near the best ones so far. It either adds part of the difference of two
 /// designs to a third, or changes one dimension slightly.
 fn step(archive: &Archive, wheels: usize, rng: &mut Rng) -> Point {
     let members = &archive.members;
@@ -121,12 +124,14 @@ fn step(archive: &Archive, wheels: usize, rng: &mut Rng) -> Point {
     Point::nearest(wheels, unit)
 }
 
-/// Step sizes of a climb, in grid steps.
+/// Step sizes of [`climb`], largest first, in steps of the search grid.
 const CLIMB: [i32; 4] = [12, 5, 2, 1];
 
-/// Climbs from `from` to a design that keeps its margins and is better than `than` in every figure
-/// by the largest factor among its neighbours. Neighbours differ in one or two dimensions, by steps
-/// that shrink.
+/// Improves the design `from` step by step. Each step goes to the neighbour that keeps its margins
+/// and exceeds `than` in all figures by the largest factor. Returns the design that no neighbour
+/// exceeds.
+///
+/// Neighbours differ in one or two dimensions, by steps that shrink.
 pub(super) fn climb(
     context: &Context,
     parts: &Parts,
@@ -151,7 +156,7 @@ pub(super) fn climb(
     Ok(here)
 }
 
-/// Returns the point and its neighbours, which differ by `stride` grid steps in one or two
+/// Returns the design `point` and its neighbours, which differ by `stride` grid steps in one or two
 /// dimensions.
 fn neighbours(point: Point, stride: i32) -> Vec<Point> {
     let mut all = vec![point];
@@ -168,8 +173,8 @@ fn neighbours(point: Point, stride: i32) -> Vec<Point> {
     all
 }
 
-/// Measures designs on all cores and returns them in order. A design that does not keep its margins
-/// becomes `None`.
+/// Measures designs on all processor cores and returns the results in the order of `points`. A
+/// design that does not keep its margins becomes `None`.
 pub(super) fn measure_all(
     context: &Context,
     parts: &Parts,
@@ -198,14 +203,14 @@ pub(super) fn measure_all(
     })
 }
 
-/// Prepares a design with the prototype's motors at their peak torques. Returns `None` if the
-/// design can become singular.
+/// Prepares a design for measurement, with the prototype's motors at their peak torques. Returns
+/// `None` if the design can become singular.
 pub(super) fn machine(parts: &Parts, design: &Design) -> Option<RatedDevice> {
     let [steer, drive] = [parts.rig.joints[0].peak, parts.rig.joints[1].peak];
     Some(RatedDevice::new(parts.device(design)?, [steer, drive]))
 }
 
-/// Measures a design. Returns `None` if the design can become singular.
+/// Measures all figures of a design. Returns `None` if the design can become singular.
 pub(super) fn measure(parts: &Parts, design: &Design, effort: Effort) -> Option<Measures> {
     Some(Measures::of(&machine(parts, design)?, design, effort))
 }

@@ -8,7 +8,8 @@ use super::torus::{Effort, Measures, SEARCH, TOLD};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// The efforts that are compared, from the least to the most thorough.
+/// The levels of thoroughness at which the figures are compared, from the least to the most
+/// thorough.
 const EFFORTS: [Effort; 5] = [
     SEARCH,
     Effort { samples: 1024, starts: 4 },
@@ -17,7 +18,7 @@ const EFFORTS: [Effort; 5] = [
     Effort { samples: 16384, starts: 64 },
 ];
 
-/// Reports how much the figures change if the torque is evaluated more thoroughly.
+/// Reports how much the figures change when they are measured more thoroughly.
 pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     context.part("how sure the figures are")?;
     report.heading("How sure the figures are");
@@ -95,7 +96,7 @@ pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts)
 /// A function that returns a design with one dimension set to a value.
 type Set = fn(&Design, f64) -> Design;
 
-/// Varies each dimension of the prototype and reports the figures.
+/// Varies each dimension of the prototype alone, and reports how the figures change.
 pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     context.part("what each dimension does")?;
     report.heading("What each dimension does");
@@ -160,8 +161,8 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
     tilts(context, report, parts)
 }
 
-/// Reports conditioning against tilt for each number of wheels. The wheels are matched: equally
-/// strong in steering and driving.
+/// Reports how conditioning depends on the tilt of the steering axes, for each number of wheels.
+/// The wheels are matched, r = R sin a: equally strong in steering and driving.
 fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     report.say(
         "Where r = R sin a, G is most even where the contacts are spread most evenly over directions and their opposites: two at right angles (axes 45 deg from -n3), three or four with cos² = 1/3 (54.7 deg). \

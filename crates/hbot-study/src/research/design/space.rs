@@ -6,25 +6,26 @@ use core::f64::consts::{FRAC_PI_2, TAU};
 use hbot_config::RigConfig;
 use hbot_core::{Device, Rig, Vec3, WheelSpec};
 
-/// Mass at the centre of a wheel, kg: wheel, fork, drive motor and gear. The simulated rig assumes
-/// this mass too.
+/// Mass that is assumed at the centre of a wheel, kg: wheel, fork, drive motor and gear. The
+/// simulated rig assumes this mass too.
 pub(super) const MODULE_MASS: f64 = 0.05;
-/// Width of a wheel, m. The wheel is modelled as a disc.
+/// Assumed width of a wheel, m. The wheel is modelled as a disc.
 pub(super) const WHEEL_WIDTH: f64 = 0.006;
-/// Density of a wheel, kg/m³.
+/// Assumed density of a wheel, kg/m³.
 pub(super) const WHEEL_DENSITY: f64 = 1200.0;
-/// Clearance of a module beyond the rim of its wheel, m: for tyre, fork and play.
+/// Space that a wheel module needs beyond the rim of its wheel, m: for tyre, fork and play.
 pub(super) const MODULE_ROOM: f64 = 0.005;
-/// Smallest angle of the modules below the equator, rad. Above it are the open half and the ring of
-/// the cage.
+/// Smallest angle between the wheel modules and the sphere's equator, rad. The modules stay below
+/// it, because the open half and the ring of the cage are above.
 pub(super) const BELOW_EQUATOR: f64 = 5.0 * DEGREE;
 
-/// One degree in radians.
+/// One degree in radians, for angles that are given in degrees.
 pub(super) const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
-/// Grid steps of cone, toe and tilt (rad) and of the radius (m). Finer steps could not be built.
+/// Grid steps of cone, toe and tilt (rad) and of the wheel radius (m). Smaller differences could
+/// not be built.
 const STEP: [f64; 4] = [0.1 * DEGREE, 0.1 * DEGREE, 0.1 * DEGREE, 1.0e-4];
-/// Ranges of cone, toe, tilt and radius, in grid steps.
+/// Ranges of cone, toe, tilt and wheel radius that are searched, in grid steps.
 ///
 /// With a cone below 6 deg a wheel steers ten times as fast as the sphere turns; above 40 deg no
 /// module has room. A negative toe is the mirror image of a positive one, so it is not searched.
@@ -33,10 +34,10 @@ const STEP: [f64; 4] = [0.1 * DEGREE, 0.1 * DEGREE, 0.1 * DEGREE, 1.0e-4];
 /// mm a module is as wide as the cage.
 const RANGE: [[u32; 2]; 4] = [[60, 400], [0, 400], [150, 800], [80, 300]];
 
-/// Numbers of wheels that are searched.
+/// Numbers of wheels for which designs are searched.
 pub(super) const WHEELS: [usize; 3] = [2, 3, 4];
 
-/// A design on the grid of what can be built: cone, toe, tilt and wheel radius in grid steps.
+/// A design with its cone, toe, tilt and wheel radius in whole grid steps, so that it can be built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Point {
     pub(super) wheels: usize,
@@ -44,8 +45,9 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// Returns the point nearest to a place in the unit cube. A place outside is moved to the
-    /// cube's surface.
+    /// Returns the design on the grid that is nearest to a position in the unit cube. Each
+    /// coordinate of the cube is one dimension, scaled to its range. A position outside is moved to
+    /// the cube's surface.
     pub(super) fn nearest(wheels: usize, unit: [f64; 4]) -> Self {
         let at = core::array::from_fn(|k| {
             let [low, high] = RANGE[k].map(f64::from);
@@ -54,7 +56,7 @@ impl Point {
         Self { wheels, at }
     }
 
-    /// Returns the point nearest to a design.
+    /// Returns the design on the grid that is nearest to `design`.
     pub(super) fn of(design: &Design) -> Self {
         let values = [design.cone, design.toe, design.tilt, design.radius];
         let unit = core::array::from_fn(|k| {
@@ -64,7 +66,8 @@ impl Point {
         Self::nearest(design.wheels, unit)
     }
 
-    /// Returns the point that is moved by `steps`, or `None` if it is outside the ranges.
+    /// Returns the design whose dimensions differ by `steps` grid steps, or `None` if it is outside
+    /// the ranges.
     pub(super) fn moved(&self, steps: [i32; 4]) -> Option<Self> {
         let mut at = self.at;
         for k in 0..4 {
@@ -76,7 +79,7 @@ impl Point {
         Some(Self { at, ..*self })
     }
 
-    /// Returns the place of this point in the unit cube.
+    /// Returns the position of this design in the unit cube: each dimension scaled to its range.
     pub(super) fn unit(&self) -> [f64; 4] {
         core::array::from_fn(|k| {
             let [low, high] = RANGE[k].map(f64::from);
@@ -93,34 +96,37 @@ impl Point {
     }
 }
 
-/// A design with identical wheels, spread evenly about n3.
+/// The dimensions of a device with identical wheels, spread evenly about n3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Design {
     /// Number of wheels, 2 to 8.
     pub(super) wheels: usize,
-    /// Cone angle a, rad.
+    /// Cone angle a of the wheels, rad.
     pub(super) cone: f64,
-    /// Toe angle b, rad.
+    /// Toe angle b of the wheels, rad.
     pub(super) toe: f64,
-    /// Angle of the steering axes from -n3, rad.
+    /// Angle between the steering axes and -n3, rad.
     pub(super) tilt: f64,
-    /// Wheel radius r, m.
+    /// Radius r of the wheels, m.
     pub(super) radius: f64,
 }
 
-/// The parts that every design takes from the prototype: sphere, motors, encoders, limits.
+/// The parts that every design takes from the prototype: the sphere, the motors, the encoders and
+/// the limits.
 #[derive(Debug, Clone)]
 pub(super) struct Parts {
     pub(super) rig: Rig,
     pub(super) prototype: Design,
-    /// Inertia of the rotor about a steering axis, kg m². It does not depend on the cone.
+    /// Inertia of the steer motor's rotor about the steering axis, kg m². It does not depend on the
+    /// cone.
     steer_rotor: f64,
-    /// Inertia of the rotor about an axle, through its gear and without the wheel, kg m².
+    /// Inertia of the drive motor's rotor about the axle, through its gear and without the wheel,
+    /// kg m².
     drive_rotor: f64,
 }
 
 impl Parts {
-    /// Returns the parts of `rigs/prototype.toml`.
+    /// Returns the parts of the prototype, from `rigs/prototype.toml`.
     pub(super) fn prototype() -> Self {
         let rig = RigConfig::prototype().rig;
         let spec = rig.device.wheels()[0].spec();
@@ -145,20 +151,21 @@ impl Parts {
         self.rig.device.sphere_radius()
     }
 
-    /// Returns the inertia about the steering axis, kg m²: the rotor, and the module on its arm (R
-    /// + r) sin a.
+    /// Returns the inertia of a steer joint about its axis, kg m²: that of the rotor, and that of
+    /// the module on its arm (R + r) sin a.
     pub(super) fn steer_inertia(&self, design: &Design) -> f64 {
         let arm = (self.sphere_radius() + design.radius) * libm::sin(design.cone);
         let module = MODULE_MASS + disc_mass(design.radius) - disc_mass(self.prototype.radius);
         self.steer_rotor + module * arm * arm
     }
 
-    /// Returns the inertia about the axle, kg m²: the rotor through its gear, and the wheel.
+    /// Returns the inertia of a drive joint about its axle, kg m²: that of the rotor through its
+    /// gear, and that of the wheel.
     pub(super) fn drive_inertia(&self, design: &Design) -> f64 {
         self.drive_rotor + disc_inertia(design.radius)
     }
 
-    /// Returns the device of a design, or `None` if it can become singular.
+    /// Returns the device with the dimensions of `design`, or `None` if it can become singular.
     pub(super) fn device(&self, design: &Design) -> Option<Device> {
         let specs: Vec<WheelSpec> = (0..design.wheels)
             .map(|k| WheelSpec {
@@ -176,7 +183,7 @@ impl Parts {
 }
 
 impl Design {
-    /// Returns the steering axis of wheel `k`, a unit vector in N.
+    /// Returns the steering axis of wheel `k`, a unit vector in frame N.
     pub(super) fn axis(&self, k: usize) -> Vec3 {
         let (s, c) = libm::sincos(TAU * k as f64 / self.wheels as f64);
         let (tilt_s, tilt_c) = libm::sincos(self.tilt);
@@ -185,30 +192,31 @@ impl Design {
 
     /// Returns the half-angle of the cone that a module sweeps about its steering axis, seen from
     /// the sphere's centre, rad. The cone contains the far edge of the rim and its clearance. The
-    /// steering motor behind it is inside.
+    /// steering motor, which is behind the wheel, is inside this cone.
     pub(super) fn swept(&self, sphere_radius: f64) -> f64 {
         self.cone + libm::asin((self.radius + MODULE_ROOM) / (sphere_radius + self.radius))
     }
 
-    /// Returns the angle left between the modules of two neighbouring wheels at any steer angles,
-    /// rad.
+    /// Returns the angle that is left between the modules of two neighbouring wheels, whatever
+    /// their steer angles, rad.
     pub(super) fn gap(&self, sphere_radius: f64) -> f64 {
         let turn = libm::sin(core::f64::consts::PI / self.wheels as f64);
         let between = 2.0 * libm::asin(libm::sin(self.tilt) * turn);
         between - 2.0 * self.swept(sphere_radius)
     }
 
-    /// Returns the angle left between the modules and the rim above them, rad.
+    /// Returns the angle that is left between the modules and the rim of the cage above them, rad.
     pub(super) fn headroom(&self, sphere_radius: f64) -> f64 {
         FRAC_PI_2 - BELOW_EQUATOR - self.tilt - self.swept(sphere_radius)
     }
 
-    /// Returns the largest steer rate relative to the sphere's rate: |g_th| = 1/(sin a cos b).
+    /// Returns the largest steer rate relative to the sphere's angular speed: |g_th| = 1/(sin a cos
+    /// b).
     pub(super) fn steering_speed(&self) -> f64 {
         1.0 / (libm::sin(self.cone) * libm::cos(self.toe))
     }
 
-    /// Returns the largest drive rate relative to the sphere's rate: |g_ph| = R/(r cos b).
+    /// Returns the largest drive rate relative to the sphere's angular speed: |g_ph| = R/(r cos b).
     pub(super) fn drive_speed(&self, sphere_radius: f64) -> f64 {
         sphere_radius / (self.radius * libm::cos(self.toe))
     }
@@ -228,7 +236,7 @@ mod tests {
     use hbot_core::kinematics::Posture;
     use hbot_core::singularity::{Meeting, closest_approach};
 
-    /// The prototype as a design has the geometry of its rig file.
+    /// The prototype, expressed as a design, has the wheel geometry and inertias of its rig file.
     #[test]
     fn the_prototype_is_one_of_the_designs() {
         let parts = Parts::prototype();
@@ -246,8 +254,8 @@ mod tests {
         assert!(parts.steer_rotor > 0.0 && parts.drive_rotor > 0.0);
     }
 
-    /// A module acts on the sphere like its mass at the distance R + r, at any cone angle: the
-    /// leverage falls as the arm grows.
+    /// The inertia that a wheel module adds to the sphere is that of its mass at the distance R +
+    /// r, at any cone angle: the leverage falls as the arm grows.
     #[test]
     fn a_module_weighs_the_same_at_any_cone() {
         let parts = Parts::prototype();
@@ -266,7 +274,8 @@ mod tests {
         assert!((other / own - 16.0).abs() < 1e-9);
     }
 
-    /// The lengths of the rows of G equal the closed forms at every posture, with toe.
+    /// The largest joint rates equal their closed forms at every posture, also with toe. They are
+    /// the lengths of the rows of G.
     #[test]
     fn joint_speeds_are_their_closed_forms_at_any_posture() {
         let parts = Parts::prototype();
@@ -282,7 +291,8 @@ mod tests {
         }
     }
 
-    /// If modules do not touch, their contacts are apart by at least the width of the modules.
+    /// The smallest angle between the contacts of two neighbouring wheels is the gap between their
+    /// modules plus the width of the modules.
     #[test]
     fn room_between_modules_is_room_between_contacts() {
         let parts = Parts::prototype();

@@ -9,48 +9,53 @@ use hbot_core::singularity::interior_margin_over_all;
 use super::local::{Quantity, RatedDevice};
 use super::space::Design;
 
-/// How thoroughly the torus of steer angles is searched.
+/// How thoroughly the figures of a design are measured over all steer angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Effort {
-    /// Number of sampled postures.
+    /// Number of postures at which the figures are computed.
     pub(super) samples: usize,
-    /// Number of worst samples from which the search for a worse posture starts.
+    /// Number of postures from which the search for the worst posture starts. They are the worst of
+    /// the samples.
     pub(super) starts: usize,
 }
 
-/// Effort for a search among many designs.
+/// Thoroughness with which the many designs of a search are measured.
 pub(super) const SEARCH: Effort = Effort { samples: 256, starts: 4 };
-/// Effort for the designs that are reported.
+/// Thoroughness with which reported designs are measured.
 pub(super) const TOLD: Effort = Effort { samples: 4096, starts: 16 };
 
-/// First and last step of the search for the worst posture, rad.
+/// First and last step size of the search for the worst posture, rad.
 const STEPS: [f64; 2] = [0.3, 1.0e-3];
 
 /// The figures of a design over all steer angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measures {
-    /// Mean of the spectral index.
+    /// Mean of the spectral index over all postures.
     pub(super) gci: f64,
-    /// Smallest spectral index. It is the actuation margin, as all joints have motors.
+    /// Smallest spectral index over all postures. It is the actuation margin, as all joints have
+    /// motors.
     pub(super) conditioning: f64,
-    /// Peak torque in the worst direction at the worst posture, N m.
+    /// Peak torque that the motors can make in the worst direction at the worst posture, N m.
     pub(super) torque: f64,
-    /// Peak torque in the worst direction that 95 % of the postures exceed, N m.
+    /// Peak torque in the worst direction that 95 % of the postures reach, N m.
     pub(super) torque_low: f64,
-    /// Largest eigenvalue of the apparent inertia, kg m².
+    /// Largest eigenvalue of the apparent inertia over all postures, kg m².
     pub(super) inertia: f64,
-    /// Mean over postures of the largest eigenvalue of the apparent inertia, kg m².
+    /// Mean over all postures of the largest eigenvalue of the apparent inertia, kg m².
     pub(super) inertia_mean: f64,
-    /// Largest contact force for a torque of 1 N m on the sphere, N.
+    /// Largest contact force for a torque of 1 N m on the sphere, in the worst direction at the
+    /// worst posture, N.
     pub(super) load: f64,
-    /// Interior margin sigma_min(Z)/R, or a lower bound for it.
+    /// Interior margin sigma_min(Z)/R over all postures, or a lower bound for it. It is the
+    /// distance from an interior singularity.
     pub(super) interior: f64,
-    /// Largest joint rates relative to the sphere's rate: steer, drive.
+    /// Largest rates of a steer and a drive joint, relative to the sphere's angular speed.
     pub(super) speed: [f64; 2],
 }
 
 impl Measures {
-    /// Computes the figures of `design`, which is prepared as `machine`.
+    /// Measures the figures of `design` over all steer angles. `machine` is the device of the
+    /// design.
     pub(super) fn of(machine: &RatedDevice, design: &Design, effort: Effort) -> Self {
         let n = effort.samples as f64;
         let mut values = [const { Vec::new() }; 4];
@@ -80,21 +85,21 @@ impl Measures {
         }
     }
 
-    /// Returns the torque at which the first contact slips, in the worst direction, N m. A contact
-    /// holds the force `grip`, N.
+    /// Returns the torque on the sphere at which the first contact slips, in the worst direction, N
+    /// m. A contact can hold the force `grip`, N.
     pub(super) fn slips_from(&self, grip: f64) -> f64 {
         grip / self.load
     }
 }
 
-/// Returns steer angles spread evenly over the torus, rad: a Kronecker sequence of the generalised
-/// golden ratio (Roberts 2018).
+/// Returns `count` postures whose steer angles (rad) are spread evenly over all possible ones. They
+/// are a Kronecker sequence of the generalised golden ratio (Roberts 2018).
 pub(super) fn samples(wheels: usize, count: usize) -> impl Iterator<Item = Vec<f64>> {
     kronecker(wheels, 0.5).take(count).map(|unit| unit.iter().map(|x| x * TAU).collect())
 }
 
-/// Returns an endless sequence of points spread evenly over a unit cube of `dimensions` dimensions.
-/// All coordinates of the first point are `start`.
+/// Returns an endless sequence of points that are spread evenly over a unit cube of `dimensions`
+/// dimensions. All coordinates of the first point are `start`.
 pub(super) fn kronecker(dimensions: usize, start: f64) -> impl Iterator<Item = Vec<f64>> {
     // The root of x^(d + 1) = x + 1. Each iteration reduces the error by a factor of at most 1/(d +
     // 1).
@@ -103,8 +108,8 @@ pub(super) fn kronecker(dimensions: usize, start: f64) -> impl Iterator<Item = V
     (0_u64..).map(move |k| steps.iter().map(|step| (start + k as f64 * step).fract()).collect())
 }
 
-/// Returns the directions of a search step from a posture: one angle, or two at once because torque
-/// has valleys between the angles.
+/// Returns the directions of a step in the search for the worst posture. A step changes one steer
+/// angle, or two at once, because the torque has valleys along which two angles change.
 fn ways(wheels: usize) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for i in 0..wheels {
@@ -123,8 +128,8 @@ fn ways(wheels: usize) -> Vec<Vec<f64>> {
     all
 }
 
-/// Returns the worst value of a quantity, by descending from the worst samples with steps that
-/// halve.
+/// Returns the worst value of the figure `quantity` over all postures. It searches from the worst
+/// samples, with steps that halve.
 fn worst(
     machine: &RatedDevice,
     quantity: Quantity,
@@ -179,8 +184,8 @@ mod tests {
         Measures::of(&RatedDevice::new(device, PEAKS), design, effort)
     }
 
-    /// docs/physics.md, sections 3, 7, 10 and 11: the prototype's figures, to the digits given
-    /// there.
+    /// The prototype's figures are those of docs/physics.md, sections 3, 7, 10 and 11, to the
+    /// digits given there.
     #[test]
     fn the_prototype_measures_what_the_notes_say() {
         let parts = Parts::prototype();
@@ -198,8 +203,8 @@ mod tests {
         assert!((told.load / force - 1.0).abs() < 1e-5, "{} against {force}", told.load);
     }
 
-    /// The few samples of a search give nearly the figures of the final measurement, as closely as
-    /// a search needs.
+    /// Measured with the few samples of a search, the figures of a design are nearly those of a
+    /// reported measurement.
     #[test]
     fn few_samples_say_nearly_the_same_as_many() {
         for wheels in [2, 3, 4] {
@@ -214,7 +219,8 @@ mod tests {
         }
     }
 
-    /// A negative toe is the mirror image of a positive one, so all figures are equal.
+    /// All figures are equal for a positive and a negative toe, because one design is the mirror
+    /// image of the other.
     #[test]
     fn the_sign_of_the_toe_makes_no_difference() {
         for wheels in [2, 3, 4] {

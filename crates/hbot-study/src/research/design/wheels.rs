@@ -14,24 +14,27 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Number of random slips from which the visible share is estimated.
+/// Number of random slips from which the share that the joint rates reveal is estimated.
 const SLIPS: usize = 20_000;
-/// Number of postures at which a single wheel slips.
+/// Number of postures at which a single wheel slips, for the share that the joint rates reveal.
 const POSTURES: usize = 4096;
 
-/// The share of slip energy that is visible in the residual of the measured rates.
+/// The share of the contacts' slip that the joint rates reveal, as a fraction of the slip's energy.
+/// The rest looks like a turn of the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Seen {
-    /// Mean share if all wheels slip in random directions.
+    /// Mean of the revealed share if all wheels slip in random directions.
     mean: f64,
-    /// Mean share if a single wheel slips.
+    /// Mean of the revealed share if a single wheel slips.
     single: f64,
-    /// Smallest share if a single wheel slips: in its worst direction at the worst posture.
+    /// Smallest revealed share if a single wheel slips: in its worst direction at the worst
+    /// posture.
     single_least: f64,
 }
 
-/// Returns the share of the energy |s|² of random slips that remains in the residual, by the core's
-/// forward kinematics. A simultaneous turn of the sphere does not change it.
+/// Returns the share of the energy |s|² of random slips that the joint rates reveal: the part that
+/// remains in the residual of the core's forward kinematics. A simultaneous turn of the sphere does
+/// not change it.
 fn share_seen(device: &Device, seed: u64) -> f64 {
     let n = device.wheels().len();
     let mut rng = Rng(seed);
@@ -58,8 +61,8 @@ fn share_seen(device: &Device, seed: u64) -> f64 {
     left / all
 }
 
-/// Returns the share of the slip of a single wheel that is visible: the mean over directions and
-/// postures, and the smallest. It uses the block of the wheel in I - Z (ZᵀZ)⁻¹ Zᵀ.
+/// Returns the share of the slip of a single wheel that the joint rates reveal: the mean over
+/// directions and postures, and the smallest. It uses the block of the wheel in I - Z (ZᵀZ)⁻¹ Zᵀ.
 fn single(device: &Device) -> [f64; 2] {
     let n = device.wheels().len();
     let (mut sum, mut least) = (0.0, f64::INFINITY);
@@ -87,11 +90,12 @@ fn seen(device: &Device) -> Seen {
     Seen { mean: share_seen(device, 5), single, single_least }
 }
 
-/// Results for one number of wheels: a row of the table.
+/// Results for one number of wheels, which become a row of the table.
 struct Count {
     wheels: usize,
     measures: Measures,
-    /// Peak torque in the worst case if all motors of one wheel are dead, N m.
+    /// Peak torque in the worst direction at the worst posture if all motors of one wheel are dead,
+    /// N m.
     one_dead: f64,
     seen: Seen,
 }
@@ -286,8 +290,9 @@ mod tests {
         parts.device(&Design { wheels, ..parts.prototype }).expect("legal")
     }
 
-    /// Two computations agree: the trace of the residual's projection is 2n - 3 at every posture,
-    /// and the wheels have equal parts of it.
+    /// The mean share of a single wheel's slip that the joint rates reveal is (2n - 3)/(2n), as for
+    /// slips of all wheels. The trace of the residual's projection is 2n - 3 at every posture, and
+    /// all wheels have equal parts of it.
     #[test]
     fn a_single_wheels_share_is_that_of_all_in_the_mean() {
         for wheels in WHEELS {
@@ -296,7 +301,8 @@ mod tests {
         }
     }
 
-    /// Another seed changes the share only by chance, within its standard error.
+    /// With another random seed, the revealed share of the slip changes only within its standard
+    /// error.
     #[test]
     fn chance_moves_the_share_within_its_error() {
         for seed in [1, 2, 3] {

@@ -13,41 +13,43 @@ use super::comparison::Comparison;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Number of postures in a full run. They form a lattice in which each wheel takes this many even
-/// steps of a turn. As friction is a sum over wheels, the mean of each wheel is independent of the
-/// other.
+/// Number of postures in a full run. They form a lattice in which each wheel takes this many
+/// equally spaced angles. Friction is a sum over the wheels, so its mean does not depend on how
+/// their angles are paired.
 const GRID: u32 = 144;
-/// Number of postures with `--quick`.
+/// Number of postures if the study is run with `--quick`.
 const COARSE: u32 = 55;
-/// Steps of the second wheel for each step of the first. It has no common factor with either grid.
+/// Number of angle steps by which the second wheel advances for one step of the first. It has no
+/// common factor with either number of postures, so the second wheel takes every angle once.
 const SKEW: u32 = 89;
-/// Increase of the torque in a step, N m. With [`STEP_S`] it makes a ramp of 20 mN m/s.
+/// Increase of the torque in a step, N m. With [`STEP_S`], the torque rises by 20 mN m/s.
 const RAMP: f64 = 2.0e-5;
-/// Duration of a step, s.
+/// Duration of a simulation step, s.
 const STEP_S: f64 = 1.0e-3;
-/// Rate above which the sphere counts as moving, rad/s. A sphere that has broken loose reaches 3e-6
-/// in its first step.
+/// Angular speed above which the sphere counts as moving, rad/s. A sphere that has broken loose
+/// reaches 3e-6 rad/s in its first step.
 const MOVES: f64 = 1.0e-6;
-/// Upper end of the ramp, N m. No axis needs so large a torque.
+/// Torque at which the ramp stops, N m. No axis needs so large a torque.
 const NEVER: f64 = 0.2;
-/// Largest allowed relative deviation of the mean from the prediction by friction alone. One step
-/// of the ramp is 0.5 %.
+/// Largest allowed relative deviation of the mean torque from the prediction by friction. One step
+/// of the ramp is 0.5 % of the torque.
 const WITHIN: f64 = 0.005;
-/// Largest allowed deviation of the mean from the rounded figures of the physics notes, mN m.
+/// Largest allowed deviation of the mean torque from the rounded values in the physics notes, mN m.
 const NOTES_WITHIN: f64 = 0.15;
 
-/// The axes, with the figures of the paper (table II) and of the notes (physics.md, section 8), mN
-/// m.
+/// The three axes with the back-drive torque about each, in mN m: first the value in the paper
+/// (table II), then the one in the notes (physics.md, section 8).
 const AXES: [(&str, Vec3, f64, f64); 3] =
     [("n1", Vec3::X, 5.0, 4.2), ("n2", Vec3::Y, 4.0, 5.0), ("n3", Vec3::Z, 4.0, 4.1)];
 
-/// Returns the `k`th pair of steer angles of `grid`, rad.
+/// Returns the steer angles of both wheels at posture `k` of a lattice of `grid` postures, rad.
 fn posture(k: u32, grid: u32) -> [f64; 2] {
     let at = |k: u32| TAU * (f64::from(k % grid) + 0.5) / f64::from(grid);
     [at(k), at(SKEW * k)]
 }
 
-/// Returns the torque about `axis` at which the sphere, held as by a hinge, begins to turn, N m.
+/// Returns the torque about `axis` at which the sphere begins to turn, N m. The sphere can turn
+/// about this axis only.
 fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> f64 {
     let mut state = PlantState::default();
     state.steer[..2].copy_from_slice(&steer);
@@ -63,8 +65,8 @@ fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> 
     torque - 0.5 * RAMP
 }
 
-/// Returns the friction torque of cage and joints about `axis`, N m. A hinge allows only turns
-/// about the axis, so each friction simply adds its own power.
+/// Returns the friction torque of cage and joints about `axis`, N m. The sphere can turn about this
+/// axis only, so the power of each friction simply adds up.
 fn predicted(device: &Device, steer: [f64; 2], axis: Vec3) -> f64 {
     let posture = Posture::new(device, &steer);
     let joints: f64 = posture.rows()[..device.joints()].iter().map(|g| g.dot(axis).abs()).sum();
@@ -78,18 +80,19 @@ fn spread(values: &[f64]) -> [f64; 3] {
     [values.iter().sum::<f64>() / values.len() as f64, low, high]
 }
 
-/// The torque that turns the sphere about one axis.
+/// The back-drive torque about one axis: measured, predicted and published.
 struct Found {
     name: &'static str,
-    /// Figure of the paper, mN m.
+    /// Back-drive torque that the paper reports, mN m.
     paper: f64,
-    /// Figure of the physics notes, mN m.
+    /// Back-drive torque that the physics notes give, mN m.
     notes: f64,
-    /// Mean, smallest and largest value over the postures with joint and cage friction, N m.
+    /// Mean, smallest and largest measured torque over the postures, with friction of joints and
+    /// cage, N m.
     plain: [f64; 3],
-    /// Predicted mean for joint and cage friction, N m.
+    /// Predicted mean torque with friction of joints and cage, N m.
     expected: f64,
-    /// Mean with pivoting friction, slip and gears as well, N m.
+    /// Mean measured torque if pivoting friction, slip and gears are added, N m.
     all: f64,
 }
 
@@ -252,12 +255,12 @@ fn check(report: &mut Report, found: &[Found]) {
     );
 }
 
-/// The posture whose torques are closest to the paper's three figures.
+/// The posture whose back-drive torques are closest to the paper's three values.
 struct Nearest {
     steer: [f64; 2],
-    /// Torques about the three axes, mN m.
+    /// Torques about the three axes at this posture, mN m.
     torque: [f64; 3],
-    /// Largest of the three differences from the paper, mN m.
+    /// Largest of the three differences from the paper's torques, mN m.
     off: f64,
 }
 

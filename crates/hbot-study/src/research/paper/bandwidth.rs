@@ -12,25 +12,26 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::whole::prototype;
 
-/// The paper's bandwidth about every axis, Hz (table II).
+/// Bandwidth that the paper reports about every axis, Hz (table II).
 const PAPER: f64 = 5.5;
-/// The configuration of all figures for which nothing else is stated. Its gain is chosen so that
-/// the bandwidth is near the paper's.
+/// The settings of the position loop that are used unless a figure states others. The gain is
+/// chosen so that the bandwidth is near the paper's.
 const STATED: Setting =
     Setting { gain: 50.0, inner_hz: 20.0, amplitude: 0.05, axis: Vec3::X, friction: false };
-/// Corner frequencies of the rate loops, Hz.
+/// Corner frequencies of the drives' rate loops that are tried, Hz.
 const INNER: [f64; 4] = [5.0, 10.0, 20.0, 40.0];
-/// Gains K_O of the position loop around the rate loops, 1/s.
+/// Gains K_O of the position loop that are tried, 1/s. The position loop surrounds the rate loops.
 const GAINS: [f64; 6] = [20.0, 35.0, 50.0, 70.0, 100.0, 140.0];
-/// Amplitudes of the desired sine, rad.
+/// Amplitudes of the desired sinusoidal motion that are tried, rad.
 const AMPLITUDES: [f64; 7] = [0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6];
-/// Gains with which the amplitude is varied, 1/s.
+/// Gains K_O for which the amplitude is varied, 1/s.
 const AMPLITUDE_GAINS: [f64; 3] = [35.0, 50.0, 100.0];
-/// Largest allowed relative deviation of the measured bandwidth of a small sine from that of the
-/// linear loop. The interpolation of the scan's steps causes 1 %. The rest is the turning of the
-/// wheels, which already matters for a sine of 0.05 rad.
+/// Largest allowed relative deviation of the bandwidth for a small sine from that of the linear
+/// loop. The interpolation between the measured frequencies causes 1 %. The rest is caused by the
+/// wheels' steering, which already matters for a sine of 0.05 rad.
 const WITHIN: f64 = 0.02;
-/// Largest allowed deviation of the stated configuration from the paper's bandwidth, Hz.
+/// Largest allowed difference between the bandwidth with the settings [`STATED`] and the paper's,
+/// Hz.
 const NEAR_PAPER: f64 = 0.3;
 
 pub(crate) fn study(
@@ -134,7 +135,7 @@ pub(crate) fn study(
     Ok(())
 }
 
-/// Reports gain and phase over frequency.
+/// Reports gain and phase of the position loop over frequency, as a Bode plot.
 fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     let points = if context.quick { 8 } else { 18 };
     let ticks: Vec<u32> = (0..points)
@@ -196,8 +197,8 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     Ok(())
 }
 
-/// Writes the table and the plot over the gain and the rate loops. Returns the largest relative
-/// deviation from the linear loop.
+/// Writes the table and the plot of the bandwidth over the gain and the corner of the rate loops.
+/// Returns the largest relative deviation from the linear loop.
 fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]) -> f64 {
     let head = gains.iter().map(|gain| format!("K_O {} 1/s", short(*gain)));
     let mut table = vec![row(["rate loops, Hz".to_owned()]
@@ -248,8 +249,8 @@ fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]
     worst
 }
 
-/// Writes the table and the plot over the amplitude. Returns the bandwidths at the largest
-/// amplitude, Hz.
+/// Writes the table and the plot of the bandwidth over the amplitude. Returns the bandwidth at the
+/// largest amplitude for each gain, Hz.
 fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measured: &[f64]) -> Vec<f64> {
     let mut table = vec![row(["amplitude, rad".to_owned()]
         .into_iter()
@@ -287,7 +288,8 @@ fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measur
     (0..gains.len()).map(|k| of(k)[amplitudes.len() - 1]).collect()
 }
 
-/// Returns the paper's bandwidth as a horizontal line of a plot.
+/// Returns the paper's bandwidth as a horizontal line of a plot, from the first to the last value
+/// of `x`.
 fn level(x: &[f64]) -> Series {
     let points = vec![(x[0], PAPER), (x[x.len() - 1], PAPER)];
     Series { name: "the paper".to_owned(), points, colour: 6, open: true }

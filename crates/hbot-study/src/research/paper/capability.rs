@@ -18,9 +18,9 @@ const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 struct Row {
     id: &'static str,
     name: &'static str,
-    /// Joint torques of steer and drive, N m.
+    /// Torques of a steer and a drive motor, referred to the joint, N m.
     motors: [f64; 2],
-    /// The paper's torques about n1, n2 and n3, N m.
+    /// Torques about n1, n2 and n3 that the paper reports, N m.
     paper: [f64; 3],
 }
 
@@ -29,7 +29,7 @@ const ROWS: [Row; 2] = [
     Row { id: "continuous", name: "continuous", motors: [0.073, 0.023], paper: [0.11, 0.15, 0.065] },
 ];
 
-/// The prototype's geometry and contacts.
+/// The prototype's geometry and the friction limit of its contacts.
 struct GrippedDevice {
     device: Device,
     arms: [ContactArms; 2],
@@ -46,14 +46,14 @@ impl Row {
         JointLimits { peak, weight: [1.0; MAX_JOINTS] }
     }
 
-    /// Returns the largest torques about n1, n2 and n3, each alone, at a posture with these rows of
-    /// G, N m.
+    /// Returns the largest torques about n1, n2 and n3, each without torque about the other axes,
+    /// at the posture with the rows `rows` of G, N m.
     fn alone(&self, rows: &[Vec3], motors: &Motors) -> [f64; 3] {
         let limits = self.limits(motors);
         AXES.map(|axis| capability(rows, &limits, axis))
     }
 
-    /// Returns by how much three torques differ from the paper's: the largest ratio in either
+    /// Returns by how much three torques differ from the paper's, as the largest ratio in either
     /// direction. It is 1 if they agree.
     fn off(&self, torques: [f64; 3]) -> f64 {
         let ratio = |k: usize| f64::max(torques[k] / self.paper[k], self.paper[k] / torques[k]);
@@ -61,8 +61,8 @@ impl Row {
         (0..3).map(ratio).fold(1.0, f64::max)
     }
 
-    /// Returns the absolute components of the torque that all motors make together at full torque,
-    /// N m. The bits of `signs` choose the signs of the joint torques.
+    /// Returns the absolute components of the torque on the sphere if all motors give their full
+    /// torque, N m. The bits of `signs` choose the signs of the joint torques.
     fn together(&self, rows: &[Vec3], motors: &Motors, signs: u32) -> [f64; 3] {
         let limits = self.limits(motors);
         let each = |k: usize| {
@@ -82,8 +82,8 @@ impl GrippedDevice {
         Self { device, arms, grip }
     }
 
-    /// Returns the largest torque about `axis` alone that exceeds neither the limit of a joint nor
-    /// the grip of a contact, N m.
+    /// Returns the largest torque about `axis` alone that exceeds neither the torque limit of a
+    /// joint nor the friction limit of a contact, N m.
     ///
     /// tau = s (p + x n), where p makes a torque of 1 about the axis and n makes none. The load of
     /// p + x n is convex in x, so a ternary search finds its minimum. With three motors there is no
@@ -120,8 +120,8 @@ impl GrippedDevice {
     }
 }
 
-/// Returns joint torques that make a torque of 1 about `axis`, and orthogonal ones that make no
-/// torque. The latter are zero for three driven joints.
+/// Returns two sets of joint torques that are orthogonal to each other: one makes a torque of 1
+/// about `axis`, and the other makes no torque. The second is zero for three driven joints.
 fn solutions(rows: &[Vec3], driven: &[usize], axis: Vec3) -> ([f64; 4], [f64; 4]) {
     let det = |a: usize, b: usize, c: usize| rows[a].dot(rows[b].cross(rows[c]));
     let mut none = [0.0; 4];
@@ -150,7 +150,7 @@ fn solutions(rows: &[Vec3], driven: &[usize], axis: Vec3) -> ([f64; 4], [f64; 4]
     (particular, none)
 }
 
-/// Returns the smallest value, the mean, the median and the largest value.
+/// Returns the smallest value, the mean, the median and the largest value of `values`.
 fn statistics(mut values: Vec<f64>) -> [f64; 4] {
     values.sort_by(f64::total_cmp);
     let count = values.len();
@@ -235,7 +235,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// Checks that two computations of the capability agree if the contacts set no limit.
+/// Checks that [`Rig::gripping`] and the core's capability agree if the friction of the contacts
+/// sets no limit.
 fn check(report: &mut Report, rig: &GrippedDevice) {
     let loose = GrippedDevice {
         grip: f64::INFINITY,
@@ -261,11 +262,11 @@ fn check(report: &mut Report, rig: &GrippedDevice) {
     );
 }
 
-/// Reports how close any posture comes to table II, for several meanings of "mapped to the
-/// end-effector".
+/// Searches for the posture whose torques come closest to the paper's table II, for several
+/// meanings of "mapped to the end-effector", and reports how close it comes.
 ///
-/// `found` has for each row the smallest torques over all postures with four motors, and the
-/// medians with three.
+/// For each row of the table, `found` holds the smallest torques over all postures with four
+/// motors, and the medians with three.
 fn search(
     context: &Context,
     report: &mut Report,

@@ -17,16 +17,18 @@
 
 use crate::report::{Report, ReportPlace, row};
 
-/// The rows of the table so far, in the order of the sections.
+/// The rows of the comparison table so far, in the order of the sections.
 #[derive(Debug, Default)]
 pub(crate) struct Comparison {
     rows: Vec<Vec<String>>,
 }
 
 impl Comparison {
-    /// Adds a row. `what` is the compared quantity with its place in the paper, such as "GCI
-    /// (V.D)". `paper` and `ours` are the two figures with units. `why` explains the difference in
-    /// a sentence or two, and is empty if they agree.
+    /// Adds a row to the comparison table.
+    ///
+    /// `what` is the compared quantity with its place in the paper, such as "GCI (V.D)". `paper`
+    /// and `ours` are the two values with units. `why` explains the difference in a sentence or
+    /// two, and is empty if they agree.
     pub(crate) fn row(
         &mut self,
         what: &str,
@@ -37,7 +39,7 @@ impl Comparison {
         self.rows.push(vec![what.to_owned(), paper.into(), ours.into(), why.into()]);
     }
 
-    /// Inserts the table into `report` at `place`.
+    /// Inserts the comparison table into `report` at `place`.
     pub(crate) fn put(self, report: &mut Report, place: ReportPlace) {
         let mut table = vec![row(["what", "the paper", "here", "why they differ"])];
         table.extend(self.rows);

@@ -8,16 +8,17 @@ use hbot_sim::phenomena::{
     WheelModules,
 };
 
-/// One or more phenomena of a real rig, with a name.
+/// One or more phenomena of a real rig, such as joint friction, with a name under which they are
+/// reported.
 pub(super) struct Effect {
-    /// Name of the effect in tables and plots.
+    /// Name of the effect as shown in tables and plots.
     pub(super) name: &'static str,
-    /// Name of the effect in ids.
+    /// Name of the effect as used in the ids of figures.
     pub(super) id: &'static str,
     pub(super) phenomena: Phenomena,
 }
 
-/// Motors whose only error is their torque constant.
+/// Motors with a torque constant that is 5 % low and no other error.
 const WEAK: Motor = Motor {
     torque_scale: 0.95,
     lag_s: 0.0,
@@ -26,18 +27,19 @@ const WEAK: Motor = Motor {
     thermal_time_s: 1.0e5,
 };
 
-/// Returns motors that make the full torque, but with a lag and only up to a limited rate.
+/// Returns parameters of motors that give the full torque, but with a lag and only up to a limited
+/// rate.
 fn slow() -> Motor {
     Motor { torque_scale: 1.0, thermal_time_s: WEAK.thermal_time_s, ..Motor::default() }
 }
 
-/// Returns motors that heat up and are then limited to their continuous torque.
+/// Returns parameters of motors that heat up and are then limited to their continuous torque.
 fn hot() -> Motor {
     Motor { thermal_time_s: Motor::default().thermal_time_s, torque_scale: 1.0, ..WEAK }
 }
 
-/// Returns each phenomenon by itself, with the prototype's figures (docs/physics.md, section 8).
-/// The three errors of the motors are separate.
+/// Returns each phenomenon by itself, with the prototype's parameters (docs/physics.md, section 8).
+/// Three errors of the motors are separate phenomena: torque constant, lag and heat.
 pub(super) fn alone() -> Vec<Effect> {
     let none = Phenomena::default();
     let effect = |name, id, phenomena| Effect { name, id, phenomena };
@@ -77,7 +79,7 @@ pub(super) fn alone() -> Vec<Effect> {
     ]
 }
 
-/// Returns all phenomena together, without a hand.
+/// Returns all phenomena of a real rig together, without a hand on the sphere.
 pub(super) fn together() -> Phenomena {
     Phenomena {
         joint_friction: Some(JointFriction::default()),
@@ -94,7 +96,8 @@ pub(super) fn together() -> Phenomena {
     }
 }
 
-/// Applies `work` to every item on two threads. Returns the results in the order of the items.
+/// Applies `work` to every item, on two threads to save time. Returns the results in the order of
+/// the items.
 pub(super) fn by_two<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let all = || {

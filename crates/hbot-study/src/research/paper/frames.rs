@@ -57,7 +57,8 @@ fn random_device(rng: &mut Rng, wheels: usize) -> Device {
     }
 }
 
-/// Compares G and the contact frames of the core with rotation matrices and rigid-body velocities.
+/// Compares the core's matrix G and contact frames with ones derived from rotation matrices and
+/// rigid-body velocities, on random devices.
 fn general(context: &Context, report: &mut Report) {
     report.say(
         "The kinematics are those of any number of wheels. On devices at random (2 to 8 wheels, axes anywhere, cone 0.1 to 1.5 rad, toe up to 0.6 rad) and random postures and \
@@ -103,8 +104,9 @@ fn general(context: &Context, report: &mut Report) {
     report.table(&table);
 }
 
-/// Returns the differences for one device and posture: frames, joint rates, rate of the frame, the
-/// sphere's rate, slip.
+/// Returns how far the core differs from the independent derivation, for one device and posture.
+/// The five differences are of the contact frames, the joint rates, the rate of the frames, the
+/// sphere's rate, and the slip.
 fn one(device: &Device, th: &[f64], omega: Vec3) -> [f64; 5] {
     let posture = Posture::new(device, th);
     let found = posture.inverse(omega);
@@ -136,8 +138,8 @@ fn one(device: &Device, th: &[f64], omega: Vec3) -> [f64; 5] {
     worst
 }
 
-/// Checks for a constant rate that equations 12 and 13 use the rate in N and not the rate in body
-/// axes.
+/// Checks that equations 12 and 13 of the paper use the angular velocity in frame N, not the one in
+/// body axes. The check uses a constant rate.
 fn propagation(report: &mut Report) {
     let start = rotation::exp(Vec3::new(0.5, -0.8, 0.3));
     let omega = Vec3::new(1.1, 0.4, -0.7);
@@ -174,7 +176,8 @@ fn propagation(report: &mut Report) {
     );
 }
 
-/// Shows that equation 1 taken literally puts both wheels of the prototype at one place.
+/// Shows that equation 1 of the paper, taken literally, puts the contacts of both wheels of the
+/// prototype at one point.
 fn literal(report: &mut Report, comparison: &mut Comparison) {
     type First = fn(Vec3) -> Mat3;
     let device = RigConfig::prototype().rig.device;
@@ -275,7 +278,7 @@ fn sketch(device: &Device) -> Sketch {
     sketch
 }
 
-/// Draws a wheel of a device at its contact.
+/// Draws one wheel of a device, as a circle that touches the sphere at `contact`.
 pub(super) fn wheel_at(
     sketch: &mut Sketch,
     device: &Device,

@@ -12,8 +12,9 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Reports how the means for three motors converge to those of the finest grids, which are given.
-/// Returns the means on the finest of the paper's grids, without weights as printed.
+/// Reports how the mean indices for three motors converge on finer grids. `torus` and `so3` are the
+/// means on the finest grids. Returns the means on the finest of the paper's grids without weights,
+/// as the paper prints them.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -109,7 +110,7 @@ pub(super) fn study(
     Ok(printed)
 }
 
-/// Checks the closed form of a turn against the integrated kinematics.
+/// Checks the closed form for the steer angles after a turn against the integrated kinematics.
 pub(super) fn steps(report: &mut Report, rig: &IndexedDevice, quick: bool) {
     report.family(
         "turn_{steps}_steps_error_rad",

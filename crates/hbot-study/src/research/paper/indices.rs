@@ -12,15 +12,16 @@ use super::{grids, readings, so3, start_map};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Steer angles at which the paper's turns begin, rad. The paper names none; its rig is set up with
-/// both wheels at zero.
+/// Steer angles at which the paper's turns begin, rad. The paper gives none. We use zero, because
+/// the paper sets up its rig with both wheels at zero.
 pub(super) const START: [f64; 2] = [0.0; 2];
 /// The mean conditioning index (GCI) that the paper reports (section V.D).
 pub(super) const PAPER_GCI: f64 = 0.41;
 /// The mean relative manipulability (GMI) that the paper reports (section V.D).
 pub(super) const PAPER_GMI: f64 = 0.5;
 
-/// Indices at one posture for one choice of motors.
+/// Conditioning and manipulability of the rig at one posture, for one choice of motors, or their
+/// means.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Local {
     pub(super) spectral: f64,
@@ -29,7 +30,7 @@ pub(super) struct Local {
     pub(super) dynamic: f64,
 }
 
-/// A device with precomputed data for evaluating indices at many postures.
+/// A device with precomputed data, so that its indices can be computed quickly at many postures.
 pub(super) struct IndexedDevice {
     pub(super) device: Device,
     plant: Plant,
@@ -42,7 +43,8 @@ impl IndexedDevice {
         Self { device, plant, turns: Turns::new(&device) }
     }
 
-    /// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G, (kg m²)³.
+    /// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G at the steer angles `th`,
+    /// (kg m²)³.
     pub(super) fn inertia(&self, th: [f64; 2]) -> f64 {
         let mut state = PlantState::default();
         state.steer[..2].copy_from_slice(&th);
@@ -59,20 +61,22 @@ impl IndexedDevice {
         choices.iter().map(each).collect()
     }
 
-    /// Returns the steer angles after the paper's turn from `start` to the orientation `q`, rad.
+    /// Returns the steer angles after the rig has turned the sphere from the identity to the
+    /// orientation `q` about one axis, as in the paper, rad. `start` are the steer angles before
+    /// the turn.
     pub(super) fn arrived(&self, q: Quat, start: [f64; 2]) -> [f64; 2] {
         self.turns.to(q, start)
     }
 
-    /// Returns the mean indices over the torus, on `cells` by `cells` even cells, for each choice
-    /// of motors.
+    /// Returns the mean indices over all postures, for each choice of motors. The torus of steer
+    /// angles is divided into `cells` by `cells` equal cells.
     pub(super) fn over_torus(&self, cells: usize, choices: &[Motors]) -> Vec<Local> {
         let all = torus::over(cells, |th| self.local(th, choices));
         weighed(all.into_iter().map(|locals| (locals, 1.0)), choices.len())
     }
 
     /// Returns the weighted mean indices over orientations, for each choice of motors. Each
-    /// orientation is reached by a turn from `start`.
+    /// orientation is reached by a turn from the steer angles `start`.
     pub(super) fn over_turns(
         &self,
         samples: &[(Quat, f64)],
@@ -86,21 +90,21 @@ impl IndexedDevice {
         weighed(torus::in_two(samples.len(), part), choices.len())
     }
 
-    /// Returns the mean spectral index (GCI) of `motors` over orientations that are reached from
-    /// `start`.
+    /// Returns the mean spectral index (GCI) of `motors` over orientations that are reached by
+    /// turns from the steer angles `start`.
     pub(super) fn gci(&self, samples: &[Quat], start: [f64; 2], motors: &Motors) -> f64 {
         let each = |q: &Quat| motors.indices(&posture(&self.device, self.arrived(*q, start))).spectral;
         mean(samples.iter().map(each))
     }
 
-    /// Returns the largest dynamic manipulability over all steer angles.
+    /// Returns the largest dynamic manipulability of `motors` over all steer angles.
     pub(super) fn most_dynamic(&self, motors: &Motors) -> f64 {
         let negative = |th| -motors.determinant(&posture(&self.device, th)).abs() / self.inertia(th);
         -torus::least(48, negative).1
     }
 }
 
-/// Returns the weighted mean of the indices for each choice of motors.
+/// Returns the weighted mean of the indices, for each choice of motors.
 fn weighed(all: impl IntoIterator<Item = (Vec<Local>, f64)>, choices: usize) -> Vec<Local> {
     let mut sums = vec![Local::default(); choices];
     let mut whole = 0.0;
@@ -196,7 +200,7 @@ pub(super) fn study(
     Ok(())
 }
 
-/// Reports the local measures that are not ratios: the manipulability and the largest dynamic
+/// Reports the indices that are not ratios: the manipulability, and the largest dynamic
 /// manipulability.
 fn local(report: &mut Report, rig: &IndexedDevice, most: &[f64]) {
     report.family(
@@ -237,20 +241,21 @@ fn sci(value: f64) -> String {
     format!("{value:.2e}")
 }
 
-/// The values with which the other readings are compared.
+/// The indices in our reading of the paper, with which other readings are compared.
 pub(super) struct Known {
-    /// Means for three motors, over the torus and over SO(3).
+    /// Mean indices for three motors: over the torus of steer angles, and over all orientations.
     pub(super) three: [Local; 2],
-    /// Means for all four motors, over the torus and over SO(3).
+    /// Mean indices for all four motors: over the torus of steer angles, and over all orientations.
     pub(super) four: [Local; 2],
-    /// Means for three motors on the finest of the paper's grids, without weights.
+    /// Mean indices for three motors on the finest of the paper's grids, without weights.
     pub(super) printed: Local,
     /// Largest dynamic manipulability of four and of three motors.
     pub(super) most: [f64; 2],
 }
 
-/// Checks the expected values and explains what the paper's two figures probably are. `wheels`
-/// describes the influence of the wheel radius. `starts` is the range of the GCI over all starts.
+/// Checks that the indices have their expected values, and explains what the paper's two values
+/// probably are. `wheels` describes the influence of the wheel radius. `starts` is the range of the
+/// mean conditioning index (GCI) over all starting postures.
 fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, wheels: &str, starts: [f64; 2]) {
     // From an independent program: physics notes, section 11.
     let mut within = |what: &str, value: f64, [low, high]: [f64; 2]| {

@@ -14,39 +14,40 @@ use super::so3;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// The paper's root mean square of the orientation error e_O about n1, n2 and n3, rad.
+/// Root mean square of the orientation error e_O about n1, n2 and n3 that the paper reports, rad.
 const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
-/// Period of the loop, s.
+/// Period of the control loop, s.
 const PERIOD_S: f64 = 1.0e-3;
-/// Duration of the run in our reading of the paper, s.
+/// Duration of a run of the control loop in our reading of the paper, s.
 const TIME_S: f64 = 1.0;
-/// Gain of the run that gives the curves, 1/s. Only its product with time matters.
+/// Gain K_O of the run whose errors are plotted, 1/s. The error depends only on the product of gain
+/// and time.
 const GAIN: f64 = 14.0;
-/// A higher gain, which leaves a smaller error than the paper reports, 1/s.
+/// A higher gain K_O, with which a smaller error remains than the paper reports, 1/s.
 const BETTER: f64 = 30.0;
-/// Number of ticks between two samples.
+/// Number of ticks between two samples of the error.
 const EVERY: usize = 10;
-/// Largest allowed difference between the loop at the joints and its closed form, rad. Rates are
-/// held over a tick, so the loop is off by K_O h/4 of the change, which is 1 % of an error that
-/// starts at 0.5.
+/// Largest allowed difference between the simulated control loop and its closed form, rad. Joint
+/// rates are held constant for a tick, so the loop differs by K_O h/4 of the change, which is 1 %
+/// of an error that starts at 0.5.
 const WITHIN: f64 = 5.0e-3;
 
-/// Root mean square of the error e_O over all orientations, about each axis, at every sample in
-/// time, rad.
+/// The root mean square of the error e_O over all orientations, about each axis, in rad. There is
+/// one entry for every sample in time.
 type Course = Vec<[f64; 3]>;
 
-/// The choice between the two quaternions of a desired orientation.
+/// Which of the two quaternions of a desired orientation is given to the control loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sign {
-    /// The quaternion that eq. 23 gives. Half of them are on the far side, and the loop turns the
-    /// long way round.
+    /// The quaternion as eq. 23 gives it. In half of the cases it is the farther one, and the
+    /// control loop turns the sphere the long way round.
     Printed,
-    /// The nearer quaternion.
+    /// The quaternion that is nearer to the present orientation.
     Nearest,
 }
 
-/// Simulates the loop for one desired orientation. Returns the squared error e_O at every sample in
-/// time.
+/// Simulates the control loop for one desired orientation. Returns the squared error e_O about each
+/// axis, at each of `looks` samples in time.
 fn follow(device: &Device, gain: f64, wanted: Quat, looks: usize) -> Course {
     let (mut q, mut th) = (Quat::IDENTITY, [0.0; 2]);
     let mut posture = Posture::new(device, &th);
@@ -86,7 +87,9 @@ fn rms(device: &Device, gain: f64, sign: Sign, samples: &[Quat], looks: usize) -
     (0..looks).map(mean).collect()
 }
 
-/// Returns the RMS error about each axis by the closed form, for a `product` of gain and time.
+/// Returns the RMS error of the control loop about each axis, computed by its closed form, for a
+/// `product` of gain and time.
+///
 /// About a fixed axis the remaining angle p obeys dp/dt = -K_O sin(p/2). So tan(p/4) falls as
 /// exp(-K_O t/2), and |e_O| = sin(p/2).
 fn closed(weighted: impl Iterator<Item = (Quat, f64)>, sign: Sign, product: f64) -> [f64; 3] {
@@ -109,7 +112,8 @@ fn mean(rms: [f64; 3]) -> f64 {
     (rms.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt()
 }
 
-/// Returns the product of gain and time at which the RMS over the axes has fallen to `level`.
+/// Returns the product of gain and time at which the RMS error has fallen to `level`. `points` are
+/// pairs of product and RMS error.
 fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     for pair in points.windows(2) {
         let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
@@ -121,31 +125,36 @@ fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     f64::NAN
 }
 
-/// The results of the loop with one of the two quaternions.
+/// Results of simulating the control loop with one of the two quaternions of each desired
+/// orientation.
 struct Run {
-    /// Name of the run in tables and plots.
+    /// Name of the run as shown in tables and plots.
     name: &'static str,
-    /// Name of the run in ids.
+    /// Name of the run as used in the ids of figures.
     id: &'static str,
-    /// RMS over orientations and axes, rad, against gain times time: at that time.
+    /// RMS error at one moment, over orientations and axes, rad. Each entry is the product of gain
+    /// and time at that moment, and the error.
     end: Vec<(f64, f64)>,
-    /// RMS over orientations and axes, rad, against gain times time: over the run up to that time.
+    /// RMS error over the run up to one moment, over orientations and axes, rad. Each entry is the
+    /// product of gain and time at that moment, and the error.
     whole: Vec<(f64, f64)>,
-    /// Gain times time at which the RMS at the end equals the paper's.
+    /// Product of gain and time at which the RMS error at the end equals the paper's.
     product: f64,
-    /// Gain times time at which the RMS over the whole run equals the paper's.
+    /// Product of gain and time at which the RMS error over the whole run equals the paper's.
     whole_product: f64,
-    /// Largest difference between the loop at the joints and its closed form, rad.
+    /// Largest difference between the simulated control loop and its closed form, rad.
     off: f64,
 }
 
-/// RMS of e_O about each axis at the end of the run, rad.
+/// RMS of the error e_O that remains about each axis at the end of a run, rad.
 struct Left {
-    /// RMS with the printed quaternion, at the gain that gives the paper's mean.
+    /// RMS error with the quaternion as eq. 23 gives it, at the gain with which the mean equals the
+    /// paper's.
     ours: [f64; 3],
-    /// RMS with a higher gain and the nearer quaternion.
+    /// RMS error with a higher gain and the nearer quaternion.
     better: [f64; 3],
-    /// RMS like [`ours`](Self::ours), on the paper's grid.
+    /// RMS error under the conditions of [`ours`](Self::ours), but over the orientations of the
+    /// paper's grid.
     grid: [f64; 3],
 }
 
@@ -226,7 +235,8 @@ fn introduce(report: &mut Report, samples: usize) {
 }
 
 impl Run {
-    /// Evaluates a run. `course` is the RMS about each axis at every sample in time.
+    /// Evaluates a run of the control loop. `course` is the RMS error about each axis at every
+    /// sample in time.
     fn of(course: &Course, samples: &[Quat], sign: Sign, (name, id): (&'static str, &'static str)) -> Self {
         let target = mean(PAPER);
         let at = |k: usize| GAIN * PERIOD_S * (k * EVERY) as f64;
@@ -251,7 +261,7 @@ impl Run {
     }
 }
 
-/// Adds figures, a table and text about the runs to the report.
+/// Adds figures, a table and text about the runs of the control loop to the report.
 fn tell(report: &mut Report, runs: &[Run], left: &Left) {
     let Left { ours, better, grid } = left;
     let mut table = vec![row(["quaternion given", "RMS at the end: K_O t", "RMS over the whole run: K_O t"])];

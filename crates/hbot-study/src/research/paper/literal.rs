@@ -12,7 +12,8 @@ pub(super) fn about(axis: Vec3, angle: f64) -> Mat3 {
     Mat3::from_cols(columns[0], columns[1], columns[2])
 }
 
-/// Returns A0, the smallest rotation that takes n3 to `l`. If this is a half turn, its axis is n1.
+/// Returns A0, the smallest rotation that takes the axis n3 to `l`. If this is a half turn, its
+/// axis is n1.
 pub(super) fn least_rotation(l: Vec3) -> Mat3 {
     let axis = Vec3::Z.cross(l);
     let sine = axis.length();
@@ -22,14 +23,16 @@ pub(super) fn least_rotation(l: Vec3) -> Mat3 {
     about(axis / sine, libm::atan2(sine, l.z))
 }
 
-/// Returns the contact frame C: the rotation about l by th, times `first`, Rx(cone) and Rz(toe).
-/// Equation 1 taken literally has the identity for `first`; this project uses A0.
+/// Returns the contact frame C of a wheel: the rotation about l by th, times `first`, Rx(cone) and
+/// Rz(toe). In equation 1 of the paper, taken literally, `first` is the identity; this project uses
+/// A0.
 pub(super) fn frame(spec: &WheelSpec, first: Mat3, th: f64) -> Mat3 {
     about(spec.axis, th) * first * about(Vec3::X, spec.cone) * about(Vec3::Z, spec.toe)
 }
 
-/// Returns the joint rates (steer, drive) for the sphere's rate `omega`, from equations 4 to 7: the
-/// velocities of the contact on the wheel and on the sphere are equal along c1 and c2.
+/// Returns the joint rates (steer, drive) of a wheel while the sphere turns at `omega`, from
+/// equations 4 to 7 of the paper: the velocities of the contact on the wheel and on the sphere are
+/// equal along c1 and c2.
 pub(super) fn rates(device: &Device, wheel: &Wheel, c: Mat3, omega: Vec3) -> [f64; 2] {
     let (big, small) = (device.sphere_radius(), wheel.spec().radius);
     let [c1, c2, c3] = [c.x_axis, c.y_axis, c.z_axis];
@@ -48,7 +51,8 @@ pub(super) fn rates(device: &Device, wheel: &Wheel, c: Mat3, omega: Vec3) -> [f6
     [(u * d - b * v) / det, (a * v - u * c) / det]
 }
 
-/// Returns the rows of G for a device with two wheels whose frames follow equation 1 literally.
+/// Returns the rows of the matrix G for a device with two wheels whose contact frames follow
+/// equation 1 of the paper literally.
 pub(super) fn rows(device: &Device, th: [f64; 2]) -> [Vec3; 4] {
     core::array::from_fn(|k| {
         let wheel = &device.wheels()[k / 2];

@@ -12,11 +12,12 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Designs closer than this to the border of the condition are left out, rad. A scan of the torus
-/// cannot decide them.
+/// Smallest distance of a tested design from the border of the nested-circles condition, rad.
+/// Closer to the border, a scan of the steer angles cannot decide whether the design is singular.
 const BORDER: f64 = 0.03;
 
-/// Two wheels without toe: their cone angles, and the angle between their steering axes, rad.
+/// A design with two wheels without toe: their cone angles, and the angle between their steering
+/// axes, rad.
 #[derive(Debug, Clone, Copy)]
 struct Design {
     cones: [f64; 2],
@@ -24,8 +25,8 @@ struct Design {
 }
 
 impl Design {
-    /// Returns the margin of the condition for one drive (wheel 1) and two steers, rad: a_2 - a_1 -
-    /// min(g, pi - g). The condition holds if it is positive.
+    /// Returns the margin of the nested-circles condition for one drive (wheel 1) and two steers,
+    /// rad: a_2 - a_1 - min(g, pi - g). The condition holds if the margin is positive.
     fn nested(&self) -> f64 {
         self.cones[1] - self.cones[0] - self.between.min(PI - self.between)
     }
@@ -44,8 +45,9 @@ impl Design {
         [wheel(Vec3::Z, self.cones[0]), wheel(Vec3::new(sin, 0.0, cos), self.cones[1])]
     }
 
-    /// Returns whether the product of c3 of wheel 1 and `column` of wheel 2 (0 for c1, 1 for c2)
-    /// changes its sign anywhere on a fine torus.
+    /// Returns whether the scalar product of c3 of wheel 1 and an axis of wheel 2 changes its sign
+    /// anywhere over all steer angles. `column` chooses the axis: 0 for c1, 1 for c2. A change of
+    /// sign means that the design has a singularity.
     fn changes_sign(&self, column: usize, cells: usize) -> bool {
         let frames = self.specs().map(|spec| {
             let first = least_rotation(spec.axis);

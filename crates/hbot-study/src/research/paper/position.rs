@@ -15,14 +15,14 @@ use serde_json::json;
 use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
-/// Corner frequency of the integral part of the rate loops, relative to that of their proportional
-/// part.
+/// Corner frequency of the integral part of a rate loop, relative to that of its proportional part.
 const INTEGRAL: f64 = 0.2;
-/// Time in which the swing rises to its amplitude, s.
+/// Time in which the sine at the input rises to its full amplitude, s.
 const FADE_S: f64 = 0.5;
-/// Least number of ticks in which the response settles, and in which it is then observed: 1 s each.
+/// Smallest number of ticks for which the response settles, and for which it is then observed: 1 s
+/// each.
 const LEAST: u32 = 1000;
-/// A gain of -3 dB.
+/// A gain of -3 dB, at which the bandwidth is read.
 const DOWN: f64 = core::f64::consts::FRAC_1_SQRT_2;
 /// Longest period in the search for a bandwidth, ticks.
 const LONGEST: f64 = 2000.0;
@@ -31,7 +31,8 @@ const SHORTEST: f64 = 20.0;
 /// Ratio of two successive periods in the search for a bandwidth.
 const RATIO: f64 = 1.15;
 
-/// Motors with a lag and a limited rate that otherwise make the full torque and do not heat up.
+/// Parameters of motors with a lag and a limited rate, which otherwise give the full torque and do
+/// not heat up.
 pub(super) const MOTOR: Motor = Motor {
     torque_scale: 1.0,
     lag_s: 5.0e-4,
@@ -40,35 +41,35 @@ pub(super) const MOTOR: Motor = Motor {
     thermal_time_s: 1.0e5,
 };
 
-/// A position loop and the sine that it follows.
+/// The settings of one experiment: a position loop, and the sine that it follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Setting {
-    /// Gain K_O, 1/s.
+    /// Gain K_O of the position loop, 1/s.
     pub(super) gain: f64,
-    /// Corner frequency of the rate loops of the drives, for a turn about `axis`, Hz.
+    /// Corner frequency of the drives' rate loops for a turn of the sphere about `axis`, Hz.
     pub(super) inner_hz: f64,
-    /// Amplitude of the sine, rad.
+    /// Amplitude of the desired sine, rad.
     pub(super) amplitude: f64,
-    /// Axis of the sine, a unit vector in N.
+    /// Axis about which the sphere follows the sine, a unit vector in frame N.
     pub(super) axis: Vec3,
-    /// Whether joints and cage have friction.
+    /// Whether the joints and the cage have friction.
     pub(super) friction: bool,
 }
 
-/// Returns the apparent inertia about `axis` with both steer angles at zero, kg m².
+/// Returns the sphere's apparent inertia about `axis` with both steer angles at zero, kg m².
 pub(super) fn inertia(device: &Device, axis: Vec3) -> f64 {
     let plant = Plant::new(device).unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
     axis.dot(plant.apparent_inertia(&PlantState::default()) * axis)
 }
 
-/// A running position loop.
+/// A position loop that runs with the simulated rig in virtual time.
 struct Loop {
     run: Whole,
     setting: Setting,
     arms: [ContactArms; 2],
-    /// Gains of the rate loops, N m s/rad.
+    /// Proportional gain of each joint's rate loop, N m s/rad.
     gains: [f64; MAX_JOINTS],
-    /// Gain of the integral part, 1/s.
+    /// Gain of the integral part of the rate loops, 1/s.
     integral_gain: f64,
     integral: [f64; MAX_JOINTS],
 }
@@ -104,8 +105,8 @@ impl Loop {
         }
     }
 
-    /// Runs one tick: passes zd = G K_O e_O to the rate loops, whose torques stay within the rig's
-    /// limits.
+    /// Runs one tick. The position loop asks for the joint rates zd = G K_O e_O, and the rate loops
+    /// turn these into joint torques within the rig's limits.
     fn step(&mut self, wanted: Quat) {
         let Self { run, setting, arms, gains, integral_gain, integral } = self;
         let rig = *run.controller().rig();
@@ -142,7 +143,9 @@ impl Loop {
 }
 
 /// Returns gain and phase (rad) of the sphere's turn relative to the desired turn, in steady state.
-/// The input is a sine with a period of `ticks` ticks. One bin of the Fourier series is evaluated.
+///
+/// The desired turn is a sine with a period of `ticks` ticks. The sphere's turn is evaluated at
+/// this frequency by one bin of a Fourier series.
 pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
     let mut run = Loop::new(setting);
     let settle = LEAST.div_ceil(ticks).max(3) * ticks;
@@ -164,10 +167,11 @@ pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
     [libm::hypot(re, im) * scale, libm::atan2(im, re)]
 }
 
-/// Returns the frequency at which the response has fallen to -3 dB, Hz. It is interpolated between
-/// the first two frequencies of a scan that enclose it.
+/// Returns the frequency at which the gain has fallen to -3 dB, Hz. It is interpolated between the
+/// first two frequencies of a scan that enclose it.
 ///
 /// # Errors
+///
 /// Fails if the study was asked to stop.
 pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Interrupted> {
     let mut period = LONGEST;
@@ -185,10 +189,11 @@ pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Inte
     Ok(f64::NAN)
 }
 
-/// Returns gain and phase (rad) of the linear loop. The rate loops F act on the inertia, with the
-/// lag of the motors, half a period for holding and one period from reading to torque. The position
-/// loop around them is H = P V / (s + P V z), with P = K_O / 2, V = F / (1 + F z) and the delay z
-/// of one period.
+/// Returns gain and phase (rad) of the position loop in a linear model.
+///
+/// The rate loops F act on the inertia, with the lag of the motors, half a period for holding and
+/// one period from reading to torque. The position loop around them is H = P V / (s + P V z), with
+/// P = K_O / 2, V = F / (1 + F z) and the delay z of one period.
 pub(super) fn linear_response(setting: &Setting, hertz: f64) -> [f64; 2] {
     let (s, h) = (Complex { re: 0.0, im: TAU * hertz }, 1.0e-3);
     let corner = TAU * setting.inner_hz;
@@ -205,7 +210,7 @@ pub(super) fn linear_response(setting: &Setting, hertz: f64) -> [f64; 2] {
     [libm::hypot(response.re, response.im), libm::atan2(response.im, response.re)]
 }
 
-/// Returns the bandwidth of the linear loop, Hz.
+/// Returns the frequency at which the gain of the linear model has fallen to -3 dB, Hz.
 pub(super) fn linear_bandwidth(setting: &Setting) -> f64 {
     let mut before = [0.0, 1.0];
     for k in 0..2000 {
@@ -219,7 +224,7 @@ pub(super) fn linear_bandwidth(setting: &Setting) -> f64 {
     f64::NAN
 }
 
-/// Returns the gain at which the linear loop has a bandwidth of `hertz`, 1/s.
+/// Returns the gain K_O at which the linear model has a bandwidth of `hertz`, 1/s.
 pub(super) fn gain_for(setting: &Setting, hertz: f64) -> f64 {
     let (mut low, mut high) = (1.0, 500.0);
     for _ in 0..40 {
@@ -229,8 +234,8 @@ pub(super) fn gain_for(setting: &Setting, hertz: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Returns the frequency at which a straight line through two points of a Bode plot (Hz and gain)
-/// is at -3 dB, Hz.
+/// Returns the frequency at which a straight line through two points of a Bode plot crosses -3 dB,
+/// Hz. Each point is a frequency (Hz) and a gain.
 fn between([f0, g0]: [f64; 2], [f1, g1]: [f64; 2]) -> f64 {
     let part = (g0 / DOWN).ln() / (g0 / g1).ln();
     (f0.ln() * (1.0 - part) + f1.ln() * part).exp()

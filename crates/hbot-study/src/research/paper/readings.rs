@@ -12,10 +12,10 @@ use super::{literal, so3};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Wheel radii that are compared, um.
+/// Wheel radii for which the indices are compared, in micrometres.
 const RADII: [u32; 7] = [10_000, 12_000, 14_000, 15_500, 17_000, 20_000, 25_000];
 
-/// Returns the prototype with its wheels changed by `change`.
+/// Returns the prototype's device with `change` applied to each wheel.
 fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     let device = RigConfig::prototype().rig.device;
     let specs: Vec<WheelSpec> = device.wheels().iter().map(|wheel| change(*wheel.spec())).collect();
@@ -23,8 +23,8 @@ fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     made.unwrap_or_else(|error| unreachable!("radius and inertia make nothing singular: {error}"))
 }
 
-/// Reports how much the GCI depends on the wheel radius, which the paper does not give. Returns a
-/// sentence about it for the report.
+/// Reports how much the mean conditioning index (GCI) depends on the wheel radius, which the paper
+/// does not give. Returns a sentence about this for the report.
 pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
     context.part("indices against the wheel radius")?;
     report.family(
@@ -82,7 +82,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
     ))
 }
 
-/// Reports the indices for other readings of equations 1 and 17 to 22.
+/// Reports the indices if equations 1 and 17 to 22 of the paper are read in other ways.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -164,7 +164,7 @@ pub(super) fn study(
     Ok(())
 }
 
-/// Returns det(I_s I + Gᵀ J_q G) for any rows of G, (kg m²)³.
+/// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G for any rows of G, (kg m²)³.
 fn inertia_of(device: &Device, rows: &[Vec3; 4]) -> f64 {
     let mut inertia = Mat3::from_diagonal(Vec3::splat(device.sphere_inertia()));
     for (k, g) in rows.iter().enumerate() {

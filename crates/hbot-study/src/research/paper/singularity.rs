@@ -16,9 +16,9 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Number of cells along each side of a map.
+/// Number of cells along each side of a map over the two steer angles.
 const CELLS: usize = 60;
-/// Spectral indices below which a posture counts as nearly singular, per cent.
+/// Spectral indices below which a posture counts as nearly singular, in per cent.
 const BELOW: [u32; 3] = [5, 10, 20];
 
 pub(super) fn study(
@@ -55,7 +55,7 @@ pub(super) fn study(
     nested::study(context, report)
 }
 
-/// Reports the margins over the torus as figures and maps.
+/// Reports the interior and the actuation margin over all steer angles, as figures and maps.
 fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     let interior = torus::least(CELLS, |th| interior_margin(&posture(device, th)));
     let closed = interior_margin_over_all(device);
@@ -156,8 +156,8 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     );
 }
 
-/// Returns the zeros of a function of the steer angles as short lines, deg (marching squares with
-/// linear interpolation in a cell).
+/// Returns the zeros of a function of the two steer angles as short lines, in degrees, to draw them
+/// in a map. It uses marching squares with linear interpolation in each cell.
 fn zeros(value: impl Fn([f64; 2]) -> f64) -> Vec<[(f64, f64); 2]> {
     let at = |k: usize| core::f64::consts::TAU * k as f64 / CELLS as f64;
     let values: Vec<f64> =
@@ -182,8 +182,8 @@ fn zeros(value: impl Fn([f64; 2]) -> f64) -> Vec<[(f64, f64); 2]> {
     lines
 }
 
-/// Compares the analytic conditions with numerical ranks, for random designs with toe in random
-/// postures.
+/// Compares the analytic conditions for singularities with numerical ones, for random designs with
+/// toe in random postures.
 fn conditions(context: &Context, report: &mut Report) {
     let mut rng = Rng(33);
     let mut worst = [0.0_f64; 2];
@@ -229,7 +229,8 @@ fn conditions(context: &Context, report: &mut Report) {
     );
 }
 
-/// Draws singular configurations as in the paper's figures 2 and 3, and one of three motors.
+/// Draws singular configurations: those of the paper's figures 2 and 3, and one that arises with
+/// three motors.
 fn draw(report: &mut Report, device: &Device) {
     let view = |title: &str| Sketch::new(title, -78.0, -20.0);
     let (left, right) = (Vec3::new(-1.0, 0.0, -1.0).normalize(), Vec3::new(1.0, 0.0, -1.0).normalize());

@@ -10,20 +10,22 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use hbot_core::{Quat, rotation};
 
-/// Number of points on the circle above each point of the sphere, at level 0. It doubles with each
-/// level.
+/// Number of angles psi for each point (theta, phi) of the sphere, in Hopf coordinates at level 0.
+/// It doubles with each level.
 const CIRCLE: u64 = 6;
 
-/// Returns the number of orientations of [`uniform`] at `level`: 72, 576, 4608, 36864, 294912, ...
+/// Returns the number of orientations that [`uniform`] gives at `level`: 72, 576, 4608, 36864,
+/// 294912, ...
 pub(crate) const fn count(level: u8) -> usize {
     72 << (3 * level)
 }
 
-/// Returns orientations spread evenly over SO(3), with equal weights and always in one order.
+/// Returns orientations that are spread evenly over SO(3), with equal weights and always in the
+/// same order.
 ///
 /// A higher `level` gives more of them; 0 to 5 is practical. There are [`count`] of them, with a
-/// distance of about 1.05 rad / 2^level along the circle. Each rotation occurs once, as a
-/// quaternion of either sign.
+/// distance of about 1.05 rad / 2^level in psi. Each rotation occurs once, as a quaternion of
+/// either sign.
 pub(crate) fn uniform(level: u8) -> impl Iterator<Item = Quat> {
     let pixels = 12_u64 << (2 * level);
     let steps = CIRCLE << level;
@@ -36,8 +38,9 @@ pub(crate) fn uniform(level: u8) -> impl Iterator<Item = Quat> {
     })
 }
 
-/// Returns the paper's grid: equal steps of pi/`steps` of each Hopf coordinate, with both ends of
-/// theta. Each orientation comes with the weight sin theta, which the paper omits.
+/// Returns the orientations of the paper's grid: equal steps of pi/`steps` of each Hopf coordinate,
+/// with both ends of theta. Each orientation comes with the weight sin theta, which the paper
+/// omits.
 pub(crate) fn equal_steps(steps: u32) -> impl Iterator<Item = (Quat, f64)> {
     let h = PI / f64::from(steps);
     (0..=steps).flat_map(move |i| {
@@ -57,9 +60,9 @@ mod tests {
     use super::*;
     use hbot_core::Vec3;
 
-    /// Returns the means of the squares and of the fourth powers of the projections of all
-    /// orientations on some quaternions. Over SO(3) they are 1/4 and 1/8: the moments of a
-    /// coordinate on the sphere in four dimensions.
+    /// Returns, for some fixed quaternions, the mean square and the mean fourth power of the
+    /// projections of all orientations onto them. If the orientations are even over SO(3), these
+    /// are 1/4 and 1/8: the moments of a coordinate on the sphere in four dimensions.
     fn moments(weighted: impl Iterator<Item = (Quat, f64)>) -> Vec<[f64; 2]> {
         let weighted: Vec<(Quat, f64)> = weighted.collect();
         let looks =

@@ -10,20 +10,20 @@ use serde_json::json;
 use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
-/// Number of loads to either side.
+/// Number of equal steps in which the load rises to its largest value, in each direction.
 pub(super) const STEPS: i32 = 4;
-/// Damping of the springs, N m s/rad. It has no effect at rest.
+/// Damping of the rendered springs, N m s/rad. It has no effect on the deflection at rest.
 pub(super) const DAMPING: f64 = 0.2;
-/// Time until the motors are active, s.
+/// Time that the loop runs before the first load, until the motors are active, s.
 const START_S: f64 = 0.7;
-/// Time in which a load rises to its value, s.
+/// Time in which a load rises to its full value, s.
 pub(super) const LOAD_S: f64 = 0.2;
-/// Time for which the sphere settles after that, s.
+/// Time for which the sphere settles under the full load, s.
 pub(super) const REST_S: f64 = 0.4;
-/// Time over which the deflection is averaged, s.
+/// Time over which the deflection is averaged after settling, s.
 pub(super) const LOOK_S: f64 = 0.1;
 
-/// Options of a measurement: the axis, the spring, and the simulated rig.
+/// Settings of a stiffness measurement: the axis, the rendered spring, and the simulated rig.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting {
     pub(super) axis: Vec3,
@@ -31,26 +31,26 @@ pub(super) struct Setting {
     pub(super) asked: f64,
     pub(super) law: &'static str,
     pub(super) phenomena: Phenomena,
-    /// Largest load, N m.
+    /// Largest load on the sphere, N m.
     pub(super) most: f64,
-    /// Whether torque is limited as on the rig.
+    /// Whether the torque limits of the rig apply.
     pub(super) limited: bool,
 }
 
-/// Deflection (rad) and load (N m) of every reading, and whether the motors stayed active to the
-/// end.
+/// The readings of one stiffness measurement: pairs of deflection (rad) and load (N m), and whether
+/// the motors stayed active to the end.
 pub(super) struct Measured {
     pub(super) asked: f64,
     pub(super) points: Vec<(f64, f64)>,
     pub(super) active: bool,
 }
 
-/// The least-squares line through the readings: torque over deflection.
+/// The least-squares line through the readings of load over deflection.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
-    /// Slope, N m/rad.
+    /// Slope of the line, which is the measured stiffness, N m/rad.
     pub(super) slope: f64,
-    /// Torque at zero deflection, N m.
+    /// Load at zero deflection on the line, N m.
     pub(super) offset: f64,
     pub(super) r2: f64,
 }
@@ -67,16 +67,17 @@ impl Measured {
         Fit { slope, offset: y - slope * x, r2: xy * xy / (xx * yy) }
     }
 
-    /// Returns the deviation of the fitted slope from the commanded stiffness, %.
+    /// Returns the deviation of the measured stiffness from the commanded one, in per cent.
     pub(super) fn error(&self) -> f64 {
         100.0 * (self.fit().slope / self.asked - 1.0)
     }
 }
 
-/// Measures the deflection under successive loads: up to the largest and back to zero, then
-/// likewise to the other side.
+/// Measures the deflection of a rendered spring under successive loads: up to the largest and back
+/// to zero, then likewise in the other direction.
 ///
 /// # Errors
+///
 /// Fails if the study was asked to stop.
 pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, Interrupted> {
     let Setting { axis, asked, .. } = *setting;

@@ -9,8 +9,9 @@ use super::torus::{self, THREE, mean};
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// Reports the GCI for all starts. `start` and `ours` are the start used elsewhere and the GCI from
-/// there. Returns the smallest and the largest GCI of all starts.
+/// Reports how the mean conditioning index (GCI) depends on the steer angles at which the turns
+/// begin. `start` and `ours` are the steer angles used elsewhere and the GCI from there. Returns
+/// the smallest and the largest GCI over all starting postures.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,

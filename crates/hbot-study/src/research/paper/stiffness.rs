@@ -11,8 +11,8 @@ use super::springs::{DAMPING, LOAD_S, LOOK_S, Measured, REST_S, STEPS, Setting, 
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// A row of table III: its id here, the axis, the commanded and the measured stiffness (N m/rad),
-/// and R².
+/// A row of the paper's table III: an id, the axis, the commanded and the measured stiffness (N
+/// m/rad), and R² of the fitted line.
 struct Row {
     id: &'static str,
     axis: Vec3,
@@ -33,30 +33,32 @@ const ROWS: [Row; 4] = [
 ];
 
 const LAWS: [&str; 2] = ["geodesic", "quaternion"];
-/// Largest load, N m. It is below the rig's limit of 0.9 N m and the 0.94 N m that its contacts
-/// hold.
+/// Largest load on the sphere, N m. It is below the rig's limit of 0.9 N m and the 0.94 N m that
+/// its contacts hold.
 const MOST: f64 = 0.8;
-/// Largest loads for which the quality of the fit is compared, N m.
+/// Largest loads for which the quality of the fitted line is compared, N m.
 const RANGES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
-/// Peak torque of the motors about n1 by the paper, N m. Loads up to there show the behaviour of
-/// the quaternion law.
+/// Peak torque of the motors about n1 according to the paper, N m. Loads up to this torque show how
+/// the quaternion law deviates from a straight line.
 const PEAK: f64 = 1.4;
-/// Id of the effect that explains table III.
+/// Id of the effect that explains the errors in table III: a torque constant that is 5 % low.
 const SCALE: &str = "torque_scale";
-/// Largest allowed error of the ideal rig, %.
+/// Largest allowed error of the stiffness on the ideal rig, in per cent.
 const IDEAL_WITHIN: f64 = 0.1;
-/// Largest allowed deviation from 5 % for a wrong torque constant alone, %.
+/// Largest allowed difference between 5 % and the error that a wrong torque constant alone causes,
+/// in per cent.
 const SCALE_WITHIN: f64 = 0.1;
-/// Largest allowed error with all effects, %.
+/// Largest allowed error of the stiffness with all effects of a real rig, in per cent.
 const REAL_WITHIN: f64 = 6.0;
-/// Lowest allowed R² with all effects.
+/// Smallest allowed R² of the fitted line with all effects of a real rig.
 const REAL_R2: f64 = 0.97;
-/// Largest allowed difference between the error with all effects and the sum of the single errors,
-/// %. It is a fifth of the total, because stuck joints and losses in gears do not quite add up.
+/// Largest allowed difference between the error with all effects and the sum of the errors with one
+/// effect each, in per cent. It is a fifth of the total, because friction and losses in gears do
+/// not quite add up.
 const SUM_WITHIN: f64 = 1.0;
 
-/// Returns all phenomena except the heating of the motors. The prototype's motors cannot bear such
-/// a series of loads for long.
+/// Returns all phenomena of a real rig except the heating of the motors. Heated motors could not
+/// bear such a series of loads for long.
 fn cold() -> Phenomena {
     let all = together();
     Phenomena { motor: all.motor.map(|motor| Motor { thermal_time_s: 1.0e5, ..motor }), ..all }
@@ -65,18 +67,21 @@ fn cold() -> Phenomena {
 /// All stiffness measurements of the study.
 struct Found {
     effects: Vec<Effect>,
-    /// The largest loads for which the fit is compared, N m.
+    /// Largest loads for which the fitted line is compared, N m.
     tried: &'static [f64],
-    /// For each row of table III: stiffness with each law, on the ideal rig and with all effects.
+    /// For each row of the paper's table III: measurements with each spring law, on the ideal rig
+    /// and with all effects.
     table: Vec<Measured>,
-    /// For each effect alone: stiffness in each row of table III with the geodesic law.
+    /// For each effect alone: measurements of each row of the paper's table III, with the geodesic
+    /// spring law.
     singles: Vec<Measured>,
-    /// Stiffness with each law on the ideal rig, with loads up to the motors' peak.
+    /// Measurements with each spring law on the ideal rig, with loads up to the motors' peak
+    /// torque.
     peaks: Vec<Measured>,
-    /// Stiffness in each row of table III with the quaternion law and a torque constant that is 5 %
-    /// low.
+    /// Measurements of each row of the paper's table III, with the quaternion spring law and a
+    /// torque constant that is 5 % low.
     weak: Vec<Measured>,
-    /// For each largest load: stiffness in each row of table III with all effects.
+    /// For each largest load: measurements of each row of the paper's table III, with all effects.
     ranges: Vec<Measured>,
 }
 
@@ -163,8 +168,8 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
     Ok(Found { effects, tried, table, singles, peaks, weak, ranges })
 }
 
-/// Adds the checks of table III itself. `scale` is the largest deviation from 5 % for the torque
-/// constant alone, %.
+/// Adds the checks of the values in the paper's table III to the report. `scale` is the largest
+/// difference between 5 % and the error that the torque constant alone causes, in per cent.
 fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     let r2 = worst.r2;
     let active = found.table.iter().filter(|measured| measured.active).count();
@@ -190,9 +195,11 @@ fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     );
 }
 
-/// Adds the checks of the causes of the paper's errors. The pair holds the errors of the two laws
-/// at the motors' peak. `soft` are the errors of the rows with the quaternion law and a torque
-/// constant 5 % low. All are in %.
+/// Adds the checks of the causes of the paper's errors to the report. All errors are in per cent.
+///
+/// `geodesic` and `quaternion` are the errors of the two spring laws with loads up to the motors'
+/// peak torque. `soft` holds the error in each row of the paper's table III, with the quaternion
+/// law and a torque constant that is 5 % low.
 fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64; 2], soft: &[f64]) {
     let apart = ROWS.len();
     let unexplained = (0..apart).map(|k| {
@@ -218,18 +225,19 @@ fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64
     );
 }
 
-/// The worst values among the rows of table III.
+/// The worst errors of the stiffness and the worst R² among the rows of the paper's table III.
 struct Worst {
-    /// Error of the geodesic law on the ideal rig, %.
+    /// Largest error of the geodesic spring law on the ideal rig, in per cent.
     ideal: f64,
-    /// Lowest error with all effects and either law, %.
+    /// Smallest (most negative) error with all effects and either spring law, in per cent.
     softest: f64,
-    /// Highest error with all effects and either law, %.
+    /// Largest error with all effects and either spring law, in per cent.
     stiffest: f64,
     r2: f64,
 }
 
-/// Reports the rows of table III.
+/// Reports the measurements for each row of the paper's table III. Returns the worst errors among
+/// them.
 fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) -> Worst {
     let mut table = vec![row([
         "axis, asked, N m/rad",
@@ -281,8 +289,8 @@ fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) ->
     worst
 }
 
-/// Reports the table of single effects. Returns the largest deviation from 5 % for the torque
-/// constant alone, %.
+/// Reports the errors of the stiffness with each effect alone. Returns the largest difference
+/// between 5 % and the error that the torque constant alone causes, in per cent.
 fn by_effect(report: &mut Report, effects: &[Effect], found: &[Measured]) -> f64 {
     let heads = ROWS.iter().map(|of| format!("{}: error, % (R²)", of.id.replace('_', ", ")));
     let mut table = vec![row(["one effect alone, geodesic law".to_owned()].into_iter().chain(heads))];
@@ -345,7 +353,7 @@ fn by_range(report: &mut Report, tried: &[f64], found: &[Measured]) {
     report.say("With small loads play and friction are a larger part of the deflection: the fit is worse, and play makes springs softer.");
 }
 
-/// Plots torque over deflection, as in the paper's fig. 8.
+/// Plots load over deflection, as the paper's fig. 8 does.
 fn figure(report: &mut Report, found: &[Measured]) {
     for (rig, at, what) in [("ideal", 0, "the ideal rig"), ("real", 1, "all effects of a real device")] {
         let mut series = Vec::new();

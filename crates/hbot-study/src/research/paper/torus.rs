@@ -7,23 +7,23 @@ use hbot_core::kinematics::Posture;
 use hbot_core::singularity::Indices;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
-/// A choice of the prototype's joints that have motors, in the order steer 1, drive 1, steer 2,
+/// A choice of which of the prototype's joints have motors, in the order steer 1, drive 1, steer 2,
 /// drive 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Motors {
-    /// Name of the choice in ids.
+    /// Name of the choice as used in the ids of figures.
     pub(super) id: &'static str,
-    /// Name of the choice in tables.
+    /// Name of the choice as shown in tables.
     pub(super) name: &'static str,
     pub(super) driven: [bool; 4],
 }
 
-/// All four motors.
+/// The choice in which all four joints have motors.
 pub(super) const FOUR: Motors = Motors { id: "four_motors", name: "all four", driven: [true; 4] };
-/// The three motors for which the paper gives torques: one drive and two steers (section IV.B).
+/// The three motors for which the paper gives torques: drive 1 and both steers (section IV.B).
 pub(super) const THREE: Motors =
     Motors { id: "three_motors", name: "no drive 2 (the paper's three)", driven: [true, true, true, false] };
-/// Every choice of at least three motors.
+/// Every choice with at least three motors.
 pub(super) const CHOICES: [Motors; 5] = [
     FOUR,
     THREE,
@@ -32,18 +32,19 @@ pub(super) const CHOICES: [Motors; 5] = [
     Motors { id: "without_steer_1", name: "no steer 1", driven: [false, true, true, true] },
 ];
 
-/// Number of cells around which a search refines.
+/// Number of cells around which [`least`] refines its search.
 const STARTS: usize = 8;
-/// Number of refinements. Each reduces the width by 0.35; 0.35^20 is 1e-9.
+/// Number of refinements in [`least`]. Each reduces the width by the factor 0.35; 0.35^20 is 1e-9.
 const ZOOMS: u32 = 20;
-/// Number of points to each side in a refinement.
+/// Number of points on either side of the centre in a refinement of [`least`].
 const FINE: i32 = 7;
 
-/// The meaning of `{motors}` in ids.
+/// Explanation of the placeholder `{motors}` in the ids of figures.
 pub(super) const MOTORS: &str = "{motors}: four_motors; three_motors, the paper's steer 1, drive 1 and steer 2; without_{joint}, the other choices of three";
 
 impl Motors {
-    /// Calls `with` with the rows of G that have a motor.
+    /// Calls `with` with those rows of the matrix G whose joint has a motor, and returns its
+    /// result.
     pub(super) fn rows<T>(&self, posture: &Posture, with: impl FnOnce(&[Vec3]) -> T) -> T {
         let mut rows = [Vec3::ZERO; MAX_JOINTS];
         let mut count = 0;
@@ -54,13 +55,13 @@ impl Motors {
         with(&rows[..count])
     }
 
-    /// Returns the indices of G at a posture, for these motors alone.
+    /// Returns the conditioning indices of G at a posture, using only the joints with motors.
     pub(super) fn indices(&self, posture: &Posture) -> Indices {
         self.rows(posture, Indices::of)
     }
 
-    /// Returns det G_3 for three motors, and sqrt(det GᵀG) for more. It is the product of the
-    /// singular values, with a sign for three motors.
+    /// Returns the product of the singular values of G, using only the joints with motors. For
+    /// three motors it is det G_3, which has a sign; for more it is sqrt(det GᵀG).
     pub(super) fn determinant(&self, posture: &Posture) -> f64 {
         self.rows(posture, |rows| match rows {
             [a, b, c] => a.dot(b.cross(*c)),
@@ -78,13 +79,13 @@ impl Motors {
     }
 }
 
-/// Returns the centre of cell `k` if a turn is divided into `cells` cells, rad.
+/// Returns the centre of cell `k` if a whole turn is divided into `cells` equal cells, rad.
 pub(super) fn angle(k: usize, cells: usize) -> f64 {
     TAU * (k as f64 + 0.5) / cells as f64
 }
 
-/// Evaluates `value` at the centres of `cells` by `cells` even cells, on two threads. th_1 varies
-/// fastest.
+/// Evaluates `value` at the centres of `cells` by `cells` equal cells of the two steer angles, on
+/// two threads. In the result, th_1 varies fastest.
 pub(super) fn over<T: Send>(cells: usize, value: impl Fn([f64; 2]) -> T + Sync) -> Vec<T> {
     let rows = |from: usize, to: usize| -> Vec<T> {
         let row = |j| (0..cells).map(move |i| [angle(i, cells), angle(j, cells)]);
@@ -106,9 +107,10 @@ pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T
     })
 }
 
-/// Returns the steer angles with the smallest `value`, and this value. It searches even cells
-/// first, then ever finer ones around the best few, to 1e-9 of a cell's width. `value` can have
-/// kinks, in which a descent method would get stuck.
+/// Returns the steer angles at which `value` is smallest, and this smallest value.
+///
+/// It evaluates equal cells first, then refines around the best few to 1e-9 of a cell's width.
+/// `value` can have kinks, at which a descent method would get stuck.
 pub(super) fn least(cells: usize, value: impl Fn([f64; 2]) -> f64 + Sync) -> ([f64; 2], f64) {
     let mut all = over(cells, |th| (th, value(th)));
     all.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -140,7 +142,7 @@ pub(super) fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     sum / f64::from(count)
 }
 
-/// Returns the posture of a device with two wheels.
+/// Returns the posture of a device with two wheels at the steer angles `th`, rad.
 pub(super) fn posture(device: &Device, th: [f64; 2]) -> Posture {
     Posture::new(device, &th)
 }

@@ -16,67 +16,71 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::whole::{Whole, prototype};
 
-/// Amplitude of the chirp, rad: 35 degrees.
+/// Amplitude of the chirp, rad. It is 35 degrees.
 const AMPLITUDE: f64 = 35.0 * PI / 180.0;
-/// Time in which the chirp goes from 0 to 1 Hz, s.
+/// Time in which the frequency of the chirp rises from 0 to 1 Hz, s.
 const TIME_S: f64 = 20.0;
-/// Duration of the chirp with `--quick`, s.
+/// Duration of the chirp if the study is run with `--quick`, s.
 const QUICK_S: f64 = 8.0;
-/// Stiffness of the spring that pulls the sphere along, N m/rad.
+/// Stiffness of the spring whose reference follows the chirp, N m/rad.
 const STIFFNESS: f64 = 10.0;
-/// Damping of the spring, N m s/rad.
+/// Damping of the spring whose reference follows the chirp, N m s/rad.
 const DAMPING: f64 = 0.2;
-/// Stiffnesses that are compared with it, N m/rad. The second is the highest of the paper's table
-/// III.
+/// Stiffnesses that are compared with [`STIFFNESS`], N m/rad. The second is the highest of the
+/// paper's table III.
 const STIFFNESSES: [f64; 3] = [4.0, 6.0, 20.0];
-/// Time until the motors are active, s.
+/// Time that the loop runs before the chirp, until the motors are active, s.
 const START_S: f64 = 0.7;
-/// Slip at which a run ends with a fault, m/s. The detector takes play of the gears for a slip of
-/// 0.06 m/s, so the limit of the rig file, 0.05, would end the run.
+/// Slip at which a run ends with a fault, m/s. The play of the gears looks like a slip of 0.06 m/s,
+/// so the limit of the rig file, 0.05 m/s, would end the run.
 const SLIP_LIMIT: f64 = 0.2;
-/// Distances of the sphere's centre from O along the sphere's third axis, m.
+/// Distances of the sphere's centre from the centre O of rotation that are tried, along the
+/// sphere's third axis, m.
 const OFFSETS: [f64; 5] = [5.0e-4, 1.0e-3, 2.0e-3, 4.0e-3, 8.0e-3];
-/// Normal forces of the wheels, N.
+/// Normal forces with which the wheels are pressed on in further runs, N.
 const FORCES: [f64; 4] = [10.0, 6.0, 4.0, 3.0];
-/// Largest allowed RMS error at the joints, % of the amplitude (section VI of the paper).
+/// Largest allowed RMS error measured at the joints, in per cent of the amplitude (section VI of
+/// the paper).
 const JOINTS_WITHIN: f64 = 1.0;
-/// Largest allowed RMS error seen by the camera, % of the amplitude (section VI of the paper).
+/// Largest allowed RMS error measured by the camera, in per cent of the amplitude (section VI of
+/// the paper).
 const CAMERA_WITHIN: f64 = 8.0;
 
-/// Options of a run: the spring's stiffness (N m/rad), and the phenomena of the simulated rig.
+/// Settings of a run: the spring's stiffness (N m/rad), and the phenomena of the simulated rig.
 #[derive(Debug, Clone, Copy)]
 struct Setting {
     stiffness: f64,
     phenomena: Phenomena,
 }
 
-/// The result of following a chirp.
+/// The motion of the sphere while it follows a chirp, and its errors.
 struct Followed {
-    /// Desired turn about n1, rad.
+    /// Desired turn of the sphere about n1 at each tick, rad.
     wanted: Vec<f64>,
-    /// Turn about n1 measured by the joints, at the time of measurement, rad.
+    /// Turn of the sphere about n1 as computed from the joints, at the tick of the measurement,
+    /// rad.
     joints: Vec<f64>,
-    /// True turn about n1, as a camera would see it, rad.
+    /// True turn of the sphere about n1 at each tick, as a camera would measure it, rad.
     camera: Vec<f64>,
-    /// RMS error at the joints, % of the amplitude.
+    /// RMS error of the turn computed from the joints, in per cent of the amplitude.
     joints_rms: f64,
-    /// RMS error seen by the camera, % of the amplitude.
+    /// RMS error of the turn that a camera would measure, in per cent of the amplitude.
     camera_rms: f64,
-    /// Largest turn of the sphere about other axes, rad.
+    /// Largest turn of the sphere about axes other than n1, rad.
     aside: f64,
     /// Whether the motors stayed active to the end.
     active: bool,
 }
 
-/// Returns the angle (rad) and the rate (rad/s) of the chirp at time `t`. `time` is its duration,
-/// s.
+/// Returns the desired angle (rad) and rate (rad/s) of the chirp at time `t` (s). `time` is the
+/// duration of the chirp, s.
 fn chirp(t: f64, time: f64) -> [f64; 2] {
     let (sin, cos) = libm::sincos(PI * t * t / time);
     [AMPLITUDE * sin, AMPLITUDE * cos * TAU * t / time]
 }
 
-/// Returns the turn that a camera looking along n1 sees, rad: the angle that the tracked point has
-/// moved on its circle.
+/// Returns the turn that a camera looking along n1 would measure, rad: the angle by which a point
+/// on the sphere has moved on its circle.
 fn seen(q: Quat) -> f64 {
     let q = rotation::shortest(q);
     2.0 * libm::atan2(q.x, q.w)
@@ -126,15 +130,15 @@ fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, I
     Ok(Followed { wanted, joints, camera, joints_rms, camera_rms, aside, active })
 }
 
-/// All chirps that were followed.
+/// All runs of the chirp, with different effects, springs and faults.
 struct Runs {
     effects: Vec<Effect>,
-    /// Offsets of the sphere's centre, m.
+    /// Distances of the sphere's centre from the centre O of rotation that are tried, m.
     offsets: Vec<f64>,
-    /// Normal forces of the wheels, N.
+    /// Normal forces with which the wheels are pressed on in further runs, N.
     forces: Vec<f64>,
     /// All runs, in this order: ideal, all effects, each effect alone, other stiffnesses (each
-    /// ideal and with all effects), sphere out of centre, wheels with a low normal force.
+    /// ideal and with all effects), sphere off centre, wheels with a low normal force.
     all: Vec<Followed>,
 }
 
@@ -158,18 +162,18 @@ impl Runs {
         Ok(Self { effects, offsets, forces, all })
     }
 
-    /// Returns the ideal run and the run with all effects.
+    /// Returns the run on the ideal rig and the run with all effects.
     fn ends(&self) -> [&Followed; 2] {
         [&self.all[0], &self.all[1]]
     }
 
-    /// Returns the runs with each effect alone.
+    /// Returns each effect with the run in which it acts alone.
     fn alone(&self) -> impl Iterator<Item = (&Effect, &Followed)> {
         self.effects.iter().zip(&self.all[2..])
     }
 
-    /// Returns the runs with each stiffness (N m/rad), in ascending order. Each has an ideal run
-    /// and one with all effects.
+    /// Returns each stiffness (N m/rad) with its runs, in ascending order. Each stiffness has a run
+    /// on the ideal rig and one with all effects.
     fn stiffnesses(&self) -> Vec<(f64, &[Followed])> {
         let start = 2 + self.effects.len();
         let others = self.all[start..start + 2 * STIFFNESSES.len()].chunks(2);
@@ -179,13 +183,14 @@ impl Runs {
         pairs
     }
 
-    /// Returns the RMS error at the joints, %, with all effects and the highest stiffness of the
-    /// paper's table III.
+    /// Returns the RMS error at the joints with all effects and the highest stiffness of the
+    /// paper's table III, in per cent.
     fn stiffest(&self) -> f64 {
         self.all[2 + self.effects.len() + 3].joints_rms
     }
 
-    /// Returns the runs with the sphere out of centre, and those with a low normal force.
+    /// Returns the runs with the sphere off centre, and those with a low normal force of the
+    /// wheels.
     fn faults(&self) -> (&[Followed], &[Followed]) {
         let start = 2 + self.effects.len() + 2 * STIFFNESSES.len();
         self.all[start..].split_at(self.offsets.len())
@@ -242,7 +247,7 @@ fn introduce(report: &mut Report, time: f64) {
     );
 }
 
-/// Reports figures, table and plots for each effect alone and for all together.
+/// Reports figures, a table and plots for each effect alone and for all together.
 fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     let [plain, real] = runs.ends();
     for (name, of, paper) in [("joint", real.joints_rms, 1.0), ("camera", real.camera_rms, CAMERA_WITHIN)] {
@@ -277,7 +282,7 @@ fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     );
 }
 
-/// Explains the error of the ideal rig.
+/// Explains in the report why an error remains on the ideal rig: the sphere has inertia.
 fn inertia(report: &mut Report, stiffest: f64) {
     report.say(&format!(
         "What is left without any effect is the sphere's inertia: the spring has to be turned by J a / K to speed it up, and the paper's law would add M dw_d/dt for it. So the error at the joints tells the stiffness more than the device: \
@@ -323,7 +328,7 @@ fn compare(comparison: &mut Comparison, runs: &Runs) {
     );
 }
 
-/// Plots the chirp as in the paper's figure, and its error.
+/// Plots the chirp as the paper's figure 7 does, and its error.
 fn curves(report: &mut Report, plain: &Followed, real: &Followed, time: f64) {
     let every = 10;
     let step = time / plain.wanted.len() as f64;
@@ -384,7 +389,7 @@ fn over_stiffness(report: &mut Report, pairs: &[(f64, &[Followed])]) {
     report.table(&table);
 }
 
-/// Returns all values, or with `--quick` only the first and the last.
+/// Returns all values of `all`, or with `--quick` only the first and the last.
 fn tried(all: &[f64], quick: bool) -> Vec<f64> {
     if quick { vec![all[0], all[all.len() - 1]] } else { all.to_vec() }
 }

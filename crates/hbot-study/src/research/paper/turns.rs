@@ -16,8 +16,9 @@ use core::f64::consts::PI;
 use hbot_core::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, Quat, Vec3, rotation};
 
-/// The coefficients of dth/ds of one wheel: A + B cos(th - f), as vectors whose products with the
-/// axis of a turn give A and B.
+/// The coefficients of a wheel's steering during a turn of the sphere. The steer rate is dth/ds =
+/// A + B cos(th - f), and the scalar products of these vectors with the axis of the turn give A and
+/// B.
 #[derive(Debug, Clone, Copy)]
 struct Wheel {
     mean: Vec3,
@@ -25,14 +26,15 @@ struct Wheel {
     sin: Vec3,
 }
 
-/// The prototype's two wheels, with precomputed data for many turns.
+/// The two wheels of a device with precomputed data, so that their steer angles after many turns
+/// can be computed quickly.
 #[derive(Debug, Clone)]
 pub(super) struct Turns {
     wheels: [Wheel; 2],
 }
 
 impl Turns {
-    /// Prepares a device with two wheels.
+    /// Precomputes the data of a device with two wheels.
     pub(super) fn new(device: &Device) -> Self {
         let wheel = |k: usize| {
             let wheel = &device.wheels()[k];
@@ -44,8 +46,8 @@ impl Turns {
         Self { wheels: [wheel(0), wheel(1)] }
     }
 
-    /// Returns the steer angles after a turn of the sphere from the identity to `q`, beginning at
-    /// `start`, rad.
+    /// Returns the steer angles after the sphere has turned from the identity to `q`, rad. Before
+    /// the turn they are `start`.
     pub(super) fn to(&self, q: Quat, start: [f64; 2]) -> [f64; 2] {
         let turn = rotation::log(q);
         let angle = turn.length();
@@ -58,8 +60,8 @@ impl Turns {
 }
 
 impl Wheel {
-    /// Returns the steer angle after the sphere turns by `angle` about `axis`, beginning at `th`,
-    /// rad.
+    /// Returns the steer angle after the sphere has turned by `angle` about `axis`, rad. Before the
+    /// turn it is `th`.
     fn turned(&self, axis: Vec3, angle: f64, th: f64) -> f64 {
         let (a, c, s) = (self.mean.dot(axis), self.cos.dot(axis), self.sin.dot(axis));
         let b = libm::hypot(c, s);
@@ -77,7 +79,7 @@ impl Wheel {
     }
 }
 
-/// Returns cosh(k s) and sinh(k s)/k for k² of either sign.
+/// Returns cosh(k s) and sinh(k s)/k, where `k2` = k² can be negative.
 fn propagator(k2: f64, s: f64) -> (f64, f64) {
     let z = k2 * s * s;
     if z.abs() < 1.0e-4 {
@@ -92,8 +94,9 @@ fn propagator(k2: f64, s: f64) -> (f64, f64) {
     }
 }
 
-/// Returns the steer angles after the turn by integrating the kinematics zd = G w, in `steps` steps
-/// of the classic Runge-Kutta method of order 4.
+/// Returns the steer angles after the sphere has turned from the identity to `q`, rad. It
+/// integrates the kinematics zd = G w in `steps` steps of the classic Runge-Kutta method of order
+/// 4.
 pub(super) fn stepped(device: &Device, q: Quat, start: [f64; 2], steps: u32) -> [f64; 2] {
     let w = rotation::log(q) / f64::from(steps);
     let rate = |th: [f64; 2]| {

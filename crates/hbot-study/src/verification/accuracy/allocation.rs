@@ -15,12 +15,13 @@ use crate::rng::Rng;
 use crate::timing::{Time, Timed, in_turn};
 use crate::verification::double::stages::allocation::METHODS;
 
-/// Wanted torques, in per cent of the largest torque that the joints can make in that direction.
+/// Sizes of the wanted torques, in per cent of the largest torque that the joints can make in that
+/// direction.
 const PERCENT: [u32; 4] = [50, 100, 150, 200];
-/// Joint torque limits of the prototype's steer and drive, N m.
+/// Torque limits of the prototype's steer and drive joints, N m.
 const PEAKS: [f64; 2] = [0.93, 0.14];
 
-/// Returns a device with `wheels` of the prototype's wheels, evenly spaced on a ring 45 degrees
+/// Returns a device with `wheels` wheels like the prototype's, evenly spaced on a ring 45 degrees
 /// below the equator.
 pub(crate) fn ring(prototype: &Device, wheels: usize) -> Device {
     let spec = |k: usize| {
@@ -32,8 +33,8 @@ pub(crate) fn ring(prototype: &Device, wheels: usize) -> Device {
     device.unwrap_or_else(|error| unreachable!("an even ring of wheels is a legal design: {error}"))
 }
 
-/// A wanted torque at a posture, and the largest part of it that the joints can make, both N m in
-/// N.
+/// A wanted torque at a posture, and the largest part of it that the joints can make, both in frame
+/// N, in N m.
 struct Asked {
     th: Vec<f64>,
     wanted: Vec3,
@@ -54,17 +55,19 @@ fn asked(device: &Device, percent: u32, count: usize) -> Vec<Asked> {
         .collect()
 }
 
-/// Results of one allocation method for all wanted torques, in one floating-point width.
+/// The results of one allocation method for all wanted torques of one size, in one floating-point
+/// width.
 struct Found {
     /// Name of the method, and its index in [`METHODS`].
     method: (&'static str, usize),
     width: &'static str,
     wheels: usize,
-    /// Size of the wanted torque, in per cent of what the joints can make.
+    /// Size of the wanted torques, in per cent of what the joints can make.
     percent: u32,
-    /// Missing torque relative to the best possible one, for each posture.
+    /// Torque that the method fails to make, relative to the best possible torque, for each
+    /// posture.
     shortfalls: Vec<f64>,
-    /// Angle between the torque that was made and the wanted one, for each posture, rad.
+    /// Angle between the torque that the method made and the wanted one, for each posture, rad.
     turns: Vec<f64>,
 }
 
@@ -105,7 +108,8 @@ fn introduce(report: &mut Report) {
     );
 }
 
-/// Runs every method in both widths. Returns the results, and the code to be timed.
+/// Runs every allocation method in both floating-point widths. Returns the results, and the code to
+/// be timed.
 fn measured(context: &Context, prototype: &Device) -> Result<(Vec<Found>, Vec<Timed<'static>>), Interrupted> {
     let count = if context.quick { 32 } else { 128 };
     let (mut found, mut timed) = (Vec::new(), Vec::new());

@@ -11,10 +11,10 @@ use super::sci;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Initial error of the heading, rad. It is far above rounding. After the turn [`TURN`] it is still
-/// far below one radian.
+/// Initial error of a wheel's heading, rad. It is far above rounding, and after the sphere has
+/// turned by [`TURN`] it is still far below one radian.
 const OFF: f64 = 1.0e-7;
-/// Angle by which the sphere turns against the wheel, rad.
+/// Angle by which the sphere turns while it pushes the wheel backwards, rad.
 const TURN: f64 = 1.0;
 
 pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
@@ -50,8 +50,8 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
     Ok(())
 }
 
-/// Returns the factor by which a heading error grows while the sphere turns 1 rad against a wheel
-/// that is in line with the motion.
+/// Returns the factor by which an error of a wheel's heading grows while the sphere turns 1 rad and
+/// pushes the wheel backwards.
 fn growth(device: &Device) -> f64 {
     let th = [0.4, -0.7];
     // The sphere turns about the axle of wheel 1. In one of the two senses this pushes the wheel
@@ -69,7 +69,7 @@ fn growth(device: &Device) -> f64 {
     ends[0].max(ends[1])
 }
 
-/// Follows one motion with two integrators and reports how far they differ.
+/// Follows one motion with two integration methods, and reports how far their results differ.
 fn part_ways(report: &mut Report, device: &Device) {
     let Ok(plant) = Plant::new(device) else { unreachable!("the prototype is a plant") };
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };

@@ -9,9 +9,9 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Smallest angles between the two contacts, millidegrees.
+/// Smallest angles between the two contacts of the tested designs, in millidegrees.
 const GAPS: [u32; 5] = [30_000, 10_000, 1000, 100, 10];
-/// Cone angles, microradians.
+/// Cone angles of the tested designs, in microradians.
 const CONES: [u32; 5] = [174_500, 30_000, 10_000, 1000, 100];
 
 fn wheel(angle: f64, cone: f64) -> WheelSpec {
@@ -27,13 +27,14 @@ fn wheel(angle: f64, cone: f64) -> WheelSpec {
     }
 }
 
-/// Returns a device with two wheels whose contacts can come within `gap` (rad) of each other.
+/// Returns a nearly singular device: two wheels whose contacts can come within `gap` (rad) of each
+/// other.
 fn nearly_meeting(gap: f64) -> Device {
     let (cone, half) = (0.1745, 0.5 * gap);
     made(&[wheel(cone + half, cone), wheel(-cone - half, cone)])
 }
 
-/// Returns a device with two wheels of cone angle `cone`, rad.
+/// Returns a nearly singular device: two wheels whose cone angle is only `cone`, rad.
 fn nearly_upright(cone: f64) -> Device {
     made(&[wheel(0.785, cone), wheel(-0.785, cone)])
 }

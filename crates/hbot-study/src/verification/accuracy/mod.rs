@@ -17,12 +17,13 @@ use hbot_config::RigConfig;
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// Rates of the readings for which the drift of odometry is measured, Hz.
+/// Rates at which the joints are read when the drift of odometry is measured, Hz.
 const RATES: [u32; 5] = [500, 1000, 2000, 4000, 8000];
-/// Duration over which the drift of odometry is measured, s.
+/// Duration of the motion over which the drift of odometry is measured, s.
 const DRIFT_S: f64 = 0.6;
 
-/// Runs a block twice, with the stages in f64 and in f32. The given name stands for the stages.
+/// Runs a block of code twice: with the stages of the computation in f64, and with those in f32. In
+/// the block, the given name stands for the stages.
 macro_rules! in_both_widths {
     ($stages:ident => $body:block) => {{
         {
@@ -61,8 +62,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
-/// Returns the median of `values`. For an even number of values it is the upper of the two in the
-/// middle.
+/// Returns the median of `values`. For an even number of values it is the upper of the middle two.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]

@@ -14,25 +14,27 @@ use crate::report::{Report, row, spread};
 use crate::timing::{Time, in_turn};
 use crate::verification::double::stages::odometry::{Choice, METHODS, ORDERS, PATH_ORDERS, PATHS, track};
 
-/// Reading rate at which the errors are listed separately, Hz. It is one of [`RATES`].
+/// Reading rate at which the parts of the error are listed separately, Hz. It is one of [`RATES`].
 const PARTS_AT: u32 = 1000;
 
-/// Returns all combinations of method and path.
+/// Returns all combinations of an odometry method and a path between readings.
 fn choices() -> impl Iterator<Item = Choice> {
     (0..PATHS.len()).flat_map(|path| (0..METHODS.len()).map(move |method| Choice { method, path }))
 }
 
-/// Returns the combinations that give different results. Euler's method does not depend on the
-/// path.
+/// Returns the combinations of method and path that give different results. Euler's method does not
+/// depend on the path, so it occurs only once.
 fn distinct() -> impl Iterator<Item = Choice> {
     choices().filter(|choice| choice.method > 0 || choice.path == 0)
 }
 
-/// Measured computing time of one tick of odometry, for each width and each choice.
+/// Measured computing times of one tick of odometry, for each floating-point width and each
+/// combination of method and path.
 pub(super) struct Times(Vec<(&'static str, Choice, Time)>);
 
 impl Times {
-    /// Returns the computing time for one second of motion at `hz` readings per second, us.
+    /// Returns the computing time of odometry for one second of motion at `hz` readings per second,
+    /// in microseconds.
     pub(super) fn us_per_second(&self, width: &str, method: usize, path: usize, hz: u32) -> f64 {
         let choice = Choice { method, path };
         let found = self.0.iter().find(|(w, c, _)| *w == width && *c == choice);
@@ -40,7 +42,8 @@ impl Times {
     }
 }
 
-/// Measures the time of every choice in both widths.
+/// Measures the computing time of every combination of method and path, in both floating-point
+/// widths.
 pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> Result<Times, Interrupted> {
     context.part("odometry: time")?;
     report.heading("Odometry: time");
@@ -69,11 +72,11 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
     Ok(Times(names.into_iter().zip(times).map(|((width, choice), time)| (width, choice, time)).collect()))
 }
 
-/// A motion as encoders read it at one rate.
+/// A motion as the encoders read it at one rate.
 struct Read {
     truth: Vec<[f64; 4]>,
     exact: Vec<[f64; JOINTS]>,
-    /// The joint angles rounded to counts of the rig's encoders, rad.
+    /// Joint angles rounded to whole encoder counts of the rig, rad.
     counted: Vec<[f64; JOINTS]>,
 }
 
@@ -92,12 +95,12 @@ impl Read {
     }
 }
 
-/// Returns the largest angle between two tracks of orientations, rad.
+/// Returns the largest angle between corresponding orientations of two sequences, rad.
 fn apart(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {
     a.iter().zip(b).map(|(a, b)| angle(*a, *b)).fold(0.0, f64::max)
 }
 
-/// Returns the readings of a motion at each of [`RATES`].
+/// Returns the readings of a motion at each of the rates [`RATES`].
 fn readings(motion: &TrueMotion, rig: &Rig) -> Vec<Read> {
     let finest = RATES[RATES.len() - 1];
     RATES
@@ -218,7 +221,7 @@ fn introduce(report: &mut Report) {
 }
 
 /// Smallest drift that can be measured on a smooth motion, rad. It is the sum of the rounding
-/// errors of the reference and of the track: 4800 steps of 1e-16.
+/// errors of the reference and of odometry: 4800 steps of 1e-16.
 const FLOOR: f64 = 1.0e-13;
 
 fn order(report: &mut Report, motion: &TrueMotion, choice: Choice, drifts: &[f64]) -> Vec<String> {
@@ -234,20 +237,22 @@ fn order(report: &mut Report, motion: &TrueMotion, choice: Choice, drifts: &[f64
     row([motion.name, method, path, &order.map_or("-".to_owned(), |order| format!("{order:.2}"))])
 }
 
-/// The three errors of odometry, separate and together, rad.
+/// The errors of odometry on one motion, by cause and together, rad. `method` is the error of the
+/// integration method, `path` that of the assumed path, and `counts` that of rounding to encoder
+/// counts.
 pub(super) struct Budget {
     pub(super) method: f64,
     pub(super) path: f64,
     pub(super) counts: f64,
-    /// Error of the method and the path together.
+    /// Error of the method and the path together, rad.
     both: f64,
-    /// Error of the method, the path and the counts together.
+    /// Error of the method, the path and the encoder counts together, rad.
     all: f64,
 }
 
 impl Budget {
-    /// Measures the errors of `choice`. `followed` are the orientations along the path of the
-    /// choice through the exact readings, without the error of a method.
+    /// Measures the errors of odometry with the method and path of `choice`. `followed` are the
+    /// exact orientations along this path through the exact readings.
     fn of(device: &Device, choice: Choice, read: &Read, followed: &[[f64; 4]]) -> Self {
         let exact = track(device, choice, &read.exact);
         let counted = track(device, choice, &read.counted);
@@ -261,8 +266,8 @@ impl Budget {
     }
 }
 
-/// Returns the orientations at the readings if the joints move between them along the path with
-/// index `path` in [`PATHS`]. They are exact to rounding.
+/// Returns the orientations at the readings if the joints move between readings along one of the
+/// [`PATHS`], whose index is `path`. They are exact to rounding.
 fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = [1.0, 0.0, 0.0, 0.0];
     let mut all = vec![q];
@@ -282,7 +287,8 @@ fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f6
     all
 }
 
-/// Measures the errors of the rig's odometry methods on a motion that is read in each tick.
+/// Measures the errors of the rig's odometry on a motion. `moments` are the moments at which the
+/// joints are read.
 pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[MotionSample]) -> Budget {
     let method = METHODS.iter().position(|(_, method)| *method == methods.odometry);
     let path = PATHS.iter().position(|(_, path)| *path == methods.path);
@@ -292,7 +298,8 @@ pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[MotionSample]) -> B
     Budget::of(&rig.device, Choice { method, path }, &read, &followed)
 }
 
-/// Reports the errors of a choice on a motion as figures. Returns a row of the table.
+/// Reports the errors of one method and path on a motion, at every reading rate, as figures.
+/// Returns a row of the table.
 fn parts(
     report: &mut Report,
     rig: &Rig,

@@ -2,25 +2,28 @@
 
 use crate::report::Report;
 
-/// Steps of a method with their errors, by falling step.
+/// Errors of a method for several step sizes, as pairs of step and error, with the largest step
+/// first.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Errors(pub(crate) Vec<(f64, f64)>);
 
-/// An error counts for the order only if it is at least this many times the floor of rounding.
+/// How many times larger than the rounding error an error must be, so that it is used to determine
+/// the order.
 const ABOVE: f64 = 100.0;
-/// Largest allowed deviation of a measured order from theory.
+/// Largest allowed difference between a measured order and the theoretical one.
 pub(crate) const WITHIN: f64 = 0.1;
 
 impl Errors {
-    /// Returns the order between the two finest steps whose errors are above 100 times `floor`.
-    /// Returns `None` if fewer than two errors are.
+    /// Returns the order, determined from the two smallest steps whose errors are above 100 times
+    /// `floor`. Returns `None` if fewer than two errors are.
     pub(crate) fn order(&self, floor: f64) -> Option<f64> {
         let above: Vec<&(f64, f64)> = self.0.iter().filter(|(_, e)| *e > ABOVE * floor).collect();
         let [.., (h1, e1), (h2, e2)] = above[..] else { return None };
         Some((e1 / e2).ln() / (h1 / h2).ln())
     }
 
-    /// Adds a check to the report that the order of `what` agrees with `theory`. Returns the order.
+    /// Adds a check to the report that the measured order of `what` agrees with `theory`. Returns
+    /// the measured order.
     pub(crate) fn check(&self, report: &mut Report, what: &str, floor: f64, theory: u32) -> Option<f64> {
         let order = self.order(floor);
         if let Some(order) = order {

@@ -12,18 +12,18 @@ use crate::names::snake;
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
-/// Integration steps, us. All of them divide [`LOOK_US`].
+/// Integration steps that are compared, in microseconds. All of them divide [`LOOK_US`].
 const STEPS_US: [u32; 11] = [10_000, 5000, 4000, 2000, 1000, 500, 250, 125, 100, 50, 20];
-/// Duration of the task, s.
+/// Duration of the simulated task, s.
 const TASK_S: f64 = 2.0;
-/// Interval between two samples of the error, us. It is shorter than a quarter period of the faster
-/// sine.
+/// Interval between two samples of the error, in microseconds. It is shorter than a quarter period
+/// of the faster sinusoidal torque.
 const LOOK_US: u32 = 20_000;
-/// Tolerance of the reference in each step.
+/// Tolerance of the adaptive reference integrator in each step.
 const TOLERANCE: f64 = 1.0e-13;
 
-/// Returns the prototype with the wheels of the task: radius 10.2 mm, and the inertia of the link
-/// and of the wheel included.
+/// Returns the prototype's device with the wheels of the comparison task: radius 10.2 mm, and
+/// inertias that include those of the link and of the wheel.
 fn task_device(prototype: &Device) -> Device {
     let wheel = |wheel: &hbot_core::device::Wheel| WheelSpec {
         radius: 0.0102,
@@ -36,7 +36,8 @@ fn task_device(prototype: &Device) -> Device {
     device.unwrap_or_else(|error| unreachable!("the task's device is legal: {error}"))
 }
 
-/// Returns the torque on the sphere in the task: a spring with damping and two sines.
+/// Returns the torque on the sphere in the comparison task: a spring with damping, and two
+/// sinusoidal torques.
 fn task_load() -> impl Load + Copy {
     let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
     let first = Sine { amplitude: Vec3::X * 0.5, hertz: 2.0 };
@@ -44,7 +45,8 @@ fn task_load() -> impl Load + Copy {
     Sum(spring, Sum(first, second))
 }
 
-/// Simulates the task with steps of `step_us`. Returns the orientation at each sample.
+/// Simulates the comparison task with steps of `step_us` microseconds. Returns the orientation at
+/// each sample.
 fn run(plant: &Plant, method: Method, step_us: u32, load: &impl Load) -> Vec<Quat> {
     let (mut state, h) = (PlantState::default(), f64::from(step_us) * 1.0e-6);
     let steps = (TASK_S / h).round() as u32;

@@ -15,19 +15,21 @@ use crate::report::{Report, row};
 use crate::rng::Rng;
 use crate::verification::double::stages::odometry::{METHODS, ORDERS};
 
-/// A brisk turn: its initial steer angles (rad), its joint rates (rad/s) and its final orientation.
+/// One turn of the sphere with joints at constant rates: the initial steer angles (rad), the joint
+/// rates (rad/s) and the exact final orientation.
 struct Segment {
     th: [f64; WHEELS],
     zd: [f64; JOINTS],
     end: [f64; 4],
 }
 
-/// Angular speed of the sphere at the start, rad/s.
+/// Angular speed of the sphere at the start of each turn, rad/s.
 const SPEED: f64 = 3.0;
-/// Reading rates that serve only to measure the order, Hz. They are below the rate of any loop.
+/// Reading rates that serve only to measure the order of a method, Hz. They are below the rate of
+/// any real loop.
 const SLOW: [u32; 2] = [125, 250];
-/// Rounding error of a drift, rad: some ten thousand steps of 1e-16. The difference between magnus4
-/// at 16 kHz and the reference falls no further.
+/// Smallest drift that can be measured, rad: the rounding error of some ten thousand steps of
+/// 1e-16. The difference between magnus4 at 16 kHz and the reference becomes no smaller.
 const FLOOR: f64 = 3.0e-14;
 
 fn segments(device: &Device, count: usize) -> Vec<Segment> {
@@ -115,8 +117,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// Reports where f32 loses accuracy. The turns are computed in f64, rounded to f32, and composed in
-/// f32 in two ways.
+/// Reports where f32 loses accuracy. The turns between readings are computed in f64 and rounded to
+/// f32. They are then composed in f32 in two ways.
 fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
     report.family(
         "odometry_rounding_{way}_{width}_{rate}hz_drift_rad",
@@ -143,8 +145,8 @@ fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
     report.table(&table);
 }
 
-/// Returns the turns of a segment between readings at `hz`, by magnus4 in f64. They are rotation
-/// vectors in N, rad.
+/// Returns the turns of the sphere between readings at `hz`, computed by magnus4 in f64. They are
+/// rotation vectors in frame N, rad.
 fn turns(device: &Device, segment: &Segment, hz: u32) -> Vec<[f64; 3]> {
     let h = 1.0 / f64::from(hz);
     let delta = segment.zd.map(|rate| rate * h);

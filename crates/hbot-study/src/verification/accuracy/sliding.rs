@@ -16,19 +16,19 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
-/// Time steps, us. All of them divide [`LOOK_US`].
+/// Time steps that are compared, in microseconds. All of them divide [`LOOK_US`].
 const STEPS_US: [u32; 7] = [1000, 500, 250, 125, 100, 50, 25];
-/// Number of steps of the reference in one of the finest steps.
+/// Number of steps of the reference in one of the smallest compared steps.
 const FINER: u32 = 16;
-/// Duration of the task, s.
+/// Duration of the simulated scene, s.
 const TASK_S: f64 = 0.12;
-/// Interval between two samples of the error, us.
+/// Interval between two samples of the error, in microseconds.
 const LOOK_US: u32 = 2000;
-/// Peak torque of the drive, N m. On a wheel of 15.5 mm radius this is 1.4 times what the contact
-/// can hold.
+/// Peak torque of the drive, N m. On a wheel of 15.5 mm radius this is 1.4 times the torque that
+/// the contact can hold.
 const DRIVE: f64 = 0.18;
 
-/// The test scene. A hand holds the prototype, and one drive is loaded beyond the limit of its
+/// The test scene: a hand holds the prototype, and one drive is loaded beyond the limit of its
 /// contact for 60 ms and then released.
 struct Scene<'a> {
     device: &'a Device,
@@ -36,8 +36,8 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Simulates the scene with steps of `step_us / parts`. Returns the orientation at each sample,
-    /// and the largest slip, m/s.
+    /// Simulates the scene with steps of `step_us / parts` microseconds. Returns the orientation at
+    /// each sample, and the largest slip, m/s.
     fn run(&self, step_us: u32, parts: u32) -> (Vec<Quat>, f64) {
         let mut state =
             PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
@@ -65,7 +65,7 @@ impl Scene<'_> {
     }
 }
 
-/// Returns the torque of the drive at time `t` (s), relative to its peak.
+/// Returns the torque of the drive at time `t` (s), relative to its peak torque.
 fn push(t: f64) -> f64 {
     if t < 0.06 { libm::sin(PI * t / 0.06).powi(2) } else { 0.0 }
 }

@@ -9,14 +9,14 @@ use crate::report::{Report, row, spread};
 use crate::timing::in_turn;
 use crate::verification::double::stages::spring::{LAWS, STIFFNESS};
 
-/// Angles of the turn, mrad.
+/// Angles of the sphere at which the spring torque is tested, in milliradians.
 const ANGLES: [u32; 9] = [1, 3, 10, 30, 100, 300, 1000, 2000, 3000];
-/// Unit axes of the turn. The worst of them counts. None is a principal axis of the stiffness,
-/// where the first-order forms omit less.
+/// Unit axes of the turns at which the spring torque is tested. The worst result is reported. None
+/// is a principal axis of the stiffness, where the first-order forms omit less.
 const AXES: [Vec3; 3] = [Vec3::new(0.6, 0.48, 0.64), Vec3::new(-0.36, 0.48, 0.8), Vec3::new(0.8, -0.6, 0.0)];
 
-/// Returns the torque of a spring law for the turn `p` (rotation vector, rad), N m. It evaluates
-/// the law's formula directly from `p`, without a logarithm and without the square root of a
+/// Returns the exact torque of a spring law for the turn `p` (rotation vector, rad), N m. The
+/// formula is evaluated directly from `p`, without a logarithm and without the square root of a
 /// difference.
 fn truth(law: usize, p: Vec3) -> Vec3 {
     let k = Mat3::from_diagonal(Vec3::from_array(STIFFNESS));
@@ -40,8 +40,8 @@ fn truth(law: usize, p: Vec3) -> Vec3 {
     }
 }
 
-/// Returns the largest error over all [`AXES`], relative to the size of the torque. `at` evaluates
-/// the law in one floating-point width.
+/// Returns the largest error of a spring law over all [`AXES`], relative to the size of the torque.
+/// `at` evaluates the law in one floating-point width.
 fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f64 {
     let off = |axis: Vec3| {
         let (s, c) = libm::sincos(0.5 * angle);

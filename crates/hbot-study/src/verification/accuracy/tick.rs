@@ -15,26 +15,27 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row, spread};
 use crate::timing::{Time, Timed, in_turn};
 
-/// The motion that is followed: brisk, without reversals.
+/// The motion that the controller follows: brisk, without reversals.
 const MOTION: TrueMotion = MOTIONS[1];
-/// Presets of the rig file.
+/// Accuracy presets that a rig file can name.
 const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
-/// Duration of the motion, s.
+/// Duration of the motion that the controller follows, s.
 const TIME_S: u32 = 10;
-/// Rate of the loop, Hz.
+/// Rate of the control loop, Hz.
 const RATE: u32 = 1000;
-/// Part of a period that a tick is allowed to take. It determines the reported highest rate.
+/// Share of a period that one tick is allowed to take. It determines the reported highest rate of
+/// the loop.
 const LOAD: f64 = 0.1;
-/// Number of ticks until the soft start is over.
+/// Number of ticks after which the soft start is over.
 const STARTED: usize = 600;
 
-/// Returns the prototype's rig with a preset.
+/// Returns the configuration of the prototype with the accuracy preset `preset`.
 fn rig(preset: &str) -> RigConfig {
     let with = Override { path: "loop.accuracy", value: json!(preset), from: "the study" };
     RigConfig::load(None, &[with]).unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"))
 }
 
-/// Returns a scene with a spring and a damper.
+/// Returns a scene with one spring and one damper.
 fn scene() -> CompiledScene {
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": 4, "damping": 0, "fade_s": 0},
@@ -44,7 +45,7 @@ fn scene() -> CompiledScene {
     RunningScene::new().load(file.unwrap_or_else(|error| unreachable!("a legal scene: {error}")))
 }
 
-/// Returns the feedback that the motor controllers send in each tick of a motion.
+/// Returns the readings that motor controllers would send in each tick of a motion.
 fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<JointFeedback> {
     let rig = &config.rig;
     let each = |(k, moment): (usize, &MotionSample)| {
@@ -59,7 +60,7 @@ fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) 
     moments.iter().enumerate().map(each).collect()
 }
 
-/// Runs one tick of the controller with one reading. Tick 1 also enables torque.
+/// Runs one tick of the controller with one reading. In tick 1, torque is also enabled.
 fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointFeedback) -> hbot_core::Outputs {
     let mut inputs = Inputs::quiet(u64::from(feedback.sequence));
     inputs.feedback = Some(*feedback);
@@ -70,16 +71,16 @@ fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointFeed
     controller.tick(scene, &inputs)
 }
 
-/// Results of the whole tick under one preset.
+/// Accuracy and computing time of the whole tick under one preset.
 struct Found {
     preset: &'static str,
-    /// Names of the odometry method and the path, as in rig files.
+    /// Names of the odometry method and of the path between readings, as in rig files.
     methods: String,
-    /// Largest error of the orientation, rad.
+    /// Largest error of the controller's orientation during the motion, rad.
     error: f64,
-    /// The parts of that error.
+    /// Errors of the orientation by cause: method, path and encoder counts.
     budget: Budget,
-    /// Mode in the last tick.
+    /// Mode of the controller in the last tick.
     mode: Mode,
     time: Time,
 }
@@ -116,8 +117,8 @@ fn introduce(report: &mut Report) {
     report.family("tick_{preset}_max_hz", "Hz", "the loop rate at which the tick takes a tenth of a period");
 }
 
-/// Follows a motion with a new controller. Returns the largest error of its orientation (rad), its
-/// mode at the end, and a copy of it from the end of the soft start.
+/// Lets a new controller follow a motion. Returns the largest error of its orientation (rad), its
+/// mode at the end, and a copy of the controller as it was after the soft start.
 fn followed(
     config: &RigConfig,
     scene: &CompiledScene,

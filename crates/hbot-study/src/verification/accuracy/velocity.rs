@@ -16,12 +16,12 @@ use crate::report::{Report, row};
 use crate::timing::{Timed, in_turn};
 
 const DT: f64 = 1e-3;
-/// Number of ticks at the start of each motion that are not judged.
+/// Number of ticks at the start of each motion that are ignored, until the estimates have settled.
 const SETTLE: usize = 500;
-/// Number of ticks of a motion that are timed.
+/// Number of ticks of a motion whose computing time is measured.
 const TIMED: usize = 4000;
 
-/// The rate estimates, with their names in ids.
+/// The rate estimates that are compared, each with its name in the ids of figures.
 const ESTIMATES: [(&str, RateEstimate); 9] = [
     ("controller", RateEstimate::Controller),
     ("difference", RateEstimate::Difference),
@@ -34,12 +34,12 @@ const ESTIMATES: [(&str, RateEstimate); 9] = [
     ("kalman_300", RateEstimate::Kalman { acceleration: 300.0 }),
 ];
 
-/// Encoder counts per turn of the steer and of the drive (before its gear of 17), with their names
-/// in ids.
+/// Encoder resolutions that are compared, each with its name in the ids of figures: counts per turn
+/// of the steer's encoder and of the drive's (before its gear of 17).
 const ENCODERS: [(&str, [u32; 2]); 4] =
     [("16384", [16384, 16384]), ("2048", [2048, 2048]), ("2048_and_256", [2048, 256]), ("256", [256, 256])];
 
-/// A motion, given by the sphere's angular velocity over time, rad/s in N.
+/// A motion of the sphere, defined by its angular velocity over time (frame N, rad/s).
 struct Motion {
     name: &'static str,
     size: f64,
@@ -47,16 +47,16 @@ struct Motion {
     steady: f64,
 }
 
-/// The motions: a sphere held with a tremor of 0.5 mrad, a slow exploration, and turning back and
-/// forth by 0.2 rad.
+/// The motions on which the estimates are compared: a sphere held with a tremor of 0.5 mrad, a slow
+/// exploration, and turning back and forth by 0.2 rad.
 const MOTIONS: [Motion; 3] = [
     Motion { name: "held", size: 0.5e-3 * 9.0 * TAU, hertz: 9.0, steady: 0.0 },
     Motion { name: "slow", size: 0.02, hertz: 0.3, steady: 0.05 },
     Motion { name: "brisk", size: 2.0, hertz: 1.5, steady: 0.0 },
 ];
 
-/// True joint angles (rad), joint rates (rad/s) and angular velocity of the sphere (rad/s in N) in
-/// one tick.
+/// True values in one tick: joint angles (rad), joint rates (rad/s) and the sphere's angular
+/// velocity (frame N, rad/s).
 type Truth = ([f64; JOINTS], [f64; JOINTS], Vec3);
 
 impl Motion {
@@ -84,8 +84,8 @@ impl Motion {
     }
 }
 
-/// Returns the readings that motor controllers with these encoders would send. Counts are rounded
-/// down.
+/// Returns the readings that motor controllers would send during a motion, with the encoders of
+/// `rig`. Angles are rounded down to whole encoder counts.
 fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
     let reading = |(tick, (angles, rates, _)): (usize, &Truth)| {
         let mut feedback = JointFeedback {
@@ -104,7 +104,7 @@ fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
     truth.iter().enumerate().map(reading).collect()
 }
 
-/// Returns the state that a controller reports for each reading.
+/// Runs a controller on `readings` and returns the state that it reports for each of them.
 fn states(rig: &Rig, readings: &[JointFeedback]) -> impl Iterator<Item = hbot_core::outputs::State> {
     let mut controller = Controller::new(*rig);
     readings.iter().map(move |feedback| {
@@ -113,13 +113,14 @@ fn states(rig: &Rig, readings: &[JointFeedback]) -> impl Iterator<Item = hbot_co
     })
 }
 
-/// Quality of a rate estimate on one motion.
+/// Quality of a rate estimate on one motion: its noise, lag and false slip.
 struct Quality {
-    /// Root mean square of the error of omega after the lag is removed, rad/s.
+    /// Root mean square of the error of the sphere's angular velocity after the lag is removed,
+    /// rad/s.
     noise: f64,
-    /// Lag of the estimate, s. It is the lag that explains most of the error.
+    /// Lag of the estimated angular velocity, s. It is the lag that explains most of the error.
     lag: f64,
-    /// Largest slip that the estimate reports although there is none, m/s.
+    /// Largest slip that the controller reports although the wheels do not slip, m/s.
     slip: f64,
 }
 
@@ -139,7 +140,8 @@ fn judge(rig: &Rig, truth: &[Truth]) -> Quality {
     Quality { noise: (rest / errors.len() as f64).sqrt(), lag, slip }
 }
 
-/// Returns the rig with other encoders and another rate estimate.
+/// Returns `rig` with encoders of `counts` counts per turn (steer, drive) and the rate estimate
+/// `rate`.
 fn with(rig: &Rig, counts: [u32; 2], rate: RateEstimate) -> Rig {
     let rig = rig.with(|rig| {
         rig.methods.rate = rate;

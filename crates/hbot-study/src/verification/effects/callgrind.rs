@@ -10,27 +10,29 @@ use serde_json::Value;
 use super::desk::{Desk, SceneSetup};
 use crate::context::{Context, Interrupted};
 
-/// Number of ticks in the short call.
+/// Number of ticks in the shorter of the two calls whose instructions are counted.
 const FEW: usize = 20;
-/// Number of ticks in the long call. The difference from the short call is one period of the
-/// simulated rig's joint torques.
+/// Number of ticks in the longer of the two calls whose instructions are counted. The difference
+/// from the shorter call is one period of the simulated rig's joint torques.
 pub(super) const MANY: usize = FEW + 128;
-/// Name of [`counted`] for callgrind.
+/// Full name of the function [`counted`], by which callgrind finds it.
 const FUNCTION: &str = concat!(module_path!(), "::counted");
 
-/// How to start this program as a worker.
+/// How to start this program again as a worker that runs under callgrind.
 #[derive(Debug, Clone)]
 pub struct Counter {
     /// Path of the program.
     pub program: PathBuf,
-    /// Arguments that precede the worker's last argument, the setups.
+    /// Arguments for the worker. The list of setups is appended as the last argument.
     pub arguments: Vec<String>,
 }
 
-/// Runs the setups that `setups` (JSON) lists. This is the worker. It has a result only under
-/// callgrind.
+/// Runs the setups that `setups` (JSON) lists, so that callgrind can count their instructions. The
+/// program that [`Counter`] starts calls this function. The counts are in the files that callgrind
+/// writes.
 ///
 /// # Errors
+///
 /// Fails if `setups` is not a JSON list of setups.
 pub fn count_worker(setups: &str) -> Result<(), String> {
     let value: Value = serde_json::from_str(setups).map_err(|error| error.to_string())?;
@@ -46,7 +48,8 @@ pub fn count_worker(setups: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Runs the ticks whose instructions are counted. Callgrind finds the function by its name.
+/// Runs the ticks whose instructions are counted. It must not be inlined, because callgrind finds
+/// it by its name.
 #[inline(never)]
 fn counted(desk: &mut Desk, ticks: usize) -> f64 {
     desk.run(ticks)
@@ -113,8 +116,8 @@ impl Counter {
     }
 }
 
-/// Waits for the worker and returns whether it succeeded. Ends the worker if the study was asked to
-/// stop.
+/// Waits until the worker ends, and returns whether it succeeded. If the study is asked to stop,
+/// ends the worker and returns [`Interrupted`].
 fn wait(context: &Context, child: &mut Child) -> Result<bool, Interrupted> {
     loop {
         if let Ok(Some(status)) = child.try_wait() {
@@ -130,7 +133,8 @@ fn wait(context: &Context, child: &mut Child) -> Result<bool, Interrupted> {
     }
 }
 
-/// Returns the number of instructions in one dump of callgrind.
+/// Reads the total number of instructions from one file that callgrind has written. Returns `None`
+/// if it has no total.
 fn total(path: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find(|line| line.starts_with("totals:"))?;

@@ -16,14 +16,14 @@ use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::{Map, Value, json};
 
-/// Number of ticks until the soft start is over.
+/// Number of ticks after which the soft start is over.
 const STARTED: usize = 600;
-/// Number of ticks during which a change of scene blends.
+/// Number of ticks after which a change of scene has been blended in.
 const BLEND: usize = 60;
-/// Number of recorded readings.
+/// Number of recorded readings, one per tick. It is larger than the number of ticks in any run.
 const RECORDED: usize = STARTED + 2 * BLEND + 1500;
-/// Sequence number of the first command. It is so large that all commands take equally many bytes
-/// on the line.
+/// Sequence number of the first command. It is so large that all commands have the same number of
+/// bytes on the line.
 const FIRST: u32 = 1 << 20;
 
 /// Returns the names of all kinds of effect, followed by the names of all phenomena.
@@ -34,17 +34,18 @@ pub(super) fn names() -> Vec<String> {
     all
 }
 
-/// Returns whether `name` is a kind of effect.
+/// Returns whether `name` is a kind of effect. Otherwise it is a phenomenon.
 pub(super) fn is_kind(name: &str) -> bool {
     kinds().iter().any(|listed| listed.name == name)
 }
 
-/// The effects and phenomena that a scene names.
+/// A set of effects and phenomena whose cost is measured.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct SceneSetup {
-    /// Names of kinds of effect and of phenomena.
+    /// Names of the kinds of effect and of the phenomena in this setup.
     pub(super) names: Vec<String>,
-    /// Whether the scene has dropped these effects and phenomena again after it had them.
+    /// Whether the cost is measured after a scene without these effects and phenomena has replaced
+    /// them, to check that nothing remains.
     pub(super) gone: bool,
 }
 
@@ -53,22 +54,24 @@ impl SceneSetup {
         Self { names: names.iter().map(|name| (*name).clone()).collect(), gone: false }
     }
 
-    /// Returns this setup as one whose effects and phenomena are dropped again.
+    /// Returns a copy of this setup whose effects and phenomena are removed again before the cost
+    /// is measured.
     pub(super) fn gone(&self) -> Self {
         Self { gone: true, ..self.clone() }
     }
 
-    /// Returns all names joined to one, for an id.
+    /// Returns all names joined to one, for use in the id of a figure.
     pub(super) fn name(&self) -> String {
         self.names.join("_with_")
     }
 
-    /// Returns the setup as JSON, for the argument of the worker.
+    /// Returns this setup as JSON, to pass it to the worker on the command line.
     pub(super) fn to_json(&self) -> Value {
         json!({"names": self.names, "gone": self.gone})
     }
 
-    /// Reads a setup from the argument of the worker. Returns `None` if `value` is not a setup.
+    /// Reads a setup from the JSON that the worker gets on the command line. Returns `None` if
+    /// `value` is not a setup.
     pub(super) fn from_json(value: &Value) -> Option<Self> {
         let names = value["names"].as_array()?.iter();
         let names: Option<Vec<String>> = names.map(|name| name.as_str().map(str::to_owned)).collect();
@@ -90,7 +93,8 @@ impl SceneSetup {
     }
 }
 
-/// A controller and a simulated rig, active, in the middle of a motion.
+/// A controller and a simulated rig, active and in the middle of a motion. Both get recorded
+/// inputs.
 #[derive(Clone)]
 pub(super) struct Desk {
     controller: Controller,
@@ -98,12 +102,12 @@ pub(super) struct Desk {
     scene: Rc<CompiledScene>,
     readings: Rc<Vec<JointFeedback>>,
     exchange: Exchange,
-    /// Number of the next tick.
+    /// Number of the tick that runs next.
     tick: usize,
 }
 
 impl Desk {
-    /// Creates an active desk without any effect or phenomenon.
+    /// Creates a test bench that has run until it is active, without any effect or phenomenon.
     pub(super) fn active() -> Self {
         let config = RigConfig::prototype();
         // The angle limit at enable is raised to a half turn, as the study must be able to enable
@@ -126,7 +130,7 @@ impl Desk {
         desk
     }
 
-    /// Returns a copy of this desk after it has run `setup` until the blend is over.
+    /// Returns a copy of this test bench on which the scene of `setup` is fully blended in.
     pub(super) fn with(&self, setup: &SceneSetup) -> Self {
         let empty = SceneSetup::default();
         let mut desk = self.clone();
@@ -136,7 +140,8 @@ impl Desk {
         desk
     }
 
-    /// Loads the scene of `setup`, runs until it is blended in, and then resets the rig's state.
+    /// Loads the scene of `setup`, runs ticks until it is blended in, and then resets the state of
+    /// the simulated rig.
     fn change(&mut self, setup: &SceneSetup) {
         let file = setup.scene();
         let shown = file.simulate().filter(|_| !setup.names.is_empty()).copied();
@@ -147,12 +152,13 @@ impl Desk {
     }
 
     /// Runs `ticks` ticks. Returns a sum of their outputs, so that the compiler cannot remove the
-    /// work.
+    /// computation.
     pub(super) fn run(&mut self, ticks: usize) -> f64 {
         (0..ticks).map(|_| self.step()).sum()
     }
 
-    /// Runs one tick of the controller and one of the rig.
+    /// Runs one tick of the controller and one of the simulated rig. Returns a sum of their
+    /// outputs.
     fn step(&mut self) -> f64 {
         let k = self.tick;
         self.tick += 1;
@@ -169,7 +175,8 @@ impl Desk {
     }
 }
 
-/// Returns the joint torques of the simulated rig in tick `k`. They swing back and forth.
+/// Returns the command that the simulated rig gets in tick `k`. Its joint torques swing back and
+/// forth.
 fn drive(k: usize) -> Drive {
     let mut drive = Drive { enable: true, torque: [0.0; MAX_JOINTS] };
     for (j, torque) in drive.torque[..4].iter_mut().enumerate() {
@@ -181,7 +188,7 @@ fn drive(k: usize) -> Drive {
     drive
 }
 
-/// Returns encoder readings of a brisk motion back and forth.
+/// Returns recorded encoder readings of a brisk motion back and forth, one per tick.
 fn readings(config: &RigConfig) -> Vec<JointFeedback> {
     let (motion, device) = (&MOTIONS[4], &config.rig.device);
     let moments = motion.moments(device, 1000, RECORDED, 0);
@@ -203,8 +210,8 @@ mod tests {
 
     use super::*;
 
-    /// A phenomenon must be present while a scene names it, and absent after the next scene that
-    /// does not. Otherwise the study would measure nothing.
+    /// A phenomenon is present while a scene names it, and absent after the next scene, which does
+    /// not name it. Otherwise the study would measure nothing.
     #[test]
     fn every_phenomenon_of_a_scene_is_shown_and_taken_away() {
         let active = Desk::active();

@@ -16,27 +16,29 @@ pub use callgrind::{Counter, count_worker};
 use desk::{Desk, SceneSetup};
 use hbot_plot::{Bar, bars, short};
 
-/// Largest allowed number of instructions per tick that are left after a scene drops an effect or
-/// phenomenon, relative to the whole tick. It is not zero because the numbers in the frames on the
-/// line differ, and one more zero byte costs an instruction or two.
+/// Largest allowed number of instructions per tick that remain after a scene removes an effect or
+/// phenomenon, relative to the whole tick.
+///
+/// It is not zero because the numbers in the frames on the line differ, and one more zero byte
+/// costs an instruction or two.
 const NOTHING: f64 = 1.0e-3;
-/// Largest allowed time per tick that is left after a scene drops an effect or phenomenon, relative
-/// to the whole tick. It is larger than [`NOTHING`] because times are noisy.
+/// Largest allowed time per tick that remains after a scene removes an effect or phenomenon,
+/// relative to the whole tick. It is larger than [`NOTHING`] because measured times are noisy.
 const NOTHING_NS: f64 = 0.25;
-/// Number of ticks in one timed run. It equals the number of ticks whose instructions are counted:
-/// a solver takes more steps while contacts stick or slide, so another number would give another
+/// Number of ticks in one timed run. It equals the number of ticks whose instructions are counted.
+/// A solver needs more steps while contacts stick or slide, so another number would give another
 /// cost.
 const TICKS: usize = callgrind::MANY;
 
-/// Cost of a setup per tick.
+/// Measured computing time and number of instructions per tick with one setup.
 struct Cost {
     setup: SceneSetup,
     time: Option<Time>,
     instructions: Option<f64>,
 }
 
-/// Runs the study `effects` and returns its report. `counter` counts instructions if that is
-/// possible.
+/// Runs the study `effects` and returns its report. `counter` says how to count instructions, if
+/// that is possible.
 pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
     let mut report = Report::new("effects", context.quick);
     introduce(&mut report);
@@ -119,8 +121,8 @@ fn introduce(report: &mut Report) {
     report.family("effects_{a}_with_{b}_added_ns", "ns", "time a tick that two of them add together");
 }
 
-/// Adds figures, tables, plots and checks to the report. `costs` lists the empty setup, each name
-/// alone, each name after it was dropped, and then the pairs.
+/// Adds figures, tables, plots and checks to the report. `costs` lists the empty setup, each of the
+/// `count` names alone, each name after it was removed, and then the pairs.
 fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     let none = &costs[0];
     let base = none.instructions;
@@ -209,8 +211,8 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     in_pairs(report, pairs, alone, &added, &added_ns);
 }
 
-/// Plots the added cost of each name, in `unit`. Effects and phenomena have separate plots, because
-/// a solver for friction costs a hundred times as much as an effect.
+/// Plots the cost that each effect and each phenomenon adds, in `unit`. Effects and phenomena have
+/// separate plots, because a solver for friction costs a hundred times as much as an effect.
 fn plots(report: &mut Report, unit: &str, what: &str, all: &[Bar]) {
     let (phenomena, effects): (Vec<Bar>, Vec<Bar>) = all.iter().cloned().partition(|bar| bar.colour == 1);
     for (group, name, members) in
@@ -273,7 +275,7 @@ fn in_pairs(
     report.table(&table);
 }
 
-/// Returns whether `name` can be a part of an id.
+/// Returns whether `name` can be a part of the id of a figure.
 fn is_name(name: &str) -> bool {
     names::is_id(name)
 }

@@ -8,26 +8,29 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Coulomb friction, N m: none, the ball bearings of a good cage, the prototype's cage, and a stiff
-/// cage.
+/// Coulomb friction torques that are compared, N m: none, the ball bearings of a good cage, the
+/// prototype's cage, and a stiff cage.
 const COULOMB: [f64; 4] = [0.0, 0.5e-3, 2.0e-3, 8.0e-3];
-/// Steps of the sphere's measured angle, rad. They belong to encoders with 16384, 2048 and 256
-/// counts per turn of the steer, whose angle is 5.7 times the sphere's.
+/// Steps of the sphere's measured angle that are compared, rad. They belong to encoders with 16384,
+/// 2048 and 256 counts per turn of the steer, whose angle is 5.7 times the sphere's.
 const STEPS: [f64; 3] = [6.7e-5, 5.4e-4, 4.3e-3];
-/// The rig's own viscous damping, N m s/rad.
+/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
+/// s/rad.
 const OWN: [f64; 2] = [0.001, 0.003];
-/// Period of the loop, s.
+/// Period of the simulated loop, s.
 const PERIOD: f64 = 1.0e-3;
-/// Angle at which the axis is released, rad.
+/// Angle at which the axis is released at the start of a simulation, rad.
 const RELEASED: f64 = 0.05;
-/// Time in which the axis must come to rest, s.
+/// Time after which the axis must be at rest, s.
 const TIME: f64 = 40.0;
-/// Ratio of two successive stiffnesses that are tried.
+/// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = 1.05;
 
-/// Returns whether the axis keeps moving. At the end it must swing by more than two encoder steps,
-/// as a smaller swing can come from a reading at the edge of a step. The swing must also not
-/// decrease: a decreasing one only needs more time to come to rest.
+/// Returns whether the axis still moves at the end of a simulation and would not come to rest.
+///
+/// Its swing must be larger than two encoder steps, because a smaller swing can come from a reading
+/// at the edge of a step. The swing must also not decrease: a decreasing one only needs more time
+/// to come to rest.
 fn buzzes(wall: &Wall) -> bool {
     let ticks = (TIME / wall.period) as usize;
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 10];
@@ -41,8 +44,8 @@ fn buzzes(wall: &Wall) -> bool {
     !(last <= 2.0 * wall.step || last < 0.99 * before)
 }
 
-/// Returns the lowest stiffness at which the wall buzzes, N m/rad. It tries a geometric series that
-/// begins with `from`.
+/// Returns the lowest stiffness at which the axis does not come to rest, N m/rad. It tries
+/// stiffnesses of a geometric series that begins with `from`.
 fn first_buzz(wall: &Wall, from: f64) -> f64 {
     let mut stiffness = from;
     while stiffness < 1.0e4 && !buzzes(&Wall { stiffness, ..*wall }) {

@@ -15,43 +15,46 @@ use super::whole::{Loop, Wanted};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Angular velocity that a tap gives to the sphere, rad/s in N: 1 rad/s about an axis without
-/// symmetry.
+/// Angular velocity that a tap gives to the sphere, in frame N, in rad/s: 1 rad/s about an axis
+/// without symmetry.
 const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
-/// Observation time after the tap, s.
+/// Time for which the sphere is observed after the tap, s.
 const WATCH_S: f64 = 4.0;
-/// Number of equal intervals into which the observation time is divided.
+/// Number of equal intervals into which the observation time is divided, to compare the energy from
+/// one interval to the next.
 const STRETCHES: u32 = 8;
-/// Part of its energy that a swing must lose from one interval to the next to count as decaying.
+/// Share of its energy that a swing must lose from one interval to the next, so that it counts as
+/// decaying.
 const LOSES: f64 = 1.0e-3;
-/// Lowest stiffness that is tried, relative to the linear border.
+/// Lowest stiffness that is tried, relative to the stability limit of the linear theory.
 const FROM: f64 = 0.25;
-/// Highest stiffness that is tried, relative to the linear border.
+/// Highest stiffness that is tried, relative to the stability limit of the linear theory.
 const UP_TO: f64 = 32.0;
-/// Ratio of two successive stiffnesses that are tried.
+/// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;
-/// Number of bisections that follow. They give the border to 1 %.
+/// Number of bisections between the last two stiffnesses that were tried. They give the largest
+/// stable stiffness to 1 %.
 const HALVINGS: u32 = 5;
-/// With the passivity stage every spring must come to rest up to this many times the linear border,
-/// if friction and encoder steps are small.
+/// Required improvement by the passivity stage: with it, every spring must come to rest up to this
+/// many times the stability limit of the linear theory, if friction and encoder steps are small.
 const GUARDED: f64 = 10.0;
 
-/// A rig and its loop, without a spring.
+/// The properties of a rig and its control loop on which the stability of a spring depends.
 #[derive(Debug, Clone, Copy)]
 struct Setting {
-    /// Loop rate, Hz.
+    /// Rate of the control loop, Hz.
     rate: u32,
-    /// Delay from a reading to its torque, ticks.
+    /// Delay from a reading to the torque computed from it, in ticks.
     delay: u32,
-    /// Own viscous damping of the rig, N m s/rad.
+    /// Viscous damping of the rig's mechanics, without any damping by the motors, N m s/rad.
     own: f64,
-    /// Step of the encoders, in counts of the prototype's encoders.
+    /// Resolution of the encoders, in counts of the prototype's encoders.
     step: u32,
     /// Coulomb friction of the cage, N m.
     coulomb: f64,
 }
 
-/// The base setting. The other settings differ from it in one field.
+/// The setting with which all others are compared. Each of the others differs from it in one field.
 const BASE: Setting = Setting { rate: 1000, delay: 1, own: 0.005, step: 1, coulomb: 0.0 };
 
 impl Setting {
@@ -59,7 +62,8 @@ impl Setting {
         1.0 / f64::from(self.rate)
     }
 
-    /// Returns the linear border of stability, b / (h (1/2 + D)), N m/rad.
+    /// Returns the largest stable stiffness of a spring by linear theory, b / (h (1/2 + D)), N
+    /// m/rad.
     fn border(&self) -> f64 {
         self.own / (self.period() * (0.5 + f64::from(self.delay)))
     }
@@ -97,16 +101,16 @@ impl Setting {
     }
 }
 
-/// The outcome of a tap.
+/// How the sphere behaves after a tap.
 struct Tapped {
-    /// Whether the sphere is at rest or its swing decays.
+    /// Whether the sphere comes to rest: it is at rest already, or its swing decays.
     settles: bool,
-    /// Largest energy that the motors had delivered at any time, J.
+    /// Largest energy that the motors had delivered at any time since the tap, J.
     most: f64,
 }
 
-/// Taps the sphere and observes it. It counts as at rest if it stays within the angle `floor`
-/// (rad).
+/// Taps the sphere, which is held by a spring of `stiffness` (N m/rad), and observes it. The sphere
+/// counts as at rest if it stays within the angle `floor` (rad).
 fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
     let mut run = Loop::new(&setting.wanted(stiffness, guard));
     run.tap(TAP);
@@ -136,8 +140,9 @@ fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped 
     Tapped { settles: active && (reach <= floor || calms), most }
 }
 
-/// Returns the stiffness from which on the sphere no longer comes to rest after a tap, N m/rad.
-/// Returns `None` if there is none up to [`UP_TO`] times the linear border.
+/// Returns the largest stiffness at which the sphere still comes to rest after a tap, N m/rad.
+/// Returns `None` if the sphere comes to rest at every stiffness up to [`UP_TO`] times the
+/// stability limit of the linear theory.
 fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Result<Option<f64>, Interrupted> {
     let mut high = FROM * setting.border();
     while tapped(setting, high, guard, floor).settles {
@@ -155,7 +160,8 @@ fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Resu
     Ok(Some((low * high).sqrt()))
 }
 
-/// Returns the largest turn of the sphere that corresponds to one count of a joint, rad.
+/// Returns the largest turn of the sphere that corresponds to one encoder count of a joint, rad.
+/// `counts` gives the encoder counts in one turn of each joint.
 fn turn_of_a_count(device: &Device, counts: impl Fn(usize) -> f64) -> f64 {
     let posture = Posture::new(device, &vec![0.0; device.wheels().len()]);
     let turn = |j: usize| {
@@ -166,7 +172,8 @@ fn turn_of_a_count(device: &Device, counts: impl Fn(usize) -> f64) -> f64 {
     (0..device.joints()).map(turn).fold(0.0, f64::max)
 }
 
-/// A series of settings in which one field varies.
+/// A series of settings in which one property varies. The stability limit is plotted over this
+/// property.
 struct Sweep {
     name: &'static str,
     x: &'static str,
@@ -298,10 +305,11 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     energy(context, report, device, 3.0 * count)
 }
 
-/// Largest allowed deviation of the border without the passivity stage from the prediction,
-/// relative.
+/// Largest allowed relative deviation of the stability limit without the passivity stage from that
+/// of linear theory.
 const WITHIN: f64 = 0.05;
-/// Stiffnesses for which the energy is reported, relative to the linear border.
+/// Stiffnesses for which the delivered energy is reported, relative to the stability limit of the
+/// linear theory.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
 
 fn energy(context: &Context, report: &mut Report, device: &Device, floor: f64) -> Result<(), Interrupted> {

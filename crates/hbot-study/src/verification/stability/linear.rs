@@ -7,21 +7,23 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates at which the border is measured, Hz.
+/// Loop rates at which the stability limit is measured, Hz.
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
-/// Delays from a reading to its torque, ticks.
+/// Delays from a reading to the torque computed from it that are compared, in ticks.
 const DELAYS: [usize; 3] = [0, 1, 2];
-/// The rig's own viscous damping, N m s/rad.
+/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
+/// s/rad.
 const OWN: [f64; 3] = [0.001, 0.003, 0.01];
-/// The wall's damping, N m s/rad.
+/// Values of the damping that the virtual wall renders, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
-/// Largest allowed deviation of the measured border from the predicted one, relative.
+/// Largest allowed relative deviation of the measured stability limit from the predicted one.
 const WITHIN: f64 = 0.05;
-/// Number of bisections. They reduce a range of a factor of 4 to 0.1 %.
+/// Number of bisections in the search for the stability limit. They narrow a range of a factor of 4
+/// to 0.1 %.
 const HALVINGS: u32 = 11;
 
-/// Returns the stiffness at which a swing begins to grow, N m/rad, found by bisection near
-/// `predicted`.
+/// Returns the stiffness at which a swing of the axis begins to grow, N m/rad. It is found by
+/// bisection between half and twice `predicted`.
 pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
     let (mut low, mut high) = (0.5 * predicted, 2.0 * predicted);
     for _ in 0..HALVINGS {
@@ -31,7 +33,7 @@ pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
     (low * high).sqrt()
 }
 
-/// Returns whether a swing is larger late in the simulation than early in it.
+/// Returns whether the axis swings further late in the simulation than early in it.
 fn grows(wall: &Wall) -> bool {
     // If the stiffness is 0.1 % off the border, the swing changes at a tenth of the rate of the
     // damping. Peaks are read to (w h)²/8.

@@ -11,30 +11,32 @@ use crate::context::Interrupted;
 use crate::report::Report;
 use crate::verification::double::stages::odometry::METHODS;
 
-/// Number of ticks in a day at 1 kHz.
+/// Number of ticks in a day of simulated time at 1 kHz.
 const DAY: u64 = 86_400_000;
-/// Number of ticks in ten minutes at 1 kHz, for `--quick`.
+/// Number of ticks in ten minutes of simulated time at 1 kHz, for a run with `--quick`.
 const TEN_MINUTES: u64 = 600_000;
-/// Largest allowed deviation of |q| from 1.
+/// Largest allowed deviation of the quaternion's norm |q| from 1.
 const UNIT: f64 = 1.0e-12;
-/// Largest allowed gain of energy of the swing, relative to its initial energy. It is several times
-/// the error of rk4 within one swing, 2e-8, which does not accumulate. The rounding of 1e8 steps
-/// that all err in one direction would gain as much.
+/// Largest allowed gain of energy by a swing, relative to its initial energy.
+///
+/// It is several times the error of rk4 within one swing, 2e-8, which does not accumulate. Rounding
+/// in 1e8 steps would gain as much if all rounding errors had the same sign.
 const GAIN: f64 = 1.0e-7;
 
-/// Results of a day of the ideal plant.
+/// How far conserved quantities changed while the ideal plant was simulated for a day.
 pub(super) struct Day {
     ticks: u64,
     seconds: f64,
-    /// Largest deviation of |q| from 1.
+    /// Largest deviation of the quaternion's norm |q| from 1.
     unit: f64,
-    /// Largest energy, relative to the initial energy.
+    /// Largest energy at any time, relative to the initial energy.
     most: f64,
-    /// Smallest energy, relative to the initial energy.
+    /// Smallest energy at any time, relative to the initial energy.
     least: f64,
 }
 
-/// Simulates the ideal plant on an undamped spring, in steps of 1 ms.
+/// Simulates a day of the ideal plant, which swings on an undamped spring, in steps of 1 ms. With
+/// `--quick` it is ten minutes.
 pub(super) fn day(context: &Context, plant: &Plant) -> Result<Day, Interrupted> {
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };
     let energy = |s: &PlantState| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();

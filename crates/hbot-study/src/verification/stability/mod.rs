@@ -47,12 +47,12 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
-/// Reports a measured border with its predicted value, both N m/rad.
+/// Reports a measured stability limit together with the predicted one, both in N m/rad.
 fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
     report.figure(id, measured).note("measured", measured).note("predicted", predicted);
 }
 
-/// Returns `x` in millionths, rounded, for an id.
+/// Returns `x` in millionths, rounded to a whole number, for use in the id of a figure.
 fn micro(x: f64) -> u32 {
     (x * 1.0e6).round() as u32
 }

@@ -9,23 +9,26 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates at which the border is measured, Hz.
+/// Loop rates at which the largest passive stiffness is measured, Hz.
 const RATES: [u32; 3] = [500, 1000, 4000];
-/// The rig's own viscous damping, N m s/rad.
+/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
+/// s/rad.
 const OWN: [f64; 2] = [0.01, 0.03];
-/// The wall's damping, which can be negative, N m s/rad.
+/// Values of the damping that the virtual wall renders, N m s/rad. They can be negative.
 const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
-/// Largest allowed deviation of the measured border from the predicted one, relative.
+/// Largest allowed relative deviation of the measured passive stiffness from the predicted one.
 const WITHIN: f64 = 0.1;
 /// Number of frequencies at which the wall is moved. None of them is a simple fraction of the
-/// Nyquist frequency, as such a sine would always be read at the same few phases.
+/// Nyquist frequency, because such a sine would always be sampled at the same few phases.
 const SINES: usize = 160;
-/// Number of ticks of each sine.
+/// Number of ticks for which each sine is simulated.
 const TICKS: usize = 40_000;
 
-/// Returns the own damping that the rig needs to absorb the energy that a wall gives out. The sine
-/// advances by `phi` rad per tick. The two results are N m s/rad per N m/rad of the wall's
-/// stiffness and per N m s/rad of its damping, for a period of 1 s.
+/// Returns the damping that the mechanics need, so that they absorb the energy that a wall delivers
+/// while it is moved along a sine. The sine advances by `phi` rad per tick.
+///
+/// The period is taken as 1 s. The first result is the damping needed for each N m/rad of the
+/// wall's stiffness, and the second for each N m s/rad of its damping, both in N m s/rad.
 fn asked(phi: f64, delay: usize) -> [f64; 2] {
     let first = delay + 1;
     // The sum goes from one zero crossing to another, so that the spring stores nothing at either
@@ -142,8 +145,8 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 mod tests {
     use super::*;
 
-    /// Compares with the formula of Colgate and Schenkel for one frequency: h/2 for the stiffness
-    /// at any frequency, and -cos(phi) for the damping.
+    /// For one frequency, the damping needed agrees with the formula of Colgate and Schenkel: h/2
+    /// for the stiffness at any frequency, and -cos(phi) for the damping.
     #[test]
     fn a_sine_draws_what_the_formula_says() {
         for phi in [0.1, 1.0, 2.3, 3.0] {

@@ -10,20 +10,23 @@ use super::{border, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Loop rates at which the border is measured, Hz.
+/// Loop rates at which the stability limit is measured, Hz.
 const RATES: [u32; 3] = [1000, 2000, 4000];
-/// Damping of the spring, N m s/rad.
+/// Damping of the rendered spring, N m s/rad.
 const DAMPING: [f64; 3] = [0.005, 0.01, 0.02];
-/// Largest allowed deviation of the measured border from the predicted one, relative.
+/// Largest allowed relative deviation of the measured stability limit from the predicted one.
 const WITHIN: f64 = 0.1;
-/// Number of bisections. They reduce a range of a factor of 4 to 1 %.
+/// Number of bisections in the search for the stability limit. They narrow a range of a factor of 4
+/// to 1 %.
 const HALVINGS: u32 = 7;
-/// Amplitude of the initial swing, rad. It is a few hundred counts, and far from the torque limits.
+/// Amplitude of the initial swing, rad. It is a few hundred encoder counts, and its torques are far
+/// below the limits.
 const THROWN: f64 = 0.01;
-/// Observation time, s.
+/// Time for which the swing is observed, s.
 const WATCH_S: f64 = 1.5;
 
-/// Returns whether a swing about n1 grows.
+/// Returns whether a swing of the sphere about n1 grows, with a rendered spring and the loop at
+/// `rate` Hz.
 fn grows(rate: u32, stiffness: f64, damping: f64) -> bool {
     let mut run =
         Loop::new(&Wanted { rate, stiffness, damping, phenomena: Phenomena::default(), guard: false });

@@ -1,32 +1,34 @@
 //! Exact simulation of one axis that acts against a sampled wall.
 
-/// An axis, its loop, and the spring and damper that the loop renders.
+/// One axis and the virtual wall that it acts against: the mechanics, the control loop, and the
+/// spring and damper that the loop renders.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wall {
     /// Inertia J of the axis, kg m².
     pub(crate) inertia: f64,
-    /// The rig's own viscous damping b, N m s/rad.
+    /// Viscous damping b of the mechanics, N m s/rad.
     pub(crate) own: f64,
-    /// Coulomb friction c, N m.
+    /// Coulomb friction c of the mechanics, N m.
     pub(crate) coulomb: f64,
-    /// Step d of the encoder, rad. With 0 the angle is read exactly.
+    /// Step d of the measured angle, rad. If it is 0, the angle is measured exactly.
     pub(crate) step: f64,
-    /// Period h of the loop, s.
+    /// Period h of the control loop, s.
     pub(crate) period: f64,
-    /// Delay D from a reading to its torque, whole ticks.
+    /// Delay D from a reading to the torque computed from it, in whole ticks.
     pub(crate) delay: usize,
-    /// Stiffness K of the wall, N m/rad.
+    /// Stiffness K that the wall renders, N m/rad.
     pub(crate) stiffness: f64,
-    /// Damping B of the wall, N m s/rad. It acts on the difference of the last two readings.
+    /// Damping B that the wall renders, N m s/rad. It acts on the difference of the last two
+    /// readings.
     pub(crate) damping: f64,
 }
 
-/// Length of the torque history, ticks. The delay must be shorter.
+/// Number of past torques that are stored, one per tick. The delay must be shorter.
 const LONGEST: usize = 8;
 
 impl Wall {
-    /// Simulates `ticks` ticks after the axis is released at `angle`, rad. Calls `each` with the
-    /// angle at the end of each tick.
+    /// Releases the axis at `angle` (rad) and simulates `ticks` ticks. Calls `each` with the angle
+    /// at the end of each tick.
     pub(crate) fn released(&self, angle: f64, ticks: usize, mut each: impl FnMut(f64)) {
         let (mut x, mut v) = (angle, 0.0);
         let mut last = self.read(x);
@@ -46,8 +48,8 @@ impl Wall {
         if self.step > 0.0 { (x / self.step).round() * self.step } else { x }
     }
 
-    /// Returns angle (rad) and rate (rad/s) after `time` seconds under a constant torque, with
-    /// Coulomb friction that truly sticks.
+    /// Returns the angle (rad) and the rate (rad/s) after `time` seconds under a constant torque.
+    /// Coulomb friction can hold the axis completely at rest.
     fn moved(&self, mut x: f64, mut v: f64, torque: f64, mut time: f64) -> (f64, f64) {
         // A phase ends when the rate reaches zero. In the phase after that the axis sticks, or it
         // moves in the other direction until the end.
@@ -66,7 +68,8 @@ impl Wall {
         (x, v)
     }
 
-    /// Returns angle and rate after `time` seconds: the exact solution of J v' = force - b v.
+    /// Returns the angle (rad) and the rate (rad/s) after `time` seconds without a stop: the exact
+    /// solution of J v' = force - b v.
     fn coasted(&self, x: f64, v: f64, force: f64, time: f64) -> (f64, f64) {
         let (acceleration, rate) = (force / self.inertia, self.own / self.inertia);
         let z = rate * time;
@@ -82,8 +85,8 @@ impl Wall {
         (x + v * time + (acceleration - rate * v) * time * time * second, end)
     }
 
-    /// Returns the time at which a rate of `v` becomes zero under a constant force, s. Returns
-    /// `None` if it never does.
+    /// Returns the time after which an axis with the rate `v` stops under a constant force, s.
+    /// Returns `None` if it never stops.
     fn stops_after(&self, v: f64, force: f64) -> Option<f64> {
         // Only a force against the motion stops it. Damping alone never quite does.
         if v == 0.0 || v * (force - self.own * v) >= 0.0 || v * force >= 0.0 {

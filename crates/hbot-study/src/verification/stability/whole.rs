@@ -10,29 +10,30 @@ use serde_json::json;
 
 use crate::whole::{Whole, prototype};
 
-/// Duration of the soft start, s.
+/// Duration of the soft start, s, after which the loop gives its full torque.
 const START_S: f64 = 0.6;
 
-/// Options of a [`Loop`]: the spring, the rate of the loop, and the simulated rig.
+/// Settings of a [`Loop`]: the rendered spring, the rate of the loop, and the simulated rig.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
-    /// Loop rate, Hz.
+    /// Rate of the control loop, Hz.
     pub(super) rate: u32,
-    /// Stiffness of the spring, N m/rad.
+    /// Stiffness of the rendered spring, N m/rad.
     pub(super) stiffness: f64,
-    /// Damping of the spring, N m s/rad.
+    /// Damping of the rendered spring, N m s/rad.
     pub(super) damping: f64,
-    /// Phenomena of the simulated rig.
+    /// Phenomena of a real rig that the simulated rig shows.
     pub(super) phenomena: Phenomena,
-    /// Whether the passivity stage is on.
+    /// Whether the controller's passivity stage is on.
     pub(super) guard: bool,
 }
 
-/// An active loop in which the sphere starts at rest at the centre of a spring.
+/// A control loop with a rendered spring in virtual time. It is active, and the sphere starts at
+/// rest at the centre of the spring.
 pub(super) struct Loop {
     whole: Whole,
-    /// Energy that the motors have delivered, J: the sum over joints of the held torque times the
-    /// turn made.
+    /// Energy that the motors have delivered since the last tap, J: the sum over all joints and
+    /// ticks of torque times turn.
     given: f64,
 }
 
@@ -51,12 +52,12 @@ impl Loop {
         new
     }
 
-    /// Returns the number of ticks in `seconds`.
+    /// Returns the number of ticks that the loop makes in `seconds`.
     pub(super) fn ticks(&self, seconds: f64) -> u32 {
         self.whole.ticks(seconds)
     }
 
-    /// Returns the apparent inertia about n1, kg m².
+    /// Returns the sphere's apparent inertia about n1, kg m².
     pub(super) fn inertia(&self) -> f64 {
         let Ok(mut plant) = Plant::new(&self.whole.controller().rig().device) else {
             unreachable!("the prototype is a plant")
@@ -65,19 +66,21 @@ impl Loop {
         plant.apparent_inertia(self.state()).x_axis.x
     }
 
-    /// Returns the state of the simulated rig.
+    /// Returns the true state of the simulated rig.
     pub(super) fn state(&self) -> &PlantState {
         self.whole.rig().state()
     }
 
-    /// Sets the sphere's angular velocity to `omega` (rad/s in N), and resets the delivered energy.
+    /// Sets the sphere's angular velocity to `omega` (frame N, rad/s), and sets the delivered
+    /// energy to zero.
     pub(super) fn tap(&mut self, omega: Vec3) {
         let state = PlantState { omega, ..*self.state() };
         self.whole.rig_mut().set_state(state);
         self.given = 0.0;
     }
 
-    /// Returns the kinetic energy plus the energy of a spring of `stiffness` (N m/rad), J.
+    /// Returns the energy of the sphere and the wheels plus that of a spring of `stiffness` (N
+    /// m/rad), J.
     pub(super) fn energy(&self, stiffness: f64) -> f64 {
         let turned = rotation::log(self.state().q);
         self.whole.rig().dynamics().energy(self.state()) + 0.5 * stiffness * turned.length_squared()
@@ -88,7 +91,7 @@ impl Loop {
         self.given
     }
 
-    /// Runs one tick and returns the controller's state.
+    /// Runs one tick and returns the state that the controller reports.
     pub(super) fn step(&mut self) -> State {
         let rig = self.whole.rig();
         let (held, before) = (*rig.joint_torque(), rig.state().joints());
@@ -98,7 +101,7 @@ impl Loop {
         told
     }
 
-    /// Returns whether the mode is active, so that the motors can make torque.
+    /// Returns whether the controller's mode is active, so that the motors can give torque.
     pub(super) fn is_active(told: &State) -> bool {
         told.mode == Mode::Active
     }

@@ -8,14 +8,16 @@ use super::hbot::{Device, MAX_JOINTS, Real, Vec3};
 use super::{real, vector, wide3};
 use crate::timing::Timed;
 
-/// The methods that keep joint torques within their limits, named as in rig files and ids.
+/// The methods that keep joint torques within their limits, named as in rig files and in the ids of
+/// figures.
 ///
 /// `exact`: the largest share of the torque that the joints can make together. `clipped`: the joint
 /// torques of least cost, all scaled by one factor. `cut`: the joint torques of least cost, each
-/// cut at its own limit. `cut` changes the direction of the torque; nothing in the project uses it.
+/// cut at its own limit. `cut` changes the direction of the torque; it serves for comparison only.
 pub(crate) const METHODS: [&str; 3] = ["exact", "clipped", "cut"];
 
-/// A test case: a posture of a device, its joint torque limits and a wanted torque.
+/// A test case for the allocation of joint torques: a posture of a device, its joint torque limits,
+/// and a wanted torque on the sphere.
 #[derive(Clone)]
 pub(crate) struct Case {
     posture: Posture,
@@ -25,8 +27,9 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    /// Creates the case of `device` at the steer angles `th` (rad). `peaks` are the joint torque
-    /// limits of steer and drive, N m. `wanted` is the torque on the sphere, N m in N.
+    /// Creates a test case for `device` at the steer angles `th` (rad). `peaks` are the torque
+    /// limits of a steer and a drive joint, N m. `wanted` is the torque on the sphere in frame N, N
+    /// m.
     pub(crate) fn new(device: &Device, th: &[f64], peaks: [f64; 2], wanted: [f64; 3]) -> Self {
         let th: Vec<Real> = th.iter().map(|th| real(*th)).collect();
         let limits = JointLimits::of_device(device, |joint| real(peaks[joint % 2]));
@@ -50,14 +53,16 @@ impl Case {
         }
     }
 
-    /// Returns the torque on the sphere that the joint torques of `method` make, N m in N.
+    /// Returns the torque on the sphere that results from the joint torques of a method, in frame
+    /// N, in N m. `method` is an index into [`METHODS`].
     pub(crate) fn made(&self, method: usize) -> [f64; 3] {
         let torque = self.joint_torques(method, self.wanted);
         wide3(self.posture.torque_on_sphere(&torque[..self.posture.rows().len()]))
     }
 }
 
-/// Prepares the timing of one allocation. Successive calls go through `cases` in turn.
+/// Prepares the timing of one allocation by a method, which is an index into [`METHODS`].
+/// Successive calls use `cases` in turn.
 pub(crate) fn timed(method: usize, cases: Vec<Case>) -> Timed<'static> {
     let mut k = 0;
     Timed::new(move || {

@@ -10,16 +10,16 @@ pub(crate) mod spring;
 use super::core as hbot;
 use hbot::{Device, Quat, Real, Vec3, WheelSpec};
 
-/// Name of this width in ids.
+/// Name of this floating-point width, as used in the ids of figures.
 pub(crate) const WIDTH: &str = if size_of::<Real>() == 8 { "f64" } else { "f32" };
 
-/// Rounds `x` to the nearest number of this width.
+/// Rounds `x` to the nearest number of this floating-point width.
 #[allow(clippy::unnecessary_cast, reason = "one width of the two makes it one")]
 pub(crate) fn real(x: f64) -> Real {
     x as Real
 }
 
-/// Converts `x` to f64 without rounding.
+/// Converts `x` from this floating-point width to f64, without rounding.
 #[allow(clippy::useless_conversion, reason = "one width of the two makes it one")]
 pub(crate) fn wide(x: Real) -> f64 {
     f64::from(x)
@@ -41,7 +41,7 @@ pub(crate) fn wide4(q: Quat) -> [f64; 4] {
     [q.w, q.x, q.y, q.z].map(wide)
 }
 
-/// Converts a device of the f64 core to this width.
+/// Converts a device of the f64 core to this floating-point width.
 pub(crate) fn device(of: &hbot_core::Device) -> Device {
     let wheel = |wheel: &hbot_core::device::Wheel| {
         let spec = wheel.spec();

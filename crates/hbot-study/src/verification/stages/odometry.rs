@@ -13,27 +13,30 @@ use super::hbot::{Device, MAX_JOINTS, Quat, Real, Vec3, rotation};
 use super::{real, vector, wide4};
 use crate::timing::Timed;
 
-/// The odometry methods with their names in ids and rig files, by increasing order.
+/// The odometry methods by increasing order of accuracy, each with its name in the ids of figures
+/// and in rig files.
 pub(crate) const METHODS: [(&str, OdometryMethod); 3] =
     [(Euler.name(), Euler), (Midpoint.name(), Midpoint), (Magnus4.name(), Magnus4)];
-/// Orders of the methods in [`METHODS`] on a known path of the joints.
+/// Order of accuracy of each method in [`METHODS`], if the path of the joints between readings is
+/// known.
 pub(crate) const ORDERS: [u32; 3] = [1, 2, 4];
 
-/// The assumed paths of the joints between two readings, with their names in ids and rig files.
+/// The paths that the joints are assumed to take between two readings, each with its name in the
+/// ids of figures and in rig files.
 pub(crate) const PATHS: [(&str, PathFit); 3] =
     [(Straight.name(), Straight), (Quadratic.name(), Quadratic), (Cubic.name(), Cubic)];
-/// Orders of the errors of the paths in [`PATHS`].
+/// Order of accuracy of each path in [`PATHS`].
 pub(crate) const PATH_ORDERS: [u32; 3] = [2, 3, 4];
 
-/// An odometry method and a path, as indices into [`METHODS`] and [`PATHS`].
+/// An odometry method and an assumed path of the joints, as indices into [`METHODS`] and [`PATHS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Choice {
     pub(crate) method: usize,
     pub(crate) path: usize,
 }
 
-/// Returns the turn of one step, a rotation vector in N, rad. Calls the functions that the
-/// controller calls for this choice.
+/// Returns the turn of the sphere in one step, as a rotation vector in frame N, rad. Calls the
+/// functions that the controller calls for this method and path.
 #[inline]
 fn step_turn(
     device: &Device,
@@ -50,8 +53,9 @@ fn step_turn(
     }
 }
 
-/// Integrates `readings` (joint angles, rad) to orientations, as quaternions [w, x, y, z]. Starts
-/// with the identity at reading [`LEAD`] and returns the orientation at each reading from there on.
+/// Computes orientations from `readings` (joint angles, rad), as quaternions [w, x, y, z]. It
+/// starts with the identity at reading [`LEAD`], and returns the orientation at this and each later
+/// reading.
 pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = Quat::IDENTITY;
     let mut all = vec![wide4(q)];
@@ -67,9 +71,11 @@ pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]])
     all
 }
 
-/// Returns the steer angles at reading `from` and the turn of each joint up to reading `to`, rad.
-/// Steer angles are reduced to one turn, as a controller does with integer counts, so that they
-/// round like numbers of that size.
+/// Returns the steer angles at the reading `from`, and the turn of each joint between the readings
+/// `from` and `to`, rad.
+///
+/// Steer angles are reduced to one turn, as a controller does with integer encoder counts, so that
+/// they round like numbers of that size.
 fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX_JOINTS]) {
     let th = core::array::from_fn(|i| real(hbot_core::rotation::wrap_angle(from[2 * i])));
     let mut delta = [0.0; MAX_JOINTS];
@@ -79,8 +85,8 @@ fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX
     (th, delta)
 }
 
-/// Returns the orientation [w, x, y, z] after `ticks` ticks of `h` seconds. The joints turn at the
-/// constant rates `zd` (rad/s), starting from the steer angles `th` (rad).
+/// Returns the orientation [w, x, y, z] that odometry computes after `ticks` ticks of `h` seconds.
+/// The joints turn at the constant rates `zd` (rad/s), starting from the steer angles `th` (rad).
 pub(crate) fn segment(
     device: &Device,
     method: usize,
@@ -100,9 +106,11 @@ pub(crate) fn segment(
     wide4(q)
 }
 
-/// Returns the orientation [w, x, y, z] after the successive `turns` (rotation vectors in N, rad),
-/// stored in this width. Uses the core's product of quaternions, or, if `added`, adds the change
-/// that each product makes.
+/// Returns the orientation [w, x, y, z] after the successive `turns` (rotation vectors in frame N,
+/// rad), in this floating-point width.
+///
+/// Each turn is applied by the core's product of quaternions, or, if `added` is true, by adding the
+/// change that the product would make.
 pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
     let mut q = Quat::IDENTITY;
     for turn in turns {
@@ -112,8 +120,8 @@ pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
     wide4(q)
 }
 
-/// Returns exp(turn) q - q. No intermediate result is close to 1, so that little is lost by
-/// rounding.
+/// Returns the change exp(turn) q - q of the orientation by a turn. No intermediate result is close
+/// to 1, so rounding loses little.
 fn change(q: Quat, turn: Vec3) -> Quat {
     let quarter = real(libm::sin(0.25 * super::wide(turn.length())));
     let (less, s) = (real(-2.0) * quarter * quarter, rotation::vector_part(rotation::exp(turn)));
@@ -122,8 +130,9 @@ fn change(q: Quat, turn: Vec3) -> Quat {
     Quat::from_xyzw(v.x, v.y, v.z, less * q.w - s.dot(e))
 }
 
-/// Returns the largest deviation of |q| from 1 during `ticks` ticks of brisk turning back and
-/// forth. Returns `None` if `go_on` returns false.
+/// Returns the largest deviation of the quaternion's norm |q| from 1 during `ticks` ticks of
+/// odometry on a motion back and forth. Returns `None` if `go_on` returns false, because the study
+/// was asked to stop.
 pub(crate) fn unit_norm_after(
     device: &Device,
     method: usize,
@@ -155,8 +164,8 @@ pub(crate) fn unit_norm_after(
     Some(0.5 * super::wide(worst))
 }
 
-/// Prepares the timing of one odometry step. Euler's method uses the contact frames of the last
-/// reading's posture, which the controller already has.
+/// Prepares the timing of one odometry step. For Euler's method, the contact frames of the last
+/// reading are computed in advance, because the controller has them already.
 pub(crate) fn timed(device: Device, choice: Choice) -> Timed<'static> {
     let th: [Real; WHEELS] = [0.3, -0.5];
     let mut delta = [0.0; MAX_JOINTS];

@@ -7,15 +7,16 @@ use super::hbot::{Mat3, Quat, Vec3, rotation};
 use super::{quaternion, vector, wide3};
 use crate::timing::Timed;
 
-/// The spring laws and their first-order forms, named as in ids.
+/// The spring laws and their first-order forms, named as in the ids of figures.
 pub(crate) const LAWS: [&str; 4] =
     ["geodesic_exact", "geodesic_first_order", "quaternion_exact", "quaternion_first_order"];
 
-/// Stiffness about the axes of the desired frame, N m/rad. It is anisotropic, because only then the
-/// first-order forms differ from the gradient of an energy.
+/// Stiffness about the axes of the desired frame, N m/rad. It is anisotropic, because only then do
+/// the first-order forms differ from the gradient of an energy.
 pub(crate) const STIFFNESS: [f64; 3] = [4.0, 2.0, 1.0];
 
-/// Returns the torque, N m in N, of a spring towards the identity. `law` is an index into [`LAWS`].
+/// Returns the torque of a spring that pulls the orientation `q` towards the identity, in frame N,
+/// in N m. `law` is an index into [`LAWS`].
 ///
 /// The first-order forms of both laws approximate -K times the turn. One is `-K log q`, which omits
 /// the Jacobian of the logarithm. The other is the core's `-2 K e`, which replaces half the angle
@@ -34,13 +35,13 @@ fn stiffness() -> Mat3 {
     Mat3::from_diagonal(vector(STIFFNESS))
 }
 
-/// Returns the torque at the orientation `q` ([w, x, y, z]), N m in N. `law` is an index into
-/// [`LAWS`].
+/// Returns the torque of a spring at the orientation `q` ([w, x, y, z]), in frame N, in N m. `law`
+/// is an index into [`LAWS`].
 pub(crate) fn at(law: usize, q: [f64; 4]) -> [f64; 3] {
     wide3(torque(law, quaternion(q), &stiffness()))
 }
 
-/// Prepares the timing of one evaluation of the torque.
+/// Prepares the timing of one evaluation of a spring law. `law` is an index into [`LAWS`].
 pub(crate) fn timed(law: usize) -> Timed<'static> {
     let stiffness = stiffness();
     let q = rotation::exp(vector([0.3, -0.2, 0.4]));
