@@ -15,7 +15,7 @@ const PANEL: u32 = 250;
 /// Height of the title above the panels, pixels.
 const TITLE: u32 = 40;
 
-/// One curve of a [`Panel`].
+/// One curve of a [`PlotPanel`].
 #[derive(Debug, Clone)]
 pub struct Curve {
     /// Name in the legend. A curve without a name has no legend entry.
