@@ -26,7 +26,7 @@ use crate::plant::JointTorques;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum InjectedFault {
     /// Power is lost and returns. The torque is zero, the watchdog is cleared, and
-    /// [`ControllerFlags::UNDESCRIBED`] is set. Counts restart, except those of absolute encoders.
+    /// `UNDESCRIBED` is set. Counts restart, except those of absolute encoders.
     /// Other [`InjectedFault`]s stay active.
     Reboot,
     /// [`InjectedFault::Reboot`] of the controller of one joint. Where one controller has all joints, of that.

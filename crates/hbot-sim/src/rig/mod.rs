@@ -96,7 +96,7 @@ impl SimulatedRig {
     ///
     /// The plant is first simulated up to `now_ns` under the torques commanded before. New torques
     /// act when they arrive: at once, unless the line is impaired. Nothing is allocated if `reply`
-    /// has room for [`MAX_FEEDBACK_FRAME`] bytes per message.
+    /// has room for one answer to each message.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
