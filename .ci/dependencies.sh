@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The program of the rig PC links nothing that only the studies need, and what touches motors links
-# nothing that only clients need.
+# nothing that only clients need. No program links what is for tests.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -37,6 +37,17 @@ for name in "${clients_only[@]}"; do
     grep -qFx "$name" <<<"$hbot" || { echo "hbot does not link $name: the check of hbot-host looks for a wrong name" >&2; exit 1; }
 done
 echo "hbot-host links $(wc -l <<<"$host") crates, and none of: ${clients_only[*]}"
+
+# Who depends on it other than by dev-dependencies, under any feature; a name that does not exist is an error.
+tests_only=hbot-testing
+users=$(cargo tree --locked --workspace --all-features --invert "$tests_only" --edges normal,build --prefix none --format '{p}' |
+    awk '{print $1}' | grep -vFx "$tests_only" || true)
+if [ -n "$users" ]; then
+    echo "these link $tests_only outside their tests:" >&2
+    echo "$users" >&2
+    exit 1
+fi
+echo "no crate links $tests_only outside its tests"
 
 # A name that is written otherwise would pass all of this.
 [ "$(found "$(linked hbot-study)" | wc -l)" -eq "${#studies_only[@]}" ] || {

@@ -10,8 +10,9 @@ use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_host::clock::{now_ns, sleep_until_ns};
 use hbot_host::pace::Pace;
 use hbot_host::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
-use hbot_server::server::{Server, ServerOptions, Time};
-use hbot_server::service::{Status, Summary};
+use hbot_server::server::{ServerOptions, Time};
+use hbot_server::service::Summary;
+use hbot_testing::server::{any_port, options, serve};
 use hdrhistogram::Histogram;
 use serde_json::json;
 
@@ -45,25 +46,10 @@ fn bare(rate: u32, seconds: f64) -> [f64; 4] {
 /// Returns its statistics.
 fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
     let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
-    let options = ServerOptions {
-        rig: RigConfig::load(None, &[rate])?,
-        scene: SceneFile::default_scene(),
-        time: Time::Wall,
-        duration: Some(Duration::from_secs_f64(seconds)),
-        token: None,
-        buses: None,
-        last_word: None,
-        flight_dir: None,
-        recorder: None,
-    };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;
-        let (_control, control) = tokio::sync::mpsc::channel(1);
-        let (status, _status) = tokio::sync::watch::channel(Status::default());
-        let server = Server::start(options)?;
-        Ok(server.serve(listener, control, status, std::future::pending()).await?.summary)
-    })
+    let rig = RigConfig::load(None, &[rate])?;
+    let options = options(rig, SceneFile::default_scene(), Time::Wall);
+    let duration = Some(Duration::from_secs_f64(seconds));
+    Ok(serve(ServerOptions { duration, ..options }, any_port(), |_| std::future::pending()).summary)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

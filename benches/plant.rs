@@ -8,19 +8,12 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use hbot_core::{Device, Quat, Vec3, WheelSpec};
 use hbot_sim::plant::{JointTorques, Method, Plant, PlantState, Sine, SpringDamper, Sum};
+use hbot_testing::prototype::{self, of_the_task};
 
 fn device(wheels: usize) -> Device {
-    let wheel = |axis: [f64; 3]| WheelSpec {
-        axis: Vec3::from_array(axis),
-        cone: 0.1745,
-        toe: 0.0,
-        radius: 0.0102,
-        steer_inertia: 3.105_468_222_7e-5,
-        drive_inertia: 3.5202e-6,
-        axial_inertia: 0.0,
-    };
-    let all = [[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [0.0, 1.0, -1.0], [0.0, -1.0, -1.0]].map(wheel);
-    Device::new(0.102, 0.467, &all[..wheels]).expect("a legal device")
+    let axes = [[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [0.0, 1.0, -1.0], [0.0, -1.0, -1.0]];
+    let wheel = |axis| of_the_task(WheelSpec { axis: Vec3::from_array(axis), ..prototype::wheels()[0] });
+    Device::new(0.102, 0.467, &axes.map(wheel)[..wheels]).expect("a legal device")
 }
 
 fn steps(c: &mut Criterion) {

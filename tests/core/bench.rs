@@ -1,7 +1,6 @@
 //! A rig on a test bench: a sphere that turns as commanded, encoders that read it, and a
 //! controller.
 
-use crate::designs;
 use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
@@ -10,6 +9,7 @@ use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Reply};
 use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Traction, Zero};
 use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
+use hbot_testing::prototype::device;
 
 /// Period of the loop, s.
 pub const DT: f64 = 1e-3;
@@ -19,8 +19,7 @@ pub const TORQUE_RATE: f64 = 200.0;
 /// Returns the prototype's rig with motors strong enough for 1 N m about any axis.
 pub fn rig() -> Rig {
     let joint = |peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) };
-    let parts =
-        RigParts::new(designs::prototype()).with_joints(joint(2.0), Joint { gear: 17.0, ..joint(0.5) });
+    let parts = RigParts::new(device()).with_joints(joint(2.0), Joint { gear: 17.0, ..joint(0.5) });
     let limits = Limits {
         torque: 2.0,
         torque_rate: TORQUE_RATE,
@@ -120,6 +119,9 @@ pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
     }
 }
 
+/// The controller alone, on a sphere that turns as a test says: no line, no motors, no plant, so that a tick can be
+/// given any inputs. Other tests put a controller behind a line (`TickBench` of hbot-host) or on a plant (`Loop` of
+/// `passivity.rs`).
 pub struct Bench {
     pub controller: Controller,
     pub scene: CompiledScene,

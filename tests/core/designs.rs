@@ -1,25 +1,7 @@
-//! Devices for tests: the prototype, and random legal devices.
+//! Legal devices at random.
 
 use hbot_core::{Device, Mat3, Quat, Vec3, WheelSpec, rotation};
 use proptest::prelude::*;
-
-/// Returns the wheels of the prototype (physics notes, section 12).
-pub fn prototype_wheels() -> [WheelSpec; 2] {
-    [1.0, -1.0].map(|side| WheelSpec {
-        axis: Vec3::new(side, 0.0, -1.0),
-        cone: 0.1745,
-        toe: 0.0,
-        radius: 0.0155,
-        steer_inertia: 2.7e-5,
-        drive_inertia: 3.5e-6,
-        axial_inertia: 0.0,
-    })
-}
-
-/// Returns the prototype.
-pub fn prototype() -> Device {
-    Device::new(0.102, 0.467, &prototype_wheels()).unwrap()
-}
 
 pub fn unit_vector() -> impl Strategy<Value = Vec3> {
     (-1.0..1.0_f64, 0.0..core::f64::consts::TAU).prop_map(|(z, phi)| {

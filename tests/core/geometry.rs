@@ -1,11 +1,12 @@
 //! Designs: which are legal, which are refused and why, and the constants of a wheel (physics
 //! notes, sections 1 to 3).
 
-use crate::designs::{device_and_steering, prototype_wheels};
+use crate::designs::device_and_steering;
 use hbot_core::device::DeviceError;
 use hbot_core::kinematics::Posture;
 use hbot_core::singularity::{Meeting, boundary_determinant, singular_values};
 use hbot_core::{Device, Vec3, WheelSpec};
+use hbot_testing::prototype::wheels as prototype_wheels;
 use proptest::prelude::*;
 
 proptest! {

@@ -1,7 +1,6 @@
 //! The methods of odometry have their stated orders (physics notes, section 4).
 
 use crate::bench;
-use crate::designs::prototype_wheels;
 use crate::rng::Rng;
 use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
 use hbot_core::mode::Mode;
@@ -10,6 +9,7 @@ use hbot_core::path::Trail;
 use hbot_core::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
 use hbot_core::rig::PathFit::{self, Cubic, Quadratic, Straight};
 use hbot_core::{CompiledScene, Controller, Device, Quat, Vec3, WheelSpec, kinematics::Posture, rotation};
+use hbot_testing::prototype::wheels as prototype_wheels;
 
 /// A device whose joints turn at constant rates that do not match each other, so that the sphere
 /// slips as well.
@@ -106,7 +106,7 @@ const FINE: usize = 16;
 /// three axes at up to 3 rad/s, with three different frequencies, and the wheels roll. The
 /// integration by the classic Runge-Kutta method has an error below 1e-13.
 fn motion(seed: u64) -> Vec<Truth> {
-    let device = Device::new(0.102, 0.467, &prototype_wheels()).unwrap();
+    let device = hbot_testing::prototype::device();
     let mut rng = Rng(seed);
     let pace: Vec<f64> = (0..3).map(|_| rng.between(4.0, 9.0)).collect();
     let phase = rng.vector(3.0);
@@ -149,7 +149,7 @@ fn motion(seed: u64) -> Vec<Truth> {
 /// milliseconds times the numbers of `pattern`, which repeats. The first readings, which the fit
 /// needs to start, come before the 0.6 s.
 fn drift(truth: &[Truth], method: OdometryMethod, fit: PathFit, ms: f64, pattern: &[usize]) -> f64 {
-    let device = Device::new(0.102, 0.467, &prototype_wheels()).unwrap();
+    let device = hbot_testing::prototype::device();
     let unit = (ms * FINE as f64) as usize;
     let mut trail = Trail::START;
     let (mut at, mut q) = (0, None);

@@ -1,10 +1,10 @@
 //! Interior singularities compared with a search over steer angles (physics notes, section 3).
 
-use crate::designs::prototype_wheels;
 use crate::rng::Rng;
 use hbot_core::device::DeviceError;
 use hbot_core::singularity::{Meeting, closest_approach, interior_margin_over_all};
 use hbot_core::{Device, Vec3, WheelSpec};
+use hbot_testing::prototype::wheels as prototype_wheels;
 
 /// A contact circle: the points at the angle `cone` from `axis`.
 struct Circle {

@@ -5,8 +5,7 @@
 mod toy;
 
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hbot_api::{Client, TorqueCommand};
 use hbot_config::rig::Port;
@@ -15,15 +14,13 @@ use hbot_host::bus::{Expected, Protocol as _};
 use hbot_host::conformance::Controllers as _;
 use hbot_host::layout::Layout;
 use hbot_host::line::Line;
-use hbot_server::server::{Server, ServerOptions, Time};
-use hbot_server::service::Status;
-use tokio::net::TcpListener;
+use hbot_server::server::{ServerOptions, Time};
+use hbot_testing::patience::eventually;
+use hbot_testing::prototype::patient;
+use hbot_testing::server::{TestServer, any_port};
 
 use toy::Toy;
 use toy::motors::HeldMotors;
-
-/// Longest time that a test waits for an expected event.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A line in memory to some motors, which the test can also inspect.
 #[derive(Clone)]
@@ -61,62 +58,43 @@ impl Line for Cable {
     }
 }
 
-/// Starts a server on the motors behind `cable`. The server ends when the returned sender sends or
-/// is dropped.
-fn serve(cable: &Cable) -> (String, tokio::sync::oneshot::Sender<()>, std::thread::JoinHandle<()>) {
-    let mut rig = RigConfig::prototype();
+/// A server on the motors behind `cable`.
+fn served(cable: &Cable) -> TestServer {
+    let mut rig = patient();
     rig.link.port = Port::Devices(vec!["toy".to_owned()]);
-    // Time limits that a busy machine does not exceed.
-    rig.link.watchdog_ms = 1000;
-    rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let expected = Expected::new("toy", &rig.rig, &Layout::of(&rig), 0);
     let mut line = cable.clone();
     Toy.meet(&mut line, &expected).expect("the motors answer");
     let bus = Toy.bus(Box::new(line), expected);
-    let (ready, started) = mpsc::channel();
-    let (shutdown, stopped) = tokio::sync::oneshot::channel();
-    let server = std::thread::spawn(move || {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        runtime.block_on(async move {
-            let options = ServerOptions {
-                rig,
-                scene: SceneFile::default_scene(),
-                time: Time::Wall,
-                duration: None,
-                token: None,
-                buses: Some(vec![bus]),
-                last_word: None,
-                flight_dir: None,
-                recorder: None,
-            };
-            let server = Server::start(options).expect("it starts");
-            let listener = TcpListener::bind(("127.0.0.1", 0)).await.expect("a port");
-            ready.send(listener.local_addr().expect("an address").to_string()).expect("somebody waits");
-            let (_control, control) = tokio::sync::mpsc::channel(1);
-            let (status, _status) = tokio::sync::watch::channel(Status::default());
-            let finished = server.serve(listener, control, status, async { _ = stopped.await }).await;
-            assert_eq!(finished.expect("it serves").failed, None);
-        });
-    });
-    (started.recv_timeout(PATIENCE).expect("it starts"), shutdown, server)
+    // In full, not by `options` of hbot-testing: docs/drivers.md shows it to those who write such a program.
+    let options = ServerOptions {
+        rig,
+        scene: SceneFile::default_scene(),
+        time: Time::Wall,
+        duration: None,
+        token: None,
+        buses: Some(vec![bus]),
+        last_word: None,
+        flight_dir: None,
+        recorder: None,
+    };
+    TestServer::start(options, any_port())
 }
 
 /// Waits until `right` accepts the torques of the motors, N m.
 fn until(cable: &Cable, what: &str, mut push: impl FnMut(), right: impl Fn(&[f64]) -> bool) {
-    let start = Instant::now();
-    while !right(&cable.torque()) {
-        assert!(start.elapsed() < PATIENCE, "{what}: {:?} N m", cable.torque());
+    eventually(what, || {
         push();
-        std::thread::sleep(Duration::from_millis(5));
-    }
+        right(&cable.torque())
+    });
 }
 
 #[test]
 fn a_client_s_torque_reaches_motors_of_another_protocol_and_a_stop_takes_it_from_them() {
     let rig = RigConfig::prototype().rig;
     let cable = Cable::new(HeldMotors::new(rig.joints[..4].iter().map(|j| j.counts_per_turn).collect()));
-    let (address, shutdown, server) = serve(&cable);
-    let mut client = Client::connect(&address, "pusher").expect("it lets clients in");
+    let server = served(&cable);
+    let mut client = Client::connect(&server.address.to_string(), "pusher").expect("it lets clients in");
     client.acquire(false).expect("nobody else is there");
     // The joint torques for 0.1 N m about n2, with all wheels at their initial steer angles.
     let torque = hbot_core::Vec3::new(0.0, 0.1, 0.0);
@@ -133,7 +111,6 @@ fn a_client_s_torque_reaches_motors_of_another_protocol_and_a_stop_takes_it_from
     client.estop().expect("it is answered");
     until(&cable, "stopped", || (), |joints| joints.iter().all(|torque| *torque == 0.0));
     until(&cable, "again after reset and enable", || push(&mut client), |joints| makes(joints) < 1e-4);
-    drop(shutdown);
-    server.join().expect("it has not panicked");
+    assert_eq!(server.stop().failed, None);
     assert_eq!(cable.torque(), [0.0; 4], "the server is gone");
 }

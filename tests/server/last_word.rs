@@ -1,29 +1,22 @@
 //! A server that is killed or aborts while motors make torque: a helper process switches the motors
 //! off in its place.
 
+use hbot_testing::far::Far;
+use hbot_testing::lines::Lines;
+use hbot_testing::patience::eventually;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_testing::prototype::simulated_as;
 use rustix::process::{Pid, Signal, getpgid, kill_process};
 
-use crate::far::Far;
-use crate::process::{Lines, PATIENCE, Process, STOPPING, patient_rig};
+use crate::process::{Process, STOPPING, patient_rig};
 
 /// Watchdog time in the helper's commands, ms.
 const HELPERS: u16 = 1;
 /// Watchdog time in the server's own commands, ms, as in the patient rig file.
 const SERVERS: u16 = 1000;
-
-fn waits_until(what: &str, mut so: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !so() {
-        assert!(begun.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
-}
 
 /// Writes a rig file and a scene with a constant torque. Returns their paths.
 fn files(folder: &Path) -> (String, String) {
@@ -37,7 +30,7 @@ fn files(folder: &Path) -> (String, String) {
 fn push(server: &Process, far: &Far) {
     let mut client = Lines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
-    waits_until("torque", || {
+    eventually("torque", || {
         // A machine that stood still for 20 ms has caused a deadline fault.
         client.ask(r#"{"id": 2, "op": "reset"}"#);
         client.ask(r#"{"id": 3, "op": "enable"}"#);
@@ -88,7 +81,7 @@ fn a_server_that_is_killed_or_aborts_leaves_zero_torque_on_the_line() {
         let (_, status) = server.end();
         assert_eq!(std::os::unix::process::ExitStatusExt::signal(&status), Some(signal.as_raw()));
         assert_eq!(far.ends_still().watchdog_ms, HELPERS, "{signal:?}");
-        waits_until("the helper ends", || !runs(helper));
+        eventually("the helper ends", || !runs(helper));
     }
 }
 
@@ -127,8 +120,7 @@ fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     std::fs::write(&rig, text.replace("zero = \"assume\"", "zero = \"absolute\"")).expect("written");
     let config = RigConfig::from_path(Path::new(&rig)).expect("a rig");
     // A `Far` would not do: the server would inherit its near end and keep it open.
-    let simulated = SimulatedRig::new(&SimulatedConfig::new(&config.rig)).expect("it can be simulated");
-    let pty = spawn_pty(simulated, PtyOptions::default()).expect("a pseudo-terminal");
+    let pty = spawn_pty(simulated_as(&config, |_| ()), PtyOptions::default()).expect("a pseudo-terminal");
     let link = folder.path().join("hbot");
     std::os::unix::fs::symlink(pty.path(), &link).expect("a link");
     let port = link.to_str().expect("UTF-8");
@@ -139,12 +131,12 @@ fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     std::fs::remove_file(&link).expect("it was there");
     std::os::unix::fs::symlink(&other.path, &link).expect("a link");
     drop(pty);
-    waits_until("the line is back", || other.count() > 50);
-    waits_until("the first helper is gone, not even a zombie", || !is_there(first));
+    eventually("the line is back", || other.count() > 50);
+    eventually("the first helper is gone, not even a zombie", || !is_there(first));
     push(&server, &other);
     let [second] = helpers(&server)[..] else { panic!("one helper a line") };
     server.signal(Signal::KILL);
     server.end();
     assert_eq!(other.ends_still().watchdog_ms, HELPERS);
-    waits_until("the second helper ends", || !runs(second));
+    eventually("the second helper ends", || !runs(second));
 }

@@ -1,11 +1,12 @@
 //! The server keeps running whether or not anybody reads its messages on standard error.
 
+use hbot_testing::lines::Lines;
+use hbot_testing::patience::until;
 use std::io::{BufRead as _, BufReader};
 use std::process::Stdio;
-use std::time::Instant;
 
 use crate::output::{closed, stuck};
-use crate::process::{Lines, Mute, PATIENCE, Process};
+use crate::process::{Mute, Process};
 
 /// Starts a server that logs everything to `log`.
 fn start(state: &std::path::Path, log: impl Fn() -> Stdio) -> Mute {
@@ -19,7 +20,7 @@ fn start(state: &std::path::Path, log: impl Fn() -> Stdio) -> Mute {
 fn goes_on(mut server: Mute) {
     let mut client = Lines::greeted(&server.address);
     for _ in 0..20 {
-        client.send(&"{\"id\": 1, \"op\": \"estop\"}\n".repeat(100));
+        client.bytes("{\"id\": 1, \"op\": \"estop\"}\n".repeat(100).as_bytes());
         for _ in 0..100 {
             let answer = client.until(|value| value.get("id").is_some());
             assert_eq!(answer["ok"]["mode"], "estop", "{answer}");
@@ -27,14 +28,7 @@ fn goes_on(mut server: Mute) {
     }
     let pid = rustix::process::Pid::from_child(&server.child);
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).expect("the server is there");
-    let start = Instant::now();
-    let status = loop {
-        if let Some(status) = server.child.try_wait().expect("a child") {
-            break status;
-        }
-        assert!(start.elapsed() < PATIENCE, "it does not end");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    };
+    let status = until("it ends", || server.child.try_wait().expect("a child"));
     assert_eq!(status.code(), Some(0));
 }
 

@@ -5,7 +5,6 @@ mod bringup;
 mod by_hand;
 mod design;
 mod drivers;
-mod far;
 mod last_word;
 mod log;
 mod output;

@@ -1,6 +1,7 @@
 //! Output that cannot be written: the reader has closed the pipe, the reader does not read, or the
 //! device is full.
 
+use hbot_testing::lines::Lines;
 use std::fs::{File, OpenOptions};
 use std::io::{PipeReader, PipeWriter, Write as _, pipe};
 use std::process::{Output, Stdio};
@@ -8,7 +9,7 @@ use std::process::{Output, Stdio};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::process::{Lines, Mute, Process, hbot};
+use crate::process::{Mute, Process, hbot};
 
 const FULL: &str = "error: standard output cannot be written: No space left on device (os error 28)";
 

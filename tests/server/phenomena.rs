@@ -1,17 +1,16 @@
 //! The influence of a scene's `[simulate]` table on a whole server, in virtual time.
 
 use std::future::Future;
-use std::sync::mpsc;
 use std::time::Duration;
 
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Inputs, MAX_JOINTS, Outputs, Vec3, rotation};
-use hbot_server::server::{Server, ServerOptions, Time};
-use hbot_server::service::Status;
+use hbot_server::server::{ServerOptions, Time};
+use hbot_testing::server::{options, recorded};
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpStream;
 
 use crate::process::hbot;
 
@@ -28,32 +27,12 @@ fn run<F: Future<Output = ()> + Send + 'static>(
     seconds: Option<u64>,
     meanwhile: impl FnOnce(std::net::SocketAddr) -> F,
 ) -> Vec<Tick> {
-    let (into, recorded) = mpsc::channel();
-    let options = ServerOptions {
-        rig,
-        scene: SceneFile::from_toml(scene, "scene.toml").unwrap_or_else(|mistakes| panic!("{mistakes}")),
-        time: Time::Virtual,
-        duration: seconds.map(Duration::from_secs),
-        token: None,
-        buses: None,
-        last_word: None,
-        flight_dir: None,
-        recorder: Some(Box::new(move |_: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {
-            into.send(Tick { inputs: *inputs, outputs: *outputs }).expect("somebody listens");
-        })),
-    };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    runtime.block_on(async {
-        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-        let address = listener.local_addr().expect("an address");
-        let server = Server::start(options).expect("it starts");
-        let (_control, control) = tokio::sync::mpsc::channel(1);
-        let (status, _status) = tokio::sync::watch::channel(Status::default());
-        let client = tokio::spawn(meanwhile(address));
-        let done = async { client.await.expect("the client was answered") };
-        server.serve(listener, control, status, done).await.expect("it serves");
-    });
-    recorded.iter().collect()
+    let scene = SceneFile::from_toml(scene, "scene.toml").unwrap_or_else(|mistakes| panic!("{mistakes}"));
+    let options = options(rig, scene, Time::Virtual);
+    let duration = seconds.map(Duration::from_secs);
+    let note =
+        |_: &CompiledScene, inputs: &Inputs, outputs: &Outputs| Tick { inputs: *inputs, outputs: *outputs };
+    recorded(ServerOptions { duration, ..options }, note, meanwhile)
 }
 
 fn undisturbed(scene: &str, seconds: u64) -> Vec<Tick> {

@@ -1,15 +1,12 @@
-//! A running `hbot server`, and a client that sends and receives raw lines of JSON.
+//! A running `hbot server`.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
 
+use hbot_testing::patience::until;
+use hbot_testing::prototype::patient_file;
 use rustix::process::Signal;
-use serde_json::Value;
-
-/// Longest time that a test waits for anything, even on a slow machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The signals that end the program.
 pub(crate) const STOPPING: [Signal; 5] = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP];
@@ -19,15 +16,10 @@ pub(crate) fn hbot() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot"))
 }
 
-/// Writes a rig file with long timeouts, which a busy machine does not exceed, and returns its
-/// path. The kernel moves the bytes of a pseudo-terminal in a worker of ordinary priority, so other
-/// work can delay them for any time.
-pub(crate) fn patient_rig(state: &std::path::Path) -> String {
-    let prototype = include_str!("../../rigs/prototype.toml");
-    let patient = prototype.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
-    assert_ne!(patient, prototype, "the prototype's time-out is written otherwise");
-    let path = state.join("patient.toml");
-    std::fs::write(&path, patient).expect("written");
+/// The rig file of [`patient_file`] in a folder: its path.
+pub(crate) fn patient_rig(folder: &std::path::Path) -> String {
+    let path = folder.join("patient.toml");
+    std::fs::write(&path, patient_file()).expect("written");
     path.to_str().expect("UTF-8").to_owned()
 }
 
@@ -113,16 +105,14 @@ impl Mute {
     /// example because the port is taken.
     fn listens(&mut self) -> bool {
         let at: SocketAddr = self.address.parse().expect("an address");
-        let start = Instant::now();
-        while TcpStream::connect(at).is_err() {
-            if let Some(status) = self.child.try_wait().expect("a child") {
-                assert_eq!(status.code(), Some(1), "the server ended at start");
-                return false;
+        until("it listens, or has ended", || {
+            if TcpStream::connect(at).is_ok() {
+                return Some(true);
             }
-            assert!(start.elapsed() < PATIENCE, "it does not listen");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        true
+            let status = self.child.try_wait().expect("a child")?;
+            assert_eq!(status.code(), Some(1), "the server ended at start");
+            Some(false)
+        })
     }
 }
 
@@ -132,76 +122,4 @@ impl Drop for Mute {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-/// A connection that sends lines without changing them.
-pub(crate) struct Lines {
-    stream: TcpStream,
-    reader: BufReader<TcpStream>,
-}
-
-impl Lines {
-    pub(crate) fn connect(address: &str) -> Self {
-        let stream = TcpStream::connect(address).expect("the server listens");
-        stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
-        let reader = BufReader::new(stream.try_clone().expect("a socket"));
-        Self { stream, reader }
-    }
-
-    /// Connects and sends `hello`.
-    pub(crate) fn greeted(address: &str) -> Self {
-        let mut lines = Self::connect(address);
-        let hello = lines.ask(r#"{"id": 0, "op": "hello", "version": 1, "name": "a test"}"#);
-        assert!(hello["ok"]["server"].as_str().is_some_and(|s| s.starts_with("hbot")), "{hello}");
-        lines
-    }
-
-    pub(crate) fn send(&mut self, line: &str) {
-        self.stream.write_all(line.as_bytes()).expect("sent");
-    }
-
-    /// Returns the next line, or `None` if the server has closed the connection.
-    pub(crate) fn next(&mut self) -> Option<Value> {
-        let mut line = String::new();
-        match self.reader.read_line(&mut line) {
-            Ok(0) => None,
-            Ok(_) => Some(serde_json::from_str(&line).expect("the server sends JSON")),
-            Err(e) if e.kind() == std::io::ErrorKind::ConnectionReset => None,
-            Err(e) => panic!("no line within {PATIENCE:?}: {e}"),
-        }
-    }
-
-    /// Sends a request and returns its answer. Events that arrive in between are dropped.
-    pub(crate) fn ask(&mut self, line: &str) -> Value {
-        self.send(line);
-        self.send("\n");
-        self.until(|value| value.get("id").is_some())
-    }
-
-    /// Returns the next state event for which `ready` holds.
-    pub(crate) fn state(&mut self, mut ready: impl FnMut(&Value) -> bool) -> Value {
-        self.until(|value| value["event"] == "state" && ready(value))
-    }
-
-    pub(crate) fn until(&mut self, mut found: impl FnMut(&Value) -> bool) -> Value {
-        let start = std::time::Instant::now();
-        let mut last = Value::Null;
-        while start.elapsed() < PATIENCE {
-            last = self.next().expect("the connection stays");
-            if found(&last) {
-                return last;
-            }
-        }
-        panic!("it did not come within {PATIENCE:?}; the last that came: {last}");
-    }
-}
-
-/// Returns a field of three numbers as a vector.
-pub(crate) fn vector(value: &Value) -> [f64; 3] {
-    std::array::from_fn(|i| value[i].as_f64().expect("a number"))
-}
-
-/// Returns the length of a vector of three numbers.
-pub(crate) fn norm(value: &Value) -> f64 {
-    vector(value).iter().map(|x| x * x).sum::<f64>().sqrt()
 }

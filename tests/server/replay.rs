@@ -1,15 +1,14 @@
 //! A run of the whole server in virtual time: the inputs of the controller are recorded and
 //! replayed bit for bit.
 
-use std::sync::mpsc;
 use std::time::Duration;
 
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
-use hbot_server::server::{Server, ServerOptions, Time};
-use hbot_server::service::Status;
+use hbot_server::server::{ServerOptions, Time};
+use hbot_testing::server::{options, recorded};
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpStream;
 
 struct Tick {
     scene: CompiledScene,
@@ -45,32 +44,17 @@ async fn meddle(address: std::net::SocketAddr) {
 
 #[test]
 fn a_recorded_run_replays_bit_for_bit() {
-    let (into, recorded) = mpsc::channel();
-    let options = ServerOptions {
-        rig: RigConfig::prototype(),
-        scene: SceneFile::default_scene(),
-        time: Time::Virtual,
-        duration: Some(Duration::from_secs(20)),
-        token: None,
-        buses: None,
-        last_word: None,
-        flight_dir: None,
-        recorder: Some(Box::new(move |scene: &CompiledScene, inputs: &Inputs, outputs: &Outputs| {
-            into.send(Tick { scene: scene.clone(), inputs: *inputs, outputs: *outputs })
-                .expect("somebody listens");
-        })),
-    };
+    let options = options(RigConfig::prototype(), SceneFile::default_scene(), Time::Virtual);
     let rig = options.rig.rig;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    runtime.block_on(async {
-        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-        let address = listener.local_addr().expect("an address");
-        let server = Server::start(options).expect("it starts");
-        let (_control, control) = tokio::sync::mpsc::channel(1);
-        let (status, _status) = tokio::sync::watch::channel(Status::default());
-        let client = tokio::spawn(meddle(address));
-        server.serve(listener, control, status, std::future::pending()).await.expect("it serves");
-        client.await.expect("the client got its answers");
+    let note = |scene: &CompiledScene, inputs: &Inputs, outputs: &Outputs| Tick {
+        scene: scene.clone(),
+        inputs: *inputs,
+        outputs: *outputs,
+    };
+    let duration = Some(Duration::from_secs(20));
+    let recorded = recorded(ServerOptions { duration, ..options }, note, |address| async move {
+        meddle(address).await;
+        std::future::pending().await
     });
 
     let mut again = Controller::new(rig);

@@ -1,8 +1,10 @@
 //! A server on external motor controllers, before anybody enables it, and motor controllers that it
 //! refuses.
 
+use hbot_testing::far::Far;
+use hbot_testing::lines::Lines;
+use hbot_testing::patience::{PATIENCE, eventually};
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_link::Command;
@@ -10,8 +12,7 @@ use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 use rustix::process::Signal;
 
-use crate::far::Far;
-use crate::process::{Lines, PATIENCE, Process, hbot, patient_rig};
+use crate::process::{Process, hbot, patient_rig};
 
 fn run(args: &[&str]) -> assert_cmd::assert::Assert {
     assert_cmd::Command::from_std(hbot()).args(args).timeout(PATIENCE).assert()
@@ -53,23 +54,18 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     let enabled = |command: &Command| command.enable;
     assert!(!far.any_after(0, enabled), "motors on that nobody asked for");
     client.ask(r#"{"id": 2, "op": "acquire"}"#);
-    let begun = Instant::now();
-    while !far.pushed() {
-        assert!(begun.elapsed() < PATIENCE, "no torque came about");
+    eventually("torque", || {
         // A machine that stood still for 20 ms has caused a deadline fault.
         client.ask(r#"{"id": 3, "op": "reset"}"#);
         client.ask(r#"{"id": 4, "op": "enable"}"#);
-    }
+        far.pushed()
+    });
     // The PC loses power while the motors make torque. Then the server is started again.
     server.signal(Signal::KILL);
     server.end();
     // The line still holds commands of the first server. The last of them is the last word, from
     // its helper.
-    let begun = Instant::now();
-    while far.any_after(far.count() - 1, enabled) {
-        assert!(begun.elapsed() < PATIENCE, "motors stay on");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    eventually("motors off", || !far.any_after(far.count() - 1, enabled));
     let before = far.count();
     let server = start();
     let mut client = watched(&server);
@@ -79,11 +75,9 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     // ones.
     let stats = client.ask(r#"{"id": 5, "op": "stats"}"#);
     let skipped = stats["ok"]["skipped_ticks"].as_u64().expect("a count") as usize;
-    let begun = Instant::now();
-    while far.count() + skipped < before + 1000 {
-        assert!(begun.elapsed() < PATIENCE, "{} commands and {skipped} skipped ticks", far.count() - before);
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let what =
+        format!("{} commands and {skipped} skipped ticks after the first {before}", 1000 - skipped.min(1000));
+    eventually(&what, || far.count() + skipped >= before + 1000);
     assert!(!far.any_after(before, enabled), "it goes on by itself");
 }
 

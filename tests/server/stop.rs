@@ -1,15 +1,15 @@
 //! `hbot rig test` and `hbot rig calibrate` are stopped while motors make torque: the last command
 //! to the motor controllers is zero torque.
 
+use hbot_testing::far::Far;
+use hbot_testing::patience::eventually;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, Stdio};
-use std::time::Instant;
 
 use hbot_config::RigConfig;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::far::Far;
-use crate::process::{PATIENCE, STOPPING, hbot};
+use crate::process::{STOPPING, hbot};
 
 /// Number of attempts to stop a joint test while it makes torque. If the machine is busy for longer
 /// than the watchdog time of the controllers, the test ends before it is stopped.
@@ -30,11 +30,7 @@ fn start(far: &Far, args: &[&str]) -> Child {
 fn push(far: &Far) -> Child {
     // The torque is so small that the joint does not turn far enough to end the test.
     let child = start(far, &["test", "--joint", "1", "--torque", "0.00002"]);
-    let begun = Instant::now();
-    while !far.pushed() {
-        assert!(begun.elapsed() < PATIENCE, "no torque came about");
-        std::thread::sleep(std::time::Duration::from_millis(1));
-    }
+    eventually("torque", || far.pushed());
     child
 }
 
@@ -89,11 +85,7 @@ fn a_calibration_that_is_stopped_ends_with_motors_off() {
     for signal in STOPPING {
         let far = Far::start(&RigConfig::prototype());
         let child = start(&far, &["calibrate", "--seconds", "600"]);
-        let begun = Instant::now();
-        while far.count() < 10 {
-            assert!(begun.elapsed() < PATIENCE, "it does not begin");
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        }
+        eventually("it begins", || far.count() >= 10);
         kill_process(Pid::from_child(&child), signal).expect("it is there");
         let output = child.wait_with_output().expect("it ends");
         assert_eq!(output.status.signal(), Some(Signal::INT.as_raw()), "{signal:?}");

@@ -1,9 +1,11 @@
 //! End-to-end tests in wall-clock time: loop, pseudo-terminal, simulated rig, TCP.
 
+use hbot_testing::far::Far;
+use hbot_testing::lines::{Lines, norm, vector};
+use hbot_testing::patience::{PATIENCE, eventually};
 use rustix::process::Signal;
 
-use crate::far::Far;
-use crate::process::{Lines, PATIENCE, Process, STOPPING, norm, patient_rig, vector};
+use crate::process::{Process, STOPPING, patient_rig};
 
 /// Starts a server in wall-clock time, with long timeouts on its line.
 fn server(args: &[&str], state: &std::path::Path) -> Process {
@@ -104,19 +106,14 @@ fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
         std::fs::write(&rig, text).expect("written");
         let server = Process::start(&["--rig", &rig], state.path());
         let mut client = Lines::greeted(&server.address);
-        let start = std::time::Instant::now();
-        loop {
+        eventually("awake before a deadline", || {
             let stats = client.ask(r#"{"id": 1, "op": "stats"}"#);
             let awake = stats["ok"]["awake_us"]["max"].as_f64().expect("a number");
             // The histogram has three significant digits.
             assert!(awake <= 1.001 * f64::from(early_us), "{awake}");
             let enough = stats["ok"]["ticks"].as_u64() > Some(100);
-            if enough && (awake > 0.0 || early_us == 0) {
-                break;
-            }
-            assert!(start.elapsed() < PATIENCE, "never awake before its deadline: {stats}");
-            std::thread::sleep(std::time::Duration::from_millis(50));
-        }
+            enough && (awake > 0.0 || early_us == 0)
+        });
     }
 }
 
@@ -142,14 +139,13 @@ fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
         let server = server(&["--port", &far.path], state.path());
         let mut client = Lines::greeted(&server.address);
         client.ask(r#"{"id": 1, "op": "acquire"}"#);
-        let start = std::time::Instant::now();
-        while !far.pushed() {
-            assert!(start.elapsed() < PATIENCE, "no torque came about");
+        eventually("torque", || {
             // A machine that stood still for 20 ms has caused a deadline fault.
             client.ask(r#"{"id": 2, "op": "reset"}"#);
             client.ask(r#"{"id": 3, "op": "enable"}"#);
             client.ask(r#"{"id": 4, "op": "torque", "torque": [0, 0.1, 0], "valid_ms": 1000}"#);
-        }
+            far.pushed()
+        });
         server.signal(signal);
         let (last_words, status) = server.end();
         assert_eq!(status.code(), Some(0), "{signal:?}: {last_words}");

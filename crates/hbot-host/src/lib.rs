@@ -50,3 +50,5 @@ pub mod sample;
 pub mod signals;
 pub mod stiffness;
 pub mod stop_signal;
+#[cfg(test)]
+mod tick_bench;

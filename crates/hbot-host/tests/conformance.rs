@@ -9,7 +9,8 @@ use hbot_host::bus::{Expected, Protocol, hbot::HbotLink};
 use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
 use hbot_host::layout::Layout;
 use hbot_sim::controller::InjectedFault;
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::SimulatedRig;
+use hbot_testing::prototype::simulated;
 
 use toy::motors::HeldMotors;
 
@@ -21,10 +22,7 @@ struct Simulated(SimulatedRig);
 
 impl Simulated {
     fn boxed() -> Box<dyn Controllers> {
-        let rig = RigConfig::prototype().rig;
-        Box::new(Self(
-            SimulatedRig::new(&SimulatedConfig::new(&rig)).expect("the prototype can be simulated"),
-        ))
+        Box::new(Self(simulated()))
     }
 }
 
@@ -86,6 +84,7 @@ fn every_excerpt_on_the_page_for_drivers_stands_in_the_code() {
         include_str!("conformance.rs"),
         include_str!("toy/mod.rs"),
         include_str!("../../../tests/server/drivers.rs"),
+        include_str!("../../hbot-testing/src/server.rs"),
     ]
     .map(words);
     let excerpts = PAGE.split("```rust\n").skip(1).map(|rest| rest.split("```").next().unwrap_or_default());

@@ -1,16 +1,11 @@
 //! Tests that the last word on the line is zero torque, sent three times, however a server ends.
 
-#[path = "../../../tests/server/far.rs"]
-mod far;
-
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::time::{Duration, Instant};
 
-use far::Far;
 use hbot_api::{Client, TorqueCommand};
+use hbot_config::SceneFile;
 use hbot_config::rig::Port;
-use hbot_config::{RigConfig, SceneFile};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
@@ -18,9 +13,9 @@ use crate::server::{Finished, Part, Server, ServerOptions, Time};
 use crate::service::Status;
 use hbot_host::bridge::EmergencyStop;
 use hbot_host::engine::Recorder;
-
-/// Longest time that a test waits for an expected event.
-const PATIENCE: Duration = Duration::from_secs(60);
+use hbot_testing::far::Far;
+use hbot_testing::patience::{PATIENCE, eventually};
+use hbot_testing::prototype::patient;
 
 /// The handles with which a test can end a server in several ways.
 struct Ends {
@@ -56,12 +51,9 @@ fn ended(
     log: Option<tracing::Dispatch>,
     end: impl FnOnce(&mut Ends),
 ) -> Option<Finished> {
-    let mut rig = RigConfig::prototype();
+    let mut rig = patient();
     let far = Far::start(&rig);
     rig.link.port = Port::Devices(vec![far.path.clone()]);
-    // Long timeouts, so that a busy test machine does not cause a fault.
-    rig.link.watchdog_ms = 1000;
-    rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let (ready, started) = mpsc::channel();
     let (shutdown, stopped) = oneshot::channel();
     let (abandon, abandoned) = oneshot::channel::<()>();
@@ -94,16 +86,14 @@ fn ended(
     let (address, stop) = started.recv_timeout(PATIENCE).unwrap();
     let mut client = Client::connect(&address.to_string(), "pusher").unwrap();
     client.acquire(false).unwrap();
-    let start = Instant::now();
-    while !far.pushed() {
-        assert!(start.elapsed() < PATIENCE, "no torque came about");
+    eventually("torque", || {
         // If the test machine stalls for 20 ms, a fault follows, so reset and enable again. Errors
         // are ignored, because in one test the loop ends as soon as there is torque.
         let _ = client.reset().and_then(|_| client.enable());
         let torque = TorqueCommand { torque: [0.0, 0.1, 0.0], valid_ms: 1000, tick: None, seq: None };
         let _ = client.torque(torque);
-        std::thread::sleep(Duration::from_millis(20));
-    }
+        far.pushed()
+    });
     let mut ends = Ends { address, shutdown: Some(shutdown), abandon: Some(abandon), stop };
     end(&mut ends);
     let finished = server.join().unwrap();
@@ -153,11 +143,9 @@ fn the_loop_says_nothing_whatever_happens() {
     tracing::subscriber::set_global_default(Listener(note)).unwrap();
     let stop = |ends: &mut Ends| {
         ends.stop.stop_by_signal();
-        let start = Instant::now();
-        while !said.lock().unwrap().iter().any(|line| line.contains("estop")) {
-            assert!(start.elapsed() < PATIENCE, "the service has not told of the stop");
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        eventually("the service reports the stop", || {
+            said.lock().unwrap().iter().any(|line| line.contains("estop"))
+        });
         ends.shutdown(Shutdown::Orderly);
     };
     let _ = ended(None, None, stop);

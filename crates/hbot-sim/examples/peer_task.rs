@@ -12,9 +12,9 @@
 
 use std::time::Instant;
 
-use hbot_core::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
+use hbot_testing::prototype::{device_with, of_the_task};
 
 /// Number of moments at which the orientations of two simulations are compared. There is one moment
 /// every 10 ms over 2 s.
@@ -23,7 +23,7 @@ const MARKS: usize = 200;
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let plant = Plant::new(&prototype()).expect("the prototype is a legal plant");
+    let plant = Plant::new(&device_with(of_the_task)).expect("the prototype is a legal plant");
     match arguments[..] {
         ["run", method, steps, reps] => {
             let (method, steps, reps): (_, u32, usize) = (named(method), number(steps), number(reps));
@@ -73,21 +73,6 @@ fn load() -> impl Load {
     let about_n1 = Sine { amplitude: Vec3::X * 0.5, hertz: 2.0 };
     let about_n2 = Sine { amplitude: Vec3::Y * 0.3, hertz: 3.0 };
     Sum(spring, Sum(about_n1, about_n2))
-}
-
-/// Returns the prototype's device with wheels of radius 10.2 mm and the inertias of the comparison
-/// task.
-fn prototype() -> Device {
-    let wheel = |x: f64| WheelSpec {
-        axis: Vec3::new(x, 0.0, -1.0),
-        cone: 0.1745,
-        toe: 0.0,
-        radius: 0.0102,
-        steer_inertia: 3.105_468_222_7e-5,
-        drive_inertia: 3.5202e-6,
-        axial_inertia: 0.0,
-    };
-    Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).expect("a legal device")
 }
 
 /// Returns the states of the simulation at the start and at each of the [`MARKS`], one every 10 ms.

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use hbot_core::device::{Device, WheelSpec};
+use hbot_core::device::Device;
 use hbot_core::rig::{Joint, Zero};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
@@ -11,13 +11,14 @@ use hbot_sim::controller::SimulatedJoint;
 use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_testing::prototype::{device_with, of_the_task};
 
 /// Number of times that each measurement is repeated. Only the fastest run is reported, because
 /// other work on the machine slows down the others.
 const RUNS: usize = 15;
 
 fn main() {
-    let device = prototype();
+    let device = device_with(of_the_task);
     let plant = Plant::new(&device).expect("the prototype is a legal plant");
     let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
     let about_n1 = Sine { amplitude: Vec3::X * 0.5, hertz: 2.0 };
@@ -57,21 +58,6 @@ fn main() {
     for (name, phenomena) in cases {
         println!("| {name} | {:.0} |", tick(&device, phenomena));
     }
-}
-
-/// Returns the prototype's device with the inertias of the comparison task in `docs/simulator.md`.
-fn prototype() -> Device {
-    let s = core::f64::consts::FRAC_1_SQRT_2;
-    let wheel = |x: f64| WheelSpec {
-        axis: Vec3::new(x, 0.0, -s),
-        cone: 0.1745,
-        toe: 0.0,
-        radius: 0.0102,
-        steer_inertia: 3.105_468_222_7e-5,
-        drive_inertia: 3.5202e-6,
-        axial_inertia: 0.0,
-    };
-    Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).expect("a legal device")
 }
 
 /// Simulates `duration` seconds from rest in `steps` steps, and returns the state at the end.

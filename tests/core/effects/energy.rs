@@ -44,14 +44,14 @@ fn every_conservative_torque_is_the_gradient_of_its_energy() {
 
 /// A closed path: turns about two fixed axes, each by its own trigonometric polynomial. It gives
 /// the orientation and the exact rate.
-struct Loop {
+struct ClosedPath {
     start: Quat,
     axes: [Vec3; 2],
     /// Coefficients of sin, 1 - cos, sin 2 and 1 - cos 2.
     terms: [[f64; 4]; 2],
 }
 
-impl Loop {
+impl ClosedPath {
     fn random(rng: &mut Rng, start: Quat, size: f64) -> Self {
         let unit = |rng: &mut Rng| rotation::exp(rng.vector(3.0)) * Vec3::X;
         let axes = [unit(rng), unit(rng)];
@@ -98,7 +98,7 @@ fn around_a_thousand_closed_paths_no_conservative_effect_does_net_work() {
         let (mut worst, mut busiest) = (0.0_f64, 0.0_f64);
         for _ in 0..1000 {
             let start = somewhere(&mut rng, case.everywhere);
-            let path = Loop::random(&mut rng, start, if case.everywhere { 0.8 } else { 0.12 });
+            let path = ClosedPath::random(&mut rng, start, if case.everywhere { 0.8 } else { 0.12 });
             let mut felt = Felt::with_figures(case.kind, &case.figures);
             let (mut net, size) = path.work(&mut felt.clone(), 1500);
             if net.abs() > SMALL {

@@ -2,8 +2,8 @@
 //! angle turned) (physics notes, section 4). This is a property of the mechanism and not an error
 //! of a method. It is measured here, and no other test compares trajectories across reversals.
 
-use crate::designs::prototype;
 use hbot_core::{Vec3, kinematics::Posture};
+use hbot_testing::prototype::device;
 
 /// Returns the cotangent of the prototype's cone angle.
 fn cot() -> f64 {
@@ -13,7 +13,7 @@ fn cot() -> f64 {
 /// Returns the steer rates (rad/s) while the sphere turns with `omega` (rad/s).
 fn rates(th: [f64; 2], omega: f64) -> [f64; 2] {
     // n2 is perpendicular to both steering axes. A turn about it makes a wheel trail fully.
-    let rates = Posture::new(&prototype(), &th).inverse(Vec3::Y * omega);
+    let rates = Posture::new(&device(), &th).inverse(Vec3::Y * omega);
     [rates[0], rates[2]]
 }
 

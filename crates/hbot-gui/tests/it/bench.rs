@@ -5,8 +5,7 @@ use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener as StdListener, TcpStream};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
-use std::thread::JoinHandle;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui::accesskit::Role;
@@ -16,14 +15,11 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Client, ConnectOptions, Event, StateEvent, Trust};
 use hbot_config::{RigConfig, SceneFile};
 use hbot_gui::{Folders, Panel, PanelOptions};
-use hbot_server::server::{Server, ServerOptions, Time};
-use hbot_server::service::Status;
-use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
+use hbot_server::server::{ServerOptions, Time};
+use hbot_testing::patience::{PATIENCE, eventually};
+use hbot_testing::server::{TestServer, any_port, options, paced};
 
 use crate::identity::Identity;
-
-/// Longest time that a test waits for an expected event. It does not say how fast anything is.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Lets one server run at a time, because a server in virtual time uses a whole processor core.
 static ONE: Mutex<()> = Mutex::new(());
@@ -41,19 +37,18 @@ reference = [0.9950041652780258, 0.09983341664682815, 0, 0]
 hand = { stiffness = 50, damping = 1, amplitude = 0 }
 "#;
 
-/// A server in virtual time.
-pub(crate) struct TestServer {
+/// A server in virtual time that no other test's disturbs.
+pub(crate) struct AloneServer {
     pub(crate) address: SocketAddr,
-    shutdown: Option<oneshot::Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    server: TestServer,
     /// The certificate that clients of this server trust, if it encrypts.
     trust: Option<Trust>,
-    /// Held until this server has ended, so that the next test waits for that.
+    /// Held for the next test to wait for, until after the server's end.
     alone: Option<MutexGuard<'static, ()>>,
 }
 
 /// The settings of a test server.
-pub(crate) struct Setup<'a> {
+pub(crate) struct ServerSetup<'a> {
     pub(crate) scene: &'a str,
     /// Replacements of text in the prototype's rig file.
     pub(crate) rig: &'a [(&'a str, &'a str)],
@@ -67,16 +62,9 @@ pub(crate) struct Setup<'a> {
     pub(crate) tls: Option<&'a Identity>,
 }
 
-impl Default for Setup<'_> {
+impl Default for ServerSetup<'_> {
     fn default() -> Self {
-        Self {
-            scene: STILL,
-            rig: &[],
-            paced: false,
-            address: ([127, 0, 0, 1], 0).into(),
-            token: None,
-            tls: None,
-        }
+        Self { scene: STILL, rig: &[], paced: false, address: any_port(), token: None, tls: None }
     }
 }
 
@@ -84,8 +72,8 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl TestServer {
-    pub(crate) fn start(setup: &Setup<'_>) -> Self {
+impl AloneServer {
+    pub(crate) fn start(setup: &ServerSetup<'_>) -> Self {
         let alone = alone();
         let mut bench = Self::beside(setup);
         bench.alone = Some(alone);
@@ -94,7 +82,7 @@ impl TestServer {
 
     /// Starts a server without waiting for others to end. The caller must hold the guard of
     /// [`alone`].
-    pub(crate) fn beside(setup: &Setup<'_>) -> Self {
+    pub(crate) fn beside(setup: &ServerSetup<'_>) -> Self {
         let mut rig = include_str!("../../../../rigs/prototype.toml").to_owned();
         for (from, to) in setup.rig {
             assert!(rig.contains(from), "the prototype has {from:?}");
@@ -105,48 +93,13 @@ impl TestServer {
         let files = setup.tls.map(Identity::files);
         rig.api.tls = files.as_ref().map(|(_, files)| files.clone());
         let scene = SceneFile::from_toml(setup.scene, "test.toml").expect("a legal scene");
-        let (paced, listen) = (setup.paced, setup.address);
         let token = setup.token.map(str::to_owned);
-        let (shutdown, stopped) = oneshot::channel();
-        let (ready, started) = mpsc::channel();
-        let thread = std::thread::spawn(move || {
-            let runtime =
-                tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-            runtime.block_on(async move {
-                let listener = tokio::net::TcpListener::bind(listen).await.expect("a free port");
-                let address = listener.local_addr().expect("an address");
-                let (begin, mut ticks) = (Instant::now(), 0);
-                let period = Duration::from_secs(1) / rig.rate_hz;
-                let server = Server::start(ServerOptions {
-                    rig,
-                    scene,
-                    time: Time::Virtual,
-                    duration: None,
-                    token,
-                    buses: None,
-                    last_word: None,
-                    flight_dir: None,
-                    recorder: paced.then_some(Box::new(move |_, _, _| {
-                        ticks += 1;
-                        std::thread::sleep(
-                            (begin + ticks * period).saturating_duration_since(Instant::now()),
-                        );
-                    })),
-                })
-                .expect("it starts");
-                ready.send(address).expect("the test waits");
-                let (_control, controlled) = async_mpsc::channel(1);
-                let (status, _) = watch::channel(Status::default());
-                let over = async {
-                    let _ = stopped.await;
-                };
-                server.serve(listener, controlled, status, over).await.expect("it serves");
-            });
-        });
-        let address = started.recv().expect("the server starts");
+        let recorder = setup.paced.then(|| paced(rig.rate_hz));
+        let options = options(rig, scene, Time::Virtual);
+        let server = TestServer::start(ServerOptions { token, recorder, ..options }, setup.address);
         drop(files);
         let trust = setup.tls.map(Identity::trust);
-        Self { address, shutdown: Some(shutdown), thread: Some(thread), trust, alone: None }
+        Self { address: server.address, server, trust, alone: None }
     }
 
     /// Connects a separate client to this server.
@@ -155,23 +108,8 @@ impl TestServer {
         Client::connect_with(&self.address.to_string(), &options).expect("the server listens")
     }
 
-    pub(crate) fn stop(mut self) {
-        self.end();
-    }
-
-    fn end(&mut self) {
-        drop(self.shutdown.take());
-        if let Some(thread) = self.thread.take() {
-            let ended = thread.join();
-            assert!(ended.is_ok() || std::thread::panicking(), "the server has panicked");
-        }
-        drop(self.alone.take());
-    }
-}
-
-impl Drop for TestServer {
-    fn drop(&mut self) {
-        self.end();
+    pub(crate) fn stop(self) {
+        self.server.stop();
     }
 }
 
@@ -179,7 +117,7 @@ impl Drop for TestServer {
 pub(crate) struct Witness(Client);
 
 impl Witness {
-    pub(crate) fn new(bench: &TestServer) -> Self {
+    pub(crate) fn new(bench: &AloneServer) -> Self {
         let mut client = bench.client("a witness");
         client.subscribe(500).expect("subscribed");
         Self(client)
@@ -279,6 +217,7 @@ impl Seat {
         while !so(&self.harness) {
             assert!(start.elapsed() < PATIENCE, "{what} did not come; the window:\n{}", self.texts());
             self.frame();
+            // Frames at 60 Hz: a window that is drawn without pause would take a core from the server.
             std::thread::sleep(Duration::from_millis(15));
         }
     }
@@ -316,10 +255,10 @@ impl Seat {
         self.frame();
     }
 
-    /// Picks an entry from a drop-down list.
+    /// Picks from a list that drops down, once it has the entry.
     pub(crate) fn pick(&mut self, list: &str, entry: &str) {
         self.click(list);
-        self.frame();
+        self.until(entry, |harness| harness.query_by_role_and_label(Role::Button, entry).is_some());
         // A parameter can have the same label as an entry, but only the entry is a button.
         self.harness.get_by_role_and_label(Role::Button, entry).click_accesskit();
         self.frame();
@@ -358,9 +297,7 @@ impl Wire {
                     std::thread::spawn(move || {
                         let mut piece = [0; 4096];
                         while let Ok(n @ 1..) = from.read(&mut piece) {
-                            while hold.load(Ordering::Relaxed) {
-                                std::thread::sleep(Duration::from_millis(5));
-                            }
+                            eventually("the wire is let go", || !hold.load(Ordering::Relaxed));
                             if to.write_all(&piece[..n]).is_err() {
                                 break;
                             }

@@ -7,7 +7,7 @@ use eframe::egui::Key;
 use hbot_api::{Event, Mode};
 use hbot_gui::PanelOptions;
 
-use crate::bench::{Seat, Setup, TestServer, Wire, Witness, alone};
+use crate::bench::{AloneServer, Seat, ServerSetup, Wire, Witness, alone};
 use crate::controls::seated;
 use crate::identity::Identity;
 
@@ -20,9 +20,9 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
     assert!(seat.shows("cargo run server") && seat.shows("Not connected."));
     assert!(!seat.is_enabled("Enable"));
     seat.harness.check_accessibility();
-    let setup = Setup { address: free, ..Setup::default() };
+    let setup = ServerSetup { address: free, ..ServerSetup::default() };
     for _ in 0..2 {
-        let bench = TestServer::beside(&setup);
+        let bench = AloneServer::beside(&setup);
         seat.until_text("ACTIVE");
         seat.until_text("you command");
         bench.stop();
@@ -32,7 +32,8 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
 
 #[test]
 fn a_server_that_refuses_says_why() {
-    let bench = TestServer::start(&Setup { token: Some("a token of some length"), ..Setup::default() });
+    let bench =
+        AloneServer::start(&ServerSetup { token: Some("a token of some length"), ..ServerSetup::default() });
     let mut seat = Seat::at(bench.address);
     seat.until_text("No connection to");
     assert!(seat.shows("see the server's token file"));
@@ -46,13 +47,13 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
     let _alone = alone();
     let ours = Identity::new();
     let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
-    let setup = Setup { address: free, tls: Some(&ours), ..Setup::default() };
+    let setup = ServerSetup { address: free, tls: Some(&ours), ..ServerSetup::default() };
     let options =
         PanelOptions { samples_per_s: 2, trust: Some(ours.trust()), ..PanelOptions::new(&free.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("No server at");
     for _ in 0..2 {
-        let bench = TestServer::beside(&setup);
+        let bench = AloneServer::beside(&setup);
         seat.until_text("ACTIVE");
         seat.until_text("you command");
         // The stop has its own connection, which must be encrypted as well.
@@ -68,14 +69,14 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
     }
     // Replaces the server by another one of the same name with another certificate.
     let stranger = Identity::new();
-    let bench = TestServer::beside(&Setup { tls: Some(&stranger), ..setup });
+    let bench = AloneServer::beside(&ServerSetup { tls: Some(&stranger), ..setup });
     seat.until_text("hbot-gui --ca FILE names whom to trust");
     assert!(seat.shows("No connection to") && seat.shows("is not trusted"), "{}", seat.texts());
     assert!(seat.shows("name the server's own, or the authority's that signed it"), "{}", seat.texts());
     assert!(!seat.shows("OtherError") && !seat.is_enabled("Enable"), "{}", seat.texts());
     bench.stop();
     // Replaces the server by one that does not encrypt.
-    let bench = TestServer::beside(&Setup { tls: None, ..setup });
+    let bench = AloneServer::beside(&ServerSetup { tls: None, ..setup });
     seat.until_text("the server does not encrypt: leave out the certificate");
     bench.stop();
 }
@@ -83,7 +84,7 @@ fn a_server_that_encrypts_is_met_by_its_certificate_and_met_again_when_it_comes_
 #[test]
 fn a_server_that_encrypts_says_so_to_a_panel_without_a_certificate() {
     let ours = Identity::new();
-    let bench = TestServer::start(&Setup { tls: Some(&ours), ..Setup::default() });
+    let bench = AloneServer::start(&ServerSetup { tls: Some(&ours), ..ServerSetup::default() });
     let mut seat = Seat::at(bench.address);
     seat.until_text("hbot-gui --ca FILE names whom to trust");
     assert!(seat.shows("the server encrypts: name its certificate"), "{}", seat.texts());
@@ -112,7 +113,7 @@ fn a_certificate_that_cannot_be_used_is_told_before_there_is_a_window() {
 
 #[test]
 fn another_address_can_be_typed() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
     let mut seat = Seat::at(free);
     seat.until_text("No server at");
@@ -135,7 +136,7 @@ fn another_address_can_be_typed() {
 
 #[test]
 fn an_observer_says_who_commands_may_stop_and_may_take_over() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let mut other = bench.client("the experiment");
     other.acquire(false).expect("free");
     let mut witness = Witness::new(&bench);
@@ -166,7 +167,7 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
 
 #[test]
 fn who_only_watches_takes_nothing() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let options =
         PanelOptions { observe: true, samples_per_s: 2, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
@@ -177,7 +178,7 @@ fn who_only_watches_takes_nothing() {
 
 #[test]
 fn who_only_watches_knows_who_commanded_before() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let mut other = bench.client("the experiment");
     other.acquire(false).expect("free");
     let mut seat =
@@ -187,7 +188,7 @@ fn who_only_watches_knows_who_commanded_before() {
 
 #[test]
 fn a_server_that_hangs_does_not_hang_the_window() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let wire = Wire::to(bench.address);
     let mut witness = Witness::new(&bench);
     let mut seat = Seat::at(wire.address);
@@ -210,7 +211,7 @@ fn a_server_that_hangs_does_not_hang_the_window() {
 
 #[test]
 fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     // Requests every tick of a loop that runs as fast as possible.
     let options = PanelOptions { samples_per_s: 100_000, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
@@ -223,6 +224,7 @@ fn as_many_samples_as_a_server_can_send_leave_the_window_responsive() {
     seat.longest = Duration::ZERO;
     while start.elapsed() < Duration::from_secs(4) {
         seat.frame();
+        // What is measured is 4 s of a window that is drawn like this.
         std::thread::sleep(Duration::from_millis(10));
     }
     let seconds = start.elapsed().as_secs_f64();
@@ -251,7 +253,7 @@ fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
     // Closing the window releases the lease, so it is no fault even if the rig file makes the loss
     // of the lease holder a fault.
     let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
-    let bench = TestServer::start(&Setup { rig: &rig, ..Setup::default() });
+    let bench = AloneServer::start(&ServerSetup { rig: &rig, ..ServerSetup::default() });
     let (seat, mut witness) = seated(&bench);
     drop(seat);
     let state = witness.later(50.0);

@@ -5,10 +5,10 @@ use egui_kittest::kittest::Queryable as _;
 use hbot_api::{Fault, Mode};
 use serde_json::{Value, json};
 
-use crate::bench::{Seat, Setup, TestServer, Witness, norm};
+use crate::bench::{AloneServer, Seat, ServerSetup, Witness, norm};
 
 /// Returns a panel that holds the lease of an active rig, and a witness.
-pub(crate) fn seated(bench: &TestServer) -> (Seat, Witness) {
+pub(crate) fn seated(bench: &AloneServer) -> (Seat, Witness) {
     let mut witness = Witness::new(bench);
     witness.state("active", |state| state.mode == Mode::Active);
     let mut seat = Seat::at(bench.address);
@@ -38,7 +38,7 @@ fn arrived(seat: &mut Seat, witness: &mut Witness, key: &str, value: &Value) {
 
 #[test]
 fn the_stiffness_slider_changes_the_torque_that_the_server_applies() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     let soft = settled(&mut witness);
     assert!((soft - 0.04).abs() < 0.001, "0.2 N m/rad at 0.2 rad: {soft} N m");
@@ -55,7 +55,7 @@ fn the_stiffness_slider_changes_the_torque_that_the_server_applies() {
 
 #[test]
 fn each_axis_has_its_own_stiffness_and_damping() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     seat.click("Each axis");
     let rows = |a: f64, b: f64, c: f64| json!([[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]]);
@@ -79,7 +79,7 @@ fn each_axis_has_its_own_stiffness_and_damping() {
 
 #[test]
 fn a_value_that_the_server_refuses_is_told_and_not_shown() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     // A zero quaternion: each number is legal, but the server refuses the whole.
     seat.type_number("spring reference 1", "0");
@@ -99,7 +99,7 @@ fn a_value_that_the_server_refuses_is_told_and_not_shown() {
 #[test]
 fn the_button_esc_and_space_stop_and_reset_and_enable_lead_back() {
     type Way = dyn Fn(&mut Seat);
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     let ways: [(&str, &Way); 4] = [
         ("the button", &|seat| seat.click("Stop")),
@@ -135,7 +135,7 @@ fn the_button_esc_and_space_stop_and_reset_and_enable_lead_back() {
 
 #[test]
 fn disable_and_enable() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     assert!(!seat.is_enabled("Enable") && !seat.is_enabled("Reset"));
     seat.click("Disable");
@@ -152,7 +152,7 @@ fn a_fault_is_told_in_plain_words_with_what_to_do() {
     // The default hand turns the sphere at 0.4 rad/s.
     let rig = [("speed = 30 ", "speed = 0.05 ")];
     let scene = "name = \"Nothing\"\neffect = []";
-    let bench = TestServer::start(&Setup { rig: &rig, scene, ..Setup::default() });
+    let bench = AloneServer::start(&ServerSetup { rig: &rig, scene, ..ServerSetup::default() });
     let mut witness = Witness::new(&bench);
     witness.state("overspeed", |state| state.fault == Some(Fault::Overspeed));
     let mut seat = Seat::at(bench.address);
@@ -171,7 +171,7 @@ fn a_fault_is_told_in_plain_words_with_what_to_do() {
 
 #[test]
 fn every_control_has_a_name_and_is_reached_by_tab() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     for tab in ["Health", "Messages", "Scene"] {
         seat.click(tab);

@@ -3,7 +3,7 @@
 use egui_kittest::kittest::Queryable as _;
 use hbot_gui::PanelOptions;
 
-use crate::bench::{Seat, Setup, TestServer};
+use crate::bench::{AloneServer, Seat, ServerSetup};
 
 /// A scene in which a hand moves the sphere against a spring of 2 N m/rad and 0.02 N m s/rad.
 const MOVED: &str = r#"
@@ -17,8 +17,8 @@ damping = 0.02
 hand = { amplitude = 0.2 }
 "#;
 
-fn moved() -> (TestServer, Seat) {
-    let bench = TestServer::start(&Setup { scene: MOVED, ..Setup::default() });
+fn moved() -> (AloneServer, Seat) {
+    let bench = AloneServer::start(&ServerSetup { scene: MOVED, ..ServerSetup::default() });
     let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");

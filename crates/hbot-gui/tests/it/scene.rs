@@ -5,12 +5,12 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_config::SceneFile;
 use serde_json::{Map, Value, json};
 
-use crate::bench::{STILL, Seat, Setup, TestServer, Witness, norm};
+use crate::bench::{AloneServer, STILL, Seat, ServerSetup, Witness, norm};
 use crate::controls::seated;
 
 #[test]
 fn a_scene_is_chosen_loaded_and_shown() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     seat.pick("Scene file", "uneven-spring");
     seat.click("Load");
@@ -25,12 +25,10 @@ fn a_scene_is_chosen_loaded_and_shown() {
 
 #[test]
 fn a_file_with_mistakes_is_refused_with_its_line() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, _witness) = seated(&bench);
     let bad = "name = \"Bad\"\n[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = -1\n";
     std::fs::write(seat.out.path().join("scenes/bad.toml"), bad).expect("written");
-    std::thread::sleep(std::time::Duration::from_millis(2100));
-    seat.frame();
     seat.pick("Scene file", "bad");
     seat.click("Load");
     seat.until_text("bad.toml:5");
@@ -38,7 +36,7 @@ fn a_file_with_mistakes_is_refused_with_its_line() {
 
 #[test]
 fn an_effect_is_switched_off_and_on_with_its_gain_kept() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     seat.type_number("spring gain", "2");
     let gain = |witness: &mut Witness| witness.parameter("spring", "gain").as_f64();
@@ -57,7 +55,7 @@ fn an_effect_is_switched_off_and_on_with_its_gain_kept() {
 
 #[test]
 fn a_scene_is_saved_as_it_runs() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     seat.type_number("spring stiffness", "0.7");
     seat.until("0.7", |_| witness.parameter("spring", "stiffness") == json!(0.7));
@@ -116,7 +114,7 @@ fn one_of_each() -> String {
 fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
     let scene = one_of_each();
     assert_ne!(scene, STILL);
-    let bench = TestServer::start(&Setup { scene: &scene, ..Setup::default() });
+    let bench = AloneServer::start(&ServerSetup { scene: &scene, ..ServerSetup::default() });
     let mut witness = Witness::new(&bench);
     let mut seat = Seat::at(bench.address);
     seat.until_text("you command");
@@ -196,7 +194,7 @@ fn another(x: f64, schema: &Value) -> f64 {
 
 #[test]
 fn a_matrix_is_made_of_a_number_and_edited() {
-    let bench = TestServer::start(&Setup::default());
+    let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
     seat.pick("spring stiffness form", "matrix");
     seat.until("a matrix", |_| witness.parameter("spring", "stiffness")[2][2] == json!(0.2));

@@ -4,16 +4,19 @@
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
-use crate::bench::{PATIENCE, Setup, TestServer, alone};
+use crate::bench::{AloneServer, ServerSetup, alone};
 use crate::identity::Identity;
+use hbot_testing::patience::until;
 
 /// A virtual display.
 struct Display {
-    server: Child,
     name: String,
+    _server: Running,
 }
+
+/// A process that ends with its test.
+struct Running(Child);
 
 impl Display {
     /// Starts Xvfb. Returns `None` on a machine without it. In CI its absence is an error.
@@ -34,15 +37,15 @@ impl Display {
         let mut number = String::new();
         let out = server.stdout.take().expect("piped");
         BufReader::new(out).read_line(&mut number).expect("Xvfb names its display");
-        Some(Self { server, name: format!(":{}", number.trim()) })
+        Some(Self { name: format!(":{}", number.trim()), _server: Running(server) })
     }
 }
 
-impl Drop for Display {
+impl Drop for Running {
     fn drop(&mut self) {
         // Xvfb may have ended by itself.
-        let _ = self.server.kill();
-        let _ = self.server.wait();
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -60,7 +63,7 @@ fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], th
     // Remove the picture of an earlier run, so that it is not mistaken for this one.
     let _ = std::fs::remove_file(&path);
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-    let mut panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
+    let panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
         .args(args)
         .args(["--theme", theme, "--picture-after", after])
         .arg(format!("--size={}x{}", size[0], size[1]))
@@ -71,19 +74,9 @@ fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], th
         .env("DISPLAY", &display.name)
         .env("LIBGL_ALWAYS_SOFTWARE", "1")
         .env_remove("WAYLAND_DISPLAY")
-        .spawn()
-        .expect("the panel runs");
-    let start = Instant::now();
-    let status = loop {
-        if let Some(status) = panel.try_wait().expect("a child") {
-            break status;
-        }
-        if start.elapsed() > PATIENCE {
-            let _ = panel.kill();
-            panic!("{name}: no picture within {PATIENCE:?}");
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    };
+        .spawn();
+    let mut panel = Running(panel.expect("the panel runs"));
+    let status = until(&format!("the picture {name}"), || panel.0.try_wait().expect("a child"));
     assert!(status.success(), "{name}: {status}");
     println!("{}", path.display());
     let decoder = png::Decoder::new(BufReader::new(std::fs::File::open(&path).expect("a picture")));
@@ -126,7 +119,7 @@ fn pictures_of_seven_situations() {
     let _alone = alone();
     let Some(display) = Display::start() else { return };
     let bench = |scene: &str, rig: &[(&str, &str)]| {
-        TestServer::beside(&Setup { scene, rig, paced: true, ..Setup::default() })
+        AloneServer::beside(&ServerSetup { scene, rig, paced: true, ..ServerSetup::default() })
     };
     let spring = include_str!("../../../../scenes/spring.toml");
     // A spring that saturates the torque: 10 N m/rad reaches the rig's 0.9 N m at 0.09 rad.
@@ -155,8 +148,12 @@ fn pictures_of_seven_situations() {
     saturated.stop();
 
     let ours = Identity::new();
-    let encrypted =
-        TestServer::beside(&Setup { scene: spring, paced: true, tls: Some(&ours), ..Setup::default() });
+    let encrypted = AloneServer::beside(&ServerSetup {
+        scene: spring,
+        paced: true,
+        tls: Some(&ours),
+        ..ServerSetup::default()
+    });
     let address = encrypted.address.to_string();
     let (ca, other) = (folder().join("ours.pem"), folder().join("other.pem"));
     std::fs::write(&ca, &ours.certificate).expect("written");

@@ -8,6 +8,7 @@ use std::sync::mpsc;
 use hbot_link::ToController;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_testing::prototype::{simulated, simulated_as};
 
 use super::calibrate::{Calibration, Counts, calibrate};
 use super::joint::{Verdict, test};
@@ -19,16 +20,12 @@ fn bench(
     hand: bool,
     then: impl FnOnce(&mut SimulatedRig),
 ) -> Bench {
-    let rig = RigConfig::prototype().rig;
-    let mut config = SimulatedConfig::new(&rig);
-    spoil(&mut config);
-    let mut simulated = SimulatedRig::new(&config).unwrap();
+    let mut simulated = simulated_as(&RigConfig::prototype(), spoil);
     if hand {
         simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
     }
     then(&mut simulated);
-    let (_calls, inbox) = mpsc::channel();
-    on(Memory::new(simulated, inbox))
+    on(Memory::new(simulated, mpsc::channel().1))
 }
 
 /// Returns a bench for the prototype rig, whose motor controllers are reached over `line`.
@@ -110,11 +107,7 @@ impl Line for Exchanged {
 
 #[test]
 fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is_closed() {
-    let rig = RigConfig::prototype().rig;
-    let exchanged = || {
-        let (_calls, inbox) = mpsc::channel();
-        on(Exchanged(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox)))
-    };
+    let exchanged = || on(Exchanged(Memory::new(simulated(), mpsc::channel().1)));
     for torque in [0.01, -0.01] {
         let outcome = test(&mut exchanged(), 1, torque, 50.0).unwrap();
         assert_eq!(outcome.verdict, Verdict::Reversed, "{outcome:?}");
@@ -137,9 +130,8 @@ fn a_joint_that_turns_already_is_not_judged_by_that() {
 
 #[test]
 fn a_line_that_falls_silent_is_told() {
-    let rig = RigConfig::prototype().rig;
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
-    let mut bench = on(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox));
+    let mut bench = on(Memory::new(simulated(), inbox));
     assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
     calls.send(Box::new(|rig| rig.inject(InjectedFault::Deaf(true)))).unwrap();
     assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Interrupted::Silent));
@@ -147,9 +139,8 @@ fn a_line_that_falls_silent_is_told() {
 
 #[test]
 fn a_controller_that_has_lost_power_gets_no_further_torque() {
-    let rig = RigConfig::prototype().rig;
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
-    let mut bench = on(Memory::new(SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap(), inbox));
+    let mut bench = on(Memory::new(simulated(), inbox));
     calls.send(Box::new(|rig| rig.inject(InjectedFault::Reboot))).unwrap();
     let outcome = test(&mut bench, 1, 0.01, 50.0).unwrap();
     assert!(matches!(outcome.verdict, Verdict::Complains(complaints) if complaints.fault), "{outcome:?}");
@@ -229,16 +220,13 @@ fn three_wheels() -> hbot_core::Rig {
 fn with_three_wheels_a_wrong_sign_and_wrong_zeros_are_found_on_each() {
     let rig = three_wheels();
     let found = |spoil: &dyn Fn(&mut SimulatedConfig), slipped: &[(usize, f64)]| {
-        let mut config = SimulatedConfig::new(&rig);
-        spoil(&mut config);
-        let mut simulated = SimulatedRig::new(&config).unwrap();
+        let rig = RigConfig { rig, ..RigConfig::prototype() };
+        let mut simulated = simulated_as(&rig, spoil);
         simulated.set_hand(Some(Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() }));
         for (joint, angle) in slipped {
             simulated.inject(InjectedFault::Slipped { joint: *joint, angle: *angle });
         }
-        let (_calls, inbox) = mpsc::channel();
-        let line = Memory::new(simulated, inbox);
-        watched(&mut on_rig(&RigConfig { rig, ..RigConfig::prototype() }, line))
+        watched(&mut on_rig(&rig, Memory::new(simulated, mpsc::channel().1)))
     };
     let good = found(&|_| (), &[]);
     assert!(good.known && good.before < 0.01 && good.wheels.len() == 3, "{good:?}");

@@ -6,9 +6,9 @@ use crate::layout::JointPlace;
 
 /// Returns the prototype rig in the mode `active`, on one simulated line. The test disturbs this
 /// line through the returned [`Fake`].
-fn one_line() -> (Bench, Fake) {
+fn one_line() -> (TickBench, Fake) {
     let fake = Fake::new(4);
-    let mut bench = Bench::new(&RigConfig::prototype(), vec![fake.clone()], &Layout::single(0..4));
+    let mut bench = bench(&RigConfig::prototype(), vec![fake.clone()], &Layout::single(0..4));
     bench.active();
     (bench, fake)
 }
@@ -135,12 +135,12 @@ fn a_line_that_was_gone_is_a_fault_even_where_its_controllers_do_not_complain() 
 
 /// Returns the prototype rig in the mode `active`, with wheel A on one simulated line and wheel B
 /// on another. The joints of wheel B are in the opposite order on their line.
-fn two_lines() -> (Bench, [Fake; 2]) {
+fn two_lines() -> (TickBench, [Fake; 2]) {
     let fakes = [Fake::new(2), Fake::new(2)];
     let place = |bus, at| JointPlace { bus, at, id: at as u8 };
     let places = vec![place(0, 0), place(0, 1), place(1, 1), place(1, 0)];
     let layout = Layout { places, ..Layout::single([]) };
-    let mut bench = Bench::new(&RigConfig::prototype(), fakes.to_vec(), &layout);
+    let mut bench = bench(&RigConfig::prototype(), fakes.to_vec(), &layout);
     bench.active();
     (bench, fakes)
 }
@@ -278,7 +278,7 @@ fn the_age_of_a_reading_is_right_or_absent() {
     let mut rig = RigConfig::prototype();
     rig.rig = rig.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
     let fake = Fake::new(4);
-    let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
+    let mut bench = bench(&rig, vec![fake.clone()], &Layout::single(0..4));
     bench.ticks(5);
     for late in [1, 63, 64, 65, 500, 999] {
         // No newer answer arrives for a while, so that the answer to an older command is the newest
@@ -315,7 +315,7 @@ fn a_rig_that_was_stopped_before_it_was_ready_does_not_enable_itself() {
         let index = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Index;
         rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
         let fake = Fake::new(4);
-        let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
+        let mut bench = bench(&rig, vec![fake.clone()], &Layout::single(0..4));
         bench.engine = bench.engine.enabling(true);
         assert_eq!(bench.ticks(5).state.mode, Mode::Unreferenced);
         if let Some(stop) = stop {

@@ -7,8 +7,7 @@ mod states;
 
 use std::sync::{Arc, Mutex};
 
-use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::Controller;
+use hbot_config::RigConfig;
 use hbot_core::inputs::Command as Order;
 use hbot_core::mode::{Cause, Mode};
 use hbot_link::{
@@ -16,14 +15,12 @@ use hbot_link::{
     JointReading, MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,
 };
 
-use crate::bridge::{ServiceEnd, bridge};
 use crate::bus::hbot::HbotLink;
 use crate::bus::{Expected, Protocol as _};
-use crate::engine::{Engine, TickTime};
 use crate::layout::Layout;
 use crate::line::{Line, Renewed};
-use crate::motors::Motors;
 use crate::sample::Sample;
+use crate::tick_bench::{TickBench, default_scene, on_time};
 
 /// Simulated motor controllers that answer every command with constant encoder counts, and the
 /// disturbances of their answers that a test sets.
@@ -125,43 +122,8 @@ impl Line for Fake {
     }
 }
 
-struct Bench {
-    engine: Engine,
-    end: ServiceEnd,
-    tick: u64,
-}
-
-impl Bench {
-    fn new(rig: &RigConfig, lines: Vec<impl Line + 'static>, layout: &Layout) -> Self {
-        let (inner, end) = bridge().expect("a bridge");
-        let scene = Box::new(RunningScene::new().load(SceneFile::default_scene()));
-        let bus = |(bus, line)| HbotLink.bus(Box::new(line), Expected::new("test", &rig.rig, layout, bus));
-        let motors = Motors::new(lines.into_iter().enumerate().map(bus).collect(), layout, 20);
-        let engine = Engine::new(motors, Controller::new(rig.rig), scene, inner, None);
-        Self { engine, end, tick: 0 }
-    }
-
-    fn tick(&mut self) -> Sample {
-        let moment =
-            TickTime { tick: self.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
-        self.engine.tick(&moment);
-        self.tick += 1;
-        self.end.try_sample().expect("a sample a tick")
-    }
-
-    fn ticks(&mut self, n: u32) -> Sample {
-        (1..n).for_each(|_| _ = self.tick());
-        self.tick()
-    }
-
-    fn order(&mut self, command: Order) -> Sample {
-        self.end.order(command).expect("a place");
-        self.tick()
-    }
-
-    fn active(&mut self) {
-        self.ticks(5);
-        self.order(Order::Enable);
-        assert_eq!(self.ticks(600).state.mode, Mode::Active);
-    }
+/// A bench whose buses have not met their controllers, so that a test sees the first frame.
+fn bench(rig: &RigConfig, lines: Vec<impl Line + 'static>, layout: &Layout) -> TickBench {
+    let bus = |(bus, line)| HbotLink.bus(Box::new(line), Expected::new("test", &rig.rig, layout, bus));
+    TickBench::new(rig, lines.into_iter().enumerate().map(bus).collect(), layout, default_scene())
 }

@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::SimulatedRig;
+use hbot_testing::patience::{self, PATIENCE};
+use hbot_testing::prototype::{patient, simulated_as};
 
 use super::*;
 use crate::line::serial::{Peer, Serial};
@@ -29,16 +31,12 @@ fn unplug(pty: PtyRig, link: &Path) -> SimulatedRig {
 
 /// Returns a simulated rig in the mode `active`, behind the pseudo-terminal `link`. Its line is
 /// reopened if it is lost.
-fn plugged(link: &Path) -> (Bench, PtyRig) {
-    // A busy machine can delay the bytes of a pseudo-terminal for longer than the prototype's 20
-    // ticks.
-    let mut patient = RigConfig::prototype();
-    patient.rig = patient.rig.with(|parts| parts.timing.timeout_ticks = 1000).expect("legal");
-    plugged_in(patient, link)
+fn plugged(link: &Path) -> (TickBench, PtyRig) {
+    plugged_in(patient(), link)
 }
 
-fn plugged_in(rig: RigConfig, link: &Path) -> (Bench, PtyRig) {
-    let pty = plug(SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("it can be simulated"), link);
+fn plugged_in(rig: RigConfig, link: &Path) -> (TickBench, PtyRig) {
+    let pty = plug(simulated_as(&rig, |_| ()), link);
     let port = link.to_str().expect("UTF-8");
     let layout = Layout::single(0..4);
     let mut line = Serial::open(port, rig.link.baud).expect("it opens");
@@ -46,25 +44,23 @@ fn plugged_in(rig: RigConfig, link: &Path) -> (Bench, PtyRig) {
     HbotLink.meet(&mut line, &expected).expect("it answers");
     let peer = Peer { protocol: &HbotLink, expected };
     line.keep_open(port, rig.link.baud, peer, None).expect("a thread");
-    let mut bench = Bench::new(&rig, vec![line], &layout);
+    let mut bench = bench(&rig, vec![line], &layout);
     until(&mut bench, "idle", |sample| sample.state.mode == Mode::Idle);
     bench.order(Order::Enable);
     until(&mut bench, "active", |sample| sample.state.mode == Mode::Active);
     (bench, pty)
 }
 
-fn until(bench: &mut Bench, what: &str, found: impl Fn(&Sample) -> bool) -> Sample {
-    let deadline = Instant::now() + Duration::from_secs(60);
-    loop {
+fn until(bench: &mut TickBench, what: &str, found: impl Fn(&Sample) -> bool) -> Sample {
+    patience::until(what, || {
         let sample = bench.tick();
-        if found(&sample) {
-            return sample;
-        }
-        assert!(Instant::now() < deadline, "{what}: {:?} {:?}", sample.state.mode, sample.state.cause);
         // A busy machine can delay an answer. More time is allowed then, so that the line does not
         // count as silent.
-        std::thread::sleep(Duration::from_millis(if sample.state.fresh { 1 } else { 10 }));
-    }
+        if !sample.state.fresh {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        found(&sample).then_some(sample)
+    })
 }
 
 #[test]
@@ -127,12 +123,12 @@ fn other_controllers_on_a_line_that_is_back_are_not_let_in() {
     let link = folder.path().join("hbot");
     let (mut bench, pty) = plugged(&link);
     drop(unplug(pty, &link));
-    let mut config = SimulatedConfig::new(&RigConfig::prototype().rig);
-    config.joints[2].counts_per_turn += 4;
-    let other = plug(SimulatedRig::new(&config).expect("it can be simulated"), &link);
+    let other = simulated_as(&RigConfig::prototype(), |config| config.joints[2].counts_per_turn += 4);
+    let other = plug(other, &link);
     let asked = Instant::now();
     while asked.elapsed() < Duration::from_secs(2) {
         assert_eq!(bench.tick().counters.reopened, 0);
+        // Nothing is to happen in these 2 s, so there is no condition to wait for.
         std::thread::sleep(Duration::from_millis(5));
     }
     drop(other);
@@ -144,14 +140,13 @@ fn a_line_that_takes_no_bytes_costs_no_allocation() {
     let (mut bench, pty) = plugged(&folder.path().join("hbot"));
     let (go, wait) = std::sync::mpsc::channel::<()>();
     pty.post(move |_| _ = wait.recv()).expect("it runs");
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + PATIENCE;
     let mut full = 0;
     // The terminal's buffers fill up, and then every write finds no room.
     while full < 1000 {
-        assert!(Instant::now() < deadline);
+        assert!(Instant::now() < deadline, "{full} writes without room");
         let before = bench.engine.counters().send_failures;
-        let moment =
-            TickTime { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 };
+        let moment = on_time(bench.tick);
         let info = allocation_counter::measure(|| bench.engine.tick(&moment));
         assert_eq!((info.count_total, info.count_current), (0, 0));
         bench.tick += 1;

@@ -5,20 +5,21 @@ use hbot_core::rig::Zero;
 
 use super::*;
 use crate::bridge::CONFIRMED;
+use crate::engine::TickTime;
 
 const MODES: [Mode; 6] =
     [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
 
 /// Returns a simulated rig in `mode` on one line. For the mode `fault`, a motor controller has
 /// reported a fault that is already over.
-fn bench_in(mode: Mode) -> (Bench, Fake) {
+fn bench_in(mode: Mode) -> (TickBench, Fake) {
     let mut rig = RigConfig::prototype();
     if mode == Mode::Unreferenced {
         let index = |joint: &mut hbot_core::rig::Joint| joint.zero = Zero::Index;
         rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
     }
     let fake = Fake::new(4);
-    let mut bench = Bench::new(&rig, vec![fake.clone()], &Layout::single(0..4));
+    let mut bench = bench(&rig, vec![fake.clone()], &Layout::single(0..4));
     bench.ticks(5);
     match mode {
         Mode::Unreferenced | Mode::Idle => {}
@@ -105,8 +106,7 @@ fn a_tick_left_out_or_late_is_a_fault_from_every_mode() {
         for (lateness_ns, skipped) in [(20_000_001, 0), (0, 10)] {
             let (mut bench, fake) = bench_in(from);
             bench.tick += skipped;
-            let moment =
-                TickTime { tick: bench.tick, t_ns: 0, awake_ns: 0, lateness_ns, late: true, skipped };
+            let moment = TickTime { lateness_ns, late: true, skipped, ..on_time(bench.tick) };
             bench.engine.tick(&moment);
             let state = bench.end.try_sample().expect("a sample").state;
             let cause = if from == Mode::Fault { Cause::ControllerFault } else { Cause::Deadline };

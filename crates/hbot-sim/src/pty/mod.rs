@@ -274,42 +274,13 @@ fn monotonic_ns() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controller::{EncoderKind, SimulatedJoint};
-    use crate::plant::{Method, PlantState};
     use crate::rig::SimulatedConfig;
-    use hbot_core::Vec3;
-    use hbot_core::device::{Device, WheelSpec};
+    use hbot_testing::patience::eventually;
     use rustix::fs::{Mode, OFlags};
 
+    // Not that of hbot-testing, whose simulated rig is of the library that this test replaces.
     fn rig() -> SimulatedRig {
-        let wheel = |x: f64| WheelSpec {
-            axis: Vec3::new(x, 0.0, -1.0),
-            cone: 0.17,
-            toe: 0.0,
-            radius: 0.015,
-            steer_inertia: 3e-5,
-            drive_inertia: 4e-6,
-            axial_inertia: 0.0,
-        };
-        let joint = SimulatedJoint {
-            counts_per_turn: 4096,
-            gear: 1.0,
-            reversed: false,
-            peak: 0.1,
-            continuous: 0.1,
-            encoder: EncoderKind::Absolute,
-        };
-        let config = SimulatedConfig {
-            protocol: hbot_config::rig::Protocol::Hbot,
-            device: Device::new(0.1, 0.5, &[wheel(1.0), wheel(-1.0)]).unwrap(),
-            joints: vec![joint; 4],
-            start: PlantState::default(),
-            phenomena: crate::phenomena::Phenomena::default(),
-            method: Method::default(),
-            max_step_ns: 1_000_000,
-            max_jump_ns: 100_000_000,
-        };
-        SimulatedRig::new(&config).unwrap()
+        SimulatedRig::new(&SimulatedConfig::new(&hbot_config::RigConfig::prototype().rig)).unwrap()
     }
 
     /// A rig is served again after its line hangs up, which happens here whenever no program has
@@ -322,6 +293,7 @@ mod tests {
         for opened in 0..3 {
             let busy = || rig.call(|_| clock_gettime(ClockId::ThreadCPUTime)).unwrap();
             let before = busy();
+            // What is measured is the processor time of a while in which nothing happens.
             std::thread::sleep(Duration::from_millis(100));
             let spent = busy() - before;
             assert!(spent.tv_sec == 0 && spent.tv_nsec < 50_000_000, "{spent:?} of 100 ms");
@@ -329,10 +301,7 @@ mod tests {
             let far = rustix::fs::open(rig.path(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap();
             // Two zeros and a byte: an empty frame, and a frame that is refused.
             rustix::io::write(&far, &[0, 1, 0]).unwrap();
-            let start = std::time::Instant::now();
-            while rig.call(|rig| rig.refused_frames()).unwrap() == opened {
-                assert!(start.elapsed() < Duration::from_secs(10));
-            }
+            eventually("a frame is refused", || rig.call(|rig| rig.refused_frames()).unwrap() > opened);
         }
         rig.stop().unwrap();
     }

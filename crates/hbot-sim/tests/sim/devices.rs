@@ -4,22 +4,7 @@ use hbot_core::device::{Device, WheelSpec};
 use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use hbot_core::{Quat, Vec3};
 use hbot_sim::plant::{Load, Plant, PlantState, Sine, SpringDamper, Sum};
-
-/// Returns a device with the prototype's geometry (physics notes, section 12), wheels of radius
-/// `radius` and the given inertias of their joints.
-pub(crate) fn prototype(radius: f64, steer_inertia: f64, drive_inertia: f64) -> Device {
-    let s = core::f64::consts::FRAC_1_SQRT_2;
-    let wheel = |x: f64| WheelSpec {
-        axis: Vec3::new(x, 0.0, -s),
-        cone: 0.1745,
-        toe: 0.0,
-        radius,
-        steer_inertia,
-        drive_inertia,
-        axial_inertia: 0.0,
-    };
-    Device::new(0.102, 0.467, &[wheel(s), wheel(-s)]).unwrap()
-}
+use hbot_testing::prototype::{device, device_with, of_the_task};
 
 /// Returns a device of `count` wheels with toe angles, whose inertias couple the steer and the
 /// drive joint.
@@ -42,7 +27,7 @@ pub(crate) fn toed(count: usize) -> Device {
 /// Returns the plant and the load of the task by which simulators are compared: the prototype, a
 /// spring with damper, and two sinusoidal torques.
 pub(crate) fn task() -> (Plant, impl Load) {
-    let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
+    let plant = Plant::new(&device_with(of_the_task)).unwrap();
     let spring = SpringDamper { stiffness: 4.0, damping: 0.05, reference: Quat::IDENTITY };
     let swing = |axis: Vec3, hertz: f64| Sine { amplitude: axis, hertz };
     (plant, Sum(spring, Sum(swing(Vec3::X * 0.5, 2.0), swing(Vec3::Y * 0.3, 3.0))))
@@ -58,8 +43,7 @@ pub(crate) fn brisk() -> PlantState {
     }
 }
 
-/// Returns the configuration of the prototype, with absolute encoders on the steer joints, and a
-/// gear and a reversed motor on each drive joint.
+/// Not the rig of `rigs/prototype.toml`, which assumes all zeros and reverses nothing. The prototype as a controller knows it: absolute steering, a gear and a reversed motor on each drive.
 pub(crate) fn rig() -> Rig {
     let steer = Joint { zero: Zero::Absolute, continuous: 0.073, ..Joint::new(16384, 0.93) };
     let drive = Joint {
@@ -69,7 +53,7 @@ pub(crate) fn rig() -> Rig {
         continuous: 0.023,
         ..Joint::new(16384, 0.14)
     };
-    let parts = RigParts::new(prototype(0.0155, 2.7e-5, 3.5e-6)).with_joints(steer, drive);
+    let parts = RigParts::new(device()).with_joints(steer, drive);
     let limits = Limits {
         torque: 1.0,
         torque_rate: 100.0,

@@ -4,10 +4,11 @@ use hbot_core::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
 use hbot_sim::plant::{Method, Plant, PlantState};
 
-use crate::devices::{brisk, prototype, toed};
+use crate::devices::{brisk, toed};
+use hbot_testing::prototype::device;
 
 fn plants() -> Vec<(Plant, hbot_core::device::Device)> {
-    let devices = [prototype(0.0155, 2.7e-5, 3.5e-6), toed(2), toed(3), toed(5), toed(8)];
+    let devices = [device(), toed(2), toed(3), toed(5), toed(8)];
     devices.into_iter().map(|device| (Plant::new(&device).unwrap(), device)).collect()
 }
 

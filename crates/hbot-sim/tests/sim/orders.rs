@@ -4,7 +4,8 @@
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Method, Plant, PlantState};
 
-use crate::devices::{brisk, prototype, task, toed};
+use crate::devices::{brisk, task, toed};
+use hbot_testing::prototype::{device_with, of_the_task};
 
 /// The state of the comparison task after 2 s equals the result of an independent program.
 #[test]
@@ -54,7 +55,7 @@ fn errors_fall_with_the_order() {
 /// there.
 #[test]
 fn check_numbers_of_the_physics_notes() {
-    let plant = Plant::new(&prototype(0.0102, 3.105_468_222_7e-5, 3.5202e-6)).unwrap();
+    let plant = Plant::new(&device_with(of_the_task)).unwrap();
     let rates = plant.joint_rates(&brisk());
     for (rate, wanted) in rates.iter().zip([14.165_133_59, 21.110_592_26, 10.973_452_59, -2.822_380_84]) {
         assert!((rate - wanted).abs() < 1e-8, "{rates:?}");

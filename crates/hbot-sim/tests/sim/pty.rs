@@ -11,14 +11,12 @@ use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{Hand, Link};
 use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_testing::patience::{PATIENCE, eventually};
 
 use rustix::event::{PollFd, PollFlags, poll};
 
 use crate::devices::rig;
 use crate::line::{command, frame};
-
-/// Longest delay that the tests accept, because a busy machine can take long to wake a thread.
-const PATIENCE: Duration = Duration::from_secs(10);
 
 fn spawn() -> PtyRig {
     let rig = SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap();
@@ -87,10 +85,7 @@ fn the_watchdog_runs_in_wall_time_with_nobody_writing() {
     let mut port = Port::open(&rig);
     assert!(port.command(1, true, 0.1).flags.contains(ControllerFlags::ENABLED));
     let start = Instant::now();
-    while rig.call(|rig| rig.joint_torque()[1] != 0.0).unwrap() {
-        assert!(start.elapsed() < PATIENCE);
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    eventually("torque off", || rig.call(|rig| rig.joint_torque()[1] == 0.0).unwrap());
     assert!(start.elapsed() > Duration::from_millis(5), "not before its time");
     let flags = port.command(2, true, 0.1).flags;
     assert!(flags.contains(ControllerFlags::WATCHDOG_EXPIRED) && !flags.contains(ControllerFlags::ENABLED));
@@ -102,11 +97,7 @@ fn the_watchdog_runs_in_wall_time_with_nobody_writing() {
 fn the_hand_goes_on_with_nobody_writing() {
     let rig = spawn();
     rig.post(|rig| rig.set_hand(Some(Hand::default()))).unwrap();
-    let start = Instant::now();
-    while rig.call(|rig| rig.state().omega.length()).unwrap() < 0.01 {
-        assert!(start.elapsed() < PATIENCE);
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    eventually("the hand turns the sphere", || rig.call(|rig| rig.state().omega.length()).unwrap() >= 0.01);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use hbot_testing::patience::eventually;
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -39,12 +40,9 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
         .spawn()
         .expect("it starts");
     let pid = Pid::from_child(&child);
-    // Waits until the signal has a handler, and then until the study is at work. The whole study
-    // takes more than ten times as long.
-    while !catches_interrupt(child.id()) {
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    std::thread::sleep(Duration::from_secs(1));
+    eventually("it hears the signal", || catches_interrupt(child.id()));
+    // The whole takes more than ten times as long.
+    eventually("it is at work", || processor_time(child.id()) > 1.0);
     kill_process(pid, Signal::INT).expect("a signal");
     let asked = Instant::now();
     let status = child.wait().expect("it ends");
@@ -52,6 +50,15 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
     // The study checks for the signal at least once a second. The bound allows for a busy machine.
     assert!(asked.elapsed() < Duration::from_secs(20));
     assert!(!out.exists());
+}
+
+/// The processor time of all threads of a process, s, by /proc.
+fn processor_time(process: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("it runs");
+    // After the name in parentheses, from the state on; Linux counts in hundredths for all programs.
+    let fields = stat.rsplit_once(')').expect("a name").1.split_whitespace();
+    let [user, system] = [11, 12].map(|n| fields.clone().nth(n).and_then(|ticks| ticks.parse::<f64>().ok()));
+    0.01 * (user.expect("a number") + system.expect("a number"))
 }
 
 /// Returns whether a process handles the signal SIGINT. It reads the signal mask in /proc.

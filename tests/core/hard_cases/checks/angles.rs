@@ -6,7 +6,7 @@ use super::super::core::impedance::{first_order_law, geodesic_law, quaternion_la
 use super::super::core::inputs::{Command, Stamp};
 use super::super::core::outputs::{Refusal, Reply};
 use super::super::core::{Mat3, Quat, Real, Vec3, rotation};
-use super::machine::Machine;
+use super::machine::ReadRig;
 
 const PI: f64 = core::f64::consts::PI;
 
@@ -86,7 +86,7 @@ fn what_comes_in_as_an_orientation_is_a_rotation_or_refused() {
         Command::Reference { slot: 0, epoch: 1, q, omega, valid_ticks: 9, stamp }
     };
     for (t, q) in all() {
-        let mut machine = Machine::idle();
+        let mut machine = ReadRig::idle();
         let Reply::Aligned { angle } = machine.command(Command::Align { q, weight: 1.0, tick: 1 }) else {
             panic!("{t:e} was refused");
         };
@@ -98,7 +98,7 @@ fn what_comes_in_as_an_orientation_is_a_rotation_or_refused() {
     }
     for scale in [0.0, 1e-300, 1e-160, 0.9, 2.0, 1e30, 1e160, f64::NAN, f64::INFINITY] {
         let q = Quat::from_xyzw(0.5, -0.5, 0.5, 0.5) * (scale as Real);
-        let mut machine = Machine::active();
+        let mut machine = ReadRig::active();
         let before = machine.step(|_| {}).state;
         for command in [Command::Align { q, weight: 1.0, tick: 3 }, reference(q)] {
             assert_eq!(machine.command(command), Reply::Refused(Refusal::NotFinite), "{q}");

@@ -2,12 +2,12 @@
 
 use super::super::core::mode::{Cause, Mode};
 use super::super::core::{Real, Vec3};
-use super::machine::Machine;
+use super::machine::ReadRig;
 
 #[test]
 fn a_tick_ten_periods_late_rides_through_and_one_too_late_is_a_fault() {
     // Each tick is 10 ms late, and the nine ticks in between are skipped.
-    let mut machine = Machine::active();
+    let mut machine = ReadRig::active();
     let before = machine.step(|_| {}).state;
     for k in 0..50 {
         machine.tick += 9;
@@ -16,7 +16,7 @@ fn a_tick_ten_periods_late_rides_through_and_one_too_late_is_a_fault() {
         assert!((state.torque - before.torque).length() <= 8.0 * Real::EPSILON);
     }
     for (late_ns, skipped) in [(20_000_001, 0), (u64::MAX, 0), (0, 10), (0, 1 << 40)] {
-        let mut machine = Machine::active();
+        let mut machine = ReadRig::active();
         machine.tick += skipped;
         let outputs = machine.step(|inputs| inputs.lateness_ns = late_ns);
         assert_eq!(outputs.state.mode, Mode::Fault, "{late_ns} ns, {skipped} skipped");
@@ -29,7 +29,7 @@ fn a_tick_ten_periods_late_rides_through_and_one_too_late_is_a_fault() {
 #[test]
 fn a_clock_that_stands_or_goes_back_moves_nothing() {
     for back in [0, 1, 10, 500] {
-        let mut machine = Machine::idle();
+        let mut machine = ReadRig::idle();
         machine.run(600);
         machine.command(super::super::core::inputs::Command::Enable);
         let before = machine.run(100).state;
@@ -58,7 +58,7 @@ fn a_clock_that_stands_or_goes_back_moves_nothing() {
 
 #[test]
 fn feedback_that_stays_away_ends_the_torque_and_comes_back() {
-    let mut machine = Machine::active();
+    let mut machine = ReadRig::active();
     for k in 1..=20 {
         let state = machine.step(|inputs| inputs.feedback = None).state;
         assert_eq!((state.mode, state.fresh), (Mode::Active, false), "{k}");

@@ -6,7 +6,7 @@ use super::super::core::inputs::{Command, Stamp};
 use super::super::core::mode::{Cause, Mode};
 use super::super::core::outputs::{Refusal, Reply};
 use super::super::core::{Device, Mat3, Quat, Real, Vec3};
-use super::machine::{Machine, wheels};
+use super::machine::{ReadRig, wheels};
 
 const NONE: [Real; 3] = [Real::NAN, Real::INFINITY, Real::NEG_INFINITY];
 const HUGE: [Real; 4] = [Real::MAX, Real::MIN, 1e38, -1e38];
@@ -21,7 +21,7 @@ fn tiny() -> [Real; 4] {
 fn feedback_that_cannot_be_is_a_fault_with_zero_torque() {
     for bad in NONE.into_iter().chain(HUGE) {
         for joint in 0..4 {
-            let mut machine = Machine::active();
+            let mut machine = ReadRig::active();
             machine.rates[joint] = bad;
             let outputs = machine.step(|_| {});
             let cause = if bad.is_finite() { Cause::ImplausibleFeedback } else { Cause::NonFinite };
@@ -48,7 +48,7 @@ fn requests_that_cannot_be_are_refused_and_change_nothing() {
             let (q, unit) = (Quat::from_array(q), Quat::IDENTITY);
             let reference =
                 |q, omega| Command::Reference { slot: 0, epoch: 1, q, omega, valid_ticks: 9, stamp };
-            let mut machine = Machine::active();
+            let mut machine = ReadRig::active();
             let before = machine.step(|_| {}).state;
             for command in [
                 Command::Stream { torque: v, valid_ticks: 9, stamp },
@@ -72,7 +72,7 @@ fn requests_that_cannot_be_are_refused_and_change_nothing() {
 #[test]
 fn what_is_huge_is_limited_or_a_fault() {
     for huge in HUGE {
-        let mut machine = Machine::active();
+        let mut machine = ReadRig::active();
         let command = Command::Stream { torque: Vec3::Y * huge, valid_ticks: 50, stamp: Stamp::default() };
         assert_eq!(machine.command(command), Reply::Done);
         for _ in 0..200 {
@@ -88,7 +88,7 @@ fn what_is_huge_is_limited_or_a_fault() {
 #[test]
 fn what_is_tiny_is_nothing() {
     for tiny in tiny() {
-        let mut machine = Machine::active();
+        let mut machine = ReadRig::active();
         let before = machine.step(|_| {}).state;
         machine.rates = [tiny; 16];
         let command = Command::Stream { torque: Vec3::splat(tiny), valid_ticks: 50, stamp: Stamp::default() };

@@ -53,7 +53,9 @@ pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
     CompiledScene::new(revision, &[Effect::new(0, revision as u32, Kind::Spring(spring))]).unwrap()
 }
 
-pub struct Machine {
+/// The controller of either width, for which reason it is not `Bench` of `tests/core/bench.rs`, whose sphere and whose
+/// prototype are in f64.
+pub struct ReadRig {
     pub controller: Controller,
     pub scene: CompiledScene,
     /// Number of the next tick.
@@ -62,7 +64,7 @@ pub struct Machine {
     pub rates: [Real; MAX_JOINTS],
 }
 
-impl Machine {
+impl ReadRig {
     /// Creates an idle machine with a spring that pulls with 0.2 N m about n1.
     pub fn idle() -> Self {
         let mut machine = Self {

@@ -7,7 +7,7 @@ use super::super::core::mode::{Cause, Mode};
 use super::super::core::odometry::{advance, turn};
 use super::super::core::rig::OdometryMethod::Magnus4;
 use super::super::core::{Quat, Real, rotation};
-use super::machine::{Machine, device, rig, wheels};
+use super::machine::{ReadRig, device, rig, wheels};
 
 /// Returns the joint angle of one count, rad.
 fn unit(joint: usize) -> f64 {
@@ -18,7 +18,7 @@ fn unit(joint: usize) -> f64 {
 fn steering_at_a_thousand_rad_per_s_is_followed() {
     const RATES: [f64; 4] = [1000.0, 300.0, -1000.0, 200.0];
     const TICKS: u32 = 1000;
-    let mut machine = Machine::idle();
+    let mut machine = ReadRig::idle();
     for (rate, of) in machine.rates.iter_mut().zip(RATES) {
         *rate = of as Real;
     }
@@ -54,7 +54,7 @@ fn steering_at_a_thousand_rad_per_s_is_followed() {
     // The bound is the error of Magnus 4 with steps of 1 rad.
     assert!(worst < 0.1, "{worst:e}");
     // With torque enabled this is too fast, and torque ends in the tick in which it is measured.
-    let mut machine = Machine::active();
+    let mut machine = ReadRig::active();
     let omega = super::super::core::Vec3::Y * 172.0;
     machine.rates = Posture::new(&device, &[0.0; 2]).inverse(omega);
     assert!(machine.rates[0].abs().max(machine.rates[2].abs()) > 500.0);
@@ -66,13 +66,13 @@ fn steering_at_a_thousand_rad_per_s_is_followed() {
 #[test]
 fn counts_that_wrap_change_no_bit() {
     for sign in [1, -1_i32] {
-        let [mut plain, mut wrapping] = [0, 1].map(|_| Machine::idle());
+        let [mut plain, mut wrapping] = [0, 1].map(|_| ReadRig::idle());
         // As many whole turns as fit into the counter; the test then goes beyond.
         let start: [i32; 4] = core::array::from_fn(|j| {
             let turn = if j % 2 == 0 { 16384 } else { 278_528 };
             sign * (i32::MAX / turn * turn)
         });
-        wrapping = Machine { tick: 1, ..wrapping };
+        wrapping = ReadRig { tick: 1, ..wrapping };
         wrapping.controller = super::super::core::Controller::new(rig());
         wrapping.counts[..4].copy_from_slice(&start);
         wrapping.step(|_| {});
@@ -105,7 +105,7 @@ fn half_a_turn_in_a_tick_is_a_fault_and_no_guess() {
         ] {
             for by in [by, by.wrapping_neg()] {
                 // The test runs without torque, because with torque the speed limit is narrower.
-                let mut machine = Machine::idle();
+                let mut machine = ReadRig::idle();
                 let before = machine.step(|_| {}).state;
                 machine.counts[joint] = by;
                 let outputs = machine.step(|_| {});

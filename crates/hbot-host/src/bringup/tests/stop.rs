@@ -36,11 +36,9 @@ impl Line for Recorded {
 /// Returns a bench whose stop flag is set at its 50th command with torque, and a record of the
 /// commands that its motor controllers receive.
 fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
-    let rig = RigConfig::prototype().rig;
-    let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap();
     let (heard, stop) = (Arc::default(), StopFlag::default());
     let line = Recorded {
-        line: Memory::new(simulated, mpsc::channel().1),
+        line: Memory::new(simulated(), mpsc::channel().1),
         decoder: hbot_link::Decoder::new(),
         heard: Arc::clone(&heard),
         stop: stop.clone(),

@@ -91,9 +91,7 @@ impl Line for Miswired {
 }
 
 fn miswired(wiring: Wiring) -> Bench {
-    let rig = RigConfig::prototype().rig;
-    let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig)).unwrap();
-    on(Miswired { line: Memory::new(simulated, mpsc::channel().1), wiring, answers: Vec::new() })
+    on(Miswired { line: Memory::new(simulated(), mpsc::channel().1), wiring, answers: Vec::new() })
 }
 
 fn tested(wiring: Wiring, joint: usize, torque: f64, speed: f64) -> Outcome {

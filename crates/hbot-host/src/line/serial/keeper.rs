@@ -144,7 +144,7 @@ mod tests {
 
     use hbot_config::RigConfig;
     use hbot_link::{Decoder, FromController, encode};
-    use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+    use hbot_testing::prototype::simulated_as;
     use serialport::{SerialPort as _, TTYPort};
 
     use super::*;
@@ -163,7 +163,7 @@ mod tests {
         let path = far.name().unwrap();
         near.set_timeout(Duration::from_millis(5)).unwrap();
         let rig = RigConfig::prototype();
-        let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
+        let mut simulated = simulated_as(&rig, |_| ());
         let over = Arc::new(AtomicBool::new(false));
         let stop = Arc::clone(&over);
         // The controllers have just powered on. Their descriptions are lost on the line until after

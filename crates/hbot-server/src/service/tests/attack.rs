@@ -51,6 +51,7 @@ fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
             if writer.write_all(&[*byte]).is_err() {
                 return;
             }
+            // The client that trickles is what is tested.
             std::thread::sleep(Duration::from_millis(20));
         }
     });
@@ -64,7 +65,7 @@ fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
 #[test]
 fn half_a_line_can_be_held_and_holds_nobody_up() {
     let bench = bench();
-    let mut half: Vec<_> = (0..20).map(|_| Raw::greeted(&bench)).collect();
+    let mut half: Vec<_> = (0..20).map(|_| greeted(&bench)).collect();
     for raw in &mut half {
         raw.bytes(b"{\"id\": 5, \"op\": \"pi");
     }
@@ -83,7 +84,7 @@ fn garbage_is_answered_once_before_hello_and_counted_after_it() {
     let garbage: Vec<u8> = (0..20_000_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
     let attackers: Vec<_> = (0..20)
         .map(|k| {
-            let mut raw = if k % 2 == 0 { bench.raw() } else { Raw::greeted(&bench) };
+            let mut raw = if k % 2 == 0 { bench.raw() } else { greeted(&bench) };
             let garbage = garbage.clone();
             std::thread::spawn(move || {
                 for _ in 0..20 {
@@ -137,7 +138,7 @@ fn an_estop_is_never_refused_however_many_come() {
         breath: Duration::from_millis(5),
         ..TestOptions::default()
     });
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     raw.bytes(&b"{\"id\": 1, \"op\": \"estop\"}\n".repeat(1000));
     for _ in 0..1000 {
         let answer = raw.answer();
@@ -149,7 +150,7 @@ fn an_estop_is_never_refused_however_many_come() {
 #[test]
 fn the_system_looks_whether_clients_are_still_there() {
     let bench = bench();
-    let raw = Raw::greeted(&bench);
+    let raw = greeted(&bench);
     let hex = |address: SocketAddr| match address {
         SocketAddr::V4(v4) => format!("{:08X}:{:04X}", u32::from_le_bytes(v4.ip().octets()), v4.port()),
         SocketAddr::V6(_) => panic!("bound to 127.0.0.1"),

@@ -79,6 +79,7 @@ fn what_is_asked_for_is_of_now_though_nobody_watches() {
         TestService::start(TestOptions { breath: Duration::from_millis(1), ..TestOptions::default() });
     let mut client = bench.client("c");
     for _ in 0..20 {
+        // Some ticks in which nobody asks: looking for a condition would wake the service.
         std::thread::sleep(Duration::from_millis(11));
         // Ticks are counted from 0.
         let tick = client.ping(Value::Null).unwrap().tick;

@@ -234,7 +234,7 @@ fn a_stream_that_is_refused_is_counted_and_told_once_a_second() {
     }
     // A stream message that cannot be parsed still counts as one of a stream. With an id it gets an
     // answer.
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     raw.send(r#"{"op": "torque", "torque": [1, 2], "valid_ms": 10}"#);
     let told = raw.line();
     assert_eq!((&told["event"], &told["code"]), (&json!("refused"), &json!("bad_request")));

@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn messages_come_in_any_pieces() {
     let bench = bench();
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     for byte in b"{\"id\": 1, \"op\": \"ping\", \"data\": \"\xc3\xa4\"}\r\n" {
         raw.bytes(&[*byte]);
     }
@@ -19,7 +19,7 @@ fn messages_come_in_any_pieces() {
 #[test]
 fn bad_lines_are_answered_and_the_connection_goes_on() {
     let bench = bench();
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     for (line, id) in [
         (&b"garbage"[..], Value::Null),
         (b"\xff\xfe", Value::Null),
@@ -44,7 +44,7 @@ fn bad_lines_are_answered_and_the_connection_goes_on() {
 #[test]
 fn a_line_too_long_is_refused_and_skipped() {
     let bench = bench();
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     raw.send(&format!(r#"{{"id": 1, "op": "ping", "data": "{}"}}"#, "x".repeat(100_000)));
     raw.send(r#"{"id": 2, "op": "ping"}"#);
     let answer = raw.answer();
@@ -60,7 +60,7 @@ fn a_line_too_long_is_refused_and_skipped() {
 #[test]
 fn scenes_and_parameters_of_the_holder_may_be_long() {
     let bench = bench();
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     let effects: Vec<Value> = (0..32).map(|k| spring(&format!("a-rather-long-name-of-spring-{k}"))).collect();
     let load = json!({"id": 1, "op": "load_scene", "scene": {"effect": effects}}).to_string();
     assert!(load.len() > hbot_api::MAX_SHORT_REQUEST_BYTES);

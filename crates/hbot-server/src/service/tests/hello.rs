@@ -88,7 +88,7 @@ fn a_token_is_asked_for_and_compared() {
 #[test]
 fn hello_comes_once() {
     let bench = bench();
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     let answer = raw.ask(r#"{"id": 1, "op": "hello", "version": 1, "name": "again"}"#);
     assert_eq!(answer["error"]["code"], "bad_request");
     assert_eq!(raw.ask(r#"{"id": 2, "op": "ping"}"#)["id"], 2);

@@ -17,7 +17,7 @@ mod stops;
 mod strangers;
 mod tls;
 
-use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::mpsc as blocking;
 use std::thread::JoinHandle;
@@ -26,7 +26,10 @@ use std::time::{Duration, Instant};
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_sim::rig::SimulatedRig;
+use hbot_testing::lines::Lines;
+use hbot_testing::patience::{LOOK, PATIENCE, eventually};
+use hbot_testing::prototype::simulated_as;
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
@@ -40,9 +43,6 @@ use hbot_host::layout::Layout;
 use hbot_host::line::{Line, Memory, SimulatorCall};
 use hbot_host::motors::Motors;
 use hbot_host::run_loop::{StopFlag, lockstep};
-
-/// Longest time that a test waits for an expected event. It is not a requirement on speed.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The settings of the service that a test starts.
 struct TestOptions {
@@ -79,7 +79,8 @@ impl Default for TestOptions {
     }
 }
 
-/// A running service with a control loop and a simulated rig.
+/// A service with its loop and its simulated rig. Not the server that other crates test with (`server` of hbot-testing):
+/// these tests set the service's private bounds, stop the loop at a tick, and reach into the simulated rig.
 struct TestService {
     address: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,
@@ -139,8 +140,7 @@ impl TestService {
                 let (loop_end, end) = bridge().unwrap();
                 let mut running = RunningScene::new();
                 let compiled = Box::new(running.load(scene));
-                let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).unwrap();
-                let mut line = Memory::new(simulated, calls);
+                let mut line = Memory::new(simulated_as(&rig, |_| ()), calls);
                 let layout = Layout::single(rig.controllers.clone());
                 let expected = Expected::new("sim", &rig.rig, &layout, 0);
                 HbotLink.meet(&mut line, &expected).unwrap();
@@ -189,8 +189,8 @@ impl TestService {
         client
     }
 
-    fn raw(&self) -> Raw {
-        Raw::new(self.address)
+    fn raw(&self) -> Lines {
+        Lines::connect(self.address)
     }
 
     /// Runs `call` on the simulated rig.
@@ -238,73 +238,9 @@ impl Drop for TestService {
     }
 }
 
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} has not come about");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
-
-/// A connection to the service that sends and receives lines of text without the client library.
-struct Raw {
-    stream: TcpStream,
-    reader: BufReader<TcpStream>,
-}
-
-impl Raw {
-    fn new(address: SocketAddr) -> Self {
-        let stream = TcpStream::connect(address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        stream.set_nodelay(true).unwrap();
-        let reader = BufReader::new(stream.try_clone().unwrap());
-        Self { stream, reader }
-    }
-
-    /// Returns a connection that has sent its hello.
-    fn greeted(bench: &TestService) -> Self {
-        let mut raw = bench.raw();
-        raw.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "raw"}"#);
-        assert_eq!(raw.line()["id"], 0);
-        raw
-    }
-
-    fn send(&mut self, line: &str) {
-        self.bytes(format!("{line}\n").as_bytes());
-    }
-
-    fn bytes(&mut self, bytes: &[u8]) {
-        self.stream.write_all(bytes).unwrap();
-    }
-
-    fn line(&mut self) -> Value {
-        let mut line = String::new();
-        self.reader.read_line(&mut line).unwrap();
-        serde_json::from_str(&line).unwrap_or_else(|error| panic!("{line:?}: {error}"))
-    }
-
-    /// Returns the next answer and skips events.
-    fn answer(&mut self) -> Value {
-        loop {
-            let line = self.line();
-            if line.get("event").is_none() {
-                return line;
-            }
-        }
-    }
-
-    fn ask(&mut self, line: &str) -> Value {
-        self.send(line);
-        self.answer()
-    }
-
-    /// Reads everything until the server closes the connection.
-    fn rest(&mut self) -> String {
-        let mut rest = Vec::new();
-        // A reset ends the connection as well.
-        let _ = self.reader.read_to_end(&mut rest);
-        String::from_utf8(rest).unwrap()
-    }
+/// Returns a connection that has sent its hello.
+fn greeted(bench: &TestService) -> Lines {
+    Lines::greeted(bench.address)
 }
 
 fn refused(result: Result<Value, ClientError>) -> ErrorBody {

@@ -15,7 +15,7 @@ fn a_slow_reader_loses_states_and_is_told_how_many() {
         breath: Duration::ZERO,
         ..TestOptions::default()
     });
-    let mut slow = Raw::greeted(&bench);
+    let mut slow = greeted(&bench);
     slow.send(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     let mut other = bench.client("other");
     let dropped = |client: &mut Client| client.stats().unwrap().dropped_states;
@@ -60,7 +60,7 @@ fn a_slow_reader_loses_states_and_is_told_how_many() {
 fn one_that_reads_no_answers_is_cut_and_others_are_not() {
     let bench = TestService::start(TestOptions { bounds: bounds(), ..TestOptions::default() });
     let mut other = bench.client("other");
-    let mut deaf = Raw::greeted(&bench);
+    let mut deaf = greeted(&bench);
     deaf.stream.set_write_timeout(Some(PATIENCE)).unwrap();
     let ask = format!("{{\"id\": 1, \"op\": \"ping\", \"data\": \"{}\"}}\n", "x".repeat(2000));
     // Answers fill the buffers of the operating system and then the queue. Then the connection is
@@ -75,7 +75,7 @@ fn one_that_reads_no_answers_is_cut_and_others_are_not() {
 fn one_that_is_stuck_is_cut() {
     let bounds = Bounds { stuck: Duration::from_millis(200), ..bounds() };
     let bench = TestService::start(TestOptions { bounds, breath: Duration::ZERO, ..TestOptions::default() });
-    let mut stuck = Raw::greeted(&bench);
+    let mut stuck = greeted(&bench);
     stuck.send(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     bench.wait_until("the client", |status| status.clients == 1);
     bench.wait_until("no client", |status| status.clients == 0);
@@ -85,7 +85,7 @@ fn one_that_is_stuck_is_cut() {
 #[test]
 fn a_flood_of_commands_does_not_keep_an_estop_back() {
     let bench = bench();
-    let mut flood = Raw::new(bench.address);
+    let mut flood = Lines::connect(bench.address);
     flood.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "flood"}"#);
     flood.line();
     flood.ask(r#"{"id": 1, "op": "acquire"}"#);

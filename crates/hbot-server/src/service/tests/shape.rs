@@ -26,7 +26,7 @@ fn shape(name: &str, value: &Value) -> String {
 }
 
 fn ask(bench: &TestService, op: &str) -> String {
-    let mut raw = Raw::greeted(bench);
+    let mut raw = greeted(bench);
     shape("", &raw.ask(&format!(r#"{{"id": 1, "op": "{op}"}}"#))["ok"])
 }
 

@@ -161,7 +161,7 @@ async fn a_signal_needs_nothing_of_the_service() {
 fn an_estop_in_any_shape_stops_the_rig() {
     let bench = bench();
     let mut holder = bench.holder();
-    let mut raw = Raw::greeted(&bench);
+    let mut raw = greeted(&bench);
     let long = format!(r#"{{"op":"estop","x":"{}"}}"#, "x".repeat(10_000));
     let longest = format!(r#"{{"x":"{}","op":"estop"}}"#, "x".repeat(70_000));
     let deep = format!(r#"{{"op":"estop","x":{}{}}}"#, "[".repeat(65), "]".repeat(65));

@@ -8,7 +8,7 @@ use hbot_core::kinematics::Posture;
 use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
-use crate::devices::prototype;
+use hbot_testing::prototype::device;
 
 /// Number of pairs of steer angles that are tested. Each wheel takes this many equally spaced
 /// angles. Friction is a sum over the wheels, so its mean does not depend on how their angles are
@@ -27,7 +27,7 @@ const RAMP: f64 = 2.0e-5;
 /// |g.n| for each joint, whatever torques the hinge itself takes.
 #[test]
 fn back_drive_torques_are_those_of_cage_and_joints() {
-    let device = prototype(0.0155, 2.7e-5, 3.5e-6);
+    let device = device();
     let (joints, cage) = (JointFriction::default(), CageFriction::default());
     let phenomena =
         Phenomena { joint_friction: Some(joints), cage_friction: Some(cage), ..Phenomena::default() };

@@ -1,16 +1,20 @@
 //! Zero and infinite friction, and masses whose ratio is a million, in steps of 1 ms.
 
 use hbot_core::Vec3;
+use hbot_core::WheelSpec;
 use hbot_sim::phenomena::{JointFriction, Phenomena, Slip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
-
-use crate::devices::prototype;
+use hbot_testing::prototype::device_with;
 
 /// Simulates one second in steps of 1 ms and returns the state at the end. `inertia` scales the
 /// inertias of the joints, `coulomb` is the friction of the joints, and `mu` that of the contacts.
 /// Checks that no step adds energy.
 fn a_second(inertia: f64, coulomb: f64, mu: f64) -> PlantState {
-    let device = prototype(0.0155, 2.7e-5 * inertia, 3.5e-6 * inertia);
+    let device = device_with(|wheel| WheelSpec {
+        steer_inertia: wheel.steer_inertia * inertia,
+        drive_inertia: wheel.drive_inertia * inertia,
+        ..wheel
+    });
     let phenomena = Phenomena {
         joint_friction: Some(JointFriction {
             coulomb,

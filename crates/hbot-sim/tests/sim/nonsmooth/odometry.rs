@@ -6,7 +6,8 @@ use hbot_core::{Mat3, Vec3};
 use hbot_sim::phenomena::{CageFriction, Phenomena, Slip, largest_grip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
-use crate::devices::{prototype, toed};
+use crate::devices::toed;
+use hbot_testing::prototype::device;
 
 /// Returns the part of the slip `s` that no angular velocity of the sphere can explain, so that
 /// encoders can observe it: s - Z (ZᵀZ)⁻¹ Zᵀ s, with Z = R [-c2ᵀ; c1ᵀ] per wheel.
@@ -69,7 +70,7 @@ fn slips(device: &Device, slip: Option<Slip>, torque: f64, h: f64) -> (f64, f64)
 #[test]
 fn encoders_see_what_they_can_of_slip_and_none_where_there_is_none() {
     let grip = Slip { mu: 0.5, normal_force: 2.0 };
-    for (device, name) in [(prototype(0.0155, 2.7e-5, 3.5e-6), "prototype"), (toed(3), "three wheels")] {
+    for (device, name) in [(device(), "prototype"), (toed(3), "three wheels")] {
         // The drive torque at which the contact, with a grip of 1 N, begins to slip.
         let limit = largest_grip(&grip) * device.wheels()[0].spec().radius;
         let h = 2.5e-4;

@@ -13,7 +13,8 @@ use hbot_sim::phenomena::{
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::reference::{End, Input, Reference, Sharpness};
-use crate::devices::{prototype, toed};
+use crate::devices::toed;
+use hbot_testing::prototype::device;
 
 /// A motion that both the plant and the independent reference can compute. It starts from a state
 /// without slip.
@@ -94,7 +95,7 @@ const IDLE: Input = Input { tau: nothing, external: nothing, grip: None };
 pub(super) fn slide() -> Scene {
     Scene {
         name: "slip onset, slide and stop",
-        device: prototype(0.0155, 2.7e-5, 3.5e-6),
+        device: device(),
         phenomena: Phenomena { slip: Some(Slip { mu: 0.5, normal_force: 2.0 }), ..Phenomena::default() },
         start: PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() },
         input: Input { tau: |t| [0.0, 0.022 * bump(t, 0.06), 0.0, 0.0], ..IDLE },
@@ -133,7 +134,7 @@ pub(super) fn stick_slip() -> Scene {
     let start = PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
     Scene {
         name: "stick-slip",
-        device: prototype(0.0155, 2.7e-5, 3.5e-6),
+        device: device(),
         phenomena: Phenomena {
             joint_friction: Some(JointFriction {
                 coulomb: 2e-3,
@@ -154,7 +155,7 @@ pub(super) fn stick_slip() -> Scene {
 pub(super) fn backlash() -> Scene {
     Scene {
         name: "backlash crossing",
-        device: prototype(0.0155, 2.7e-5, 3.5e-6),
+        device: device(),
         phenomena: Phenomena {
             gear: Some(Gear { backlash: 0.05, efficiency: 1.0, rotor_share: 0.8 }),
             ..Phenomena::default()

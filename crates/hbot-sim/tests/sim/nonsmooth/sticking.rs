@@ -6,7 +6,8 @@ use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena, Slip, largest_grip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
-use crate::devices::{prototype, toed};
+use crate::devices::toed;
+use hbot_testing::prototype::device;
 
 fn steered() -> PlantState {
     PlantState { steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() }
@@ -84,9 +85,7 @@ fn joints_and_cage() {
         joint_friction: Some(JointFriction::default()),
         ..Phenomena::default()
     };
-    for (device, name) in
-        [(prototype(0.0155, 2.7e-5, 3.5e-6), "prototype"), (toed(3), "three wheels with toe")]
-    {
+    for (device, name) in [(device(), "prototype"), (toed(3), "three wheels with toe")] {
         let axis = Vec3::new(0.3, 1.0, -0.4).normalize();
         let limit = capacity(axis, &joints_of(&device, 2e-4), 2e-3);
         holds_up_to(limit, |load, s| turn(&device, &phenomena, axis * load, &[0.0; 16], s), name);
@@ -102,7 +101,7 @@ fn joints_and_cage_under_joint_torques() {
         joint_friction: Some(JointFriction::default()),
         ..Phenomena::default()
     };
-    let device = prototype(0.0155, 2.7e-5, 3.5e-6);
+    let device = device();
     let rows = joints_of(&device, 1.0);
     let share = [1.0, -0.7, 0.4, 0.2];
     let along = rows.iter().zip(share).fold(Vec3::ZERO, |sum, (row, share)| sum + *row * share);
@@ -158,7 +157,7 @@ fn a_contact_under_a_drive() {
         slip: Some(slip),
         ..Phenomena::default()
     };
-    let device = prototype(0.0155, 2.7e-5, 3.5e-6);
+    let device = device();
     let limit = largest_grip(&slip) * 0.0155 + 2e-4;
     let angle = |torque: f64, seconds: f64| {
         let mut state = steered();

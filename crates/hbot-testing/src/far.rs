@@ -1,5 +1,4 @@
-//! Motor controllers at the far end of a pseudo-terminal that record all commands. The tests of
-//! hbot-server use this file too.
+//! Motor controllers at the far end of a pseudo-terminal that keep all commands they hear.
 
 use std::io::{Read as _, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,26 +8,35 @@ use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_link::{Command, Decoder, ToController};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serialport::{SerialPort as _, TTYPort};
 
+use crate::prototype::simulated_as;
+
+/// The line is silent once nothing has come for this long: a busy machine holds no byte back for longer.
+const SILENCE: Duration = Duration::from_millis(200);
+
 /// A simulated rig that records the commands it receives.
-pub(crate) struct Far {
+pub struct Far {
     /// Path of the port to open.
-    pub(crate) path: String,
+    pub path: String,
     heard: Arc<Mutex<Vec<Command>>>,
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Far {
-    pub(crate) fn start(rig: &RigConfig) -> Self {
+    /// The controllers of `rig`, at the far end of a new pseudo-terminal.
+    ///
+    /// # Panics
+    /// If the system gives no pseudo-terminal.
+    #[must_use]
+    pub fn start(rig: &RigConfig) -> Self {
         let (mut near, far) = TTYPort::pair().expect("this test needs pseudo-terminals (/dev/ptmx)");
         let path = far.name().expect("a name");
         near.set_timeout(Duration::from_millis(5)).expect("a port");
         let heard = Arc::new(Mutex::new(Vec::new()));
         let over = Arc::new(AtomicBool::new(false));
-        let mut simulated = SimulatedRig::new(&SimulatedConfig::new(&rig.rig)).expect("it can be simulated");
+        let mut simulated = simulated_as(rig, |_| ());
         let (record, stop) = (Arc::clone(&heard), Arc::clone(&over));
         let thread = std::thread::spawn(move || {
             // The far end stays open as long as this thread runs, so that the near end sees no
@@ -52,28 +60,41 @@ impl Far {
         Self { path, heard, over, thread: Some(thread) }
     }
 
-    /// Returns the number of commands received.
-    pub(crate) fn count(&self) -> usize {
+    /// How many commands have been heard.
+    ///
+    /// # Panics
+    /// If its thread has panicked.
+    #[must_use]
+    pub fn count(&self) -> usize {
         self.heard.lock().expect("no panic").len()
     }
 
-    /// Returns whether any command after the first `count` satisfies `so`.
-    pub(crate) fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
+    /// Whether a command after the first `count` was so.
+    ///
+    /// # Panics
+    /// If its thread has panicked.
+    #[must_use]
+    pub fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
         self.heard.lock().expect("no panic")[count..].iter().any(so)
     }
 
     /// Returns whether a command with torque has been received.
-    pub(crate) fn pushed(&self) -> bool {
+    #[must_use]
+    pub fn pushed(&self) -> bool {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
-    /// Waits until no more commands arrive. Asserts that the last three commands are zero torque
-    /// with motors off, and returns the last one.
-    pub(crate) fn ends_still(mut self) -> Command {
+    /// Waits until nothing more comes, and checks that the last three commands are zero torque with motors off. Returns
+    /// the last command.
+    ///
+    /// # Panics
+    /// If one of the last three commands is another.
+    pub fn ends_still(mut self) -> Command {
         let mut before = 0;
         while self.count() > before {
             before = self.count();
-            std::thread::sleep(Duration::from_millis(200));
+            // Silence has no condition that could be waited for.
+            std::thread::sleep(SILENCE);
         }
         self.over.store(true, Ordering::Relaxed);
         self.thread.take().expect("it runs").join().expect("no panic");

@@ -1,0 +1,69 @@
+//! An engine that tests tick by hand, with the other end of its bridge.
+
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::inputs::Command;
+use hbot_core::mode::Mode;
+use hbot_core::{CompiledScene, Controller};
+
+use crate::bridge::{ServiceEnd, bridge};
+use crate::bus::MotorBus;
+use crate::engine::{Engine, TickTime};
+use crate::layout::Layout;
+use crate::motors::Motors;
+use crate::sample::Sample;
+
+/// The engine, without the thread that ticks it in service.
+pub(crate) struct TickBench {
+    pub(crate) engine: Engine,
+    pub(crate) end: ServiceEnd,
+    /// The next tick.
+    pub(crate) tick: u64,
+}
+
+/// A tick of a loop at 1 kHz, on time.
+pub(crate) fn on_time(tick: u64) -> TickTime {
+    TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
+}
+
+/// The default scene.
+pub(crate) fn default_scene() -> Box<CompiledScene> {
+    Box::new(RunningScene::new().load(SceneFile::default_scene()))
+}
+
+impl TickBench {
+    /// A bench of `rig` that renders `scene`.
+    pub(crate) fn new(
+        rig: &RigConfig,
+        buses: Vec<Box<dyn MotorBus>>,
+        layout: &Layout,
+        scene: Box<CompiledScene>,
+    ) -> Self {
+        let (inner, end) = bridge().expect("a bridge");
+        let motors = Motors::new(buses, layout, rig.link.watchdog_ms);
+        let engine = Engine::new(motors, Controller::new(rig.rig), scene, inner, None);
+        Self { engine, end, tick: 0 }
+    }
+
+    pub(crate) fn tick(&mut self) -> Sample {
+        self.engine.tick(&on_time(self.tick));
+        self.tick += 1;
+        self.end.try_sample().expect("a sample a tick")
+    }
+
+    /// The sample of the last of `n` ticks.
+    pub(crate) fn ticks(&mut self, n: u32) -> Sample {
+        (1..n).for_each(|_| _ = self.tick());
+        self.tick()
+    }
+
+    pub(crate) fn order(&mut self, command: Command) -> Sample {
+        self.end.order(command).expect("a place");
+        self.tick()
+    }
+
+    pub(crate) fn active(&mut self) {
+        self.ticks(5);
+        self.order(Command::Enable);
+        assert_eq!(self.ticks(600).state.mode, Mode::Active);
+    }
+}

@@ -1,0 +1,144 @@
+//! A server in the test's own process.
+
+use std::future::Future;
+use std::net::SocketAddr;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hbot_config::{RigConfig, SceneFile};
+use hbot_core::{CompiledScene, Inputs, Outputs};
+use hbot_host::engine::Recorder;
+use hbot_server::server::{Finished, Server, ServerOptions, Time};
+use hbot_server::service::Status;
+use tokio::net::TcpListener;
+use tokio::runtime::{Builder, Runtime};
+use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
+
+/// A server on `rig` that renders `scene` until it is stopped, and keeps no logs.
+#[must_use]
+pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
+    ServerOptions {
+        rig,
+        scene,
+        time,
+        duration: None,
+        token: None,
+        buses: None,
+        last_word: None,
+        flight_dir: None,
+        recorder: None,
+    }
+}
+
+fn runtime() -> Runtime {
+    Builder::new_current_thread().enable_all().build().expect("a runtime")
+}
+
+/// Serves on this thread until `over` of the server's address is done, or until its duration has passed.
+///
+/// # Panics
+/// If the server does not start, or `over` panics.
+pub fn serve<F: Future<Output = ()> + Send + 'static>(
+    options: ServerOptions,
+    listen: SocketAddr,
+    over: impl FnOnce(SocketAddr) -> F,
+) -> Finished {
+    runtime().block_on(async {
+        let listener = TcpListener::bind(listen).await.expect("a free port");
+        let address = listener.local_addr().expect("an address");
+        let server = Server::start(options).expect("it starts");
+        let (_control, controlled) = async_mpsc::channel(1);
+        let (status, _status) = watch::channel(Status::default());
+        let over = tokio::spawn(over(address));
+        let done = async { over.await.expect("what ends the server does not panic") };
+        server.serve(listener, controlled, status, done).await.expect("it serves")
+    })
+}
+
+/// A recorder that records nothing and holds a loop in virtual time to `rate_hz` ticks a second of the clock.
+#[must_use]
+pub fn paced(rate_hz: u32) -> Recorder {
+    let (begin, mut ticks) = (Instant::now(), 0);
+    let period = Duration::from_secs(1) / rate_hz;
+    Box::new(move |_, _, _| {
+        ticks += 1;
+        // The next tick is due at a time, and not when something happens.
+        std::thread::sleep((begin + ticks * period).saturating_duration_since(Instant::now()));
+    })
+}
+
+/// What `note` makes of each tick of a server in virtual time, which ends as [`serve`] says.
+///
+/// # Panics
+/// As [`serve`] does.
+pub fn recorded<T: Send + 'static, F: Future<Output = ()> + Send + 'static>(
+    options: ServerOptions,
+    note: impl Fn(&CompiledScene, &Inputs, &Outputs) -> T + Send + 'static,
+    over: impl FnOnce(SocketAddr) -> F,
+) -> Vec<T> {
+    let (into, ticks) = mpsc::channel();
+    let recorder: Recorder = Box::new(move |scene, inputs, outputs| {
+        into.send(note(scene, inputs, outputs)).expect("somebody listens");
+    });
+    serve(ServerOptions { recorder: Some(recorder), ..options }, any_port(), over);
+    ticks.iter().collect()
+}
+
+/// The loopback address with a port that the system chooses.
+#[must_use]
+pub fn any_port() -> SocketAddr {
+    ([127, 0, 0, 1], 0).into()
+}
+
+/// A server on a thread, stopped when it is dropped.
+pub struct TestServer {
+    /// Where it listens.
+    pub address: SocketAddr,
+    shutdown: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<Finished>>,
+}
+
+impl TestServer {
+    /// Starts a server that listens on `listen`.
+    ///
+    /// # Panics
+    /// If it does not start.
+    #[must_use]
+    pub fn start(options: ServerOptions, listen: SocketAddr) -> Self {
+        let (shutdown, stopped) = oneshot::channel();
+        let (ready, started) = mpsc::channel();
+        let thread = std::thread::spawn(move || {
+            serve(options, listen, move |address| {
+                ready.send(address).expect("the test waits");
+                async {
+                    // Dropped or sent to: either stops it.
+                    let _ = stopped.await;
+                }
+            })
+        });
+        let address = started.recv().expect("the server starts");
+        Self { address, shutdown: Some(shutdown), thread: Some(thread) }
+    }
+
+    /// Stops it and returns how it ended.
+    ///
+    /// # Panics
+    /// If the server has panicked.
+    pub fn stop(mut self) -> Finished {
+        self.end().expect("it runs until here").expect("the server has not panicked")
+    }
+
+    fn end(&mut self) -> Option<std::thread::Result<Finished>> {
+        drop(self.shutdown.take());
+        self.thread.take().map(JoinHandle::join)
+    }
+}
+
+impl Drop for TestServer {
+    fn drop(&mut self) {
+        if let Some(ended) = self.end() {
+            assert!(ended.is_ok() || std::thread::panicking(), "the server has panicked");
+        }
+    }
+}
