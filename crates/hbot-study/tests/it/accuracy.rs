@@ -3,7 +3,7 @@
 
 use hbot_study::Study;
 
-use crate::quoted::REPORT;
+use crate::quoted::accuracy::REPORT;
 use crate::{assert_documented, assert_holds, measure, value};
 
 const PATHS: [&str; 3] = ["straight", "quadratic", "cubic"];

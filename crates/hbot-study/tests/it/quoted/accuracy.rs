@@ -1,43 +1,18 @@
 //! The figures quoted in docs/accuracy.md are those of its report, docs/accuracy/report.md.
 
-const PAGE: &str = include_str!("../../../../docs/accuracy.md");
-/// The report that a full run of `hbot-study accuracy` has written, without `--quick`.
-pub(crate) const REPORT: &str = include_str!("../../../../docs/accuracy/report.md");
+use super::{filled, left_over, numbers};
 
-/// Returns one cell of a table in the report's section `section`: the one in the row whose first
-/// cells are `row`, and in the column named `column`. Quartiles are left out.
+const PAGE: &str = include_str!("../../../../../docs/accuracy.md");
+/// The report that a full run of `hbot-study accuracy` has written, without `--quick`.
+pub(crate) const REPORT: &str = include_str!("../../../../../docs/accuracy/report.md");
+
 fn cell(section: &str, row: &[&str], column: &str) -> String {
-    let body = REPORT.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
-    let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
-    let mut head: Vec<&str> = Vec::new();
-    let mut found = Vec::new();
-    for line in body.lines() {
-        let Some(cells) = line.strip_prefix("| ").and_then(|line| line.strip_suffix(" |")) else {
-            if !line.starts_with("|---") {
-                head.clear();
-            }
-            continue;
-        };
-        let cells: Vec<&str> = cells.split(" | ").collect();
-        if head.is_empty() {
-            head = cells;
-        } else if cells.starts_with(row) {
-            found.extend(head.iter().position(|name| *name == column).map(|at| cells[at]));
-        }
-    }
-    assert_eq!(found.len(), 1, "{section}, {row:?}, {column}: {found:?}");
-    found[0].split(' ').next().unwrap_or_default().to_owned()
+    super::cell(REPORT, section, row, column)
 }
 
 /// Converts a share, such as 0.25, to a whole number of per cent.
 fn percent(share: &str) -> String {
     format!("{:.0}", 100.0 * share.parse::<f64>().expect("a number"))
-}
-
-/// Replaces each `{}` in `text` by the next element of `figures`.
-fn filled(text: &str, figures: &[String]) -> String {
-    assert_eq!(text.matches("{}").count(), figures.len(), "{text}");
-    figures.iter().fold(text.to_owned(), |text, figure| text.replacen("{}", figure, 1))
 }
 
 /// Returns the sentences about odometry that the page must contain, filled with the figures of the
@@ -160,29 +135,11 @@ const OF_THE_SERVER: [&str; 3] = [
     "Euler down to 7e-3 rad, midpoint down to 7.4e-5, and nothing below",
 ];
 
-/// Returns the numbers in `text` that are written with an exponent, such as 2.0e-6.
-fn numbers(text: &str) -> Vec<&str> {
-    text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '.' || c == '-'))
-        .filter(|word| word.contains("e-") && word.trim_end_matches('.').parse::<f64>().is_ok())
-        .collect()
-}
-
+/// Times, which depend on the machine, are whole numbers of ns or decimals here; what is compared has an exponent.
 #[test]
 fn every_figure_of_the_page_is_the_reports() {
-    let mut page = PAGE.split_whitespace().collect::<Vec<_>>().join(" ");
     let others = ROUND.into_iter().chain(OF_THE_SERVER).map(str::to_owned);
-    for said in orientation().into_iter().chain(the_rest()).chain(others) {
-        assert!(page.contains(&said), "docs/accuracy.md should say, with the figures of its report:\n{said}");
-        page = page.replacen(&said, "", 1);
-    }
-    let left = numbers(&page);
+    let left = left_over("docs/accuracy.md", PAGE, orientation().into_iter().chain(the_rest()).chain(others));
+    let left: Vec<&str> = numbers(&left).into_iter().filter(|number| number.contains("e-")).collect();
     assert!(left.is_empty(), "docs/accuracy.md quotes what this test does not look up: {left:?}");
-}
-
-#[test]
-fn numbers_with_an_exponent_are_seen() {
-    assert_eq!(
-        numbers("2.0e-6, (7e-7), `1e-3` and 5.5e-5. Not e-mail, x 10 or -e-"),
-        ["2.0e-6", "7e-7", "1e-3", "5.5e-5."]
-    );
 }

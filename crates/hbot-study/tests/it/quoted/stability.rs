@@ -1,0 +1,109 @@
+//! docs/stability.md and the row of docs/hard-cases.md on a day of ticks, against docs/stability/report.md.
+
+use super::{agree, cell, check, filled, left_over, number, numbers, rounded, whole_cell};
+
+const PAGE: &str = include_str!("../../../../../docs/stability.md");
+const HARD_CASES: &str = include_str!("../../../../../docs/hard-cases.md");
+const REPORT: &str = include_str!("../../../../../docs/stability/report.md");
+
+/// The worst of a check as percents with so many decimals.
+fn percent(what: &str) -> String {
+    rounded(&check(REPORT, what), 100.0, 1)
+}
+
+fn borders() -> Vec<String> {
+    let friction = |step: &str, column: &str| {
+        cell(REPORT, "Friction and the encoder's step", &["0.001", "0.002", step], column)
+    };
+    let (fine, coarse) = ("6.7e-5", "0.0043");
+    assert_eq!(friction(fine, "first buzz, N m/rad"), friction(coarse, "first buzz, N m/rad"), "at the same");
+    vec![
+        filled(
+            "each of four rates, on one axis simulated exactly, meet it within {} %",
+            &[percent("the linear border is (b + B)/(h (1/2 + D)) within 0.05")],
+        ),
+        filled(
+            "meets it within {} %, so there is no delay",
+            &[percent("the whole loop swings up from B/(h (1/2 + D)), D = 1, within 0.1")],
+        ),
+        filled(
+            "for each N m/rad, within {} % of Colgate and Schenkel",
+            &[percent("the passive border is that of Colgate and Schenkel within 0.1")],
+        ),
+        filled(
+            "with 2 mN m of friction first buzzes at {} N m/rad for b = 0.001 N m s/rad, where {} are passive, and with \
+             encoders of 256 counts a turn at the same, where {} are",
+            &[
+                rounded(&friction(fine, "first buzz, N m/rad"), 1.0, 1),
+                friction(fine, "passive to"),
+                rounded(&friction(coarse, "passive to"), 1.0, 1),
+            ],
+        ),
+    ]
+}
+
+fn stage() -> Vec<String> {
+    let guard = "With and without the passivity stage";
+    let searched = whole_cell(REPORT, guard, &["5", "3.35"], "on/border");
+    let damped = |b: &str| number(&cell(REPORT, guard, &[b], "on, N m/rad"));
+    let energy = |column: &str| cell(REPORT, "Energy given out", &["6"], column);
+    let about = 0.5 * (damped("20") + damped("50"));
+    vec![
+        filled(
+            "Without the stage it comes to rest up to the linear border, within {} %",
+            &[percent("without the stage a tap comes to rest up to the linear border within 0.05")],
+        ),
+        filled("it comes to rest up to {} times that", &[searched.replace("more than ", "")]),
+        filled(
+            "(0.02 N m s/rad and more at 1 kHz) up to about {} N m/rad",
+            &[format!("{:.0}", 10.0 * (about / 10.0).round())],
+        ),
+        filled(
+            "the motors give out {} J to a bare loop's swing, and {} mJ with the stage, of which 1 mJ",
+            &[rounded(&energy("off, J"), 1.0, 1), rounded(&energy("on, J"), 1e3, 1)],
+        ),
+    ]
+}
+
+/// The largest deviation of |q| from 1 and the most that the energy grew within a day, as the checks have them.
+fn day() -> [String; 2] {
+    [
+        check(REPORT, "a day: the quaternion is unit to 1e-12"),
+        check(REPORT, "a day: the energy never grows by more than 1e-7"),
+    ]
+}
+
+fn whole_day() -> Vec<String> {
+    let [unit, grown] = day();
+    let least = REPORT.split("stays between ").nth(1).expect("the energy of a day");
+    vec![
+        filled(
+            "|q| stays 1 to {}, the swing's energy never exceeds what it began with by more than {} of it",
+            &[unit, grown.trim_start_matches('+').to_owned()],
+        ),
+        filled("rk4 slowly takes {} % of it", &[format!("{:.2}", 100.0 * (1.0 - number(least)))]),
+    ]
+}
+
+/// Numbers that are no figures of the report: choices of the study, and what `hbot rig check` says of the prototype.
+const OTHERS: [&str; 5] = [
+    "let go at 0.05 rad",
+    "6.7 N m/rad for each 0.01 N m s/rad of damping",
+    "stable where k < u - u² with u = d - k/2",
+    "86.4 million ticks",
+    "z (z - 1)² + k (z + 1)/2 + d (z - 1)",
+];
+
+#[test]
+fn every_figure_of_the_page_is_the_reports() {
+    let said = borders().into_iter().chain(stage()).chain(whole_day());
+    let left = left_over("docs/stability.md", PAGE, said.chain(OTHERS.map(str::to_owned)));
+    assert_eq!(numbers(&left), [""; 0], "docs/stability.md quotes what this test does not look up");
+}
+
+#[test]
+fn the_hard_case_of_a_day_quotes_the_report() {
+    let [unit, grown] = day();
+    assert!(HARD_CASES.contains(&format!("| {unit}; {grown} |")), "docs/hard-cases.md, 12: {unit}; {grown}");
+    assert!(agree(&unit, "2.2e-16"), "the rounding of a real in f64");
+}

@@ -1,0 +1,59 @@
+//! docs/velocity.md against the joint rates of docs/accuracy/report.md. Its column of times is not compared: it is the
+//! machine's.
+
+use super::accuracy::REPORT;
+use super::{agree, cell, rows};
+
+const PAGE: &str = include_str!("../../../../../docs/velocity.md");
+
+/// How a table of the page begins, and the report's name for its encoders.
+const TABLES: [(&str, &str); 4] = [
+    ("4096 x 4 counts a turn on all joints, before", "16384"),
+    ("512 x 4 on all joints:", "2048"),
+    ("512 x 4 on the steering, 64 x 4 on the drives:", "2048_and_256"),
+    ("64 x 4 on all joints:", "256"),
+];
+
+/// The report's name for a method that the page calls `low_pass`, 100 Hz.
+fn method(page: &str) -> String {
+    let (name, choice) = page.split_once(',').unwrap_or((page, ""));
+    let name = name.trim_matches('`');
+    let size = choice.split_whitespace().next().unwrap_or_default();
+    match name {
+        "controller" | "difference" => name.to_owned(),
+        "low_pass" => format!("low_pass_{size}hz"),
+        _ => format!("{name}_{size}"),
+    }
+}
+
+#[test]
+fn every_figure_of_the_tables_but_times_is_the_reports() {
+    let mut seen = 0;
+    for (begin, counts) in TABLES {
+        let table = PAGE.split(begin).nth(1).expect("a table for these encoders");
+        let table = table.split("\n\n").nth(1).expect("a table below its heading");
+        for (head, cells) in rows(table) {
+            for column in ["noise, held", "noise, slow", "noise, brisk", "lag, ms", "false slip, mm/s"] {
+                let at = head.iter().position(|name| *name == column).expect("a column");
+                let (ours, method) = (cells[at], method(cells[0]));
+                let theirs = cell(REPORT, "Joint rates", &[counts, &method], column);
+                assert!(
+                    agree(ours, &theirs),
+                    "docs/velocity.md, {begin} {method}, {column}: {ours} for {theirs}"
+                );
+                seen += 1;
+            }
+        }
+    }
+    assert_eq!(seen, 4 * 9 * 5);
+}
+
+/// What the page says of a raw difference about one axis follows from its tables.
+#[test]
+fn the_noise_about_one_axis_is_that_of_the_tables() {
+    for (whole, axis) in [("0.0307", "0.018"), ("0.2642", "0.153")] {
+        assert!(PAGE.contains(&format!("| {whole} |")), "{whole} stands in a table");
+        assert!(agree(&format!("{:.4}", whole.parse::<f64>().expect("a number") / 3.0_f64.sqrt()), axis));
+    }
+    assert!(PAGE.contains("0.0307 and 0.2642 over sqrt 3 are 0.018 and 0.153"));
+}
