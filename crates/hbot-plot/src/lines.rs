@@ -45,7 +45,44 @@ pub struct Lines {
     pub front: bool,
 }
 
+impl Lines {
+    /// Lines over even axes; no point is marked.
+    #[must_use]
+    pub fn new(
+        title: impl Into<String>,
+        x: impl Into<String>,
+        y: impl Into<String>,
+        series: Vec<Series>,
+    ) -> Self {
+        Self { title: title.into(), x: x.into(), y: y.into(), log: [false; 2], series, front: false }
+    }
+
+    /// The lines over axes that are logarithmic as `log` says.
+    #[must_use]
+    pub fn log(self, log: [bool; 2]) -> Self {
+        Self { log, ..self }
+    }
+
+    /// The lines with a mark at what no other point beats in both x and y.
+    #[must_use]
+    pub fn front(self) -> Self {
+        Self { front: true, ..self }
+    }
+}
+
 impl Series {
+    /// A closed line.
+    #[must_use]
+    pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>, colour: usize) -> Self {
+        Self { name: name.into(), points, colour, open: false }
+    }
+
+    /// The line drawn open if `open`.
+    #[must_use]
+    pub fn open(self, open: bool) -> Self {
+        Self { open, ..self }
+    }
+
     fn is_marked(&self) -> bool {
         self.points.len() <= MARKED
     }

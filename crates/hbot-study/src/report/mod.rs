@@ -4,7 +4,7 @@
 mod html;
 mod write;
 
-use hbot_plot::short;
+use hbot_plot::{Lines, short};
 use serde_json::{Map, Value};
 
 use crate::computer::Computer;
@@ -130,15 +130,30 @@ impl Report {
         self.plots.push((name.to_owned(), svg));
     }
 
+    /// A plot of lines over a plane.
+    pub(crate) fn lines(&mut self, name: &str, caption: &str, lines: Lines) {
+        self.plot(name, caption, lines.svg());
+    }
+
     /// Adds a file that will be written into the folder of the report.
     pub(crate) fn file(&mut self, name: &str, text: String) {
         self.files.push((name.to_owned(), text));
     }
 
-    /// Declares a group of figures whose ids fit `pattern`, with its unit and its meaning. A figure
-    /// gets its unit from its group.
-    pub(crate) fn family(&mut self, pattern: &'static str, unit: &'static str, meaning: &'static str) {
-        self.families.push(Family { pattern, unit, meaning });
+    /// What the ids of a family mean.
+    ///
+    /// Takes its row of the report's table: `pattern | unit | meaning`.
+    pub(crate) fn family(&mut self, row: &'static str) {
+        let mut cells = row.splitn(3, " | ");
+        let (Some(pattern), Some(unit), Some(meaning)) = (cells.next(), cells.next(), cells.next()) else {
+            unreachable!("a family has a pattern, a unit and a meaning: {row}")
+        };
+        self.meaning(Family { pattern, unit, meaning });
+    }
+
+    /// The same, by its parts.
+    pub(crate) fn meaning(&mut self, family: Family) {
+        self.families.push(family);
     }
 
     /// Adds a figure with the given id. A pattern that fits the id must have been declared with
@@ -160,6 +175,11 @@ impl Report {
         if marked {
             figure.note("marked", "not release");
         }
+    }
+
+    /// A check that what is off by `worst` at worst is so by `bound` at most.
+    pub(crate) fn check_within(&mut self, what: &str, worst: f64, bound: f64) {
+        self.check(format!("{what} within {bound}"), format!("{worst:.3} at worst"), worst <= bound);
     }
 
     pub(crate) fn check(&mut self, what: impl Into<String>, found: impl Into<String>, holds: bool) {
@@ -195,4 +215,9 @@ pub(crate) fn spread(time: Time) -> String {
 /// Returns a row of a table with the given cells.
 pub(crate) fn row<S: AsRef<str>>(cells: impl IntoIterator<Item = S>) -> Vec<String> {
     cells.into_iter().map(|cell| cell.as_ref().to_owned()).collect()
+}
+
+/// The head of a table, written as it will stand there.
+pub(crate) fn head(cells: &str) -> Vec<String> {
+    row(cells.split(" | "))
 }

@@ -14,36 +14,10 @@ pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     let over = |wheels: usize, of: Of| fronts.of(wheels).iter().map(move |found| of(&found.measures));
     let most = |wheels: usize, of: Of| over(wheels, of).fold(f64::NEG_INFINITY, f64::max);
     let least = |wheels: usize, of: Of| over(wheels, of).fold(f64::INFINITY, f64::min);
-    let gci: Of = |m| m.gci;
-    let torque: Of = |m| m.torque;
-    let inertia: Of = |m| m.inertia;
-    let steering: Of = |m| m.speed[0];
+    let [gci, torque, inertia, steering]: [Of; 4] = [|m| m.gci, |m| m.torque, |m| m.inertia, |m| m.speed[0]];
 
     report.heading("What a builder should conclude");
-    let beaten: usize = [2, 3, 4].map(|wheels| fronts.dominating(wheels)).iter().sum();
-    let place = if beaten == 0 {
-        let near = fronts.nearest_above(3).map_or(String::new(), |(found, _)| {
-            let m = &found.measures;
-            format!(
-                " Three wheels come nearest to it from above: {:.1} times the torque and {:.0} % less steering speed for {:.0} % less conditioning and {:.0} % more inertia.",
-                m.torque / p.torque,
-                100.0 * (1.0 - m.speed[0] / p.speed[0]),
-                100.0 * (1.0 - m.gci / p.gci),
-                100.0 * (m.inertia / p.inertia - 1.0)
-            )
-        });
-        format!(
-            "Nothing that was found beats the prototype in all four figures: it lies on the front of two-wheeled designs, to the 0.1 deg and 0.1 mm that were searched. What puts it there is its toe of zero and its axes at \
-             45 deg; along the front cone and radius are a matter of taste, each gain in one figure paid in another. Every added wheel brings inertia of its own, so more wheels do not beat it either.{near}"
-        )
-    } else {
-        let by = [2, 3, 4].map(|wheels| fronts.nearest_above(wheels).map_or(0.0, |(_, by)| by));
-        let by = by.into_iter().fold(0.0, f64::max);
-        format!(
-            "{beaten} designs that were found beat the prototype in all four figures, the best of them by {:.1} % in each: by that much it lies off the front.",
-            100.0 * (by - 1.0)
-        )
-    };
+    let place = place(fronts);
     report.say(&format!("- **The prototype.** {place}"));
     report.say(&format!(
         "- **The cone** trades steering speed against traction and conditioning. A larger one steers slower (the sphere's rate over sin a), but brings the contacts nearer to each other at the worst steering angles, so conditioning falls and contacts slip \
@@ -81,6 +55,39 @@ pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {
         "- **Peak torque needs grip.** The motors' peak is worth having only as far as the contacts hold: the table of the best designs has the contact force at peak torque, which is mu N at least; the prototype's mu N of {} N is assumed. Beyond it the controller scales torque down. More normal force means more friction in the cage.",
         grip(parts)
     ));
+    where_it_ends(report);
+}
+
+/// Where the prototype lies among the fronts, in words.
+fn place(fronts: &Fronts) -> String {
+    let p = &fronts.prototype;
+    let beaten: usize = [2, 3, 4].map(|wheels| fronts.dominating(wheels)).iter().sum();
+    if beaten == 0 {
+        let near = fronts.nearest_above(3).map_or(String::new(), |(found, _)| {
+            let m = &found.measures;
+            format!(
+                " Three wheels come nearest to it from above: {:.1} times the torque and {:.0} % less steering speed for {:.0} % less conditioning and {:.0} % more inertia.",
+                m.torque / p.torque,
+                100.0 * (1.0 - m.speed[0] / p.speed[0]),
+                100.0 * (1.0 - m.gci / p.gci),
+                100.0 * (m.inertia / p.inertia - 1.0)
+            )
+        });
+        format!(
+            "Nothing that was found beats the prototype in all four figures: it lies on the front of two-wheeled designs, to the 0.1 deg and 0.1 mm that were searched. What puts it there is its toe of zero and its axes at \
+             45 deg; along the front cone and radius are a matter of taste, each gain in one figure paid in another. Every added wheel brings inertia of its own, so more wheels do not beat it either.{near}"
+        )
+    } else {
+        let by = [2, 3, 4].map(|wheels| fronts.nearest_above(wheels).map_or(0.0, |(_, by)| by));
+        let by = by.into_iter().fold(0.0, f64::max);
+        format!(
+            "{beaten} designs that were found beat the prototype in all four figures, the best of them by {:.1} % in each: by that much it lies off the front.",
+            100.0 * (by - 1.0)
+        )
+    }
+}
+
+fn where_it_ends(report: &mut Report) {
     report.heading("Where the model ends");
     report.say(
         "Contacts are points: no patch, so no pivoting friction (which grows with cot a and favours wide cones), no creep, no wear. Wheels, forks and cage are rigid; a smaller wheel or a longer arm bends more. The normal force is the same at every wheel and posture, and the cage carries it without friction. \

@@ -3,7 +3,7 @@
 use super::margins::grip;
 use super::space::{Design, Parts};
 use super::torus::Measures;
-use crate::report::Report;
+use crate::report::{Family, Report};
 
 /// One kind of figure that is reported of designs, such as the peak torque: its name in ids, its
 /// unit, its meaning, and the patterns of the ids.
@@ -118,7 +118,8 @@ pub(super) enum Of {
 /// Declares the figures of the designs in the group `of`, with their units and meanings.
 pub(super) fn families(report: &mut Report, of: Of) {
     for told in TOLD {
-        report.family(told.families[of as usize], told.unit, told.meaning);
+        let (unit, meaning) = (told.unit, told.meaning);
+        report.meaning(Family { pattern: told.families[of as usize], unit, meaning });
     }
 }
 

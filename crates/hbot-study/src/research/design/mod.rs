@@ -22,7 +22,7 @@ mod torus;
 mod wheels;
 
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 
 use front::{BOX, Found, better_by, front, volume};
 use fronts::Fronts;
@@ -110,6 +110,23 @@ fn fronts(
     prototype: &Measures,
 ) -> Result<Vec<Vec<Found>>, Interrupted> {
     let budget = EVALUATIONS[usize::from(context.quick)];
+    explain_search(report, budget);
+    let mut all = Vec::new();
+    for (wheels, evaluations) in WHEELS.into_iter().zip(budget) {
+        all.push(Front::search(context, parts, wheels, evaluations, prototype)?);
+    }
+    tell_search(report, &all);
+    let bound = SEEDS_AGREE[usize::from(context.quick)];
+    let apart = all.iter().map(Front::apart).fold(0.0, f64::max);
+    report.check(
+        format!("what two seeds find beats the same share of the box within {bound}, relatively"),
+        format!("{apart:.3} apart at most"),
+        apart <= bound,
+    );
+    Ok(all.into_iter().map(|front| front.found).collect())
+}
+
+fn explain_search(report: &mut Report, budget: [usize; 3]) {
     report.heading("The search");
     report.say(&format!(
         "{}, {} and {} designs with two, three and four wheels are measured from each of {} seeds: the prototype's dimensions first, then a half spread evenly over all dimensions (a Kronecker sequence; what has no room or too fast joints is passed over unmeasured), a half by steps between designs \
@@ -130,24 +147,28 @@ fn fronts(
         BOX[3][0],
         BOX[3][1],
     ));
-    report.family("design_front_{wheels}w_volume", "1", "share of the box that the front beats");
-    report.family(
-        "design_front_{wheels}w_volume_seed{seed}",
-        "1",
-        "the same of what one seed found; `half`: with half the evaluations",
-    );
-    let (mut each, mut lines, mut apart) = (Vec::new(), Vec::new(), 0.0_f64);
-    let mut table = vec![row([
-        "wheels",
-        "designs on the front",
-        "share of the box",
-        "seed 1",
-        "seed 2",
-        "seed 1 with half as many",
-        "no room, of those spread evenly",
-        "margins broken, of those measured",
-    ])];
-    for (colour, (wheels, evaluations)) in WHEELS.into_iter().zip(budget).enumerate() {
+    report.family("design_front_{wheels}w_volume | 1 | share of the box that the front beats");
+    report.family("design_front_{wheels}w_volume_seed{seed} | 1 | the same of what one seed found; `half`: with half the evaluations");
+}
+
+/// The front of a number of wheels, and the searches that it comes from.
+struct Front {
+    wheels: usize,
+    evaluations: usize,
+    runs: Vec<Search>,
+    found: Vec<Found>,
+    /// The share of the box that each search beats.
+    shares: Vec<f64>,
+}
+
+impl Front {
+    fn search(
+        context: &Context,
+        parts: &Parts,
+        wheels: usize,
+        evaluations: usize,
+        prototype: &Measures,
+    ) -> Result<Self, Interrupted> {
         let mut runs: Vec<Search> = Vec::new();
         for seed in SEEDS {
             context.part(&format!("{wheels} wheels, search {seed}"))?;
@@ -155,61 +176,71 @@ fn fronts(
         }
         context.part(&format!("{wheels} wheels, the front"))?;
         let found = told(context, parts, wheels, &runs, prototype)?;
-        let shares: Vec<f64> = runs
-            .iter()
-            .map(|run| volume(run.archive.members.iter().map(|m| m.measures.costs()), VOLUME_POINTS))
-            .collect();
-        let share = volume(found.iter().map(|f| f.measures.costs()), VOLUME_POINTS);
-        report.figure(format!("design_front_{wheels}w_volume"), share);
-        let mut halves = Vec::new();
-        for ((seed, run), share) in SEEDS.iter().zip(&runs).zip(&shares) {
-            let half = run.history.iter().rfind(|(n, _)| 2 * n <= evaluations).map_or(0.0, |(_, v)| *v);
-            report.figure(format!("design_front_{wheels}w_volume_seed{seed}"), *share).note("half", half);
-            halves.push(half);
-            lines.push(Series {
-                name: format!("{wheels} wheels, seed {seed}"),
-                points: run.history.iter().map(|(n, v)| (*n as f64, *v)).collect(),
-                colour,
-                open: *seed != SEEDS[0],
-            });
-        }
-        let most = shares.iter().copied().fold(0.0, f64::max);
-        apart = apart.max(shares.iter().map(|share| (most - share) / most).fold(0.0, f64::max));
-        let [passed, tried] = runs[0].without_room;
-        table.push(row([
-            wheels.to_string(),
-            found.len().to_string(),
-            format!("{share:.4}"),
-            format!("{:.4}", shares[0]),
-            format!("{:.4}", shares[1]),
-            format!("{:.4}", halves[0]),
+        let shares = runs.iter().map(|run| share(&run.archive.members)).collect();
+        Ok(Self { wheels, evaluations, runs, found, shares })
+    }
+
+    /// The share that a search had beaten with half of its evaluations.
+    fn half(&self, run: &Search) -> f64 {
+        run.history.iter().rfind(|(n, _)| 2 * n <= self.evaluations).map_or(0.0, |(_, v)| *v)
+    }
+
+    /// How far the searches' shares are apart, of the largest.
+    fn apart(&self) -> f64 {
+        let most = self.shares.iter().copied().fold(0.0, f64::max);
+        self.shares.iter().map(|share| (most - share) / most).fold(0.0, f64::max)
+    }
+
+    fn row(&self) -> Vec<String> {
+        let [passed, tried] = self.runs[0].without_room;
+        row([
+            self.wheels.to_string(),
+            self.found.len().to_string(),
+            format!("{:.4}", share(&self.found)),
+            format!("{:.4}", self.shares[0]),
+            format!("{:.4}", self.shares[1]),
+            format!("{:.4}", self.half(&self.runs[0])),
             format!("{passed} of {tried}"),
-            format!("{} of {evaluations}", runs[0].failed),
-        ]));
-        each.push(found);
+            format!("{} of {}", self.runs[0].failed, self.evaluations),
+        ])
+    }
+
+    fn figures(&self, report: &mut Report) {
+        let wheels = self.wheels;
+        report.figure(format!("design_front_{wheels}w_volume"), share(&self.found));
+        for ((seed, run), share) in SEEDS.iter().zip(&self.runs).zip(&self.shares) {
+            let id = format!("design_front_{wheels}w_volume_seed{seed}");
+            report.figure(id, *share).note("half", self.half(run));
+        }
+    }
+}
+
+/// The share of the box that designs beat.
+fn share(found: &[Found]) -> f64 {
+    volume(found.iter().map(|found| found.measures.costs()), VOLUME_POINTS)
+}
+
+fn tell_search(report: &mut Report, all: &[Front]) {
+    let mut table = vec![head(
+        "wheels | designs on the front | share of the box | seed 1 | seed 2 | seed 1 with half as many | no room, of those spread evenly | margins broken, of those measured",
+    )];
+    let mut lines = Vec::new();
+    for (colour, front) in all.iter().enumerate() {
+        front.figures(report);
+        table.push(front.row());
+        for (seed, run) in SEEDS.iter().zip(&front.runs) {
+            let points = run.history.iter().map(|(n, v)| (*n as f64, *v)).collect();
+            let line = Series::new(format!("{} wheels, seed {seed}", front.wheels), points, colour);
+            lines.push(line.open(*seed != SEEDS[0]));
+        }
     }
     report.table(&table);
-    report.plot(
+    report.lines(
         "search",
         "Share of the box that is beaten over the designs measured, from two seeds",
-        Lines {
-            title: "How the fronts grow".to_owned(),
-            x: "designs measured".to_owned(),
-            y: "share of the box beaten".to_owned(),
-            log: [false; 2],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new("How the fronts grow", "designs measured", "share of the box beaten", lines),
     );
     report.say("A share of the front is less than that of its seeds only where the more thorough measurement found a design's worst posture to be worse.");
-    let bound = SEEDS_AGREE[usize::from(context.quick)];
-    report.check(
-        format!("what two seeds find beats the same share of the box within {bound}, relatively"),
-        format!("{apart:.3} apart at most"),
-        apart <= bound,
-    );
-    Ok(each)
 }
 
 /// Returns the Pareto front of all designs that the searches `runs` found. Also considers the

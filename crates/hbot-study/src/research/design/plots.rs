@@ -56,12 +56,9 @@ pub(super) fn plots(report: &mut Report, fronts: &Fronts) {
         "Designs that keep all margins and that no other with as many wheels beats in all four figures at once. Open points: those designs, seen along two of the four axes. Joined points: of them those that no other beats in \
          these two. A point that looks beaten in one plot is not in another. The black diamond is the prototype.",
     );
-    report.family("design_front_{wheels}w_designs", "1", "designs on the front of so many wheels");
-    report.family(
-        "design_front_{wheels}w_overall",
-        "1",
-        "of them those that no design of any wheel count beats",
-    );
+    report.family("design_front_{wheels}w_designs | 1 | designs on the front of so many wheels");
+    report
+        .family("design_front_{wheels}w_overall | 1 | of them those that no design of any wheel count beats");
     for wheels in WHEELS {
         report.figure(format!("design_front_{wheels}w_designs"), fronts.of(wheels).len() as f64);
         let overall = joint.iter().filter(|found| found.point.wheels == wheels).count();
@@ -69,26 +66,7 @@ pub(super) fn plots(report: &mut Report, fronts: &Fronts) {
     }
     for (i, x) in AXES.iter().enumerate() {
         for (j, y) in AXES.iter().enumerate().skip(i + 1) {
-            let mut clouds = Vec::new();
-            for (colour, wheels) in WHEELS.into_iter().enumerate() {
-                let all = fronts.of(wheels);
-                let points: Vec<(f64, f64)> =
-                    all.iter().map(|found| ((x.of)(&found.measures), (y.of)(&found.measures))).collect();
-                let name = |what: &str| format!("{wheels} wheels, {what}");
-                let every = points.len().div_ceil(DRAWN).max(1);
-                clouds.push(Cloud {
-                    name: name("front of all four"),
-                    points: points.iter().copied().step_by(every).collect(),
-                    colour,
-                    joined: false,
-                });
-                clouds.push(Cloud {
-                    name: name("of these two"),
-                    points: best_of_two(&points, x.falls, y.falls),
-                    colour,
-                    joined: true,
-                });
-            }
+            let clouds = clouds(fronts, x, y);
             report.plot(
                 &format!("front_{}_{}", FIGURES[i], FIGURES[j]),
                 &format!("{} against {}", capital(y.name), x.name),
@@ -106,6 +84,31 @@ pub(super) fn plots(report: &mut Report, fronts: &Fronts) {
             );
         }
     }
+}
+
+/// The designs of each number of wheels along two axes.
+fn clouds(fronts: &Fronts, x: &Axis, y: &Axis) -> Vec<Cloud> {
+    let mut clouds = Vec::new();
+    for (colour, wheels) in WHEELS.into_iter().enumerate() {
+        let all = fronts.of(wheels);
+        let points: Vec<(f64, f64)> =
+            all.iter().map(|found| ((x.of)(&found.measures), (y.of)(&found.measures))).collect();
+        let name = |what: &str| format!("{wheels} wheels, {what}");
+        let every = points.len().div_ceil(DRAWN).max(1);
+        clouds.push(Cloud {
+            name: name("front of all four"),
+            points: points.iter().copied().step_by(every).collect(),
+            colour,
+            joined: false,
+        });
+        clouds.push(Cloud {
+            name: name("of these two"),
+            points: best_of_two(&points, x.falls, y.falls),
+            colour,
+            joined: true,
+        });
+    }
+    clouds
 }
 
 fn capital(text: &str) -> String {

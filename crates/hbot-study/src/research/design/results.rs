@@ -8,7 +8,7 @@ use super::plots::plots;
 use super::space::{DEGREE, Parts, WHEELS};
 use super::torus::Measures;
 use super::{margins as bounds, rigfile, with_unit};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 
 pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     plots(report, fronts);
@@ -26,21 +26,9 @@ fn best(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     families(report, Of::Prototype);
     families(report, Of::Best);
     figures(report, "design_prototype", parts, &parts.prototype, &fronts.prototype);
-    let mut table = vec![row([
-        "design",
-        "cone, deg",
-        "toe, deg",
-        "tilt, deg",
-        "r, mm",
-        "GCI",
-        "peak torque, N m",
-        "inertia, kg m²",
-        "steering speed",
-        "drive speed",
-        "slips from, N m",
-        "contact force at peak torque, N",
-        "margins at their bound",
-    ])];
+    let mut table = vec![head(
+        "design | cone, deg | toe, deg | tilt, deg | r, mm | GCI | peak torque, N m | inertia, kg m² | steering speed | drive speed | slips from, N m | contact force at peak torque, N | margins at their bound",
+    )];
     let p = &parts.prototype;
     table.push(line("prototype", parts, p, &fronts.prototype));
     let (mut accepted, mut files) = (0, 0);
@@ -102,11 +90,7 @@ fn near(value: f64, margin: &bounds::Margin) -> bool {
 /// prevent better designs.
 fn bind(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.say("How many of a front's designs have a margin at its bound (within 5 %, angles within 1 deg), in per cent: what holds them back.");
-    report.family(
-        "design_front_{wheels}w_at_{margin}",
-        "1",
-        "share of a front's designs that have this margin at its bound",
-    );
+    report.family("design_front_{wheels}w_at_{margin} | 1 | share of a front's designs that have this margin at its bound");
     let mut table = vec![row(["wheels"].into_iter().chain(MARGINS.iter().map(|m| m.name)))];
     let mut broken = 0;
     for wheels in WHEELS {
@@ -132,25 +116,11 @@ fn bind(report: &mut Report, parts: &Parts, fronts: &Fronts) {
 
 fn place(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.heading("The prototype's place");
-    report.family(
-        "design_front_{wheels}w_dominating",
-        "1",
-        "designs on the front that beat the prototype in all four figures",
-    );
-    report.family(
-        "design_front_{wheels}w_better_by",
-        "1",
-        "largest factor by which a design is better than the prototype in every figure at once; below 1 none is",
-    );
-    let mut table = vec![row([
-        "wheels",
-        "designs that beat it in all four",
-        "better in all by a factor of, at most",
-        "that design: GCI",
-        "peak torque",
-        "inertia",
-        "steering speed",
-    ])];
+    report.family("design_front_{wheels}w_dominating | 1 | designs on the front that beat the prototype in all four figures");
+    report.family("design_front_{wheels}w_better_by | 1 | largest factor by which a design is better than the prototype in every figure at once; below 1 none is");
+    let mut table = vec![head(
+        "wheels | designs that beat it in all four | better in all by a factor of, at most | that design: GCI | peak torque | inertia | steering speed",
+    )];
     let p = &fronts.prototype;
     for wheels in WHEELS {
         let count = fronts.dominating(wheels);

@@ -66,18 +66,10 @@ pub(super) fn search(
         while batch.len() < BATCH.min(evaluations - measured) {
             let point = if 2 * measured < evaluations || run.archive.members.len() < 4 {
                 let unit = even.next().unwrap_or_else(|| unreachable!("the sequence has no end"));
-                let point = Point::nearest(wheels, [unit[0], unit[1], unit[2], unit[3]]);
-                run.without_room[1] += 1;
-                if !has_room(parts, &point.design()) {
-                    run.without_room[0] += 1;
-                    continue;
-                }
+                let Some(point) = run.even(parts, wheels, unit) else { continue };
                 point
             } else {
-                (0..TRIES)
-                    .map(|_| step(&run.archive, wheels, &mut rng))
-                    .find(|point| !seen.contains(point) && has_room(parts, &point.design()))
-                    .unwrap_or_else(|| run.archive.members[0].point)
+                run.near(parts, wheels, &seen, &mut rng)
             };
             // A repeated design counts as measured, so that every search ends.
             if seen.insert(point) {
@@ -90,18 +82,42 @@ pub(super) fn search(
             }
         }
         measured += batch.len();
-        for found in measure_all(context, parts, &batch, SEARCH)? {
-            match found {
-                Some(found) => {
-                    volume.add(&found.measures.costs());
-                    run.archive.offer(found);
-                }
-                None => run.failed += 1,
-            }
-        }
+        run.take(&mut volume, measure_all(context, parts, &batch, SEARCH)?);
         run.history.push((measured, volume.share()));
     }
     Ok(run)
+}
+
+impl Search {
+    /// The point nearest to a sample of all dimensions, if it leaves room.
+    fn even(&mut self, parts: &Parts, wheels: usize, unit: Vec<f64>) -> Option<Point> {
+        let point = Point::nearest(wheels, [unit[0], unit[1], unit[2], unit[3]]);
+        self.without_room[1] += 1;
+        let room = has_room(parts, &point.design());
+        self.without_room[0] += usize::from(!room);
+        room.then_some(point)
+    }
+
+    /// A new point near the best so far; the first of those if there is none within some tries.
+    fn near(&self, parts: &Parts, wheels: usize, seen: &BTreeSet<Point>, rng: &mut Rng) -> Point {
+        (0..TRIES)
+            .map(|_| step(&self.archive, wheels, rng))
+            .find(|point| !seen.contains(point) && has_room(parts, &point.design()))
+            .unwrap_or_else(|| self.archive.members[0].point)
+    }
+
+    /// Takes designs that were measured; those that keep no margin are none.
+    fn take(&mut self, volume: &mut Volume, measured: Vec<Option<Found>>) {
+        for found in measured {
+            match found {
+                Some(found) => {
+                    volume.add(&found.measures.costs());
+                    self.archive.offer(found);
+                }
+                None => self.failed += 1,
+            }
+        }
+    }
 }
 
 /// Returns a new design near the best ones so far. It either adds part of the difference of two

@@ -6,7 +6,7 @@ use super::search::{machine, measure};
 use super::space::{DEGREE, Design, Parts, WHEELS};
 use super::torus::{Effort, Measures, SEARCH, TOLD};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 
 /// The levels of thoroughness at which the figures are compared, from the least to the most
 /// thorough.
@@ -21,33 +21,10 @@ const EFFORTS: [Effort; 5] = [
 /// Reports how much the figures change when they are measured more thoroughly.
 pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
     context.part("how sure the figures are")?;
-    report.heading("How sure the figures are");
-    report.say(&format!(
-        "Means are over even samples of the torus of steering angles (a Kronecker sequence of the generalised golden ratio). The worst posture is sought from the worst samples, by steps of one angle or two \
-         that halve from 0.3 rad to 1 mrad; it may miss the very worst, and never overstates it. A search among designs looks at {} postures with {} starts, whatever is told below at {} with {}. The peak torque \
-         is the least sure: it has narrow valleys. Here the prototype's wheel, two, three and four times.",
-        SEARCH.samples, SEARCH.starts, TOLD.samples, TOLD.starts
-    ));
-    report.family(
-        "design_samples_{wheels}w_{samples}_{starts}_gci",
-        "1",
-        "mean spectral index of the prototype's wheel so many times, by so many samples",
-    );
-    report.family(
-        "design_samples_{wheels}w_{samples}_{starts}_torque",
-        "N m",
-        "its peak torque in the worst direction at the worst posture, by so many samples and starts",
-    );
-    let mut table = vec![row([
-        "wheels",
-        "samples",
-        "starts",
-        "mean spectral index",
-        "least",
-        "peak torque, N m",
-        "inertia, kg m²",
-        "contact force, N per N m",
-    ])];
+    introduce(report);
+    let mut table = vec![head(
+        "wheels | samples | starts | mean spectral index | least | peak torque, N m | inertia, kg m² | contact force, N per N m",
+    )];
     let (mut mean_off, mut told_off) = (0.0_f64, 0.0_f64);
     for wheels in WHEELS {
         let design = Design { wheels, ..parts.prototype };
@@ -93,6 +70,18 @@ pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts)
     Ok(())
 }
 
+fn introduce(report: &mut Report) {
+    report.heading("How sure the figures are");
+    report.say(&format!(
+        "Means are over even samples of the torus of steering angles (a Kronecker sequence of the generalised golden ratio). The worst posture is sought from the worst samples, by steps of one angle or two \
+         that halve from 0.3 rad to 1 mrad; it may miss the very worst, and never overstates it. A search among designs looks at {} postures with {} starts, whatever is told below at {} with {}. The peak torque \
+         is the least sure: it has narrow valleys. Here the prototype's wheel, two, three and four times.",
+        SEARCH.samples, SEARCH.starts, TOLD.samples, TOLD.starts
+    ));
+    report.family("design_samples_{wheels}w_{samples}_{starts}_gci | 1 | mean spectral index of the prototype's wheel so many times, by so many samples");
+    report.family("design_samples_{wheels}w_{samples}_{starts}_torque | N m | its peak torque in the worst direction at the worst posture, by so many samples and starts");
+}
+
 /// A function that returns a design with one dimension set to a value.
 type Set = fn(&Design, f64) -> Design;
 
@@ -119,46 +108,49 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
     ];
     for (name, axis, [low, high], unit, set) in sweeps {
         context.go_on()?;
-        let mut lines: Vec<Series> = [
-            ("mean spectral index", 0),
-            ("peak torque, worst case", 1),
-            ("torque before slip", 2),
-            ("apparent inertia, largest", 6),
-            ("steering speed", 3),
-            ("drive speed", 5),
-        ]
-        .map(|(name, colour)| Series { name: name.to_owned(), points: Vec::new(), colour, open: false })
-        .into();
-        for k in 0..=26 {
-            let x = low + (high - low) * f64::from(k) / 26.0;
-            let Some(m) = measure(parts, &set(d, x * unit), SEARCH) else { continue };
-            let all = [
-                m.gci / base.gci,
-                m.torque / base.torque,
-                base.load / m.load,
-                m.inertia / base.inertia,
-                m.speed[0] / base.speed[0],
-                m.speed[1] / base.speed[1],
-            ];
-            for (line, y) in lines.iter_mut().zip(all) {
-                line.points.push((x, y));
-            }
-        }
-        report.plot(
+        let lines = sweep(parts, &base, [low, high], |x| set(d, x * unit));
+        report.lines(
             &format!("dimension_{name}"),
             &format!("The prototype with another {name}, relative to itself"),
-            Lines {
-                title: format!("What the {name} does"),
-                x: axis.to_owned(),
-                y: "times the prototype's".to_owned(),
-                log: [false; 2],
-                series: lines,
-                front: false,
-            }
-            .svg(),
+            Lines::new(format!("What the {name} does"), axis.to_owned(), "times the prototype's", lines),
         );
     }
     tilts(context, report, parts)
+}
+
+/// The figures of the designs from `low` to `high`, relative to `base`.
+fn sweep(
+    parts: &Parts,
+    base: &Measures,
+    [low, high]: [f64; 2],
+    design: impl Fn(f64) -> Design,
+) -> Vec<Series> {
+    let mut lines: Vec<Series> = [
+        ("mean spectral index", 0),
+        ("peak torque, worst case", 1),
+        ("torque before slip", 2),
+        ("apparent inertia, largest", 6),
+        ("steering speed", 3),
+        ("drive speed", 5),
+    ]
+    .map(|(name, colour)| Series::new(name.to_owned(), Vec::new(), colour))
+    .into();
+    for k in 0..=26 {
+        let x = low + (high - low) * f64::from(k) / 26.0;
+        let Some(m) = measure(parts, &design(x), SEARCH) else { continue };
+        let all = [
+            m.gci / base.gci,
+            m.torque / base.torque,
+            base.load / m.load,
+            m.inertia / base.inertia,
+            m.speed[0] / base.speed[0],
+            m.speed[1] / base.speed[1],
+        ];
+        for (line, y) in lines.iter_mut().zip(all) {
+            line.points.push((x, y));
+        }
+    }
+    lines
 }
 
 /// Reports how conditioning depends on the tilt of the steering axes, for each number of wheels.
@@ -168,11 +160,7 @@ fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), In
         "Where r = R sin a, G is most even where the contacts are spread most evenly over directions and their opposites: two at right angles (axes 45 deg from -n3), three or four with cos² = 1/3 (54.7 deg). \
          The third wheel is what lifts the index from 0.7, which two can never exceed, to near 1.",
     );
-    report.family(
-        "design_tilt_{wheels}w_best_rad",
-        "rad",
-        "tilt at which matched wheels with the prototype's cone are best conditioned; `gci`: how well",
-    );
+    report.family("design_tilt_{wheels}w_best_rad | rad | tilt at which matched wheels with the prototype's cone are best conditioned; `gci`: how well");
     let mut lines = Vec::new();
     let mut off = 0.0_f64;
     for (colour, wheels) in WHEELS.into_iter().enumerate() {
@@ -191,25 +179,17 @@ fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), In
         let ideal = if wheels == 2 { 45.0 } else { libm::acos(libm::sqrt(1.0 / 3.0)) / DEGREE };
         off = off.max((best.0 - ideal).abs());
         points.retain(|p| (p.0 * 0.5).fract() == 0.0);
-        lines.push(Series {
-            name: format!("{wheels} wheels, best at {} deg", short(best.0)),
-            points,
-            colour,
-            open: false,
-        });
+        lines.push(Series::new(format!("{wheels} wheels, best at {} deg", short(best.0)), points, colour));
     }
-    report.plot(
+    report.lines(
         "tilt_conditioning",
         "Mean spectral index over the tilt of the axes, cone 10 deg, r = R sin a",
-        Lines {
-            title: "Conditioning of matched wheels".to_owned(),
-            x: "steering axes from -n3, deg".to_owned(),
-            y: "mean spectral index".to_owned(),
-            log: [false; 2],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new(
+            "Conditioning of matched wheels",
+            "steering axes from -n3, deg",
+            "mean spectral index",
+            lines,
+        ),
     );
     // The mean over a cone of 10 degrees is flat near its maximum.
     report.check(

@@ -11,7 +11,7 @@ use super::search::machine;
 use super::space::{Design, Parts, WHEELS};
 use super::torus::{Measures, TOLD, samples};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
 /// Number of random slips from which the share that the joint rates reveal is estimated.
@@ -122,79 +122,11 @@ pub(super) fn study(context: &Context, report: &mut Report, parts: &Parts) -> Re
 }
 
 fn tell(report: &mut Report, parts: &Parts, counts: &[Count]) {
-    report.heading("Two, three and four of the prototype's wheels");
-    report.say(
-        "The paper says that more than two wheels give improved stability. Here is the prototype's wheel, with its cone, tilt, radius and motors, spread evenly about n3 two, three and \
-         four times. A slip s of the contacts (two components a wheel) shows in the residual of the joint rates but for the part that looks like a turn of the sphere: of the 2n components \
-         2n - 3 are seen, (2n - 3)/(2n) of the energy of slips without a preferred direction. Of two wheels where one slips alone at right angles to the chord between the contacts, as when the \
-         sphere pivots about the other contact, nothing is seen; from three wheels on, every slip of a single wheel shows. What all contacts share as a turn does never show, nor pivoting on the spot about a contact's normal, which \
-         is no slip of its point: for that it takes a reference from outside.",
-    );
-    families(report, Of::Wheels);
-    report.family("design_wheels_{wheels}_residual_dof", "1", "components of slip that are seen, 2n - 3");
-    report.family(
-        "design_wheels_{wheels}_slip_seen",
-        "1",
-        "share of the energy of slips at random that is seen; `expected`: (2n - 3)/(2n)",
-    );
-    report.family(
-        "design_wheels_{wheels}_single_slip_seen",
-        "1",
-        "the same where one wheel alone slips; `least`: in the worst direction at the worst of the postures",
-    );
-    report.family(
-        "design_wheels_{wheels}_one_wheel_dead_torque",
-        "N m",
-        "peak torque in the worst direction at the worst posture where one wheel's motors are dead",
-    );
-    report.family(
-        "design_wheels_{wheels}_slip_torque_shared",
-        "N m",
-        "slip_torque where the normal force of the prototype's two wheels is shared by all",
-    );
-    let mut table = vec![row([
-        "wheels",
-        "mean spectral index",
-        "least",
-        "peak torque, N m",
-        "one wheel dead, N m",
-        "contact force, N per N m",
-        "slips from, N m",
-        "normal force shared, N m",
-        "inertia, kg m²",
-        "slip components seen",
-        "share of slip seen",
-        "of one wheel's: mean, least",
-    ])];
-    for count in counts {
-        let (n, m) = (count.wheels, &count.measures);
-        let stem = format!("design_wheels_{n}");
-        figures(report, &stem, parts, &Design { wheels: n, ..parts.prototype }, m);
-        let (dof, shared) = (2 * n - 3, m.slips_from(grip(parts)) * 2.0 / n as f64);
-        report.figure(format!("{stem}_residual_dof"), dof as f64);
-        report
-            .figure(format!("{stem}_slip_seen"), count.seen.mean)
-            .note("expected", dof as f64 / (2 * n) as f64);
-        report
-            .figure(format!("{stem}_single_slip_seen"), count.seen.single)
-            .note("least", count.seen.single_least);
-        report.figure(format!("{stem}_one_wheel_dead_torque"), count.one_dead);
-        report.figure(format!("{stem}_slip_torque_shared"), shared);
-        table.push(row([
-            n.to_string(),
-            short(m.gci),
-            short(m.conditioning),
-            short(m.torque),
-            short(count.one_dead),
-            short(m.load),
-            short(m.slips_from(grip(parts))),
-            short(shared),
-            format!("{:.2e}", m.inertia),
-            format!("{dof} of {}", 2 * n),
-            short(count.seen.mean),
-            format!("{}, {}", short(count.seen.single), short(count.seen.single_least)),
-        ]));
-    }
+    introduce(report);
+    let mut table = vec![head(
+        "wheels | mean spectral index | least | peak torque, N m | one wheel dead, N m | contact force, N per N m | slips from, N m | normal force shared, N m | inertia, kg m² | slip components seen | share of slip seen | of one wheel's: mean, least",
+    )];
+    table.extend(counts.iter().map(|count| figures_of(report, parts, count)));
     report.table(&table);
     let [two, three, four] = [0, 1, 2].map(|k| &counts[k].measures);
     report.say(&format!(
@@ -211,6 +143,52 @@ fn tell(report: &mut Report, parts: &Parts, counts: &[Count]) {
         three.gci,
         100.0 * (four.inertia / two.inertia - 1.0),
     ));
+}
+
+/// The figures of so many wheels, and their row of the table.
+fn figures_of(report: &mut Report, parts: &Parts, count: &Count) -> Vec<String> {
+    let (n, m) = (count.wheels, &count.measures);
+    let stem = format!("design_wheels_{n}");
+    figures(report, &stem, parts, &Design { wheels: n, ..parts.prototype }, m);
+    let (dof, shared) = (2 * n - 3, m.slips_from(grip(parts)) * 2.0 / n as f64);
+    report.figure(format!("{stem}_residual_dof"), dof as f64);
+    report.figure(format!("{stem}_slip_seen"), count.seen.mean).note("expected", dof as f64 / (2 * n) as f64);
+    report
+        .figure(format!("{stem}_single_slip_seen"), count.seen.single)
+        .note("least", count.seen.single_least);
+    report.figure(format!("{stem}_one_wheel_dead_torque"), count.one_dead);
+    report.figure(format!("{stem}_slip_torque_shared"), shared);
+    row([
+        n.to_string(),
+        short(m.gci),
+        short(m.conditioning),
+        short(m.torque),
+        short(count.one_dead),
+        short(m.load),
+        short(m.slips_from(grip(parts))),
+        short(shared),
+        format!("{:.2e}", m.inertia),
+        format!("{dof} of {}", 2 * n),
+        short(count.seen.mean),
+        format!("{}, {}", short(count.seen.single), short(count.seen.single_least)),
+    ])
+}
+
+fn introduce(report: &mut Report) {
+    report.heading("Two, three and four of the prototype's wheels");
+    report.say(
+        "The paper says that more than two wheels give improved stability. Here is the prototype's wheel, with its cone, tilt, radius and motors, spread evenly about n3 two, three and \
+         four times. A slip s of the contacts (two components a wheel) shows in the residual of the joint rates but for the part that looks like a turn of the sphere: of the 2n components \
+         2n - 3 are seen, (2n - 3)/(2n) of the energy of slips without a preferred direction. Of two wheels where one slips alone at right angles to the chord between the contacts, as when the \
+         sphere pivots about the other contact, nothing is seen; from three wheels on, every slip of a single wheel shows. What all contacts share as a turn does never show, nor pivoting on the spot about a contact's normal, which \
+         is no slip of its point: for that it takes a reference from outside.",
+    );
+    families(report, Of::Wheels);
+    report.family("design_wheels_{wheels}_residual_dof | 1 | components of slip that are seen, 2n - 3");
+    report.family("design_wheels_{wheels}_slip_seen | 1 | share of the energy of slips at random that is seen; `expected`: (2n - 3)/(2n)");
+    report.family("design_wheels_{wheels}_single_slip_seen | 1 | the same where one wheel alone slips; `least`: in the worst direction at the worst of the postures");
+    report.family("design_wheels_{wheels}_one_wheel_dead_torque | N m | peak torque in the worst direction at the worst posture where one wheel's motors are dead");
+    report.family("design_wheels_{wheels}_slip_torque_shared | N m | slip_torque where the normal force of the prototype's two wheels is shared by all");
 }
 
 fn plots(report: &mut Report, counts: &[Count]) {

@@ -11,7 +11,7 @@ use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::comparison::Comparison;
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 
 /// Number of postures in a full run. They form a lattice in which each wheel takes this many
 /// equally spaced angles. Friction is a sum over the wheels, so its mean does not depend on how
@@ -128,16 +128,8 @@ fn introduce(report: &mut Report, grid: u32) {
          Beside it the same with what else may hold a real sphere: contacts that resist pivoting and may slip, gears with losses.",
         short(1.0e3 * RAMP / STEP_S)
     ));
-    report.family(
-        "backdrive_{axis}_nm",
-        "N m",
-        "torque from which the sphere turns about an axis, held as a hinge: mean over the steering angles, joint and cage friction; `predicted`, `least` and `most` of the postures, `paper`",
-    );
-    report.family(
-        "backdrive_{axis}_all_nm",
-        "N m",
-        "the same with pivoting friction, contacts that may slip and geared drives as well",
-    );
+    report.family("backdrive_{axis}_nm | N m | torque from which the sphere turns about an axis, held as a hinge: mean over the steering angles, joint and cage friction; `predicted`, `least` and `most` of the postures, `paper`");
+    report.family("backdrive_{axis}_all_nm | N m | the same with pivoting friction, contacts that may slip and geared drives as well");
 }
 
 fn measured(context: &Context, device: &Device, grid: u32) -> Result<Vec<Found>, Interrupted> {
@@ -178,15 +170,9 @@ fn milli(torque: f64) -> String {
 
 /// Adds figures, a table and text about back-driving to the report.
 fn tell(report: &mut Report, found: &[Found], nearest: &Nearest) {
-    let mut table = vec![row([
-        "axis",
-        "measured, mN m",
-        "predicted",
-        "over the postures",
-        "with pivoting, slip, gears",
-        "notes",
-        "paper",
-    ])];
+    let mut table = vec![head(
+        "axis | measured, mN m | predicted | over the postures | with pivoting, slip, gears | notes | paper",
+    )];
     for Found { name, paper, notes, plain: [mean, least, most], expected, all } in found {
         report
             .figure(format!("backdrive_{name}_nm"), *mean)
@@ -220,20 +206,17 @@ fn draw(report: &mut Report, device: &Device) {
             let th = TAU * f64::from(i) / 72.0;
             (th, 1.0e3 * predicted(device, [th, th], AXES[k].1))
         };
-        Series { name: name.to_owned(), points: (0..=72).map(at).collect(), colour: k, open: false }
+        Series::new(name.to_owned(), (0..=72).map(at).collect(), k)
     };
-    report.plot(
+    report.lines(
         "backdrive",
         "Back-drive torque over the steering angle, both wheels at the same one: friction of cage and joints",
-        Lines {
-            title: "Back-drive torque and the heading of the wheels".to_owned(),
-            x: "steering angle of both wheels, rad".to_owned(),
-            y: "torque, mN m".to_owned(),
-            log: [false; 2],
-            series: vec![along(0, "about n1, and n3 alike"), along(1, "about n2")],
-            front: false,
-        }
-        .svg(),
+        Lines::new(
+            "Back-drive torque and the heading of the wheels",
+            "steering angle of both wheels, rad",
+            "torque, mN m",
+            vec![along(0, "about n1, and n3 alike"), along(1, "about n2")],
+        ),
     );
 }
 

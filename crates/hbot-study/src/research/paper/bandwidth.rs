@@ -40,39 +40,7 @@ pub(crate) fn study(
     comparison: &mut Comparison,
 ) -> Result<(), Interrupted> {
     context.part("position bandwidth")?;
-    report.heading("Position bandwidth (fig. 5, fig. 6, table II)");
-    let device = prototype(&[]).rig.device;
-    let [j1, j2, j3] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| inertia(&device, axis));
-    report.say(&format!(
-        "The loop of fig. 6 on the simulated rig: q_d swings as a sine, zd = G K_O e_O goes to the four drives (no w_d: a step or a sine of orientation alone), and each drive follows its rate by a PI loop at 1 kHz over the line: \
-         torque = k (asked - measured rate + w_i times its integral). The paper says nothing of these loops. Their gains here are in the ratio of the squared contact arms, so that the sphere feels the same whatever the headings, and are named by the corner that they give \
-         a turn about the axis, k R² sum(1 - (c3.n)²) = 2 pi f J, with w_i a fifth of that; J is {:.2e}, {:.2e}, {:.2e} kg m² about n1, n2, n3 with both wheels at zero. A reading is one period old when its torque acts; motors lag by {} ms, have back-EMF, and peak torques of 0.93 and 0.14 N m; \
-         as on the rig the torque on the sphere keeps within 0.9 N m and each contact's force within 8 N. Each point is a steady state over whole periods, one bin of its Fourier series, of the true orientation. \
-         The bandwidth is where its size has fallen to -3 dB.",
-        j1, j2, j3, 1.0e3 * MOTOR.lag_s
-    ));
-    report.family(
-        "bandwidth_hz",
-        "Hz",
-        "position bandwidth about n1 in the stated configuration: K_O 50 1/s (chosen for it), rate loops of 20 Hz, 0.05 rad; `predicted` by the linear loop, `paper`",
-    );
-    report.family("bandwidth_about_{axis}_hz", "Hz", "the same about another axis");
-    report.family("bandwidth_friction_hz", "Hz", "the same about n1 with friction of joints and cage");
-    report.family(
-        "bandwidth_gain{k}_inner{f}_hz",
-        "Hz",
-        "bandwidth about n1 over K_O (1/s) and the corner of the rate loops (Hz); `predicted`",
-    );
-    report.family(
-        "bandwidth_gain{k}_amplitude{a}_hz",
-        "Hz",
-        "bandwidth about n1 over K_O (1/s) and amplitude (mrad), rate loops of 20 Hz",
-    );
-    report.family(
-        "bandwidth_gain_for_paper_inner{f}_per_s",
-        "1/s",
-        "the K_O with which the linear loop has 5.5 Hz, over the corner of the rate loops (Hz)",
-    );
+    introduce(report);
     bode(context, report)?;
 
     // All settings run in one batch, so that two threads share them.
@@ -99,21 +67,53 @@ pub(crate) fn study(
     let measured = by_two(&settings, |setting| bandwidth(context, *setting));
     let measured = measured.into_iter().collect::<Result<Vec<f64>, Interrupted>>()?;
 
+    stated(report, &measured);
+    let over_gain = over_gain(report, inner, gains, &measured[first..second]);
+    let by_amplitude = over_amplitude(report, with, amplitudes, &measured[second..]);
+    explain(report, &by_amplitude, &measured);
+    checks(report, over_gain, &measured);
+    comparison.row(
+        "position bandwidth about n1, n2, n3 (fig. 5, table II)",
+        "5.5, 5.5, 5.5 Hz",
+        format!("{:.2}, {:.2}, {:.2} Hz", measured[0], measured[1], measured[2]),
+        "neither gain nor rate loops nor amplitude is given: K_O 50 1/s over rate loops of 20 Hz is chosen for it, and other pairs do as well",
+    );
+    Ok(())
+}
+
+fn introduce(report: &mut Report) {
+    report.heading("Position bandwidth (fig. 5, fig. 6, table II)");
+    let device = prototype(&[]).rig.device;
+    let [j1, j2, j3] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| inertia(&device, axis));
+    report.say(&format!(
+        "The loop of fig. 6 on the simulated rig: q_d swings as a sine, zd = G K_O e_O goes to the four drives (no w_d: a step or a sine of orientation alone), and each drive follows its rate by a PI loop at 1 kHz over the line: \
+         torque = k (asked - measured rate + w_i times its integral). The paper says nothing of these loops. Their gains here are in the ratio of the squared contact arms, so that the sphere feels the same whatever the headings, and are named by the corner that they give \
+         a turn about the axis, k R² sum(1 - (c3.n)²) = 2 pi f J, with w_i a fifth of that; J is {:.2e}, {:.2e}, {:.2e} kg m² about n1, n2, n3 with both wheels at zero. A reading is one period old when its torque acts; motors lag by {} ms, have back-EMF, and peak torques of 0.93 and 0.14 N m; \
+         as on the rig the torque on the sphere keeps within 0.9 N m and each contact's force within 8 N. Each point is a steady state over whole periods, one bin of its Fourier series, of the true orientation. \
+         The bandwidth is where its size has fallen to -3 dB.",
+        j1, j2, j3, 1.0e3 * MOTOR.lag_s
+    ));
+    report.family("bandwidth_hz | Hz | position bandwidth about n1 in the stated configuration: K_O 50 1/s (chosen for it), rate loops of 20 Hz, 0.05 rad; `predicted` by the linear loop, `paper`");
+    report.family("bandwidth_about_{axis}_hz | Hz | the same about another axis");
+    report.family("bandwidth_friction_hz | Hz | the same about n1 with friction of joints and cage");
+    report.family("bandwidth_gain{k}_inner{f}_hz | Hz | bandwidth about n1 over K_O (1/s) and the corner of the rate loops (Hz); `predicted`");
+    report.family("bandwidth_gain{k}_amplitude{a}_hz | Hz | bandwidth about n1 over K_O (1/s) and amplitude (mrad), rate loops of 20 Hz");
+    report.family("bandwidth_gain_for_paper_inner{f}_per_s | 1/s | the K_O with which the linear loop has 5.5 Hz, over the corner of the rate loops (Hz)");
+}
+
+/// The figures of the stated configuration: about n1, n2 and n3, and with friction.
+fn stated(report: &mut Report, measured: &[f64]) {
     let predicted = linear_bandwidth(&STATED);
     report.figure("bandwidth_hz".to_owned(), measured[0]).note("predicted", predicted).note("paper", PAPER);
     for (k, axis) in [(1, "n2"), (2, "n3")] {
         report.figure(format!("bandwidth_about_{axis}_hz"), measured[k]).note("paper", PAPER);
     }
     report.figure("bandwidth_friction_hz".to_owned(), measured[3]);
-    let over_gain = over_gain(report, inner, gains, &measured[first..second]);
-    let by_amplitude = over_amplitude(report, with, amplitudes, &measured[second..]);
-    explain(report, &by_amplitude, &measured);
+}
 
-    report.check(
-        format!("the bandwidth of a small sine is that of the linear loop within {WITHIN}"),
-        format!("{over_gain:.3} at worst"),
-        over_gain <= WITHIN,
-    );
+/// `over_gain`: how far the linear loop is off at worst.
+fn checks(report: &mut Report, over_gain: f64, measured: &[f64]) {
+    report.check_within("the bandwidth of a small sine is that of the linear loop", over_gain, WITHIN);
     let off = (measured[0] - PAPER).abs();
     report.check(
         format!("the stated configuration has the paper's 5.5 Hz within {NEAR_PAPER} Hz"),
@@ -126,13 +126,6 @@ pub(crate) fn study(
         format!("{:.1} %", 100.0 * apart),
         apart < 0.05,
     );
-    comparison.row(
-        "position bandwidth about n1, n2, n3 (fig. 5, table II)",
-        "5.5, 5.5, 5.5 Hz",
-        format!("{:.2}, {:.2}, {:.2} Hz", measured[0], measured[1], measured[2]),
-        "neither gain nor rate loops nor amplitude is given: K_O 50 1/s over rate loops of 20 Hz is chosen for it, and other pairs do as well",
-    );
-    Ok(())
 }
 
 /// Reports gain and phase of the position loop over frequency, as a Bode plot.
@@ -152,6 +145,13 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
         cases.iter().flat_map(|(_, setting)| ticks.iter().map(|ticks| (*setting, *ticks))).collect();
     let found = by_two(&jobs, |(setting, ticks)| context.go_on().map(|()| response(*setting, *ticks)));
     let found = found.into_iter().collect::<Result<Vec<[f64; 2]>, Interrupted>>()?;
+    let names: Vec<&str> = cases.iter().map(|(name, _)| *name).collect();
+    draw(report, &names, &ticks, &found);
+    Ok(())
+}
+
+/// The plots of size and phase. `found`: those of each case in turn, at each period in ticks.
+fn draw(report: &mut Report, names: &[&str], ticks: &[u32], found: &[[f64; 2]]) {
     let hertz = |ticks: u32| 1.0e3 / f64::from(ticks);
     let decibel = |size: f64| 20.0 * libm::log10(size);
     // The response is never ahead by more than rounding. A positive phase is therefore one turn too
@@ -161,40 +161,37 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
         if phase > 20.0 { phase - 360.0 } else { phase }
     };
     let (mut sizes, mut phases) = (Vec::new(), Vec::new());
-    for (k, (name, _)) in cases.iter().enumerate() {
+    for (k, name) in names.iter().enumerate() {
         let of = |each: &dyn Fn([f64; 2]) -> f64| {
             ticks.iter().zip(&found[k * ticks.len()..]).map(|(n, found)| (hertz(*n), each(*found))).collect()
         };
-        let line = |points| Series { name: (*name).to_owned(), points, colour: k, open: false };
+        let line = |points| Series::new((*name).to_owned(), points, k);
         sizes.push(line(of(&|[size, _]| decibel(size))));
         phases.push(line(of(&|[_, phase]| degrees(phase))));
     }
     let linear = |each: &dyn Fn([f64; 2]) -> f64| {
         let points = ticks.iter().map(|n| (hertz(*n), each(linear_response(&STATED, hertz(*n))))).collect();
-        Series { name: "linear loop".to_owned(), points, colour: 6, open: true }
+        Series::new("linear loop", points, 6).open(true)
     };
     sizes.push(linear(&|[size, _]| decibel(size)));
     phases.push(linear(&|[_, phase]| degrees(phase)));
     let down = vec![(hertz(ticks[0]), -3.0103), (hertz(33), -3.0103)];
-    sizes.push(Series { name: "-3 dB".to_owned(), points: down, colour: 7, open: true });
+    sizes.push(Series::new("-3 dB", down, 7).open(true));
     for (name, y, series) in
         [("magnitude", "turn over desired turn, dB", sizes), ("phase", "phase, degrees", phases)]
     {
-        report.plot(
+        report.lines(
             &format!("bandwidth_{name}"),
             &format!("Closed-loop position control, {name}: K_O 50 1/s, rate loops of 20 Hz"),
-            Lines {
-                title: format!("Position control about an axis: {name}"),
-                x: "frequency, Hz".to_owned(),
-                y: y.to_owned(),
-                log: [true, false],
+            Lines::new(
+                format!("Position control about an axis: {name}"),
+                "frequency, Hz",
+                y.to_owned(),
                 series,
-                front: false,
-            }
-            .svg(),
+            )
+            .log([true, false]),
         );
     }
-    Ok(())
 }
 
 /// Writes the table and the plot of the bandwidth over the gain and the corner of the rate loops.
@@ -224,27 +221,14 @@ fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]
         report.figure(format!("bandwidth_gain_for_paper_inner{}_per_s", short(*inner_hz)), needed);
         let cells = points.iter().map(|(_, hz)| format!("{hz:.2}"));
         table.push(row([short(*inner_hz)].into_iter().chain(cells).chain([format!("{needed:.1}")])));
-        series.push(Series {
-            name: format!("rate loops {} Hz", short(*inner_hz)),
-            points,
-            colour: k,
-            open: false,
-        });
+        series.push(Series::new(format!("rate loops {} Hz", short(*inner_hz)), points, k));
     }
     report.table(&table);
     series.push(level(gains));
-    report.plot(
+    report.lines(
         "bandwidth_gain",
         "Position bandwidth about n1 over K_O and the corner of the drives' rate loops, 0.05 rad",
-        Lines {
-            title: "Which gains give which bandwidth".to_owned(),
-            x: "K_O, 1/s".to_owned(),
-            y: "bandwidth, Hz".to_owned(),
-            log: [false; 2],
-            series,
-            front: false,
-        }
-        .svg(),
+        Lines::new("Which gains give which bandwidth", "K_O, 1/s", "bandwidth, Hz", series),
     );
     worst
 }
@@ -268,22 +252,14 @@ fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measur
             report.figure(format!("bandwidth_gain{}_amplitude{milli}_hz", short(*gain)), *hz);
         }
         let points = amplitudes.iter().copied().zip(of(k).iter().copied()).collect();
-        series.push(Series { name: format!("K_O {} 1/s", short(*gain)), points, colour: k, open: false });
+        series.push(Series::new(format!("K_O {} 1/s", short(*gain)), points, k));
     }
     report.table(&table);
     series.push(level(amplitudes));
-    report.plot(
+    report.lines(
         "bandwidth_amplitude",
         "Position bandwidth about n1 over the amplitude, rate loops of 20 Hz: where the torque runs out",
-        Lines {
-            title: "Bandwidth and amplitude".to_owned(),
-            x: "amplitude, rad".to_owned(),
-            y: "bandwidth, Hz".to_owned(),
-            log: [true, false],
-            series,
-            front: false,
-        }
-        .svg(),
+        Lines::new("Bandwidth and amplitude", "amplitude, rad", "bandwidth, Hz", series).log([true, false]),
     );
     (0..gains.len()).map(|k| of(k)[amplitudes.len() - 1]).collect()
 }
@@ -292,7 +268,7 @@ fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measur
 /// of `x`.
 fn level(x: &[f64]) -> Series {
     let points = vec![(x[0], PAPER), (x[x.len() - 1], PAPER)];
-    Series { name: "the paper".to_owned(), points, colour: 6, open: true }
+    Series::new("the paper", points, 6).open(true)
 }
 
 fn explain(report: &mut Report, largest: &[f64], measured: &[f64]) {

@@ -1,12 +1,13 @@
 //! The torque that the motors can make on the sphere (table II, section IV.B).
 
+mod nearest;
+
 use hbot_config::RigConfig;
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
 use super::comparison::Comparison;
-use super::literal;
 use super::torus::{self, FOUR, Motors, THREE, posture};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
@@ -167,23 +168,33 @@ pub(super) fn study(
 ) -> Result<(), Interrupted> {
     context.part("torque capability")?;
     let rig = GrippedDevice::prototype();
+    introduce(report, rig.grip);
+    let kept = over_torus(context, report, &rig)?;
+    check(report, &rig);
+    context.part("postures that would give table II")?;
+    nearest::study(context, report, comparison, &rig, &kept);
+    Ok(())
+}
+
+fn introduce(report: &mut Report, grip: f64) {
     report.heading("Torque capability (table II)");
     report.say(&format!(
         "The largest torque about each axis alone (none about the others) that the motors of section IV.B can give: 0.93 N m at a steer and 0.14 N m at a drive at peak, 0.073 and 0.023 N m \
          continuously; over even cells of all steering angles, the least by search between them. *With grip*, no contact carries more than mu N = {:.0} N either, in the best distribution over the joints.",
-        rig.grip
+        grip
     ));
-    report.family(
-        "{limit}_torque_{axis}_{motors}_{contact}_{statistic}_nm",
-        "N m",
-        "largest torque about {axis} alone; {limit}: peak or continuous; {motors}: four_motors, three_motors; {contact}: free, or grip (no contact beyond mu N = 8 N); {statistic} over all \
-         steering angles: least, mean, median, largest",
-    );
-    report.family(
-        "{limit}_torque_{axis}_nm",
-        "N m",
-        "what the rig can give whatever its posture: the least with all four motors, contacts free, beside the paper's table II",
-    );
+    report.family("{limit}_torque_{axis}_{motors}_{contact}_{statistic}_nm | N m | largest torque about {axis} alone; {limit}: peak or continuous; {motors}: four_motors, three_motors; {contact}: free, or grip (no contact beyond mu N = 8 N); {statistic} over all \
+         steering angles: least, mean, median, largest");
+    report.family("{limit}_torque_{axis}_nm | N m | what the rig can give whatever its posture: the least with all four motors, contacts free, beside the paper's table II");
+}
+
+/// The table of all motors, contacts and rows. Returns of each row the least of all postures with four motors and the
+/// medians with three.
+fn over_torus(
+    context: &Context,
+    report: &mut Report,
+    rig: &GrippedDevice,
+) -> Result<[[[f64; 3]; 2]; 2], Interrupted> {
     let cells = if context.quick { 48 } else { 120 };
     let mut table =
         vec![row(["motors, contacts", "torque", "axis", "paper", "least", "mean", "median", "largest, N m"])];
@@ -202,37 +213,47 @@ pub(super) fn study(
                 };
                 let all = torus::over(cells, |th| AXES.map(|axis| about(th, axis)));
                 for axis in 0..3 {
-                    let name = format!("n{}", axis + 1);
                     let mut found = statistics(all.iter().map(|torques| torques[axis]).collect());
                     // A search between the cells finds a smaller minimum.
                     found[0] = torus::least(48, |th| about(th, AXES[axis])).1;
-                    for (statistic, value) in STATISTICS.iter().zip(found) {
-                        let id = format!("{}_torque_{name}_{}_{contact}_{statistic}_nm", limit.id, motors.id);
-                        report.figure(id, value);
+                    if !grip {
+                        kept[number][usize::from(motors == THREE)][axis] =
+                            found[if motors == THREE { 2 } else { 0 }];
                     }
-                    if motors == THREE && !grip {
-                        kept[number][1][axis] = found[2];
-                    }
-                    if motors == FOUR && !grip {
-                        kept[number][0][axis] = found[0];
-                        let id = format!("{}_torque_{name}_nm", limit.id);
-                        report.figure(id, found[0]).note("paper", limit.paper[axis]);
-                    }
-                    let contact = if grip { "with grip" } else { "free" };
-                    let mut cells = row([&format!("{}, {contact}", motors.name), limit.name, &name]);
-                    cells.push(limit.paper[axis].to_string());
-                    cells.extend(found.map(|value| format!("{value:.3}")));
-                    table.push(cells);
+                    table.push(tell(report, &motors, contact, limit, axis, found));
                 }
                 context.go_on()?;
             }
         }
     }
     report.table(&table);
-    check(report, &rig);
-    context.part("postures that would give table II")?;
-    search(context, report, comparison, &rig, &kept);
-    Ok(())
+    Ok(kept)
+}
+
+/// The figures of a torque about an axis, and their row of the table. `contact`: free, or grip.
+fn tell(
+    report: &mut Report,
+    motors: &Motors,
+    contact: &str,
+    limit: &Row,
+    axis: usize,
+    found: [f64; 4],
+) -> Vec<String> {
+    let name = format!("n{}", axis + 1);
+    for (statistic, value) in STATISTICS.iter().zip(found) {
+        let id = format!("{}_torque_{name}_{}_{contact}_{statistic}_nm", limit.id, motors.id);
+        report.figure(id, value);
+    }
+    let grip = contact == "grip";
+    if *motors == FOUR && !grip {
+        let id = format!("{}_torque_{name}_nm", limit.id);
+        report.figure(id, found[0]).note("paper", limit.paper[axis]);
+    }
+    let contact = if grip { "with grip" } else { "free" };
+    let mut cells = row([&format!("{}, {contact}", motors.name), limit.name, &name]);
+    cells.push(limit.paper[axis].to_string());
+    cells.extend(found.map(|value| format!("{value:.3}")));
+    cells
 }
 
 /// Checks that [`Rig::gripping`] and the core's capability agree if the friction of the contacts
@@ -260,97 +281,4 @@ fn check(report: &mut Report, rig: &GrippedDevice) {
         format!("{worst:.1e}"),
         worst < 1.0e-8,
     );
-}
-
-/// Searches for the posture whose torques come closest to the paper's table II, for several
-/// meanings of "mapped to the end-effector", and reports how close it comes.
-///
-/// For each row of the table, `found` holds the smallest torques over all postures with four
-/// motors, and the medians with three.
-fn search(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-    rig: &GrippedDevice,
-    found: &[[[f64; 3]; 2]; 2],
-) {
-    let cells = if context.quick { 90 } else { 360 };
-    report.family(
-        "table2_{rows}_{mapping}_off",
-        "1",
-        "the factor by which the best posture misses table II; {rows}: peak, continuous, both (one posture for both); {mapping}: three_alone, four_alone (the largest torque about each axis \
-         alone), three_together (all motors at full torque, best signs), literal_three_alone (with eq. 1 to the letter)",
-    );
-    let ours = |th: [f64; 2]| posture(&rig.device, th).rows().to_vec();
-    let printed = |th: [f64; 2]| literal::rows(&rig.device, th).to_vec();
-    let alone = |motors: Motors| {
-        move |rows: &[Vec3]| core::array::from_fn(|k: usize| ROWS[k].off(ROWS[k].alone(rows, &motors)))
-    };
-    let together = |rows: &[Vec3]| {
-        let best = |k: usize| (0..8).map(move |s| ROWS[k].off(ROWS[k].together(rows, &THREE, s)));
-        core::array::from_fn(|k: usize| best(k).fold(f64::INFINITY, f64::min))
-    };
-    type Off<'a> = &'a (dyn Fn(&[Vec3]) -> [f64; 2] + Sync);
-    type Rows<'a> = &'a (dyn Fn([f64; 2]) -> Vec<Vec3> + Sync);
-    let (three, four) = (alone(THREE), alone(FOUR));
-    let mappings: [(&str, &str, Rows<'_>, Off<'_>); 4] = [
-        ("three_alone", "three motors, each axis alone", &ours, &three),
-        ("four_alone", "all four, each axis alone", &ours, &four),
-        ("three_together", "three motors at full torque, components of the sum", &ours, &together),
-        ("literal_three_alone", "eq. 1 to the letter, three motors, each axis alone", &printed, &three),
-    ];
-    let mut table = vec![row([
-        "mapping",
-        "best for the peak row",
-        "best for the continuous row",
-        "best for both rows in one posture",
-    ])];
-    let mut known = [0.0; 3];
-    for (id, name, rows, off) in mappings {
-        let best = [
-            torus::least(cells, |th| off(&rows(th))[0]),
-            torus::least(cells, |th| off(&rows(th))[1]),
-            torus::least(cells, |th| off(&rows(th)).into_iter().fold(1.0, f64::max)),
-        ];
-        let mut cells = vec![name.to_owned()];
-        for (what, (th, value)) in ["peak", "continuous", "both"].iter().zip(best) {
-            report.figure(format!("table2_{what}_{id}_off"), value);
-            let [a, b] = th.map(|th| th.to_degrees().rem_euclid(360.0));
-            cells.push(format!("{value:.3} at ({a:.0}, {b:.0}) deg"));
-        }
-        table.push(cells);
-        if id == "three_alone" {
-            known = best.map(|(_, value)| value);
-        }
-    }
-    report.say(
-        "Which posture did the paper map its motors' torques at? A search over all postures for the least factor by which the torques about n1, n2 and n3 miss its rows (1 would be a match):",
-    );
-    report.table(&table);
-    report.check(
-        "the posture that is nearest to both rows of table II misses them by a factor of 1.4 to 1.5 (three motors, each axis alone; known: 1.46)",
-        format!("{:.3}", known[2]),
-        (1.4..1.5).contains(&known[2]),
-    );
-    for (k, limit) in ROWS.iter().enumerate() {
-        let paper = limit.paper.map(|torque| torque.to_string()).join(", ");
-        let listed = |torques: [f64; 3]| torques.map(|torque| format!("{torque:.2}")).join(", ");
-        let ours = format!(
-            "{} N m whatever the posture, all four motors; {} in the median, the paper's three",
-            listed(found[k][0]),
-            listed(found[k][1])
-        );
-        let why = if k == 0 {
-            format!(
-                "The paper names no posture and no wheel radius. With three motors each row is met in a posture of its own (to factors of {:.3} and {:.3}), both in none (best {:.2}). About n2 its \
-                 figures are the drive's own: 0.94/0.14 and 0.15/0.023 imply R/r of 6.7 and 6.5. About n1 and n3 the steers act as well, with a leverage of up to 1/sin(cone) = 5.8, so those hang on the \
-                 posture most.",
-                known[0], known[1], known[2]
-            )
-        } else {
-            "As above. From peak to continuous a steer loses a factor of 13 and a drive one of 6, so the two rows name different postures.".to_owned()
-        };
-        let what = format!("{} torque about n1, n2, n3 (table II)", limit.name);
-        comparison.row(&what, format!("{paper} N m"), ours, why);
-    }
 }

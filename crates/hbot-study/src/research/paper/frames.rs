@@ -12,7 +12,7 @@ use super::comparison::Comparison;
 use super::literal::{about, frame, least_rotation, rates};
 use super::torus;
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
 pub(super) fn study(
@@ -45,9 +45,7 @@ fn random_device(rng: &mut Rng, wheels: usize) -> Device {
                 cone: rng.between(0.1, 1.5),
                 toe: rng.between(-0.6, 0.6),
                 radius: rng.between(0.01, 0.05),
-                steer_inertia: 1.0e-5,
-                drive_inertia: 1.0e-6,
-                axial_inertia: 0.0,
+                ..WheelSpec::default()
             })
             .collect();
         // Wheels that can meet are not a legal device, so another one is drawn.
@@ -66,12 +64,8 @@ fn general(context: &Context, report: &mut Report) {
          contact point on the wheel and on the sphere as rigid bodies (eq. 4, 5), set equal along c1 and c2 (eq. 6, 7) and solved; that the steered frame turns about l, by \
          differences; and back: the rate of the sphere from those joint rates (eq. 11), with the slip that is left.",
     );
-    report.family(
-        "kinematics_{quantity}_worst_error",
-        "1",
-        "worst difference over random devices; {quantity}: frames (of the unit vectors), joint_rates (relative to the largest), frame_rate (by differences), sphere_rate (relative), \
-         slip (left over, relative to R w)",
-    );
+    report.family("kinematics_{quantity}_worst_error | 1 | worst difference over random devices; {quantity}: frames (of the unit vectors), joint_rates (relative to the largest), frame_rate (by differences), sphere_rate (relative), \
+         slip (left over, relative to R w)");
     let mut rng = Rng(21);
     let mut worst = [0.0_f64; 5];
     for wheels in 2..=8 {
@@ -157,11 +151,7 @@ fn propagation(report: &mut Report) {
     });
     let inertial = rotation::angle_between(q, rotation::exp(omega) * start);
     let body = rotation::angle_between(q, start * rotation::exp(omega));
-    report.family(
-        "propagation_{frame}_error_rad",
-        "rad",
-        "how far eq. 12 and 13, integrated for 1 s at a constant rate, end from a turn at that rate in {frame}: inertial or body",
-    );
+    report.family("propagation_{frame}_error_rad | rad | how far eq. 12 and 13, integrated for 1 s at a constant rate, end from a turn at that rate in {frame}: inertial or body");
     report.figure("propagation_inertial_error_rad".to_owned(), inertial);
     report.figure("propagation_body_error_rad".to_owned(), body);
     report.say(&format!(
@@ -198,41 +188,10 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
     let zero = [0.0; 2];
     let at_zero = [letter, ours].map(|first| angle(c3(first, zero)));
     let over_all = [letter, ours].map(|first| torus::least(60, |th| margin(c3(first, th))).1);
-    report.family(
-        "eq1_{reading}_contacts_apart_rad",
-        "rad",
-        "angle between the contact points of the prototype at steering angles of zero; {reading}: literal (A = N there) or ours (A takes n3 to l first)",
-    );
-    report.family(
-        "eq1_{reading}_margin_{where}",
-        "1",
-        "sigma_min(Z)/R of the prototype; {reading} likewise; {where}: at_zero, or least over all steering angles",
-    );
-    let mut table = vec![row([
-        "reading of eq. 1",
-        "contact points apart at th = 0, deg",
-        "margin there",
-        "least margin over all steering angles",
-    ])];
-    for (k, (id, name)) in [("literal", "to the letter"), ("ours", "A0 first")].iter().enumerate() {
-        let there = margin(c3([letter, ours][k], zero));
-        report.figure(format!("eq1_{id}_contacts_apart_rad"), at_zero[k]);
-        report.figure(format!("eq1_{id}_margin_at_zero"), there);
-        report.figure(format!("eq1_{id}_margin_least"), over_all[k]);
-        table.push(row([
-            *name,
-            &format!("{:.1}", at_zero[k].to_degrees()),
-            &format!("{there:.4}"),
-            &format!("{:.4}", over_all[k]),
-        ]));
-    }
-    report.say(
-        "Equation 1 begins with the rotation about the steering axis by the steering angle and nothing before it. To the letter that leaves A = N at a steering angle of zero, whatever the axis, so both wheels of \
-         table I start at the same point of the sphere: the interior singularity that the paper rules out. Here A takes n3 to the axis first, and then its claims hold.",
-    );
-    report.table(&table);
+    let there = [letter, ours].map(|first| margin(c3(first, zero)));
+    tell_readings(report, at_zero, there, over_all);
     let core = [interior_margin(&Posture::new(&device, &zero)), interior_margin_over_all(&device)];
-    let found = [margin(c3(ours, zero)), over_all[1]];
+    let found = [there[1], over_all[1]];
     let off = (core[0] - found[0]).abs().max((core[1] - found[1]).abs());
     report.check(
         "eq. 1 to the letter puts both contact points in one place at zero, A0 first keeps them apart",
@@ -256,6 +215,31 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
         ),
         "Eq. 1 leaves out the rotation that takes n3 to the steering axis.",
     );
+}
+
+/// Both readings: the angle between the contacts and the margin at zero, and the least margin.
+fn tell_readings(report: &mut Report, at_zero: [f64; 2], there: [f64; 2], over_all: [f64; 2]) {
+    report.family("eq1_{reading}_contacts_apart_rad | rad | angle between the contact points of the prototype at steering angles of zero; {reading}: literal (A = N there) or ours (A takes n3 to l first)");
+    report.family("eq1_{reading}_margin_{where} | 1 | sigma_min(Z)/R of the prototype; {reading} likewise; {where}: at_zero, or least over all steering angles");
+    let mut table = vec![head(
+        "reading of eq. 1 | contact points apart at th = 0, deg | margin there | least margin over all steering angles",
+    )];
+    for (k, (id, name)) in [("literal", "to the letter"), ("ours", "A0 first")].iter().enumerate() {
+        report.figure(format!("eq1_{id}_contacts_apart_rad"), at_zero[k]);
+        report.figure(format!("eq1_{id}_margin_at_zero"), there[k]);
+        report.figure(format!("eq1_{id}_margin_least"), over_all[k]);
+        table.push(row([
+            *name,
+            &format!("{:.1}", at_zero[k].to_degrees()),
+            &format!("{:.4}", there[k]),
+            &format!("{:.4}", over_all[k]),
+        ]));
+    }
+    report.say(
+        "Equation 1 begins with the rotation about the steering axis by the steering angle and nothing before it. To the letter that leaves A = N at a steering angle of zero, whatever the axis, so both wheels of \
+         table I start at the same point of the sphere: the interior singularity that the paper rules out. Here A takes n3 to the axis first, and then its claims hold.",
+    );
+    report.table(&table);
 }
 
 /// Draws the prototype with its axes, wheels and contact frames.

@@ -24,99 +24,102 @@ pub(super) fn study(
     [torus, so3]: [Local; 2],
 ) -> Result<Local, Interrupted> {
     context.part("convergence of the grids")?;
-    report.family(
-        "gci_grid_{grid}_{count}",
-        "1",
-        "GCI of the three motors, spectral, on a grid of {count} nodes; {grid}: torus, uniform (SO(3)), equal_steps (the paper's), equal_steps_weighted (with sin theta)",
-    );
-    let three = [THREE];
-    let mut rows = vec![row(["grid", "nodes", "GCI, three motors, spectral"])];
-    let mut lines = Vec::new();
-    let mut add = |report: &mut Report, name: &str, id: &str, colour: usize, values: Vec<(usize, f64)>| {
-        for &(count, value) in &values {
-            rows.push(row([name, &count.to_string(), &format!("{value:.4}")]));
-            report.figure(format!("gci_grid_{id}_{count}"), value);
-        }
-        let points = values.iter().map(|&(count, value)| (count as f64, value)).collect();
-        lines.push(Series { name: name.to_owned(), points, colour, open: id == "torus" });
-    };
-    let mut values: Vec<(usize, f64)> = [8, 4, 2]
-        .map(|part| {
-            let cells = cells / part;
-            (cells * cells, rig.over_torus(cells, &three)[0].spectral)
-        })
-        .to_vec();
-    values.push((cells * cells, torus.spectral));
-    let halved = (values[2].1 - values[3].1).abs();
+    report.family("gci_grid_{grid}_{count} | 1 | GCI of the three motors, spectral, on a grid of {count} nodes; {grid}: torus, uniform (SO(3)), equal_steps (the paper's), equal_steps_weighted (with sin theta)");
+    let mut settled =
+        Settled { rows: vec![row(["grid", "nodes", "GCI, three motors, spectral"])], lines: Vec::new() };
+    let over_torus = [8, 4, 2].map(|part| cells / part);
+    let over_torus = over_torus.map(|cells| (cells * cells, rig.over_torus(cells, &[THREE])[0].spectral));
+    let values = over_torus.into_iter().chain([(cells * cells, torus.spectral)]).collect();
+    settled.add(report, ["the torus", "torus"], 6, values);
+    let halved = (over_torus[2].1 - torus.spectral).abs();
     report.check(
         "GCI over the torus has converged: half as many cells a turn change it by less than 1e-3",
         format!("{halved:.1e}"),
         halved < 1.0e-3,
     );
-    add(report, "the torus", "torus", 6, values);
-    let mut values = Vec::new();
-    for coarser in 1..level {
-        let samples: Vec<_> = so3::uniform(coarser).map(|q| (q, 1.0)).collect();
-        values.push((samples.len(), rig.over_turns(&samples, START, &three)[0].spectral));
-    }
+    let even = |level| so3::uniform(level).map(|q| (q, 1.0)).collect::<Vec<_>>();
+    let mut values: Vec<_> = (1..level).map(|coarser| spectral(rig, &even(coarser))).collect();
     values.push((finest.len(), so3.spectral));
     let halved = (values[values.len() - 2].1 - so3.spectral).abs();
+    settled.add(report, ["uniform over SO(3)", "uniform"], 0, values);
     report.check(
         "GCI over SO(3) has converged: steps twice as long change it by less than 2e-3",
         format!("{halved:.1e}"),
         halved < 2.0e-3,
     );
-    add(report, "uniform over SO(3)", "uniform", 0, values);
+    let (printed, moved) = equal_steps(context, report, rig, so3, &mut settled)?;
+    report.say(&format!(
+        "How the mean settles. The paper takes equal steps of each Hopf coordinate for uniform (V.C); they crowd orientations near theta = 0 and pi, and need the weight sin theta. \
+         Leaving it out moves GCI by {moved:+.3}."
+    ));
+    report.table(&settled.rows);
+    report.lines(
+        "gci_convergence",
+        "GCI of the three motors (spectral) against the number of nodes: the torus, orientations spread evenly, and the paper's grid with and without its weight",
+        Lines::new("GCI as grids are refined", "nodes", "GCI, three motors, spectral", settled.lines)
+            .log([true, false]),
+    );
+    Ok(printed)
+}
+
+/// The rows and lines of the grids that have been refined.
+struct Settled {
+    rows: Vec<Vec<String>>,
+    lines: Vec<Series>,
+}
+
+impl Settled {
+    fn add(&mut self, report: &mut Report, [name, id]: [&str; 2], colour: usize, values: Vec<(usize, f64)>) {
+        for &(count, value) in &values {
+            self.rows.push(row([name, &count.to_string(), &format!("{value:.4}")]));
+            report.figure(format!("gci_grid_{id}_{count}"), value);
+        }
+        let points = values.iter().map(|&(count, value)| (count as f64, value)).collect();
+        let line = Series::new(name, points, colour);
+        self.lines.push(line.open(id == "torus"));
+    }
+}
+
+/// How many nodes there are, and GCI of the three motors over them.
+fn spectral(rig: &IndexedDevice, samples: &[(Quat, f64)]) -> (usize, f64) {
+    (samples.len(), rig.over_turns(samples, START, &[THREE])[0].spectral)
+}
+
+/// The paper's grid, as printed and with its weight: the means of the finest as printed, and how far GCI moves without the
+/// weight.
+fn equal_steps(
+    context: &Context,
+    report: &mut Report,
+    rig: &IndexedDevice,
+    so3: Local,
+    settled: &mut Settled,
+) -> Result<(Local, f64), Interrupted> {
     let steps: &[u32] = if context.quick { &[4, 8, 12] } else { &[4, 8, 16, 32] };
     let mut printed = Local::default();
-    let mut bare = Vec::new();
-    let mut weighted = Vec::new();
+    let (mut bare, mut weighted) = (Vec::new(), Vec::new());
     for &steps in steps {
         let samples: Vec<_> = so3::equal_steps(steps).collect();
-        weighted.push((samples.len(), rig.over_turns(&samples, START, &three)[0].spectral));
+        weighted.push(spectral(rig, &samples));
         let samples: Vec<_> = samples.into_iter().map(|(q, _)| (q, 1.0)).collect();
-        printed = rig.over_turns(&samples, START, &three)[0];
+        printed = rig.over_turns(&samples, START, &[THREE])[0];
         bare.push((samples.len(), printed.spectral));
         context.go_on()?;
     }
-    let last = weighted.len() - 1;
-    let off = (weighted[last].1 - so3.spectral).abs();
+    let finest = weighted[weighted.len() - 1].1;
+    let off = (finest - so3.spectral).abs();
     report.check(
         "equal steps of the Hopf coordinates with their weight agree with the uniform orientations to 0.01",
         format!("{off:.1e}"),
         off < 0.01,
     );
-    let moved = bare[last].1 - weighted[last].1;
-    add(report, "equal steps, as printed", "equal_steps", 1, bare);
-    add(report, "equal steps, weight sin theta", "equal_steps_weighted", 2, weighted);
-    report.say(&format!(
-        "How the mean settles. The paper takes equal steps of each Hopf coordinate for uniform (V.C); they crowd orientations near theta = 0 and pi, and need the weight sin theta. \
-         Leaving it out moves GCI by {moved:+.3}."
-    ));
-    report.table(&rows);
-    report.plot(
-        "gci_convergence",
-        "GCI of the three motors (spectral) against the number of nodes: the torus, orientations spread evenly, and the paper's grid with and without its weight",
-        Lines {
-            title: "GCI as grids are refined".to_owned(),
-            x: "nodes".to_owned(),
-            y: "GCI, three motors, spectral".to_owned(),
-            log: [true, false],
-            series: lines,
-            front: false,
-        }
-        .svg(),
-    );
-    Ok(printed)
+    settled.add(report, ["equal steps, as printed", "equal_steps"], 1, bare);
+    settled.add(report, ["equal steps, weight sin theta", "equal_steps_weighted"], 2, weighted);
+    Ok((printed, printed.spectral - finest))
 }
 
 /// Checks the closed form for the steer angles after a turn against the integrated kinematics.
 pub(super) fn steps(report: &mut Report, rig: &IndexedDevice, quick: bool) {
-    report.family(
-        "turn_{steps}_steps_error_rad",
-        "rad",
-        "error of the steering angles after a turn in {steps} steps of zd = G w against the closed form, median over turns",
-    );
+    report.family("turn_{steps}_steps_error_rad | rad | error of the steering angles after a turn in {steps} steps of zd = G w against the closed form, median over turns");
     let mut rng = Rng(11);
     let turns: Vec<Quat> = (0..if quick { 100 } else { 500 })
         .map(|_| {

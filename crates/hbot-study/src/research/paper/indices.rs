@@ -10,7 +10,7 @@ use super::torus::{self, CHOICES, MOTORS, Motors, mean, posture};
 use super::turns::Turns;
 use super::{grids, readings, so3, start_map};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 
 /// Steer angles at which the paper's turns begin, rad. The paper gives none. We use zero, because
 /// the paper sets up its rig with both wheels at zero.
@@ -130,24 +130,7 @@ pub(super) fn study(
     comparison: &mut Comparison,
 ) -> Result<(), Interrupted> {
     context.part("conditioning over the torus")?;
-    report.heading("Conditioning and dynamic manipulability (section V)");
-    report.say(
-        "LCI is sigma_min/sigma_max of G (*spectral*), or 3/sqrt(sum sigma² sum sigma⁻²) (*Frobenius*, eq. 17 and 18 with W = I/3); dynamic manipulability is \
-         |det G_3|/det(I_s I + Gᵀ J_q G) for three motors (eq. 20), with sqrt(det GᵀG) for all four. GCI and GMI are means of LCI and of dynamic manipulability \
-         over its largest value, over a workspace: the uniform **torus** of steering angles, or **SO(3)** the paper's way: the rig turns the sphere from a fixed start \
-         (both wheels at zero) about the axis of the rotation to each orientation, and the posture is where it arrives. Orientations are spread evenly: HEALPix points of \
-         equal area times equal steps of psi.",
-    );
-    report.family(
-        "gci_{motors}_{norm}_{workspace}",
-        "1",
-        "global conditioning index; {norm}: spectral or frobenius; {workspace}: torus, or so3 the paper's way from steering angles of zero",
-    );
-    report.family(
-        "gmi_{motors}_{workspace}",
-        "1",
-        "global dynamic manipulability index, over the largest of the torus; {workspace} likewise",
-    );
+    introduce(report);
     let rig = IndexedDevice::new(RigConfig::prototype().rig.device);
     let cells = if context.quick { 96 } else { 256 };
     let level = if context.quick { 3 } else { 4 };
@@ -160,15 +143,37 @@ pub(super) fn study(
         so3::count(level)
     ));
     let over_so3 = rig.over_turns(&samples, START, &CHOICES);
-    let mut table = vec![row([
-        "motors",
-        "GCI spectral, torus",
-        "SO(3)",
-        "GCI Frobenius, torus",
-        "SO(3)",
-        "GMI, torus",
-        "SO(3)",
-    ])];
+    global(report, &over_torus, &over_so3, &most);
+    local(report, &rig, &most);
+    let three = [over_torus[1], over_so3[1]];
+    let printed = grids::study(context, report, &rig, &samples, (cells, level), three)?;
+    grids::steps(report, &rig, context.quick);
+    let starts = start_map::study(context, report, &rig, (START, three[1].spectral))?;
+    let wheels = readings::radius(context, report)?;
+    let known = Known { three, four: [over_torus[0], over_so3[0]], printed, most: [most[0], most[1]] };
+    readings::study(context, report, &rig, &known)?;
+    explain(report, comparison, &known, &wheels, starts);
+    Ok(())
+}
+
+fn introduce(report: &mut Report) {
+    report.heading("Conditioning and dynamic manipulability (section V)");
+    report.say(
+        "LCI is sigma_min/sigma_max of G (*spectral*), or 3/sqrt(sum sigma² sum sigma⁻²) (*Frobenius*, eq. 17 and 18 with W = I/3); dynamic manipulability is \
+         |det G_3|/det(I_s I + Gᵀ J_q G) for three motors (eq. 20), with sqrt(det GᵀG) for all four. GCI and GMI are means of LCI and of dynamic manipulability \
+         over its largest value, over a workspace: the uniform **torus** of steering angles, or **SO(3)** the paper's way: the rig turns the sphere from a fixed start \
+         (both wheels at zero) about the axis of the rotation to each orientation, and the posture is where it arrives. Orientations are spread evenly: HEALPix points of \
+         equal area times equal steps of psi.",
+    );
+    report.family("gci_{motors}_{norm}_{workspace} | 1 | global conditioning index; {norm}: spectral or frobenius; {workspace}: torus, or so3 the paper's way from steering angles of zero");
+    report.family("gmi_{motors}_{workspace} | 1 | global dynamic manipulability index, over the largest of the torus; {workspace} likewise");
+}
+
+/// The indices of each choice of motors over both workspaces. `most`: its largest dynamic manipulability.
+fn global(report: &mut Report, over_torus: &[Local], over_so3: &[Local], most: &[f64]) {
+    let mut table = vec![head(
+        "motors | GCI spectral, torus | SO(3) | GCI Frobenius, torus | SO(3) | GMI, torus | SO(3)",
+    )];
     for (k, motors) in CHOICES.iter().enumerate() {
         let mut cells = vec![motors.name.to_owned()];
         let both = [("torus", over_torus[k]), ("so3", over_so3[k])];
@@ -188,37 +193,15 @@ pub(super) fn study(
         table.push(cells);
     }
     report.table(&table);
-    local(report, &rig, &most);
-    let three = [over_torus[1], over_so3[1]];
-    let printed = grids::study(context, report, &rig, &samples, (cells, level), three)?;
-    grids::steps(report, &rig, context.quick);
-    let starts = start_map::study(context, report, &rig, (START, three[1].spectral))?;
-    let wheels = readings::radius(context, report)?;
-    let known = Known { three, four: [over_torus[0], over_so3[0]], printed, most: [most[0], most[1]] };
-    readings::study(context, report, &rig, &known)?;
-    explain(report, comparison, &known, &wheels, starts);
-    Ok(())
 }
 
 /// Reports the indices that are not ratios: the manipulability, and the largest dynamic
 /// manipulability.
 fn local(report: &mut Report, rig: &IndexedDevice, most: &[f64]) {
-    report.family(
-        "manipulability_{motors}_{statistic}",
-        "1",
-        "1/(sigma_1 sigma_2 sigma_3) of G over the torus; {statistic}: least, median",
-    );
-    report.family(
-        "dynamic_manipulability_{motors}_largest",
-        "1/(kg m²)³",
-        "largest dynamic manipulability over the torus, what GMI is divided by",
-    );
-    let mut table = vec![row([
-        "motors",
-        "manipulability, least",
-        "median",
-        "dynamic manipulability, largest, 1/(kg m²)³",
-    ])];
+    report.family("manipulability_{motors}_{statistic} | 1 | 1/(sigma_1 sigma_2 sigma_3) of G over the torus; {statistic}: least, median");
+    report.family("dynamic_manipulability_{motors}_largest | 1/(kg m²)³ | largest dynamic manipulability over the torus, what GMI is divided by");
+    let mut table =
+        vec![head("motors | manipulability, least | median | dynamic manipulability, largest, 1/(kg m²)³")];
     for (motors, most) in CHOICES.iter().zip(most) {
         let value = |th| motors.indices(&posture(&rig.device, th)).manipulability;
         let mut all = torus::over(64, value);

@@ -207,31 +207,13 @@ fn introduce(report: &mut Report, samples: usize) {
          radians times 100, so its \"maximum position\" is 1: the largest that a quaternion's vector part can be.",
         samples
     ));
+    report.family("ik_rms_{axis}_rad | rad | RMS over the samples of what is left of e_O (eq. 24) about an axis, the loop as printed, at the product of gain and time at which the mean of the three is the paper's; `percent` of the largest possible, 1; `paper`");
+    report.family("ik_better_rms_{axis}_rad | rad | the same after the same time with a better gain and the nearer of the two quaternions; `gain` in 1/s");
+    report.family("ik_product_{sign} | 1 | gain times time at which the RMS over samples and axes is the paper's 0.0346: the loop as printed, or with the nearer quaternion");
     report.family(
-        "ik_rms_{axis}_rad",
-        "rad",
-        "RMS over the samples of what is left of e_O (eq. 24) about an axis, the loop as printed, at the product of gain and time at which the mean of the three is the paper's; `percent` of the largest possible, 1; `paper`",
+        "ik_product_whole_{sign} | 1 | the same where the RMS is taken over the whole run, from the start on",
     );
-    report.family(
-        "ik_better_rms_{axis}_rad",
-        "rad",
-        "the same after the same time with a better gain and the nearer of the two quaternions; `gain` in 1/s",
-    );
-    report.family(
-        "ik_product_{sign}",
-        "1",
-        "gain times time at which the RMS over samples and axes is the paper's 0.0346: the loop as printed, or with the nearer quaternion",
-    );
-    report.family(
-        "ik_product_whole_{sign}",
-        "1",
-        "the same where the RMS is taken over the whole run, from the start on",
-    );
-    report.family(
-        "ik_grid_rms_{axis}_rad",
-        "rad",
-        "the same as `ik_rms`, on the paper's grid of equal steps of each Hopf coordinate",
-    );
+    report.family("ik_grid_rms_{axis}_rad | rad | the same as `ik_rms`, on the paper's grid of equal steps of each Hopf coordinate");
 }
 
 impl Run {
@@ -297,27 +279,15 @@ fn draw(report: &mut Report, runs: &[Run]) {
     let target = mean(PAPER);
     let mut series = Vec::new();
     for (colour, Run { name, end, whole, .. }) in runs.iter().enumerate() {
-        series.push(Series { name: format!("{name}, at the end"), points: end.clone(), colour, open: false });
-        series.push(Series { name: format!("{name}, whole run"), points: whole.clone(), colour, open: true });
+        series.push(Series::new(format!("{name}, at the end"), end.clone(), colour));
+        series.push(Series::new(format!("{name}, whole run"), whole.clone(), colour).open(true));
     }
-    series.push(Series {
-        name: "the paper".to_owned(),
-        points: vec![(0.0, target), (GAIN * TIME_S, target)],
-        colour: 6,
-        open: true,
-    });
-    report.plot(
+    series.push(Series::new("the paper", vec![(0.0, target), (GAIN * TIME_S, target)], 6).open(true));
+    report.lines(
         "inverse",
         "What is left of e_O, RMS over samples and axes, against gain times time",
-        Lines {
-            title: "Inverse-kinematics control to samples of SO(3)".to_owned(),
-            x: "K_O t".to_owned(),
-            y: "RMS of e_O, rad".to_owned(),
-            log: [false, true],
-            series,
-            front: false,
-        }
-        .svg(),
+        Lines::new("Inverse-kinematics control to samples of SO(3)", "K_O t", "RMS of e_O, rad", series)
+            .log([false, true]),
     );
 }
 

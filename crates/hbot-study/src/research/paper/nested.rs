@@ -9,7 +9,7 @@ use hbot_core::{Device, Vec3, WheelSpec};
 use super::literal::{frame, least_rotation};
 use super::torus::{self, THREE, posture};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
 /// Smallest distance of a tested design from the border of the nested-circles condition, rad.
@@ -33,15 +33,8 @@ impl Design {
 
     fn specs(&self) -> [WheelSpec; 2] {
         let (sin, cos) = libm::sincos(self.between);
-        let wheel = |axis, cone| WheelSpec {
-            axis,
-            cone,
-            toe: 0.0,
-            radius: 0.0155,
-            steer_inertia: 2.7e-5,
-            drive_inertia: 3.5e-6,
-            axial_inertia: 0.0,
-        };
+        let own = *RigConfig::prototype().rig.device.wheels()[0].spec();
+        let wheel = |axis, cone| WheelSpec { axis, cone, ..own };
         [wheel(Vec3::Z, self.cones[0]), wheel(Vec3::new(sin, 0.0, cos), self.cones[1])]
     }
 
@@ -68,31 +61,9 @@ impl Design {
 
 pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     context.part("designs for three motors")?;
-    report.family(
-        "nested_designs_{what}",
-        "1",
-        "random designs of two wheels without toe on a fine torus: checked (how many), free (how many are never singular with one drive and two steers), disagree (with the \
-         nested-circles condition), two_drives_free (never singular with two drives and one steer)",
-    );
-    report.family(
-        "nested_example_least_index",
-        "1",
-        "least spectral index, one drive and two steers, of the design that is named",
-    );
+    families(report);
     let (count, cells) = if context.quick { (300, 60) } else { (2000, 120) };
-    let mut rng = Rng(44);
-    let mut designs = Vec::new();
-    while designs.len() < count {
-        let cones = [rng.between(0.05, 1.5), rng.between(0.05, 1.5)];
-        let design = Design { cones, between: rng.between(0.02, PI - 0.02) };
-        if design.nested().abs() > BORDER {
-            designs.push(design);
-        }
-    }
-    let found = torus::in_two(count, |from, to| {
-        let each = |design: &Design| [1, 0].map(|column| !design.changes_sign(column, cells));
-        designs[from..to].iter().map(each).collect()
-    });
+    let (designs, found) = tried(count, cells);
     let free = found.iter().filter(|free| free[0]).count();
     let disagree = found.iter().zip(&designs).filter(|(free, design)| free[0] != (design.nested() > 0.0));
     let disagree = disagree.count();
@@ -102,11 +73,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     for (what, value) in figures {
         report.figure(format!("nested_designs_{what}"), value as f64);
     }
-    let example = Design { cones: [10.0_f64, 45.0].map(f64::to_radians), between: 15.0_f64.to_radians() };
-    let device = RigConfig::prototype().rig.device;
-    let made = Device::new(device.sphere_radius(), device.sphere_mass(), &example.specs());
-    let made = made.unwrap_or_else(|error| unreachable!("nested circles never meet: {error}"));
-    let least = torus::least(72, |th| THREE.indices(&posture(&made, th)).spectral).1;
+    let least = example();
     report.figure("nested_example_least_index".to_owned(), least);
     report.say(&format!(
         "Can three motors do? For one drive (wheel 1) and two steers without toe, exactly where the contact circles, or one and the other's opposite, are nested with wheel 1 inside: cone 2 > cone 1 + min(g, \
@@ -114,12 +81,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
          Two drives and one steer always meet a singularity: c1 of wheel 2 goes round a great circle, which every plane through the centre meets."
     ));
     report.table(&[
-        row([
-            "designs",
-            "never singular, one drive and two steers",
-            "against the condition",
-            "never singular, two drives and one steer",
-        ]),
+        head("designs | never singular, one drive and two steers | against the condition | never singular, two drives and one steer"),
         row(figures.map(|(_, value)| value.to_string())),
     ]);
     report.say(&format!(
@@ -141,4 +103,38 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         least > 0.05,
     );
     Ok(())
+}
+
+fn families(report: &mut Report) {
+    report.family("nested_designs_{what} | 1 | random designs of two wheels without toe on a fine torus: checked (how many), free (how many are never singular with one drive and two steers), disagree (with the \
+         nested-circles condition), two_drives_free (never singular with two drives and one steer)");
+    report.family("nested_example_least_index | 1 | least spectral index, one drive and two steers, of the design that is named");
+}
+
+/// Random designs away from the border, and of each whether it is never singular with one drive and two steers, and with two
+/// drives and one steer.
+fn tried(count: usize, cells: usize) -> (Vec<Design>, Vec<[bool; 2]>) {
+    let mut rng = Rng(44);
+    let mut designs = Vec::new();
+    while designs.len() < count {
+        let cones = [rng.between(0.05, 1.5), rng.between(0.05, 1.5)];
+        let design = Design { cones, between: rng.between(0.02, PI - 0.02) };
+        if design.nested().abs() > BORDER {
+            designs.push(design);
+        }
+    }
+    let found = torus::in_two(count, |from, to| {
+        let each = |design: &Design| [1, 0].map(|column| !design.changes_sign(column, cells));
+        designs[from..to].iter().map(each).collect()
+    });
+    (designs, found)
+}
+
+/// The least spectral index of the design that is named.
+fn example() -> f64 {
+    let example = Design { cones: [10.0_f64, 45.0].map(f64::to_radians), between: 15.0_f64.to_radians() };
+    let device = RigConfig::prototype().rig.device;
+    let made = Device::new(device.sphere_radius(), device.sphere_mass(), &example.specs());
+    let made = made.unwrap_or_else(|error| unreachable!("nested circles never meet: {error}"));
+    torus::least(72, |th| THREE.indices(&posture(&made, th)).spectral).1
 }

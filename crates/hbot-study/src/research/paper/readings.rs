@@ -28,9 +28,7 @@ fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
 pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
     context.part("indices against the wheel radius")?;
     report.family(
-        "gci_{motors}_spectral_{workspace}_r_{radius}um",
-        "1",
-        "the same with wheels of {radius} micrometres",
+        "gci_{motors}_spectral_{workspace}_r_{radius}um | 1 | the same with wheels of {radius} micrometres",
     );
     let choices = [THREE, FOUR];
     let level = if context.quick { 1 } else { 3 };
@@ -39,7 +37,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
     for (colour, motors) in choices.iter().enumerate() {
         for (name, open) in [("SO(3)", false), ("torus", true)] {
             let name = format!("{}, {name}", if motors.id == THREE.id { "three motors" } else { "all four" });
-            series.push(Series { name, points: Vec::new(), colour, open });
+            series.push(Series::new(name, Vec::new(), colour).open(open));
         }
     }
     for radius in RADII {
@@ -62,18 +60,10 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
     report.say(
         "GCI against the wheel radius, which the paper does not give (table II implies 15.3 +- 0.5 mm):",
     );
-    report.plot(
+    report.lines(
         "gci_radius",
         "GCI (spectral) against the wheel radius, over SO(3) the paper's way and over the torus",
-        Lines {
-            title: "GCI against the wheel radius".to_owned(),
-            x: "wheel radius r, mm".to_owned(),
-            y: "GCI, spectral".to_owned(),
-            log: [false; 2],
-            series,
-            front: false,
-        }
-        .svg(),
+        Lines::new("GCI against the wheel radius", "wheel radius r, mm", "GCI, spectral", series),
     );
     Ok(format!(
         "with wheels of {} mm the paper's way gives {v0:.3}, with {} mm {v1:.3}",
@@ -90,17 +80,6 @@ pub(super) fn study(
     known: &Known,
 ) -> Result<(), Interrupted> {
     context.part("other readings of the indices")?;
-    report.family(
-        "gci_reading_{reading}_{norm}",
-        "1",
-        "GCI of the three motors by another reading: printed_grid (the paper's equal steps without a weight), literal (eq. 1 to the letter, torus)",
-    );
-    report.family(
-        "gmi_reading_{reading}",
-        "1",
-        "GMI of the three motors by another reading: printed_grid and literal as above; over the torus sphere_alone (no joint inertia), joint_space (J = G_3 with the inertia seen at the joints), \
-         inertia_low and inertia_high (joint inertias 3 times smaller and larger)",
-    );
     let cells = if context.quick { 64 } else { 192 };
     let normal = |value: &(dyn Fn([f64; 2]) -> f64 + Sync)| {
         let most = -torus::least(48, |th| -value(th)).1;
@@ -138,8 +117,19 @@ pub(super) fn study(
         ("inertia_low", "joint inertias 3 times smaller, torus", (None, scaled(1.0 / 3.0))),
         ("inertia_high", "joint inertias 3 times larger, torus", (None, scaled(3.0))),
     ];
+    tell(report, &all, literal_gci[0]);
+    Ok(())
+}
+
+/// The id of a reading (none for those of other sections), its name, and GCI by both norms, if it has them, with GMI.
+type Reading = (&'static str, &'static str, (Option<[f64; 2]>, f64));
+
+fn tell(report: &mut Report, all: &[Reading], literal_gci: f64) {
+    report.family("gci_reading_{reading}_{norm} | 1 | GCI of the three motors by another reading: printed_grid (the paper's equal steps without a weight), literal (eq. 1 to the letter, torus)");
+    report.family("gmi_reading_{reading} | 1 | GMI of the three motors by another reading: printed_grid and literal as above; over the torus sphere_alone (no joint inertia), joint_space (J = G_3 with the inertia seen at the joints), \
+         inertia_low and inertia_high (joint inertias 3 times smaller and larger)");
     let mut table = vec![row(["three motors", "GCI spectral", "GCI Frobenius", "GMI"])];
-    for (id, name, (gci, gmi)) in all {
+    for &(id, name, (gci, gmi)) in all {
         let mut cells = vec![name.to_owned()];
         match gci {
             Some(values) => cells.extend(values.map(|value| format!("{value:.3}"))),
@@ -158,10 +148,9 @@ pub(super) fn study(
     report.say(&format!(
         "What the paper's 0.41 and 0.5 could have been besides. With eq. 1 to the letter GCI would be {:.2}, so the paper did not compute with it as printed. For GMI, the forward Jacobian with the inertia \
          as seen at the joints gives ours again, and with the inertia as seen at the sphere has no largest value.",
-        literal_gci[0]
+        literal_gci
     ));
     report.table(&table);
-    Ok(())
 }
 
 /// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G for any rows of G, (kg m²)³.

@@ -31,16 +31,9 @@ pub(super) fn study(
     report.heading("Singularities (section III)");
     let boundary = boundary_determinant(&device, &device.wheels()[0]);
     let sine = device.wheels()[0].axis_along_roll();
-    report.family(
-        "boundary_determinant_m2",
-        "m²",
-        "det H of a wheel of the prototype, r R sin(cone) cos(toe)",
-    );
-    report.family(
-        "boundary_margin",
-        "1",
-        "sin(cone) cos(toe): what of det H is the design's, 0 where singular",
-    );
+    report.family("boundary_determinant_m2 | m² | det H of a wheel of the prototype, r R sin(cone) cos(toe)");
+    report
+        .family("boundary_margin | 1 | sin(cone) cos(toe): what of det H is the design's, 0 where singular");
     report.figure("boundary_determinant_m2".to_owned(), boundary);
     report.figure("boundary_margin".to_owned(), sine);
     report.say(&format!(
@@ -59,17 +52,9 @@ pub(super) fn study(
 fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     let interior = torus::least(CELLS, |th| interior_margin(&posture(device, th)));
     let closed = interior_margin_over_all(device);
-    report.family("interior_margin_least", "1", "least sigma_min(Z)/R over all steering angles, by search");
-    report.family(
-        "actuation_least_{motors}",
-        "1",
-        "least spectral index of the driven rows of G over all steering angles",
-    );
-    report.family(
-        "actuation_below_{percent}pct_{motors}_fraction",
-        "1",
-        "part of the torus where that index is below {percent} percent",
-    );
+    report.family("interior_margin_least | 1 | least sigma_min(Z)/R over all steering angles, by search");
+    report.family("actuation_least_{motors} | 1 | least spectral index of the driven rows of G over all steering angles");
+    report.family("actuation_below_{percent}pct_{motors}_fraction | 1 | part of the torus where that index is below {percent} percent");
     report.say(&format!("In the ids, {MOTORS}."));
     report.figure("interior_margin_least".to_owned(), interior.1);
     // The search stops at 1e-9 of a cell, and where the minimum is flat that is 1e-18 in value.
@@ -78,28 +63,7 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
         format!("{:.6} and {closed:.6}", interior.1),
         (interior.1 - closed).abs() < 1.0e-9,
     );
-    let mut table =
-        vec![row(["motors", "least spectral index", "below 0.05 on", "below 0.1 on", "below 0.2 on"])];
-    let mut least = Vec::new();
-    let mut weak = 0.0;
-    for motors in CHOICES {
-        let found = torus::least(CELLS, |th| motors.indices(&posture(device, th)).spectral).1;
-        report.figure(format!("actuation_least_{}", motors.id), found);
-        let all = torus::over(256, |th| motors.indices(&posture(device, th)).spectral);
-        let mut cells = row([motors.name, &format!("{found:.3}")]);
-        for percent in BELOW {
-            let below = all.iter().filter(|index| **index < f64::from(percent) / 100.0).count();
-            let part = below as f64 / all.len() as f64;
-            report.figure(format!("actuation_below_{percent}pct_{}_fraction", motors.id), part);
-            cells.push(format!("{:.1} % of the torus", 100.0 * part));
-            if motors == THREE && percent == 10 {
-                weak = part;
-            }
-        }
-        table.push(cells);
-        least.push(found);
-    }
-    report.table(&table);
+    let (least, weak) = actuation(report, device);
     report.check(
         "with all four motors the prototype is never singular: the least spectral index is 0.50 to 0.51",
         format!("{:.4}", least[0]),
@@ -122,6 +86,38 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
             100.0 * weak
         ),
     );
+    draw_maps(report, device);
+}
+
+/// The least spectral index of each choice of motors, and the part of the torus where the paper's three are weak.
+fn actuation(report: &mut Report, device: &Device) -> (Vec<f64>, f64) {
+    let mut table =
+        vec![row(["motors", "least spectral index", "below 0.05 on", "below 0.1 on", "below 0.2 on"])];
+    let mut least = Vec::new();
+    let mut weak = 0.0;
+    for motors in CHOICES {
+        let found = torus::least(CELLS, |th| motors.indices(&posture(device, th)).spectral).1;
+        report.figure(format!("actuation_least_{}", motors.id), found);
+        let all = torus::over(256, |th| motors.indices(&posture(device, th)).spectral);
+        let mut cells = row([motors.name, &format!("{found:.3}")]);
+        for percent in BELOW {
+            let below = all.iter().filter(|index| **index < f64::from(percent) / 100.0).count();
+            let part = below as f64 / all.len() as f64;
+            report.figure(format!("actuation_below_{percent}pct_{}_fraction", motors.id), part);
+            cells.push(format!("{:.1} % of the torus", 100.0 * part));
+            if motors == THREE && percent == 10 {
+                weak = part;
+            }
+        }
+        table.push(cells);
+        least.push(found);
+    }
+    report.table(&table);
+    (least, weak)
+}
+
+/// Maps of the margins over the torus.
+fn draw_maps(report: &mut Report, device: &Device) {
     let map = |title: &str, value: &(dyn Fn([f64; 2]) -> f64 + Sync), range, lines| Map {
         title: title.to_owned(),
         x: "steering angle 1, deg".to_owned(),
@@ -193,9 +189,7 @@ fn conditions(context: &Context, report: &mut Report) {
             cone: rng.between(0.1, 1.4),
             toe: rng.between(-0.6, 0.6),
             radius: rng.between(0.01, 0.05),
-            steer_inertia: 1.0e-5,
-            drive_inertia: 1.0e-6,
-            axial_inertia: 0.0,
+            ..WheelSpec::default()
         };
         let specs = [wheel(), wheel()];
         let Ok(device) = Device::new(0.1, 0.5, &specs) else { continue };
@@ -209,11 +203,7 @@ fn conditions(context: &Context, report: &mut Report) {
         let size: f64 = THREE.rows(&posture, |rows| rows.iter().map(|row| row.length()).product());
         worst[1] = worst[1].max((analytic - THREE.determinant(&posture)).abs() / size);
     }
-    report.family(
-        "singularity_{condition}_worst_error",
-        "1",
-        "analytic condition against the numbers on random designs: interior (sqrt(1 - abs(cos g)) against sigma_min(Z)/R), actuation (det G_3, relative to the product of the rows' lengths)",
-    );
+    report.family("singularity_{condition}_worst_error | 1 | analytic condition against the numbers on random designs: interior (sqrt(1 - abs(cos g)) against sigma_min(Z)/R), actuation (det G_3, relative to the product of the rows' lengths)");
     report.figure("singularity_interior_worst_error".to_owned(), worst[0]);
     report.figure("singularity_actuation_worst_error".to_owned(), worst[1]);
     // The root of a difference loses half of the digits if the contacts nearly meet.
@@ -227,6 +217,20 @@ fn conditions(context: &Context, report: &mut Report) {
         format!("{:.1e}", worst[1]),
         worst[1] < 1.0e-13,
     );
+}
+
+/// Steering angles at which the paper's three motors are singular.
+fn singular(device: &Device) -> [f64; 2] {
+    // c3_1 . c2_2 = 0, found along th_2 by section between signs.
+    let th_1 = 0.4;
+    let det = |th_2: f64| THREE.determinant(&posture(device, [th_1, th_2]));
+    let mut ends = [FRAC_PI_2, 3.0 * FRAC_PI_2];
+    let rising = det(ends[0]) < 0.0;
+    for _ in 0..60 {
+        let middle = 0.5 * (ends[0] + ends[1]);
+        ends[usize::from((det(middle) < 0.0) != rising)] = middle;
+    }
+    [th_1, ends[0]]
 }
 
 /// Draws singular configurations: those of the paper's figures 2 and 3, and one that arises with
@@ -257,16 +261,8 @@ fn draw(report: &mut Report, device: &Device) {
     let together = interior("Interior: contact points in one place", [1.0, 1.0]);
     let opposite = interior("Interior: contact points opposite", [1.0, -1.0]);
     let mut actuation = view("Actuation, three motors: c3 of wheel 1 across c2 of wheel 2");
-    // c3_1 . c2_2 = 0, found along th_2 by bisection.
-    let th_1 = 0.4;
-    let det = |th_2: f64| THREE.determinant(&posture(device, [th_1, th_2]));
-    let mut ends = [FRAC_PI_2, 3.0 * FRAC_PI_2];
-    let rising = det(ends[0]) < 0.0;
-    for _ in 0..60 {
-        let middle = 0.5 * (ends[0] + ends[1]);
-        ends[usize::from((det(middle) < 0.0) != rising)] = middle;
-    }
-    let found = posture(device, [th_1, ends[0]]);
+    let th = singular(device);
+    let found = posture(device, th);
     let index = THREE.indices(&found).spectral;
     for (k, (frame, axis)) in found.frames().iter().zip([right, left]).enumerate() {
         actuation.named(Vec3::ZERO, axis * 1.55, &format!("l{}", k + 1), Pen::Strong(6));
@@ -277,7 +273,7 @@ fn draw(report: &mut Report, device: &Device) {
     actuation.named(b.c3, b.c3 + b.c2 * 0.6, "c2", Pen::Strong(1));
     report.check(
         "the three-motor posture that is drawn is singular (index below 1e-12)",
-        format!("{index:.1e} at ({:.1}, {:.1}) deg", th_1.to_degrees(), ends[0].to_degrees()),
+        format!("{index:.1e} at ({:.1}, {:.1}) deg", th[0].to_degrees(), th[1].to_degrees()),
         index < 1.0e-12,
     );
     report.plot(

@@ -19,11 +19,7 @@ pub(super) fn study(
     (start, ours): ([f64; 2], f64),
 ) -> Result<[f64; 2], Interrupted> {
     context.part("GCI against the start")?;
-    report.family(
-        "gci_three_motors_spectral_so3_over_starts_{statistic}",
-        "1",
-        "the same over starts spread evenly over the torus: least, mean, largest",
-    );
+    report.family("gci_three_motors_spectral_so3_over_starts_{statistic} | 1 | the same over starts spread evenly over the torus: least, mean, largest");
     let (cells, level) = if context.quick { (10, 1) } else { (24, 2) };
     let samples: Vec<Quat> = so3::uniform(level).collect();
     let values = torus::over(cells, |th| rig.gci(&samples, th, &THREE));

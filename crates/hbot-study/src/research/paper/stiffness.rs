@@ -9,7 +9,7 @@ use super::comparison::Comparison;
 use super::effects::{Effect, alone, by_two, together};
 use super::springs::{DAMPING, LOAD_S, LOOK_S, Measured, REST_S, STEPS, Setting, measure};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 
 /// A row of the paper's table III: an id, the axis, the commanded and the measured stiffness (N
 /// m/rad), and R² of the fitted line.
@@ -118,23 +118,11 @@ fn introduce(report: &mut Report) {
          looked at for {LOOK_S} s (a damper of {DAMPING} N m s/rad has brought the sphere to rest). The stiffness is the slope of the line of least squares of torque over deflection, as in the paper. Its text does not say how large the torques were; {MOST} N m lies within what the rig's limits (0.9 N m) and its contacts (0.94 N m) hold. \
          *All effects* are those of docs/physics.md, section 8, with their default figures, but for the motors' heat: what the prototype holds for ever is 0.11 N m about n1 and 0.15 about n2 (table II), so loads like these must be put on for short times and onto cold motors. What heat does stands in the table of single effects."
     ));
-    report.family(
-        "stiffness_{row}_{law}_{rig}",
-        "N m/rad",
-        "slope of the fitted line, ideal rig or with all effects; rows by axis and stiffness asked; also as `slope`, with `error_percent`, `r2`, `paper`, `paper_r2`",
-    );
-    report.family(
-        "stiffness_{row}_effect_{effect}_percent",
-        "%",
-        "error of the slope with one effect alone, geodesic law; `r2`; `active` 0 where a fault ended it",
-    );
-    report.family(
-        "stiffness_{row}_range{mNm}_percent",
-        "%",
-        "error of the slope with all effects over the largest load, mN m; `r2`",
-    );
-    report.family("stiffness_{row}_weak_quaternion_percent", "%", "error of the slope of the quaternion law with a torque constant 5 % low and loads up to half of the others, and nothing else");
-    report.family("stiffness_peak_{law}_percent", "%", "error of the slope of 6 N m/rad about n1 with loads up to 1.4 N m, limits and contacts aside, ideal rig");
+    report.family("stiffness_{row}_{law}_{rig} | N m/rad | slope of the fitted line, ideal rig or with all effects; rows by axis and stiffness asked; also as `slope`, with `error_percent`, `r2`, `paper`, `paper_r2`");
+    report.family("stiffness_{row}_effect_{effect}_percent | % | error of the slope with one effect alone, geodesic law; `r2`; `active` 0 where a fault ended it");
+    report.family("stiffness_{row}_range{mNm}_percent | % | error of the slope with all effects over the largest load, mN m; `r2`");
+    report.family("stiffness_{row}_weak_quaternion_percent | % | error of the slope of the quaternion law with a torque constant 5 % low and loads up to half of the others, and nothing else");
+    report.family("stiffness_peak_{law}_percent | % | error of the slope of 6 N m/rad about n1 with loads up to 1.4 N m, limits and contacts aside, ideal rig");
 }
 
 fn measured(context: &Context) -> Result<Found, Interrupted> {
@@ -239,19 +227,9 @@ struct Worst {
 /// Reports the measurements for each row of the paper's table III. Returns the worst errors among
 /// them.
 fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) -> Worst {
-    let mut table = vec![row([
-        "axis, asked, N m/rad",
-        "law",
-        "ideal, N m/rad",
-        "error, %",
-        "R²",
-        "all effects, N m/rad",
-        "error, %",
-        "R²",
-        "the paper, N m/rad",
-        "error, %",
-        "R²",
-    ])];
+    let mut table = vec![head(
+        "axis, asked, N m/rad | law | ideal, N m/rad | error, % | R² | all effects, N m/rad | error, % | R² | the paper, N m/rad | error, % | R²",
+    )];
     let mut worst = Worst { ideal: 0.0, softest: 0.0, stiffest: -100.0, r2: 1.0 };
     for (of, chunk) in ROWS.iter().zip(found.chunks(4)) {
         for (law, pair) in LAWS.into_iter().zip(chunk.chunks(2)) {
@@ -361,29 +339,24 @@ fn figure(report: &mut Report, found: &[Measured]) {
             let measured = &chunk[at];
             let fit = measured.fit();
             let name = format!("{}, {} N m/rad", &of.id[..2], short(of.asked));
-            series.push(Series { name, points: measured.points.clone(), colour: k, open: false });
+            series.push(Series::new(name, measured.points.clone(), k));
             let ends =
                 measured.points.iter().fold((0.0_f64, 0.0_f64), |(a, b), (x, _)| (a.min(*x), b.max(*x)));
             let line = [ends.0, ends.1].map(|x| (x, fit.offset + fit.slope * x));
-            series.push(Series {
-                name: format!("fitted {:.2}, R² {:.4}", fit.slope, fit.r2),
-                points: line.to_vec(),
-                colour: k,
-                open: true,
-            });
+            series.push(
+                Series::new(format!("fitted {:.2}, R² {:.4}", fit.slope, fit.r2), line.to_vec(), k)
+                    .open(true),
+            );
         }
-        report.plot(
+        report.lines(
             &format!("stiffness_{rig}"),
             &format!("Rendered stiffness about n1 and n2, geodesic law, {what}"),
-            Lines {
-                title: format!("Torque and deflection at rest: {what}"),
-                x: "deflection, rad".to_owned(),
-                y: "torque applied, N m".to_owned(),
-                log: [false; 2],
+            Lines::new(
+                format!("Torque and deflection at rest: {what}"),
+                "deflection, rad",
+                "torque applied, N m",
                 series,
-                front: false,
-            }
-            .svg(),
+            ),
         );
     }
 }

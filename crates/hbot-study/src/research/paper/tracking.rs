@@ -13,7 +13,7 @@ use serde_json::json;
 use super::comparison::Comparison;
 use super::effects::{Effect, alone, by_two, together};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Report, head, row};
 use crate::whole::{Whole, prototype};
 
 /// Amplitude of the chirp, rad. It is 35 degrees.
@@ -223,28 +223,12 @@ fn introduce(report: &mut Report, time: f64) {
          to the reference's; the paper's are not given. *At the joints* is the turn about n1 that the encoders tell; *by camera* is the true one, as seen along n1. Errors are RMS over the whole chirp in % of the amplitude. The reference may move at 10 rad/s, and the slip that is a fault is {SLIP_LIMIT} m/s: play in \
          the gears looks like slip of up to 0.06 m/s to the detector, and the rig file's 0.05 would end the run."
     ));
-    report.family(
-        "chirp_{where}_rms_percent",
-        "%",
-        "RMS error of following the chirp at the joints or by camera, of the amplitude, with all effects of a real device; `paper`, `aside`: the most that it turned about other axes, rad",
-    );
-    report.family("chirp_{where}_ideal_rms_percent", "%", "the same without any effect");
-    report.family("chirp_{where}_{effect}_rms_percent", "%", "the same with one effect alone");
-    report.family(
-        "chirp_{where}_stiffness{K}_{rig}_rms_percent",
-        "%",
-        "the same over the spring's stiffness, N m/rad; ideal or with all effects",
-    );
-    report.family(
-        "chirp_camera_offset{d}_rms_percent",
-        "%",
-        "by camera with all effects, the sphere d um out of centre along its third axis",
-    );
-    report.family(
-        "chirp_camera_force{N}_rms_percent",
-        "%",
-        "by camera with all effects, wheels pressed on with so many mN",
-    );
+    report.family("chirp_{where}_rms_percent | % | RMS error of following the chirp at the joints or by camera, of the amplitude, with all effects of a real device; `paper`, `aside`: the most that it turned about other axes, rad");
+    report.family("chirp_{where}_ideal_rms_percent | % | the same without any effect");
+    report.family("chirp_{where}_{effect}_rms_percent | % | the same with one effect alone");
+    report.family("chirp_{where}_stiffness{K}_{rig}_rms_percent | % | the same over the spring's stiffness, N m/rad; ideal or with all effects");
+    report.family("chirp_camera_offset{d}_rms_percent | % | by camera with all effects, the sphere d um out of centre along its third axis");
+    report.family("chirp_camera_force{N}_rms_percent | % | by camera with all effects, wheels pressed on with so many mN");
 }
 
 /// Reports figures, a table and plots for each effect alone and for all together.
@@ -332,11 +316,13 @@ fn compare(comparison: &mut Comparison, runs: &Runs) {
 fn curves(report: &mut Report, plain: &Followed, real: &Followed, time: f64) {
     let every = 10;
     let step = time / plain.wanted.len() as f64;
-    let line = |name: &str, of: &dyn Fn(usize) -> f64, count: usize, colour, open| Series {
-        name: name.to_owned(),
-        points: (0..count).step_by(every).map(|k| (k as f64 * step, of(k).to_degrees())).collect(),
-        colour,
-        open,
+    let line = |name: &str, of: &dyn Fn(usize) -> f64, count: usize, colour, open| {
+        Series::new(
+            name.to_owned(),
+            (0..count).step_by(every).map(|k| (k as f64 * step, of(k).to_degrees())).collect(),
+            colour,
+        )
+        .open(open)
     };
     let n = real.joints.len();
     let turn = vec![
@@ -353,30 +339,18 @@ fn curves(report: &mut Report, plain: &Followed, real: &Followed, time: f64) {
         ("chirp", "Chirp about n1", "turn about n1, degrees", turn),
         ("chirp_error", "Chirp about n1: error", "turn less desired turn, degrees", off),
     ] {
-        report.plot(
+        report.lines(
             name,
             &format!("{title}: 35 degrees, 0 to 1 Hz in {time} s, spring of {STIFFNESS} N m/rad"),
-            Lines {
-                title: title.to_owned(),
-                x: "time, s".to_owned(),
-                y: y.to_owned(),
-                log: [false; 2],
-                series,
-                front: false,
-            }
-            .svg(),
+            Lines::new(title.to_owned(), "time, s", y.to_owned(), series),
         );
     }
 }
 
 fn over_stiffness(report: &mut Report, pairs: &[(f64, &[Followed])]) {
-    let mut table = vec![row([
-        "spring, N m/rad",
-        "joints, ideal, %",
-        "joints, all effects",
-        "camera, ideal",
-        "camera, all effects",
-    ])];
+    let mut table = vec![head(
+        "spring, N m/rad | joints, ideal, % | joints, all effects | camera, ideal | camera, all effects",
+    )];
     for (stiffness, pair) in pairs {
         for (run, rig) in pair.iter().zip(["ideal", "real"]) {
             for (name, of) in [("joint", run.joints_rms), ("camera", run.camera_rms)] {

@@ -91,20 +91,10 @@ fn introduce(report: &mut Report) {
          direction, by the facets of the polytope in f64; the direction's error is the angle between T made and T asked for. Medians of the postures; the \
          worst is noted beside them in summary.json.",
     );
+    report.family("allocation_{method}_{width}_{wheels}w_{percent}pct_shortfall | 1 | torque that is missing, relative to the best; median");
+    report.family("allocation_{method}_{width}_{wheels}w_{percent}pct_direction_rad | rad | angle between the torque made and the one asked for; median");
     report.family(
-        "allocation_{method}_{width}_{wheels}w_{percent}pct_shortfall",
-        "1",
-        "torque that is missing, relative to the best; median",
-    );
-    report.family(
-        "allocation_{method}_{width}_{wheels}w_{percent}pct_direction_rad",
-        "rad",
-        "angle between the torque made and the one asked for; median",
-    );
-    report.family(
-        "allocation_{method}_{width}_{wheels}w_{percent}pct_ns",
-        "ns",
-        "one allocation, mean over the postures",
+        "allocation_{method}_{width}_{wheels}w_{percent}pct_ns | ns | one allocation, mean over the postures",
     );
 }
 
@@ -170,7 +160,7 @@ fn tell(report: &mut Report, found: &[Found], times: &[Time]) {
             match lines.iter_mut().find(|s| s.name == name) {
                 Some(series) => series.points.push(point),
                 None => {
-                    lines.push(Series { name, points: vec![point], colour: *colour, open: *width == "f32" });
+                    lines.push(Series::new(name, vec![point], *colour).open(*width == "f32"));
                 }
             }
         }
@@ -185,17 +175,9 @@ fn tell(report: &mut Report, found: &[Found], times: &[Time]) {
         sci(worst_exact),
         worst_exact < 1.0e-9,
     );
-    report.plot(
+    report.lines(
         "allocation",
         "What one allocation takes where 150 % of the capability is asked for",
-        Lines {
-            title: "Allocation at 150 % of the capability".to_owned(),
-            x: "wheels".to_owned(),
-            y: "ns".to_owned(),
-            log: [false, true],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new("Allocation at 150 % of the capability", "wheels", "ns", lines).log([false, true]),
     );
 }

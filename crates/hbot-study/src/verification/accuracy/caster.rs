@@ -27,16 +27,8 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
          which do not depend on where the wheels stand, go on to agree. So two trajectories may be compared over short times or without \
          reversals, and over long ones only what is conserved.",
     );
-    report.family(
-        "caster_growth_per_rad_{what}",
-        "1",
-        "growth of a heading error while the sphere turns 1 rad against the wheel: measured, and predicted exp(cot a)",
-    );
-    report.family(
-        "caster_{what}_apart_{unit}",
-        "rad or J",
-        "how far rk4 and rkmk4 at 1 ms are apart after 10 s of a free sphere on a spring",
-    );
+    report.family("caster_growth_per_rad_{what} | 1 | growth of a heading error while the sphere turns 1 rad against the wheel: measured, and predicted exp(cot a)");
+    report.family("caster_{what}_apart_{unit} | rad or J | how far rk4 and rkmk4 at 1 ms are apart after 10 s of a free sphere on a spring");
     let (measured, predicted) = (growth(device), libm::exp(1.0 / libm::tan(device.wheels()[0].spec().cone)));
     report.figure("caster_growth_per_rad_measured".to_owned(), measured);
     report.figure("caster_growth_per_rad_predicted".to_owned(), predicted);
@@ -77,12 +69,8 @@ fn part_ways(report: &mut Report, device: &Device) {
     let energy = |s: &PlantState| plant.energy(s) + 0.5 * rotation::log(s.q).length_squared();
     let (mut a, mut b) = (start, start);
     let h = 1.0e-3;
-    let mut series = ["steering angles, rad", "orientations, rad", "energies, J"].map(|name| Series {
-        name: name.to_owned(),
-        points: Vec::new(),
-        colour: 0,
-        open: false,
-    });
+    let mut series = ["steering angles, rad", "orientations, rad", "energies, J"]
+        .map(|name| Series::new(name.to_owned(), Vec::new(), 0));
     let mut last = [0.0; 3];
     for k in 0..10_000 {
         let t = f64::from(k) * h;
@@ -111,17 +99,10 @@ fn part_ways(report: &mut Report, device: &Device) {
         row(["orientations", &format!("{} rad", sci(last[1]))]),
         row(["energies, of 1.8 J", &format!("{} J", sci(last[2]))]),
     ]);
-    report.plot(
+    report.lines(
         "caster",
         "How far rk4 and rkmk4, both at 1 ms, come apart on one free sphere",
-        Lines {
-            title: "Two correct integrators part ways".to_owned(),
-            x: "time, s".to_owned(),
-            y: "apart".to_owned(),
-            log: [false, true],
-            series: series.to_vec(),
-            front: false,
-        }
-        .svg(),
+        Lines::new("Two correct integrators part ways", "time, s", "apart", series.to_vec())
+            .log([false, true]),
     );
 }

@@ -1,5 +1,6 @@
 //! Accuracy of kinematics near singular designs.
 
+use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
 use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series};
@@ -16,15 +17,8 @@ const CONES: [u32; 5] = [174_500, 30_000, 10_000, 1000, 100];
 
 fn wheel(angle: f64, cone: f64) -> WheelSpec {
     let (s, c) = libm::sincos(angle);
-    WheelSpec {
-        axis: Vec3::new(s, 0.0, -c),
-        cone,
-        toe: 0.0,
-        radius: 0.0155,
-        steer_inertia: 2.7e-5,
-        drive_inertia: 3.5e-6,
-        axial_inertia: 0.0,
-    }
+    let own = *RigConfig::prototype().rig.device.wheels()[0].spec();
+    WheelSpec { axis: Vec3::new(s, 0.0, -c), cone, ..own }
 }
 
 /// Returns a nearly singular device: two wheels whose contacts can come within `gap` (rad) of each
@@ -59,23 +53,7 @@ fn nearest(device: &Device) -> [f64; 2] {
 
 pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     context.part("kinematics near singular designs")?;
-    report.heading("Kinematics near singular designs");
-    report.say(
-        "The sphere's rate from joint rates that belong to a known one, in the posture where the contact points come nearest (*gap*), or with \
-         cones so small that steering hardly moves the contact (*cone*). Errors are relative to the rate, medians over directions. The joint rates are \
-         rounded to the width first: near an interior singularity an error of a rate across the line through the contacts grows as 1/margin², \
-         the square of what the design's margin says.",
-    );
-    report.family(
-        "kinematics_{width}_gap_{gap}mdeg_error",
-        "1",
-        "error of the rate, contact points {gap} millidegrees apart",
-    );
-    report.family(
-        "kinematics_{width}_cone_{cone}urad_error",
-        "1",
-        "error of the rate, cone angle {cone} microradians",
-    );
+    introduce(report);
     let mut rng = Rng(5);
     let directions: Vec<Vec3> = (0..64).map(|_| Vec3::from_array(rng.direction())).collect();
     let gaps = GAPS.map(|gap| {
@@ -104,22 +82,34 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                 table.push(row([id.as_str(), stages::WIDTH, &sci(margin), &sci(error)]));
                 points.push((*x, error));
             }
-            lines.push(Series { name: format!("{what}, {}", stages::WIDTH), points, colour, open: stages::WIDTH == "f32" });
+            lines.push(Series::new(format!("{what}, {}", stages::WIDTH), points, colour).open(stages::WIDTH == "f32"));
         });
     }
     report.table(&table);
-    report.plot(
+    report.lines(
         "kinematics",
         "Error of the sphere's rate in designs a hair from singular",
-        Lines {
-            title: "Near singular designs".to_owned(),
-            x: "gap (thousandths of a degree) or cone (microradians)".to_owned(),
-            y: "error of the rate, relative".to_owned(),
-            log: [true; 2],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new(
+            "Near singular designs",
+            "gap (thousandths of a degree) or cone (microradians)",
+            "error of the rate, relative",
+            lines,
+        )
+        .log([true; 2]),
     );
     Ok(())
+}
+
+fn introduce(report: &mut Report) {
+    report.heading("Kinematics near singular designs");
+    report.say(
+        "The sphere's rate from joint rates that belong to a known one, in the posture where the contact points come nearest (*gap*), or with \
+         cones so small that steering hardly moves the contact (*cone*). Errors are relative to the rate, medians over directions. The joint rates are \
+         rounded to the width first: near an interior singularity an error of a rate across the line through the contacts grows as 1/margin², \
+         the square of what the design's margin says.",
+    );
+    report.family("kinematics_{width}_gap_{gap}mdeg_error | 1 | error of the rate, contact points {gap} millidegrees apart");
+    report.family(
+        "kinematics_{width}_cone_{cone}urad_error | 1 | error of the rate, cone angle {cone} microradians",
+    );
 }

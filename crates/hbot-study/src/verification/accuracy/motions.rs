@@ -10,7 +10,7 @@ use hbot_sim::motion::{JOINTS, LEAD, MOTIONS, MotionSample, TrueMotion, along, a
 use super::order::Errors;
 use super::{DRIFT_S, RATES, in_both_widths, sci};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row, spread};
+use crate::report::{Report, head, row, spread};
 use crate::timing::{Time, in_turn};
 use crate::verification::double::stages::odometry::{Choice, METHODS, ORDERS, PATH_ORDERS, PATHS, track};
 
@@ -51,7 +51,7 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
         "What one tick takes to make an orientation of the joints' turns. Euler finds the contact frames of the last reading made already: the torque's \
          allocation needs them. The others make one set (midpoint) or two (magnus4) more.",
     );
-    report.family("odometry_{method}_{path}_{width}_ns", "ns", "one tick of odometry of two wheels");
+    report.family("odometry_{method}_{path}_{width}_ns | ns | one tick of odometry of two wheels");
     let mut names = Vec::new();
     let mut timed = Vec::new();
     in_both_widths!(stages => {
@@ -123,16 +123,8 @@ pub(super) fn study(
 ) -> Result<(), Interrupted> {
     context.part("odometry: smooth motions")?;
     introduce(report);
-    let mut budget = vec![row([
-        "motion",
-        "method",
-        "path",
-        "method's",
-        "path's",
-        "counts'",
-        "method and path",
-        "all three",
-    ])];
+    let mut budget =
+        vec![head("motion | method | path | method's | path's | counts' | method and path | all three")];
     let mut orders = vec![row(["motion", "method", "path", "order"])];
     for motion in &MOTIONS {
         context.go_on()?;
@@ -150,38 +142,17 @@ pub(super) fn study(
                     report.figure(id, *drift);
                 }
                 if let Some(colour) = distinct().position(|other| other == choice) {
-                lines.push(Series {
-                    name: format!("{method}, {path}, {}", stages::WIDTH),
-                    points: RATES.iter().zip(&drifts).map(|(hz, drift)| (times.us_per_second(stages::WIDTH, choice.method, choice.path, *hz), *drift)).collect(),
-                    colour,
-                    open: stages::WIDTH == "f32",
-                });
+                    let points = RATES.iter().zip(&drifts).map(|(hz, drift)| (times.us_per_second(stages::WIDTH, choice.method, choice.path, *hz), *drift)).collect();
+                    lines.push(Series::new(format!("{method}, {path}, {}", stages::WIDTH), points, colour).open(stages::WIDTH == "f32"));
                 }
                 if stages::WIDTH == "f64" {
                     orders.push(order(report, motion, choice, &drifts));
                 }
             }
         });
-        let at = RATES.iter().zip(&reads).find(|(hz, _)| **hz == PARTS_AT);
-        let Some((_, at)) = at else { unreachable!("it is one of the rates") };
-        let followed: Vec<_> = (0..PATHS.len()).map(|path| followed(&rig.device, path, &at.exact)).collect();
-        for choice in choices() {
-            budget.push(parts(report, rig, motion, choice, &reads, &followed));
-        }
-        let title = motion.name.replace('_', ", ");
-        report.plot(
-            &format!("odometry_{}", motion.name),
-            &format!("Odometry of {title} motion, exact readings: drift in 0.6 s against the time that it takes; each line from 500 Hz (left) to 8 kHz"),
-            Lines {
-                title: format!("Drift of {title} motion"),
-                x: "microseconds of computing for a second of motion".to_owned(),
-                y: "drift in 0.6 s, rad".to_owned(),
-                log: [true; 2],
-                series: lines,
-                front: true,
-            }
-            .svg(),
-        );
+        let followed = followed_by_all(rig, &reads);
+        budget.extend(choices().map(|choice| parts(report, rig, motion, choice, &reads, &followed)));
+        draw(report, motion, lines);
     }
     report.say("The three errors apart and together at 1 kHz, f64, rad:");
     report.table(&budget);
@@ -191,6 +162,29 @@ pub(super) fn study(
     );
     report.table(&orders);
     Ok(())
+}
+
+fn draw(report: &mut Report, motion: &TrueMotion, lines: Vec<Series>) {
+    let title = motion.name.replace('_', ", ");
+    report.lines(
+        &format!("odometry_{}", motion.name),
+        &format!("Odometry of {title} motion, exact readings: drift in 0.6 s against the time that it takes; each line from 500 Hz (left) to 8 kHz"),
+        Lines::new(
+            format!("Drift of {title} motion"),
+            "microseconds of computing for a second of motion",
+            "drift in 0.6 s, rad",
+            lines,
+        )
+        .log([true; 2])
+        .front(),
+    );
+}
+
+/// What each path makes of the readings whose errors are told apart.
+fn followed_by_all(rig: &Rig, reads: &[Read]) -> Vec<Vec<[f64; 4]>> {
+    let at = RATES.iter().zip(reads).find(|(hz, _)| **hz == PARTS_AT);
+    let Some((_, at)) = at else { unreachable!("it is one of the rates") };
+    (0..PATHS.len()).map(|path| followed(&rig.device, path, &at.exact)).collect()
 }
 
 fn introduce(report: &mut Report) {
@@ -203,21 +197,9 @@ fn introduce(report: &mut Report) {
          path followed to rounding, the path's is that of the path so followed against the truth, the counts' is what rounding the readings to \
          the prototype's counts (16384 a turn, the drive's through 17:1) changes. Euler takes the frames of the last reading, whatever the path.",
     ));
-    report.family(
-        "odometry_{motion}_{method}_{path}_{width}_{rate}hz_drift_rad",
-        "rad",
-        "drift in 0.6 s of smooth motion with exact readings, largest on the way; {motion}: gentle, brisk, violent, each also with _reversing",
-    );
-    report.family(
-        "odometry_{motion}_{method}_{path}_counts_{rate}hz_drift_rad",
-        "rad",
-        "the same in f64 with readings rounded to the prototype's counts",
-    );
-    report.family(
-        "odometry_{motion}_{method}_{path}_{part}_part_1000hz_rad",
-        "rad",
-        "the part of that drift at 1 kHz that {part} (method, path, counts) has by itself",
-    );
+    report.family("odometry_{motion}_{method}_{path}_{width}_{rate}hz_drift_rad | rad | drift in 0.6 s of smooth motion with exact readings, largest on the way; {motion}: gentle, brisk, violent, each also with _reversing");
+    report.family("odometry_{motion}_{method}_{path}_counts_{rate}hz_drift_rad | rad | the same in f64 with readings rounded to the prototype's counts");
+    report.family("odometry_{motion}_{method}_{path}_{part}_part_1000hz_rad | rad | the part of that drift at 1 kHz that {part} (method, path, counts) has by itself");
 }
 
 /// Smallest drift that can be measured on a smooth motion, rad. It is the sum of the rounding

@@ -74,7 +74,8 @@ fn reference(plant: &Plant, tolerance: f64, load: &impl Load) -> Vec<Quat> {
         .collect()
 }
 
-fn apart(a: &[Quat], b: &[Quat]) -> f64 {
+/// The largest angle between two courses, rad.
+pub(super) fn apart(a: &[Quat], b: &[Quat]) -> f64 {
     a.iter().zip(b).map(|(a, b)| rotation::angle_between(*a, *b)).fold(0.0, f64::max)
 }
 
@@ -85,13 +86,7 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
     let load = task_load();
     let exact = reference(&plant, TOLERANCE, &load);
     let floor = apart(&exact, &reference(&plant, 4.0 * TOLERANCE, &load)).max(1.0e-14);
-    report.say(&format!(
-        "The task of docs/simulator.md: {TASK_S} s from rest of a sphere held by a spring (4 N m/rad, 0.05 N m s/rad) under two swinging \
-         torques. The error is the largest of the orientation, looked at every 20 ms, against the adaptive reference at {TOLERANCE:e} a step \
-         (which itself is good to {floor:.0e}). A rig in virtual time takes steps of 1 ms."
-    ));
-    report.family("plant_{method}_{step_us}us_error_rad", "rad", "largest orientation error over the task");
-    report.family("plant_{method}_{step_us}us_ms_per_s", "ms/s", "computing for a second of simulated time");
+    introduce(report, floor);
     let mut cases = Vec::new();
     for method in Method::ALL {
         for step_us in STEPS_US {
@@ -127,21 +122,34 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
             errors.0.push((f64::from(*step_us), *error));
         }
         errors.check(report, &format!("plant, {name}"), floor, method.order());
-        lines.push(Series { name, points, colour: place, open: false });
+        lines.push(Series::new(name, points, place));
     }
     report.table(&table);
-    report.plot(
+    draw(report, lines);
+    Ok(())
+}
+
+fn draw(report: &mut Report, lines: Vec<Series>) {
+    report.lines(
         "plant",
         "The plant's methods: largest orientation error over the task against computing time; each line from 10 ms (left) to 20 us",
-        Lines {
-            title: "The plant's methods on the task".to_owned(),
-            x: "ms of computing for a simulated second".to_owned(),
-            y: "largest orientation error, rad".to_owned(),
-            log: [true; 2],
-            series: lines,
-            front: true,
-        }
-        .svg(),
+        Lines::new(
+            "The plant's methods on the task",
+            "ms of computing for a simulated second",
+            "largest orientation error, rad",
+            lines,
+        )
+        .log([true; 2])
+        .front(),
     );
-    Ok(())
+}
+
+fn introduce(report: &mut Report, floor: f64) {
+    report.say(&format!(
+        "The task of docs/simulator.md: {TASK_S} s from rest of a sphere held by a spring (4 N m/rad, 0.05 N m s/rad) under two swinging \
+         torques. The error is the largest of the orientation, looked at every 20 ms, against the adaptive reference at {TOLERANCE:e} a step \
+         (which itself is good to {floor:.0e}). A rig in virtual time takes steps of 1 ms."
+    ));
+    report.family("plant_{method}_{step_us}us_error_rad | rad | largest orientation error over the task");
+    report.family("plant_{method}_{step_us}us_ms_per_s | ms/s | computing for a second of simulated time");
 }

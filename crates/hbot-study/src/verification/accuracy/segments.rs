@@ -52,17 +52,7 @@ pub(super) fn study(
     times: &Times,
 ) -> Result<(), Interrupted> {
     context.part("odometry: the method's error")?;
-    report.heading("Odometry: the method's error");
-    report.say(&format!(
-        "Joints turn at constant rates for {DRIFT_S} s, as they do in the first moment of a sphere that turns with {SPEED} rad/s: so the \
-         path between two readings is known, and what is left is the method's error. Drift is the angle at the end; the median of turns \
-         that begin at any steering angles."
-    ));
-    report.family(
-        "odometry_segments_{method}_{width}_{rate}hz_drift_rad",
-        "rad",
-        "drift in 0.6 s of joints at constant rates, median of brisk turns",
-    );
+    introduce(report);
     let segments = segments(device, if context.quick { 15 } else { 45 });
     let mut table = vec![row(["method", "width"])];
     table[0].extend(RATES.map(|hz| format!("{hz} Hz")));
@@ -82,12 +72,8 @@ pub(super) fn study(
                 report.figure(format!("odometry_segments_{name}_{}_{hz}hz_drift_rad", stages::WIDTH), drift);
             }
             table.push(row([*name, stages::WIDTH].into_iter().map(str::to_owned).chain(drifts.map(sci))));
-            lines.push(Series {
-                name: format!("{name}, {}", stages::WIDTH),
-                points: RATES.iter().zip(drifts).map(|(hz, drift)| (times.us_per_second(stages::WIDTH, method, 0, *hz), drift)).collect(),
-                colour: method,
-                open: stages::WIDTH == "f32",
-            });
+            let points = RATES.iter().zip(drifts).map(|(hz, drift)| (times.us_per_second(stages::WIDTH, method, 0, *hz), drift)).collect();
+            lines.push(Series::new(format!("{name}, {}", stages::WIDTH), points, method).open(stages::WIDTH == "f32"));
             if stages::WIDTH == "f64" {
                 let slow = SLOW.iter().map(|hz| (*hz, drift(method, *hz)));
                 let all = slow.chain(RATES.into_iter().zip(drifts));
@@ -101,30 +87,39 @@ pub(super) fn study(
         let what = format!("odometry at constant rates, {}, f64", METHODS[method].0);
         errors.check(report, &what, FLOOR, ORDERS[method]);
     }
-    report.plot(
+    draw(report, lines);
+    Ok(())
+}
+
+fn introduce(report: &mut Report) {
+    report.heading("Odometry: the method's error");
+    report.say(&format!(
+        "Joints turn at constant rates for {DRIFT_S} s, as they do in the first moment of a sphere that turns with {SPEED} rad/s: so the \
+         path between two readings is known, and what is left is the method's error. Drift is the angle at the end; the median of turns \
+         that begin at any steering angles."
+    ));
+    report.family("odometry_segments_{method}_{width}_{rate}hz_drift_rad | rad | drift in 0.6 s of joints at constant rates, median of brisk turns");
+}
+
+fn draw(report: &mut Report, lines: Vec<Series>) {
+    report.lines(
         "odometry_segments",
         "Odometry at constant joint rates: drift in 0.6 s against the time that it takes; each line from 500 Hz (left) to 8 kHz",
-        Lines {
-            title: "The method's error".to_owned(),
-            x: "microseconds of computing for a second of motion".to_owned(),
-            y: "drift in 0.6 s, rad".to_owned(),
-            log: [true; 2],
-            series: lines,
-            front: true,
-        }
-        .svg(),
+        Lines::new(
+            "The method's error",
+            "microseconds of computing for a second of motion",
+            "drift in 0.6 s, rad",
+            lines,
+        )
+        .log([true; 2])
+        .front(),
     );
-    Ok(())
 }
 
 /// Reports where f32 loses accuracy. The turns between readings are computed in f64 and rounded to
 /// f32. They are then composed in f32 in two ways.
 fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
-    report.family(
-        "odometry_rounding_{way}_{width}_{rate}hz_drift_rad",
-        "rad",
-        "drift in 0.6 s of f64's turns put together in either width: by the product of quaternions, or by adding what it changes",
-    );
+    report.family("odometry_rounding_{way}_{width}_{rate}hz_drift_rad | rad | drift in 0.6 s of f64's turns put together in either width: by the product of quaternions, or by adding what it changes");
     report.say(
         "What f32 errs is not in the turns but in how they are put together. Here they are magnus4's in f64, rounded to the width; the *product* is the core's, the \
          *change* adds exp(turn) q - q, in which no number near 1 is multiplied:",

@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 
-use hbot_core::{Device, Quat, rotation};
+use hbot_core::{Device, Quat};
 use hbot_plot::{Lines, Series};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
@@ -11,6 +11,7 @@ use hbot_sim::phenomena::{Phenomena, Slip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 use super::order::Errors;
+use super::plant::apart;
 use super::sci;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row, spread};
@@ -70,10 +71,6 @@ fn push(t: f64) -> f64 {
     if t < 0.06 { libm::sin(PI * t / 0.06).powi(2) } else { 0.0 }
 }
 
-fn apart(a: &[Quat], b: &[Quat]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| rotation::angle_between(*a, *b)).fold(0.0, f64::max)
-}
-
 pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
     context.part("the plant that slips")?;
     report.heading("The plant that slips");
@@ -82,24 +79,7 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
     let finest = STEPS_US[STEPS_US.len() - 1];
     let (exact, slip) = scene.run(finest, FINER);
     let floor = apart(&exact, &scene.run(finest, FINER / 2).0);
-    report.say(&format!(
-        "Contacts that hold 8 N (the default of `slip`), on the prototype in a hand that holds still: one drive is pushed with up to {DRIVE} N m, \
-         slips at up to {slip:.1} m/s, and grips again, in {TASK_S} s. The time stepping for set-valued laws is of order 1 by nature. The error is the largest \
-         of the orientation, looked at every {} ms, against steps of {:.2} us (good to {floor:.0e}). A rig in virtual time takes steps of 250 us at most with these \
-         phenomena.",
-        LOOK_US / 1000,
-        f64::from(finest) / f64::from(FINER),
-    ));
-    report.family(
-        "plant_nonsmooth_{step_us}us_error_rad",
-        "rad",
-        "largest orientation error over the sliding scene, by time stepping",
-    );
-    report.family(
-        "plant_nonsmooth_{step_us}us_ms_per_s",
-        "ms/s",
-        "computing for a second of the sliding scene",
-    );
+    introduce(report, slip, floor);
     let mut timed: Vec<Timed<'_>> = STEPS_US
         .iter()
         .map(|step_us| {
@@ -124,18 +104,32 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
     report.table(&table);
     report.check("the sliding scene slides, m/s", format!("{slip:.2}"), slip > 0.05);
     errors.check(report, "plant that slips, time stepping", floor, 1);
-    report.plot(
+    report.lines(
         "plant_nonsmooth",
         "The plant that slips: largest orientation error over the scene against computing time; from 1 ms (left) to 25 us",
-        Lines {
-            title: "Time stepping on a sliding scene".to_owned(),
-            x: "ms of computing for a simulated second".to_owned(),
-            y: "largest orientation error, rad".to_owned(),
-            log: [true; 2],
-            series: vec![Series { name: "time stepping".to_owned(), points, colour: 0, open: false }],
-            front: false,
-        }
-        .svg(),
+        Lines::new(
+            "Time stepping on a sliding scene",
+            "ms of computing for a simulated second",
+            "largest orientation error, rad",
+            vec![Series::new("time stepping", points, 0)],
+        )
+        .log([true; 2]),
     );
     Ok(())
+}
+
+/// `slip`: the most that the contacts slip, m/s.
+fn introduce(report: &mut Report, slip: f64, floor: f64) {
+    let finest = STEPS_US[STEPS_US.len() - 1];
+    report.say(&format!(
+        "Contacts that hold 8 N (the default of `slip`), on the prototype in a hand that holds still: one drive is pushed with up to {DRIVE} N m, \
+         slips at up to {slip:.1} m/s, and grips again, in {TASK_S} s. The time stepping for set-valued laws is of order 1 by nature. The error is the largest \
+         of the orientation, looked at every {} ms, against steps of {:.2} us (good to {floor:.0e}). A rig in virtual time takes steps of 250 us at most with these \
+         phenomena.",
+        LOOK_US / 1000,
+        f64::from(finest) / f64::from(FINER),
+    ));
+    report.family("plant_nonsmooth_{step_us}us_error_rad | rad | largest orientation error over the sliding scene, by time stepping");
+    report
+        .family("plant_nonsmooth_{step_us}us_ms_per_s | ms/s | computing for a second of the sliding scene");
 }

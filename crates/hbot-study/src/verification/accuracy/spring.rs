@@ -54,18 +54,7 @@ fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f6
 
 pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     context.part("spring laws")?;
-    report.heading("Spring laws");
-    report.say(
-        "Torque of an uneven spring (4, 2, 1 N m/rad) turned by an angle about skew axes, against the law's own formula in the turn. The \
-         first-order forms leave out what is of the next order in the angle: -K log q and -2 K e. They are no gradients: round a closed path \
-         they give out energy.",
-    );
-    report.family(
-        "spring_{law}_{width}_{angle}mrad_error",
-        "1",
-        "error of the torque relative to its size at that angle, largest over some axes",
-    );
-    report.family("spring_{law}_{width}_ns", "ns", "one torque");
+    introduce(report);
     let (mut names, mut timed) = (Vec::new(), Vec::new());
     in_both_widths!(stages => {
         for law in 0..LAWS.len() {
@@ -93,48 +82,55 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         }
         let shown = [2, 4, 6, 8].map(|k| sci(errors[k]));
         table.push(row([name, width, &spread(time)].map(str::to_owned).into_iter().chain(shown)));
-        if name.ends_with("exact") {
-            let worst = errors.into_iter().fold(0.0, f64::max);
-            // Some tens of roundings. Near a half turn the Jacobian of the logarithm grows, and the
-            // rounding errors grow with it.
-            let bound = if width == "f64" { 64.0 * f64::EPSILON } else { 64.0 * f64::from(f32::EPSILON) };
-            report.check(
-                format!("spring law {name}, {width}: within 64 roundings of its formula"),
-                sci(worst),
-                worst < bound,
-            );
-        } else if width == "f64" {
-            let order = (errors[3] / errors[2]).ln() / 3.0_f64.ln();
-            report.check(
-                format!("spring law {name}, {width}: its relative error is of the order 1 in the angle, within 0.1"),
-                format!("{order:.3}"),
-                (order - 1.0).abs() < 0.1,
-            );
-        }
-        lines.push(Series {
-            name: format!("{name}, {width}: {:.0} ns", time.median),
-            points: ANGLES
-                .iter()
-                .zip(errors)
-                .map(|(angle, error)| (f64::from(*angle) / 1000.0, error))
-                .collect(),
-            colour: law,
-            open: width == "f32",
-        });
+        check(report, name, width, errors);
+        lines.push(
+            Series::new(
+                format!("{name}, {width}: {:.0} ns", time.median),
+                ANGLES.iter().zip(errors).map(|(angle, error)| (f64::from(*angle) / 1000.0, error)).collect(),
+                law,
+            )
+            .open(width == "f32"),
+        );
     }
     report.table(&table);
-    report.plot(
+    report.lines(
         "spring",
         "Error of a spring's torque over the angle, with what one torque takes",
-        Lines {
-            title: "Spring laws".to_owned(),
-            x: "angle, rad".to_owned(),
-            y: "error relative to the torque".to_owned(),
-            log: [true; 2],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new("Spring laws", "angle, rad", "error relative to the torque", lines).log([true; 2]),
     );
     Ok(())
+}
+
+fn introduce(report: &mut Report) {
+    report.heading("Spring laws");
+    report.say(
+        "Torque of an uneven spring (4, 2, 1 N m/rad) turned by an angle about skew axes, against the law's own formula in the turn. The \
+         first-order forms leave out what is of the next order in the angle: -K log q and -2 K e. They are no gradients: round a closed path \
+         they give out energy.",
+    );
+    report.family("spring_{law}_{width}_{angle}mrad_error | 1 | error of the torque relative to its size at that angle, largest over some axes");
+    report.family("spring_{law}_{width}_ns | ns | one torque");
+}
+
+/// An exact law errs by rounding; a form of first order by what is of the next order.
+fn check(report: &mut Report, name: &str, width: &str, errors: [f64; ANGLES.len()]) {
+    if name.ends_with("exact") {
+        let worst = errors.into_iter().fold(0.0, f64::max);
+        // Some tens of roundings; nearer to a half turn the logarithm's Jacobian grows, and they with it.
+        let bound = if width == "f64" { 64.0 * f64::EPSILON } else { 64.0 * f64::from(f32::EPSILON) };
+        report.check(
+            format!("spring law {name}, {width}: within 64 roundings of its formula"),
+            sci(worst),
+            worst < bound,
+        );
+    } else if width == "f64" {
+        let order = (errors[3] / errors[2]).ln() / 3.0_f64.ln();
+        report.check(
+            format!(
+                "spring law {name}, {width}: its relative error is of the order 1 in the angle, within 0.1"
+            ),
+            format!("{order:.3}"),
+            (order - 1.0).abs() < 0.1,
+        );
+    }
 }

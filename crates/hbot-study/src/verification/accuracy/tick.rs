@@ -12,7 +12,7 @@ use serde_json::json;
 use super::motions::{Budget, budget};
 use super::sci;
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row, spread};
+use crate::report::{Report, head, row, spread};
 use crate::timing::{Time, Timed, in_turn};
 
 /// The motion that the controller follows: brisk, without reversals.
@@ -103,18 +103,10 @@ fn introduce(report: &mut Report) {
         MOTION.name,
         100.0 * LOAD
     ));
-    report.family(
-        "tick_{preset}_error_rad",
-        "rad",
-        "largest orientation error of the whole tick in 10 s of brisk motion at 1 kHz",
-    );
-    report.family(
-        "tick_{preset}_{part}_part_rad",
-        "rad",
-        "the part of that error that {part} (method, path, counts) has by itself",
-    );
-    report.family("tick_{preset}_ns", "ns", "one active tick with a spring and a damper, 2 wheels");
-    report.family("tick_{preset}_max_hz", "Hz", "the loop rate at which the tick takes a tenth of a period");
+    report.family("tick_{preset}_error_rad | rad | largest orientation error of the whole tick in 10 s of brisk motion at 1 kHz");
+    report.family("tick_{preset}_{part}_part_rad | rad | the part of that error that {part} (method, path, counts) has by itself");
+    report.family("tick_{preset}_ns | ns | one active tick with a spring and a damper, 2 wheels");
+    report.family("tick_{preset}_max_hz | Hz | the loop rate at which the tick takes a tenth of a period");
 }
 
 /// Lets a new controller follow a motion. Returns the largest error of its orientation (rad), its
@@ -177,16 +169,9 @@ fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
 }
 
 fn tell(report: &mut Report, found: &[Found]) {
-    let mut table = vec![row([
-        "preset",
-        "odometry, path",
-        "error, rad in 10 s",
-        "of the method",
-        "of the path",
-        "of the counts",
-        "ns a tick (quartiles)",
-        "highest rate, Hz",
-    ])];
+    let mut table = vec![head(
+        "preset | odometry, path | error, rad in 10 s | of the method | of the path | of the counts | ns a tick (quartiles) | highest rate, Hz",
+    )];
     for Found { preset, methods, error, budget, mode, time } in found {
         let Budget { method, path, counts, .. } = *budget;
         let highest = LOAD * 1.0e9 / time.median;
@@ -213,23 +198,19 @@ fn tell(report: &mut Report, found: &[Found]) {
         "The other stages of the tick add nothing to the orientation. The spring laws and the allocation are exact to rounding in every preset as long as \
          the motors are not saturated (sections above): an error of the orientation is felt as that error times the stiffness.",
     );
-    let point = |(colour, of): (usize, &Found)| Series {
-        name: of.preset.to_owned(),
-        points: vec![(of.time.median, of.error)],
-        colour,
-        open: false,
+    let point = |(colour, of): (usize, &Found)| {
+        Series::new(of.preset.to_owned(), vec![(of.time.median, of.error)], colour)
     };
-    report.plot(
+    report.lines(
         "tick",
         "The whole tick under each preset: error in 10 s of brisk motion against time",
-        Lines {
-            title: "The presets".to_owned(),
-            x: "ns a tick".to_owned(),
-            y: "error in 10 s, rad".to_owned(),
-            log: [false, true],
-            series: found.iter().enumerate().map(point).collect(),
-            front: true,
-        }
-        .svg(),
+        Lines::new(
+            "The presets",
+            "ns a tick",
+            "error in 10 s, rad",
+            found.iter().enumerate().map(point).collect(),
+        )
+        .log([false, true])
+        .front(),
     );
 }

@@ -13,7 +13,7 @@ use hbot_sim::motion::JOINTS;
 use super::sci;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
-use crate::timing::{Timed, in_turn};
+use crate::timing::{Time, Timed, in_turn};
 
 const DT: f64 = 1e-3;
 /// Number of ticks at the start of each motion that are ignored, until the estimates have settled.
@@ -180,46 +180,45 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
     let mut lines: Vec<Series> = Vec::new();
     for (k, ((encoder, name, of), time)) in found.into_iter().zip(&times).enumerate() {
         let estimate = k % ESTIMATES.len();
-        let id = |what: &str| format!("velocity_{name}_{encoder}_{what}");
-        for (motion, quality) in MOTIONS.iter().zip(&of) {
-            report.figure(id(&format!("{}_noise_rad_per_s", motion.name)), quality.noise);
-        }
-        let (lag, slip) = (of[2].lag * 1e3, of.iter().fold(0.0, |most: f64, q| most.max(q.slip)));
-        report.figure(id("lag_ms"), lag);
-        report.figure(id("false_slip_m_per_s"), slip);
-        report.time(id("ns"), *time);
-        let mut cells = row([encoder, name]);
-        cells.extend(of.iter().map(|quality| sci(quality.noise)));
-        // Rounds to tenths. Adding 0.0 avoids a minus sign before zero.
-        cells.push(format!("{:.1}", (lag * 10.0).round() / 10.0 + 0.0));
-        cells.extend([slip * 1e3, time.median, time.median - times[k - estimate].median].map(short));
-        table.push(cells);
+        table.push(figures(report, [encoder, name], &of, *time, times[k - estimate]));
         let point = (time.median, of[1].noise);
         match lines.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
-            None => lines.push(Series {
-                name: name.to_owned(),
-                points: vec![point],
-                colour: estimate,
-                open: estimate >= 8,
-            }),
+            None => lines.push(Series::new(name.to_owned(), vec![point], estimate).open(estimate >= 8)),
         }
     }
     report.table(&table);
-    report.plot(
+    report.lines(
         "velocity",
         "Joint rates: noise of the sphere's rate in slow motion against the time of a tick; each line from fine encoders to coarse ones",
-        Lines {
-            title: "Joint rates from counts".to_owned(),
-            x: "ns a tick".to_owned(),
-            y: "noise in slow motion, rad/s".to_owned(),
-            log: [true; 2],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new("Joint rates from counts", "ns a tick", "noise in slow motion, rad/s", lines)
+            .log([true; 2]),
     );
     Ok(())
+}
+
+/// The figures of an estimate, and their row of the table. `plain`: the time with the controllers' own rates.
+fn figures(
+    report: &mut Report,
+    [encoder, name]: [&str; 2],
+    of: &[Quality],
+    time: Time,
+    plain: Time,
+) -> Vec<String> {
+    let id = |what: &str| format!("velocity_{name}_{encoder}_{what}");
+    for (motion, quality) in MOTIONS.iter().zip(of) {
+        report.figure(id(&format!("{}_noise_rad_per_s", motion.name)), quality.noise);
+    }
+    let (lag, slip) = (of[2].lag * 1e3, of.iter().fold(0.0, |most: f64, q| most.max(q.slip)));
+    report.figure(id("lag_ms"), lag);
+    report.figure(id("false_slip_m_per_s"), slip);
+    report.time(id("ns"), time);
+    let mut cells = row([encoder, name]);
+    cells.extend(of.iter().map(|quality| sci(quality.noise)));
+    // Tenths, and no minus before a zero.
+    cells.push(format!("{:.1}", (lag * 10.0).round() / 10.0 + 0.0));
+    cells.extend([slip * 1e3, time.median, time.median - plain.median].map(short));
+    cells
 }
 
 fn introduce(report: &mut Report, ticks: usize) {
@@ -232,24 +231,12 @@ fn introduce(report: &mut Report, ticks: usize) {
          without a scene; docs/velocity.md says what to conclude.",
         ticks as f64 * DT,
     ));
+    report.family("velocity_{estimate}_{counts}_{motion}_noise_rad_per_s | rad/s | noise of the sphere's rate, its lag taken out; {counts}: a turn, of the steering and the drive where they differ");
+    report.family("velocity_{estimate}_{counts}_lag_ms | ms | by how much the rate is late in brisk motion");
     report.family(
-        "velocity_{estimate}_{counts}_{motion}_noise_rad_per_s",
-        "rad/s",
-        "noise of the sphere's rate, its lag taken out; {counts}: a turn, of the steering and the drive where they differ",
+        "velocity_{estimate}_{counts}_false_slip_m_per_s | m/s | the largest slip seen where there is none",
     );
     report.family(
-        "velocity_{estimate}_{counts}_lag_ms",
-        "ms",
-        "by how much the rate is late in brisk motion",
-    );
-    report.family(
-        "velocity_{estimate}_{counts}_false_slip_m_per_s",
-        "m/s",
-        "the largest slip seen where there is none",
-    );
-    report.family(
-        "velocity_{estimate}_{counts}_ns",
-        "ns",
-        "a tick without a scene, from counts to the sphere's rate",
+        "velocity_{estimate}_{counts}_ns | ns | a tick without a scene, from counts to the sphere's rate",
     );
 }

@@ -100,25 +100,13 @@ fn introduce(report: &mut Report) {
         "*Afterwards* is the same tick without the thing, in a program in which a scene has had it and dropped it: it must cost what a tick costs in which it \
          never was.",
     );
-    report.family(
-        "effects_none_instructions",
-        "1",
-        "instructions of a tick without any effect or phenomenon",
-    );
-    report.family("effects_none_ns", "ns", "time of such a tick");
-    report.family("effects_{name}_instructions", "1", "instructions a tick that a kind or phenomenon adds");
-    report.family("effects_{name}_added_ns", "ns", "time a tick that it adds");
-    report.family(
-        "effects_{name}_afterwards_instructions",
-        "1",
-        "instructions a tick that are left of it once a scene has dropped it",
-    );
-    report.family(
-        "effects_{a}_with_{b}_instructions",
-        "1",
-        "instructions a tick that two of them add together; `more_than_sum`: beyond what each adds alone",
-    );
-    report.family("effects_{a}_with_{b}_added_ns", "ns", "time a tick that two of them add together");
+    report.family("effects_none_instructions | 1 | instructions of a tick without any effect or phenomenon");
+    report.family("effects_none_ns | ns | time of such a tick");
+    report.family("effects_{name}_instructions | 1 | instructions a tick that a kind or phenomenon adds");
+    report.family("effects_{name}_added_ns | ns | time a tick that it adds");
+    report.family("effects_{name}_afterwards_instructions | 1 | instructions a tick that are left of it once a scene has dropped it");
+    report.family("effects_{a}_with_{b}_instructions | 1 | instructions a tick that two of them add together; `more_than_sum`: beyond what each adds alone");
+    report.family("effects_{a}_with_{b}_added_ns | ns | time a tick that two of them add together");
 }
 
 /// Adds figures, tables, plots and checks to the report. `costs` lists the empty setup, each of the
@@ -136,8 +124,37 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     let (afterwards, pairs) = rest.split_at(count);
     let added = |cost: &Cost| Some(cost.instructions? - base?);
     let added_ns = |cost: &Cost| Some(cost.time?.median - none.time?.median);
-    let or_dash = |x: Option<f64>| x.map_or("-".to_owned(), short);
 
+    let (left, left_ns) = alone_table(report, none, [alone, afterwards], &added, &added_ns);
+    // Counts say it exactly; where there are none, times have to.
+    let (unit, bound, shown, holds) = if base.is_some() {
+        ("of a tick's instructions", NOTHING, format!("{left:.1e}"), left <= NOTHING)
+    } else {
+        ("of a tick's least time, for noise", NOTHING_NS, format!("{left_ns:.2}"), left_ns <= NOTHING_NS)
+    };
+    report.check(format!("what a scene no longer names costs nothing: at most {bound} {unit}"), shown, holds);
+    report.say(&format!(
+        "By the least times, at most {left_ns:.2} of a tick is left of anything that a scene has dropped."
+    ));
+    if pairs.is_empty() {
+        report.say("Pairs are measured without `--quick`.");
+        return;
+    }
+    in_pairs(report, pairs, alone, &added, &added_ns);
+}
+
+type Added<'a> = &'a dyn Fn(&Cost) -> Option<f64>;
+
+/// Table and plots of each alone. Returns what is left of it afterwards: parts of a tick's instructions and least time.
+fn alone_table(
+    report: &mut Report,
+    none: &Cost,
+    [alone, afterwards]: [&[Cost]; 2],
+    added: Added<'_>,
+    added_ns: Added<'_>,
+) -> (f64, f64) {
+    let base = none.instructions;
+    let or_dash = |x: Option<f64>| x.map_or("-".to_owned(), short);
     report.heading("Each alone");
     let mut table =
         vec![row(["", "what it is", "instructions a tick", "ns a tick", "afterwards, instructions"])];
@@ -166,49 +183,29 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
             let more = time.least - of.least;
             left_ns = left_ns.max(more / of.least);
         }
-        table.push(row([
-            &name,
-            kind,
-            &or_dash(added(cost)),
-            &or_dash(added_ns(cost)),
-            &or_dash(added(after)),
-        ]));
+        let costs = [added(cost), added_ns(cost), added(after)].map(or_dash);
+        table.push(row([name, kind.to_owned()].into_iter().chain(costs)));
     }
     report.table(&table);
     if let Some(time) = none.time {
         let counted = base.map_or(String::new(), |base| format!("{base:.0} instructions, "));
         report.say(&format!("A tick without any of them: {counted}{} ns.", spread(time)));
     }
-    plots(report, "ns", "Time", &times);
-    if base.is_some() {
+    all_plots(report, &times, instructions);
+    (left, left_ns)
+}
+
+/// The plots of times, and of instructions if they were counted.
+fn all_plots(report: &mut Report, times: &[Bar], instructions: Vec<(String, f64)>) {
+    plots(report, "ns", "Time", times);
+    if !instructions.is_empty() {
         let bar = |(name, value): (String, f64)| {
             let colour = usize::from(!desk::is_kind(&name));
             Bar { name, value, spread: None, colour }
         };
         let all: Vec<Bar> = instructions.into_iter().map(bar).collect();
         plots(report, "instructions", "Instructions", &all);
-        report.check(
-            format!("what a scene no longer names costs nothing: at most {NOTHING} of a tick's instructions"),
-            format!("{left:.1e}"),
-            left <= NOTHING,
-        );
     }
-    // Instruction counts decide this exactly. Times decide it only if there are no counts.
-    if base.is_none() {
-        report.check(
-            format!("what a scene no longer names costs nothing: at most {NOTHING_NS} of a tick's least time, for noise"),
-            format!("{left_ns:.2}"),
-            left_ns <= NOTHING_NS,
-        );
-    }
-    report.say(&format!(
-        "By the least times, at most {left_ns:.2} of a tick is left of anything that a scene has dropped."
-    ));
-    if pairs.is_empty() {
-        report.say("Pairs are measured without `--quick`.");
-        return;
-    }
-    in_pairs(report, pairs, alone, &added, &added_ns);
 }
 
 /// Plots the cost that each effect and each phenomenon adds, in `unit`. Effects and phenomena have
@@ -226,13 +223,7 @@ fn plots(report: &mut Report, unit: &str, what: &str, all: &[Bar]) {
     }
 }
 
-fn in_pairs(
-    report: &mut Report,
-    pairs: &[Cost],
-    alone: &[Cost],
-    added: &dyn Fn(&Cost) -> Option<f64>,
-    added_ns: &dyn Fn(&Cost) -> Option<f64>,
-) {
+fn in_pairs(report: &mut Report, pairs: &[Cost], alone: &[Cost], added: Added<'_>, added_ns: Added<'_>) {
     report.heading("In pairs");
     report.say(
         "What two add together, in instructions a tick (in ns where they were not counted), and in brackets how much that is beyond what each adds alone: \

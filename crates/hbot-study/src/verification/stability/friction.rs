@@ -62,73 +62,74 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
          two steps of the encoder for ever (after {TIME} s, and no less than before)? Beside it Abbott and Okamura's K <= min(2 b/h, 2 c/d), below which the wall is passive whatever the hand does. A wall that is not \
          passive may be quiet all the same, as long as nobody feeds it (Diolaiti et al.): friction stops it. A wall that is passive must be quiet."
     ));
-    report.family(
-        "border_friction_own{b}_coulomb{c}_step{d}",
-        "N m/rad",
-        "stiffness that first buzzes at 1 kHz; b, c, d in 1e-6 of their SI units; `measured`, and in `predicted` the passive bound of Abbott and Okamura",
-    );
+    report.family("border_friction_own{b}_coulomb{c}_step{d} | N m/rad | stiffness that first buzzes at 1 kHz; b, c, d in 1e-6 of their SI units; `measured`, and in `predicted` the passive bound of Abbott and Okamura");
+    let found = measure(context, inertia)?;
     let mut table =
         vec![row(["b", "c, N m", "d, rad", "first buzz, N m/rad", "passive to", "2 b/h", "2 c/d"])];
-    let mut all_quiet = true;
-    let mut series = Vec::new();
-    for own in OWN {
-        for (colour, step) in STEPS.into_iter().enumerate() {
-            let (mut points, mut bounds) = (Vec::new(), Vec::new());
-            for coulomb in COULOMB {
-                context.go_on()?;
-                let wall = Wall {
-                    inertia,
-                    own,
-                    coulomb,
-                    step,
-                    period: PERIOD,
-                    delay: 0,
-                    stiffness: 0.0,
-                    damping: 0.0,
-                };
-                let (viscous, dry) = (2.0 * own / PERIOD, 2.0 * coulomb / step);
-                let passive = viscous.min(dry);
-                let measured = first_buzz(&wall, 0.2);
-                // The true value can be lower than the measured one by a factor of RATIO, the ratio
-                // of two tries.
-                all_quiet &= measured * RATIO >= passive;
-                let id = format!(
-                    "border_friction_own{}_coulomb{}_step{}",
-                    micro(own),
-                    micro(coulomb),
-                    micro(step)
-                );
-                border(report, id, measured, passive);
-                let numbers = [own, coulomb, step, measured, passive, viscous, dry];
-                table.push(row(numbers.map(short)));
-                points.push((1.0e3 * coulomb, measured));
-                bounds.push((1.0e3 * coulomb, passive));
-            }
-            if own == OWN[0] {
-                let name = |what| format!("d = {}: {what}", short(step));
-                series.push(Series { name: name("buzzes"), points, colour, open: false });
-                series.push(Series { name: name("passive"), points: bounds, colour, open: true });
-            }
-        }
+    for Buzz { own, coulomb, step, measured, viscous, dry } in &found {
+        let passive = viscous.min(*dry);
+        let id =
+            format!("border_friction_own{}_coulomb{}_step{}", micro(*own), micro(*coulomb), micro(*step));
+        border(report, id, *measured, passive);
+        table.push(row([*own, *coulomb, *step, *measured, passive, *viscous, *dry].map(short)));
     }
     report.table(&table);
-    report.plot(
+    report.lines(
         "border_friction",
         "Stiffness that first buzzes, and passive bound, over Coulomb friction; b = 0.001 N m s/rad, 1 kHz",
-        Lines {
-            title: "Friction and the encoder's step".to_owned(),
-            x: "Coulomb friction, mN m".to_owned(),
-            y: "stiffness, N m/rad".to_owned(),
-            log: [false, true],
-            series,
-            front: false,
-        }
-        .svg(),
+        Lines::new(
+            "Friction and the encoder's step",
+            "Coulomb friction, mN m",
+            "stiffness, N m/rad",
+            lines(&found),
+        )
+        .log([false, true]),
     );
+    // What stands between two tries.
+    let all_quiet = found.iter().all(|buzz| buzz.measured * RATIO >= buzz.viscous.min(buzz.dry));
     report.check(
         "no wall buzzes that Abbott and Okamura call passive",
         if all_quiet { "none does" } else { "one does" },
         all_quiet,
     );
     Ok(())
+}
+
+/// The stiffness at which an axis first buzzes, and what of friction and damping makes it passive, N m/rad.
+struct Buzz {
+    own: f64,
+    coulomb: f64,
+    step: f64,
+    measured: f64,
+    viscous: f64,
+    dry: f64,
+}
+
+fn measure(context: &Context, inertia: f64) -> Result<Vec<Buzz>, Interrupted> {
+    let mut found = Vec::new();
+    for (own, step) in OWN.into_iter().flat_map(|own| STEPS.map(|step| (own, step))) {
+        for coulomb in COULOMB {
+            context.go_on()?;
+            let measured = first_buzz(&Wall { coulomb, step, ..Wall::of(inertia, own, PERIOD) }, 0.2);
+            let (viscous, dry) = (2.0 * own / PERIOD, 2.0 * coulomb / step);
+            found.push(Buzz { own, coulomb, step, measured, viscous, dry });
+        }
+    }
+    Ok(found)
+}
+
+/// Of the least damped axis, over friction.
+fn lines(found: &[Buzz]) -> Vec<Series> {
+    let of = |step: f64, value: fn(&Buzz) -> f64| {
+        let drawn = found.iter().filter(|buzz| buzz.own == OWN[0] && buzz.step == step);
+        drawn.map(|buzz| (1.0e3 * buzz.coulomb, value(buzz))).collect()
+    };
+    let both = |(colour, step): (usize, f64)| {
+        let name = |what| format!("d = {}: {what}", short(step));
+        [
+            Series::new(name("buzzes"), of(step, |buzz| buzz.measured), colour),
+            Series::new(name("passive"), of(step, |buzz| buzz.viscous.min(buzz.dry)), colour).open(true),
+        ]
+    };
+    STEPS.into_iter().enumerate().flat_map(both).collect()
 }

@@ -5,19 +5,18 @@ use core::f64::consts::TAU;
 
 use hbot_config::RigConfig;
 use hbot_core::kinematics::Posture;
-use hbot_core::rig::PassivityLimit;
 use hbot_core::{Device, MAX_JOINTS, Vec3, rotation};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Encoder, Hand, Link, Phenomena};
 
-use super::micro;
 use super::whole::{Loop, Wanted};
+use super::{given, micro};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
 /// Angular velocity that a tap gives to the sphere, in frame N, in rad/s: 1 rad/s about an axis
 /// without symmetry.
-const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
+pub(super) const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
 /// Time for which the sphere is observed after the tap, s.
 const WATCH_S: f64 = 4.0;
 /// Number of equal intervals into which the observation time is divided, to compare the energy from
@@ -41,11 +40,11 @@ const GUARDED: f64 = 10.0;
 
 /// The properties of a rig and its control loop on which the stability of a spring depends.
 #[derive(Debug, Clone, Copy)]
-struct Setting {
+pub(super) struct Setting {
     /// Rate of the control loop, Hz.
     rate: u32,
     /// Delay from a reading to the torque computed from it, in ticks.
-    delay: u32,
+    pub(super) delay: u32,
     /// Viscous damping of the rig's mechanics, without any damping by the motors, N m s/rad.
     own: f64,
     /// Resolution of the encoders, in counts of the prototype's encoders.
@@ -55,20 +54,25 @@ struct Setting {
 }
 
 /// The setting with which all others are compared. Each of the others differs from it in one field.
-const BASE: Setting = Setting { rate: 1000, delay: 1, own: 0.005, step: 1, coulomb: 0.0 };
+pub(super) const BASE: Setting = Setting { rate: 1000, delay: 1, own: 0.005, step: 1, coulomb: 0.0 };
 
 impl Setting {
-    fn period(&self) -> f64 {
+    pub(super) fn period(&self) -> f64 {
         1.0 / f64::from(self.rate)
     }
 
     /// Returns the largest stable stiffness of a spring by linear theory, b / (h (1/2 + D)), N
     /// m/rad.
-    fn border(&self) -> f64 {
+    pub(super) fn border(&self) -> f64 {
         self.own / (self.period() * (0.5 + f64::from(self.delay)))
     }
 
-    fn wanted(&self, stiffness: f64, guard: bool) -> Wanted {
+    /// Without friction, and with counts as fine as the prototype's.
+    fn is_plain(&self) -> bool {
+        self.step == 1 && self.coulomb == 0.0
+    }
+
+    pub(super) fn wanted(&self, stiffness: f64, guard: bool) -> Wanted {
         let still = Hand { stiffness: 0.0, damping: self.own, inertia: 0.0, amplitude: 0.0, rate: 0.25 };
         // The answers arrive shortly before the end of a tick and are read at its end.
         let late = Link {
@@ -102,16 +106,16 @@ impl Setting {
 }
 
 /// How the sphere behaves after a tap.
-struct Tapped {
+pub(super) struct Tapped {
     /// Whether the sphere comes to rest: it is at rest already, or its swing decays.
-    settles: bool,
+    pub(super) settles: bool,
     /// Largest energy that the motors had delivered at any time since the tap, J.
-    most: f64,
+    pub(super) most: f64,
 }
 
 /// Taps the sphere, which is held by a spring of `stiffness` (N m/rad), and observes it. The sphere
 /// counts as at rest if it stays within the angle `floor` (rad).
-fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
+pub(super) fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
     let mut run = Loop::new(&setting.wanted(stiffness, guard));
     run.tap(TAP);
     let put_in = run.energy(stiffness);
@@ -205,11 +209,31 @@ fn sweeps(quick: bool) -> Vec<Sweep> {
 
 pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     context.part("the passivity stage")?;
-    report.heading("With and without the passivity stage");
     let config = RigConfig::prototype();
     let device = &config.rig.device;
     let joints = &config.rig.joints;
     let count = turn_of_a_count(device, |j| joints[j].counts());
+    introduce(report, count);
+    let mut plain = Vec::new();
+    for sweep in sweeps(context.quick) {
+        let measured = sweep.settings.iter().map(|(_, setting)| Guarded::measure(context, setting, count));
+        let measured = measured.collect::<Result<Vec<_>, Interrupted>>()?;
+        tell(report, &sweep, &measured);
+        plain.extend(measured.into_iter().filter(|found| found.setting.is_plain()));
+    }
+    let worst_off = plain.iter().map(|found| (found.ratio(0) - 1.0).abs()).fold(0.0, f64::max);
+    report.check_within("without the stage a tap comes to rest up to the linear border", worst_off, WITHIN);
+    let least_on = plain.iter().map(|found| found.ratio(1)).fold(f64::INFINITY, f64::min);
+    report.check(
+        format!("with the stage it does so up to {GUARDED} times the border, without friction and at the prototype's counts"),
+        format!("{least_on:.1} times at least"),
+        least_on >= GUARDED,
+    );
+    given::study(context, report, device, 3.0 * count)
+}
+
+fn introduce(report: &mut Report, count: f64) {
+    report.heading("With and without the passivity stage");
     report.say(&format!(
         "The same whole loop, its rig now with a little damping of its own, b, as of bearings and a light hand, and a spring without any. The sphere is tapped to 1 rad/s, 1.7 mJ of motion: up to which stiffness \
          does it come to rest, without and with `passivity = true` in the rig file? It counts as coming to rest where, {WATCH_S} s later, its swing has less energy than the tap gave it and still loses {LOSES} of that or more every {:.1} s, \
@@ -219,177 +243,86 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
          because the damping that it may add is bounded.",
         WATCH_S / f64::from(STRETCHES), BASE.rate, BASE.delay, BASE.own
     ));
-    report.family(
-        "border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard}",
-        "N m/rad",
-        "stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there",
-    );
-    let mut worst_off = 0.0_f64;
-    let mut least_on = f64::INFINITY;
-    for sweep in sweeps(context.quick) {
-        let mut table = vec![row([
-            sweep.x,
-            "off, N m/rad",
-            "on, N m/rad",
-            "linear border",
-            "2 c/d",
-            "off/border",
-            "on/border",
-        ])];
-        let mut series = [Vec::new(), Vec::new(), Vec::new()];
-        for (x, setting) in sweep.settings {
-            context.go_on()?;
-            let predicted = setting.border();
-            let d = f64::from(setting.step) * count;
-            let plain = setting.step == 1 && setting.coulomb == 0.0;
-            let mut cells = vec![short(x)];
-            let mut ratios = Vec::new();
-            for (k, guard) in [false, true].into_iter().enumerate() {
-                let found = border(context, &setting, guard, 3.0 * d)?;
-                let measured = found.unwrap_or(UP_TO * predicted);
-                let ratio = measured / predicted;
-                if plain && guard {
-                    least_on = least_on.min(ratio);
-                } else if plain {
-                    worst_off = worst_off.max((ratio - 1.0).abs());
-                }
-                let id = setting.id(guard);
-                // The base setting is in every sweep, but its figure is reported only once.
-                if !report.figures().iter().any(|figure| figure.id == id) {
-                    let figure = report.figure(id, measured);
-                    figure.note("measured", measured).note("predicted", predicted);
-                    figure.note("or_more", if found.is_none() { 1.0 } else { 0.0 });
-                }
-                let more = if found.is_none() { "more than " } else { "" };
-                cells.push(format!("{more}{}", short(measured)));
-                ratios.push(format!("{more}{}", short(ratio)));
-                series[k].push((x, measured));
-            }
-            series[2].push((x, predicted));
-            let dry = 2.0 * setting.coulomb / d;
-            cells.extend([short(predicted), if dry > 0.0 { short(dry) } else { "-".to_owned() }]);
-            cells.extend(ratios);
-            table.push(cells);
-        }
-        report.table(&table);
-        let [off, on, predicted] = series;
-        let line = |name: &str, points, colour, open| Series { name: name.to_owned(), points, colour, open };
-        report.plot(
-            &format!("border_guard_{}", sweep.name.replace(' ', "_")),
-            &format!("Stiffness from which a tap does not come to rest, over {}", sweep.name),
-            Lines {
-                title: format!("With and without the passivity stage: {}", sweep.name),
-                x: sweep.x.to_owned(),
-                y: "stiffness, N m/rad".to_owned(),
-                log: [sweep.log, true],
-                series: vec![
-                    line(&format!("with (sought to {UP_TO} times)"), on, 1, false),
-                    line("without", off, 0, false),
-                    line("b/(h (1/2 + D))", predicted, 6, true),
-                ],
-                front: false,
-            }
-            .svg(),
-        );
+    report.family("border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard} | N m/rad | stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there");
+}
+
+/// The borders of a setting: without the stage and with it, nothing where the search ended before.
+struct Guarded {
+    setting: Setting,
+    found: [Option<f64>; 2],
+    /// The sphere's turn of an encoder's step, rad.
+    step: f64,
+}
+
+impl Guarded {
+    fn measure(context: &Context, setting: &Setting, count: f64) -> Result<Self, Interrupted> {
+        context.go_on()?;
+        let step = f64::from(setting.step) * count;
+        let of = |guard| border(context, setting, guard, 3.0 * step);
+        Ok(Self { setting: *setting, found: [of(false)?, of(true)?], step })
     }
-    report.check(
-        format!("without the stage a tap comes to rest up to the linear border within {WITHIN}"),
-        format!("{worst_off:.3} at worst"),
-        worst_off <= WITHIN,
+
+    fn measured(&self, guard: usize) -> f64 {
+        self.found[guard].unwrap_or(UP_TO * self.setting.border())
+    }
+
+    fn ratio(&self, guard: usize) -> f64 {
+        self.measured(guard) / self.setting.border()
+    }
+
+    /// The row of a table over `x`.
+    fn row(&self, x: f64) -> Vec<String> {
+        let [off, on] = self.found.map(|found| if found.is_none() { "more than " } else { "" });
+        let (border, dry) = (self.setting.border(), 2.0 * self.setting.coulomb / self.step);
+        row([
+            short(x),
+            format!("{off}{}", short(self.measured(0))),
+            format!("{on}{}", short(self.measured(1))),
+            short(border),
+            if dry > 0.0 { short(dry) } else { "-".to_owned() },
+            format!("{off}{}", short(self.ratio(0))),
+            format!("{on}{}", short(self.ratio(1))),
+        ])
+    }
+
+    fn figures(&self, report: &mut Report) {
+        for (k, guard) in [false, true].into_iter().enumerate() {
+            let id = self.setting.id(guard);
+            // The base is in every sweep, and has one figure.
+            if !report.figures().iter().any(|figure| figure.id == id) {
+                let figure = report.figure(id, self.measured(k));
+                figure.note("measured", self.measured(k)).note("predicted", self.setting.border());
+                figure.note("or_more", if self.found[k].is_none() { 1.0 } else { 0.0 });
+            }
+        }
+    }
+}
+
+/// Figures, table and plot of a sweep.
+fn tell(report: &mut Report, sweep: &Sweep, measured: &[Guarded]) {
+    let head = ["off, N m/rad", "on, N m/rad", "linear border", "2 c/d", "off/border", "on/border"];
+    let mut table = vec![row([sweep.x].into_iter().chain(head))];
+    for ((x, _), found) in sweep.settings.iter().zip(measured) {
+        found.figures(report);
+        table.push(found.row(*x));
+    }
+    report.table(&table);
+    let over = |value: &dyn Fn(&Guarded) -> f64| {
+        sweep.settings.iter().zip(measured).map(|((x, _), found)| (*x, value(found))).collect()
+    };
+    let series = vec![
+        Series::new(format!("with (sought to {UP_TO} times)"), over(&|found| found.measured(1)), 1),
+        Series::new("without", over(&|found| found.measured(0)), 0),
+        Series::new("b/(h (1/2 + D))", over(&|found| found.setting.border()), 6).open(true),
+    ];
+    let title = format!("With and without the passivity stage: {}", sweep.name);
+    report.lines(
+        &format!("border_guard_{}", sweep.name.replace(' ', "_")),
+        &format!("Stiffness from which a tap does not come to rest, over {}", sweep.name),
+        Lines::new(title, sweep.x, "stiffness, N m/rad", series).log([sweep.log, true]),
     );
-    report.check(
-        format!("with the stage it does so up to {GUARDED} times the border, without friction and at the prototype's counts"),
-        format!("{least_on:.1} times at least"),
-        least_on >= GUARDED,
-    );
-    energy(context, report, device, 3.0 * count)
 }
 
 /// Largest allowed relative deviation of the stability limit without the passivity stage from that
 /// of linear theory.
 const WITHIN: f64 = 0.05;
-/// Stiffnesses for which the delivered energy is reported, relative to the stability limit of the
-/// linear theory.
-const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
-
-fn energy(context: &Context, report: &mut Report, device: &Device, floor: f64) -> Result<(), Interrupted> {
-    report.heading("Energy given out");
-    let limit = PassivityLimit::of(device, BASE.period());
-    report.say(&format!(
-        "The most that the motors have given out at a time after the same tap, torque held times turn made, at the base of the tables above. The stage allows {} J; what a spring holds late leaks \
-         in the cycle before it acts comes on top: 2 pi w h (1/2 + D) of what the tap put in, w = sqrt(K/J).",
-        short(limit.allowance)
-    ));
-    report.family(
-        "energy_given_{tenths}_tenths_{guard}",
-        "J",
-        "the most energy that the motors gave out after a tap, at so many tenths of the linear border, passivity stage on or off; `bound`: that with the stage",
-    );
-    let mut table = vec![row([
-        "K over border",
-        "K, N m/rad",
-        "off, J",
-        "on, J",
-        "bound with the stage, J",
-        "at rest off",
-        "on",
-    ])];
-    let mut series = [Vec::new(), Vec::new(), Vec::new()];
-    let mut worst = 0.0_f64;
-    for times in TIMES {
-        context.go_on()?;
-        let stiffness = times * BASE.border();
-        let run = Loop::new(&BASE.wanted(stiffness, false));
-        let inertia = run.inertia();
-        let put_in = 0.5 * inertia * TAP.length_squared();
-        let leak = TAU * (stiffness / inertia).sqrt() * BASE.period() * (0.5 + f64::from(BASE.delay));
-        let bound = limit.allowance + leak * put_in;
-        let mut cells = vec![short(times), short(stiffness)];
-        let mut rests = Vec::new();
-        for (k, guard) in [false, true].into_iter().enumerate() {
-            let Tapped { settles, most } = tapped(&BASE, stiffness, guard, floor);
-            let id = format!(
-                "energy_given_{}_tenths_{}",
-                (10.0 * times).round() as u32,
-                if guard { "on" } else { "off" }
-            );
-            report.figure(id, most).note("bound", bound);
-            cells.push(short(most));
-            rests.push(if settles { "yes" } else { "no" }.to_owned());
-            series[k].push((times, most));
-            if guard {
-                worst = worst.max(most / bound);
-            }
-        }
-        series[2].push((times, bound));
-        cells.push(short(bound));
-        cells.extend(rests);
-        table.push(cells);
-    }
-    report.table(&table);
-    let [off, on, bounds] = series;
-    let line = |name: &str, points, colour, open| Series { name: name.to_owned(), points, colour, open };
-    report.plot(
-        "energy_given",
-        "The most energy that the motors gave out after a tap, over the stiffness",
-        Lines {
-            title: "Energy given out after a tap".to_owned(),
-            x: "stiffness over b/(h (1/2 + D))".to_owned(),
-            y: "energy, J".to_owned(),
-            log: [true; 2],
-            series: vec![
-                line("without the stage", off, 0, false),
-                line("with the stage", on, 1, false),
-                line("bound with the stage", bounds, 6, true),
-            ],
-            front: false,
-        }
-        .svg(),
-    );
-    report.check(
-        "with the stage no more energy is given out than its allowance and a cycle's leak",
-        format!("{worst:.2} of it at worst"),
-        worst <= 1.0,
-    );
-    Ok(())
-}

@@ -1,11 +1,11 @@
 //! The linear border of stability: the stiffness at which the swing of a spring no longer decays.
 
-use hbot_plot::{Lines, Series, short};
+use hbot_plot::{Lines, Series};
 
 use super::wall::Wall;
-use super::{border, micro};
+use super::{Border, borders, micro};
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::Report;
 
 /// Loop rates at which the stability limit is measured, Hz.
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
@@ -61,75 +61,49 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
          the next order in (b + B) h (1/2 + D)/J, here at most {:.2}, and that the wall's damping is delayed too.",
         0.02 * 2.5 / (500.0 * inertia)
     ));
-    report.family(
-        "border_linear_{rate}hz_delay{d}_own{b}_wall{B}",
-        "N m/rad",
-        "stiffness from which a swing grows; own and wall damping in 1e-6 N m s/rad; `measured` and `predicted` in the row",
-    );
-    let mut table = vec![row(["Hz", "D", "b", "B", "measured, N m/rad", "predicted", "ratio"])];
-    let mut worst = 0.0_f64;
-    let mut lines = Vec::new();
-    for delay in DELAYS {
-        let mut points = [Vec::new(), Vec::new()];
-        for own in OWN {
-            for damping in DAMPING {
-                for rate in RATES {
-                    context.go_on()?;
-                    let period = 1.0 / f64::from(rate);
-                    let wall = Wall {
-                        inertia,
-                        own,
-                        coulomb: 0.0,
-                        step: 0.0,
-                        period,
-                        delay,
-                        stiffness: 0.0,
-                        damping,
-                    };
-                    let predicted = (own + damping) / (period * (0.5 + delay as f64));
-                    let measured = measured(&wall, predicted);
-                    let id = format!(
-                        "border_linear_{rate}hz_delay{delay}_own{}_wall{}",
-                        micro(own),
-                        micro(damping)
-                    );
-                    border(report, id, measured, predicted);
-                    worst = worst.max((measured / predicted - 1.0).abs());
-                    if rate == 1000 {
-                        let numbers = [own, damping, measured, predicted, measured / predicted].map(short);
-                        table.push(row([rate.to_string(), delay.to_string()].into_iter().chain(numbers)));
-                    }
-                    if damping == DAMPING[0] && own == OWN[2] {
-                        points[0].push((f64::from(rate), measured));
-                        points[1].push((f64::from(rate), predicted));
-                    }
-                }
-            }
-        }
-        for (points, what, open) in
-            [(points[0].clone(), "simulated", false), (points[1].clone(), "predicted", true)]
-        {
-            lines.push(Series { name: format!("D = {delay}, {what}"), points, colour: delay, open });
-        }
-    }
-    report.table(&table);
-    report.plot(
+    report.family("border_linear_{rate}hz_delay{d}_own{b}_wall{B} | N m/rad | stiffness from which a swing grows; own and wall damping in 1e-6 N m s/rad; `measured` and `predicted` in the row");
+    let found = measure(context, inertia)?;
+    let worst = borders(report, &found);
+    report.lines(
         "border_linear",
         "Largest stable stiffness over the loop's rate, b = 0.01 N m s/rad, B = 0",
-        Lines {
-            title: "The linear border".to_owned(),
-            x: "loop rate, Hz".to_owned(),
-            y: "stiffness, N m/rad".to_owned(),
-            log: [true; 2],
-            series: lines,
-            front: false,
-        }
-        .svg(),
+        Lines::new("The linear border", "loop rate, Hz", "stiffness, N m/rad", lines(&found)).log([true; 2]),
     );
-    report.check(
-        format!("the linear border is (b + B)/(h (1/2 + D)) within {WITHIN}"),
-        format!("{worst:.3} at worst"),
-        worst <= WITHIN,
-    );
+    report.check_within("the linear border is (b + B)/(h (1/2 + D))", worst, WITHIN);
     Ok(())
+}
+
+/// The borders of all combinations.
+fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> {
+    let mut found = Vec::new();
+    for delay in DELAYS {
+        for (own, damping) in OWN.into_iter().flat_map(|own| DAMPING.map(|damping| (own, damping))) {
+            for rate in RATES {
+                context.go_on()?;
+                let period = 1.0 / f64::from(rate);
+                let wall = Wall { delay, damping, ..Wall::of(inertia, own, period) };
+                let predicted = (own + damping) / (period * (0.5 + delay as f64));
+                let measured = measured(&wall, predicted);
+                let (b, wall) = (micro(own), micro(damping));
+                let id = format!("border_linear_{rate}hz_delay{delay}_own{b}_wall{wall}");
+                found.push(Border { id, rate, delay, own, damping, measured, predicted });
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The borders of the most damped axis on an undamped wall over the loop's rate.
+fn lines(found: &[Border]) -> Vec<Series> {
+    let of = |delay: usize, value: fn(&Border) -> f64| {
+        let drawn = |b: &&Border| b.delay == delay && b.own == OWN[2] && b.damping == DAMPING[0];
+        found.iter().filter(drawn).map(|b| (f64::from(b.rate), value(b))).collect()
+    };
+    let both = |delay: usize| {
+        [
+            Series::new(format!("D = {delay}, simulated"), of(delay, |b| b.measured), delay),
+            Series::new(format!("D = {delay}, predicted"), of(delay, |b| b.predicted), delay).open(true),
+        ]
+    };
+    DELAYS.into_iter().flat_map(both).collect()
 }

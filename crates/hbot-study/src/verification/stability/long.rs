@@ -74,18 +74,14 @@ pub(super) fn study(
          began with: rk4 errs to either side within a swing, and slowly takes energy out of it.",
         short(hours), day.ticks, day.seconds, day.unit, day.least, day.most
     ));
-    report.family("long_day_ticks", "1", "ticks of 1 ms of the ideal plant");
-    report.family("long_day_seconds", "s", "computing for them");
-    report.family("long_day_unit_norm", "1", "largest ||q| - 1| on the way");
+    report.family("long_day_ticks | 1 | ticks of 1 ms of the ideal plant");
+    report.family("long_day_seconds | s | computing for them");
+    report.family("long_day_unit_norm | 1 | largest ||q| - 1| on the way");
     report.family(
-        "long_day_energy_{which}",
-        "1",
-        "largest (most) and least energy on the way, over that at the start",
+        "long_day_energy_{which} | 1 | largest (most) and least energy on the way, over that at the start",
     );
     report.family(
-        "long_odometry_{method}_{width}_unit_norm",
-        "1",
-        "largest ||q| - 1| of so many ticks of odometry",
+        "long_odometry_{method}_{width}_unit_norm | 1 | largest ||q| - 1| of so many ticks of odometry",
     );
     report.figure("long_day_ticks".to_owned(), day.ticks as f64);
     report.figure("long_day_seconds".to_owned(), day.seconds);

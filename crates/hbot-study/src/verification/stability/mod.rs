@@ -2,6 +2,7 @@
 //! over a simulated day.
 
 mod friction;
+mod given;
 mod guarded;
 mod linear;
 mod long;
@@ -12,10 +13,11 @@ mod whole;
 
 use hbot_config::RigConfig;
 use hbot_core::Vec3;
+use hbot_plot::short;
 use hbot_sim::plant::{Plant, PlantState};
 
 use crate::context::{Context, Interrupted};
-use crate::report::Report;
+use crate::report::{Report, row};
 
 /// Runs the study `stability` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
@@ -47,9 +49,36 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
+/// A border of one axis: where it was found, and where the literature has it.
+struct Border {
+    id: String,
+    rate: u32,
+    delay: usize,
+    own: f64,
+    damping: f64,
+    measured: f64,
+    predicted: f64,
+}
+
 /// Reports a measured stability limit together with the predicted one, both in N m/rad.
 fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
     report.figure(id, measured).note("measured", measured).note("predicted", predicted);
+}
+
+/// The figures of all borders, a table of those at 1 kHz, and how far the prediction is off at worst.
+fn borders(report: &mut Report, borders: &[Border]) -> f64 {
+    let mut table = vec![row(["Hz", "D", "b", "B", "measured, N m/rad", "predicted", "ratio"])];
+    let mut worst = 0.0_f64;
+    for Border { id, rate, delay, own, damping, measured, predicted } in borders {
+        border(report, id.clone(), *measured, *predicted);
+        worst = worst.max((measured / predicted - 1.0).abs());
+        if *rate == 1000 {
+            let numbers = [*own, *damping, *measured, *predicted, measured / predicted].map(short);
+            table.push(row([rate.to_string(), delay.to_string()].into_iter().chain(numbers)));
+        }
+    }
+    report.table(&table);
+    worst
 }
 
 /// Returns `x` in millionths, rounded to a whole number, for use in the id of a figure.

@@ -27,6 +27,11 @@ pub(crate) struct Wall {
 const LONGEST: usize = 8;
 
 impl Wall {
+    /// A wall of no stiffness and no damping, read exactly and without delay, on an axis without friction.
+    pub(crate) fn of(inertia: f64, own: f64, period: f64) -> Self {
+        Self { inertia, own, coulomb: 0.0, step: 0.0, period, delay: 0, stiffness: 0.0, damping: 0.0 }
+    }
+
     /// Releases the axis at `angle` (rad) and simulates `ticks` ticks. Calls `each` with the angle
     /// at the end of each tick.
     pub(crate) fn released(&self, angle: f64, ticks: usize, mut each: impl FnMut(f64)) {
