@@ -1,6 +1,7 @@
 //! Tests of the studies through their public interface: ids of figures, checks, and written files.
 
 mod accuracy;
+mod allocation_page;
 mod design;
 mod effects;
 mod files;

@@ -1,0 +1,159 @@
+//! The figure and the numbers of docs/allocation.md come from the allocation itself.
+//!
+//! `HBOT_BLESS=1 cargo test -p hbot-study allocation_page` draws the figure again.
+
+use std::path::PathBuf;
+
+use hbot_config::rig::RigConfig;
+use hbot_core::Vec3;
+use hbot_core::allocation::{Allocation, JointLimits, allocate, allocate_clipped, capability};
+use hbot_core::kinematics::Posture;
+use hbot_plot::{Lines, Series};
+
+const PAGE: &str = include_str!("../../../../docs/allocation.md");
+
+/// The steer angles of the example, rad.
+const STEER: [f64; 2] = [0.3, -0.5];
+
+/// The torque of the example in N, N m.
+const WANTED: Vec3 = Vec3::new(2.4, 0.0, 1.8);
+
+/// The prototype at the posture of the example.
+struct Example {
+    posture: Posture,
+    limits: JointLimits,
+}
+
+impl Example {
+    fn new() -> Self {
+        let rig = RigConfig::prototype().rig;
+        Self { posture: Posture::new(&rig.device, &STEER), limits: JointLimits::of(&rig) }
+    }
+
+    fn exact(&self, wanted: Vec3) -> Allocation {
+        allocate(self.posture.rows(), &self.limits, wanted)
+    }
+
+    fn clipped(&self, wanted: Vec3) -> Allocation {
+        allocate_clipped(self.posture.rows(), &self.limits, wanted)
+    }
+
+    /// The border of a region in the plane of n1 and n3: for each direction the largest torque, N m.
+    fn border(&self, largest: impl Fn(Vec3) -> f64) -> Vec<(f64, f64)> {
+        (0..=360)
+            .map(|degree| {
+                let (n3, n1) = f64::from(degree).to_radians().sin_cos();
+                let size = largest(Vec3::new(n1, 0.0, n3));
+                (size * n1, size * n3)
+            })
+            .collect()
+    }
+
+    fn figure(&self) -> String {
+        // A torque far beyond every limit is scaled down to the border of its region.
+        let far = 100.0;
+        let line = |name: &str, points, colour, open| Series { name: name.to_owned(), points, colour, open };
+        let at = |torque: Vec3| (torque.x, torque.z);
+        Lines {
+            title: "Torques that the prototype can make at one posture".to_owned(),
+            x: "torque about n1, N m".to_owned(),
+            y: "torque about n3, N m".to_owned(),
+            log: [false; 2],
+            series: vec![
+                line("border of regime 1", self.border(|way| far * self.clipped(way * far).scale), 0, false),
+                line(
+                    "border of regime 2 (the capability)",
+                    self.border(|way| capability(self.posture.rows(), &self.limits, way)),
+                    1,
+                    false,
+                ),
+                line("T, the torque wanted", vec![(0.0, 0.0), at(WANTED)], 6, true),
+                line("s T by exact", vec![at(WANTED * self.exact(WANTED).scale)], 2, false),
+                line("s T by clipped", vec![at(WANTED * self.clipped(WANTED).scale)], 3, false),
+            ],
+            front: false,
+        }
+        .svg()
+    }
+}
+
+#[test]
+fn the_figure_is_that_of_the_allocation() {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/allocation.svg");
+    let drawn = Example::new().figure();
+    if std::env::var_os("HBOT_BLESS").is_some() {
+        std::fs::write(&path, &drawn).expect("the docs folder can be written");
+    }
+    let kept = std::fs::read_to_string(&path).expect("the page has its figure");
+    assert!(kept == drawn, "docs/allocation.svg is not what the allocation gives: bless it");
+}
+
+#[test]
+fn the_page_quotes_what_the_allocation_gives() {
+    let example = Example::new();
+    let (exact, clipped) = (example.exact(WANTED), example.clipped(WANTED));
+    let joints = |found: &Allocation| {
+        let torques = found.torque[..4].iter().map(|tau| format!("{tau:.3}"));
+        torques.collect::<Vec<_>>().join(", ")
+    };
+    for said in [
+        format!("| `exact` | {} | {:.3} |", joints(&exact), exact.scale),
+        format!("| `clipped` | {} | {:.3} |", joints(&clipped), clipped.scale),
+    ] {
+        assert!(PAGE.contains(&said), "docs/allocation.md has not: {said}");
+    }
+}
+
+/// The constants in the sources of the allocation, by name, with what their declarations say.
+fn declared() -> Vec<(String, String)> {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../hbot-core/src/allocation");
+    let files = std::fs::read_dir(folder)
+        .expect("the allocation's folder")
+        .map(|entry| entry.expect("a file").path());
+    let mut found = Vec::new();
+    for file in files.filter(|file| file.extension().is_some_and(|kind| kind == "rs")) {
+        let text = std::fs::read_to_string(&file).expect("a source file");
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        if file.file_stem().is_some_and(|stem| stem == "tests" || stem == "reference") {
+            continue;
+        }
+        for line in code.lines().map(|line| line.trim_start().trim_start_matches("pub ")) {
+            if let Some((name, value)) = line.strip_prefix("const ").and_then(|rest| rest.split_once(": "))
+                && name.chars().all(|c| c.is_ascii_uppercase() || c == '_')
+                && let Some((_, value)) = value.split_once(" = ")
+            {
+                found.push((name.to_owned(), value.trim_end_matches(';').to_owned()));
+            }
+        }
+    }
+    found
+}
+
+/// A number as the page and the sources write it.
+fn number(text: &str) -> Option<f64> {
+    text.trim_matches(|c: char| !c.is_ascii_digit()).parse().ok()
+}
+
+#[test]
+fn the_page_names_every_constant_with_its_value() {
+    let constants = declared();
+    // `NONE` is a value of a type, and `ROUNDING` stands where it is explained.
+    let explained = constants.iter().filter(|(name, _)| !["NONE", "ROUNDING"].contains(&name.as_str()));
+    let mut count = 0;
+    for (name, value) in explained {
+        let row = PAGE.lines().find(|line| {
+            line.starts_with("| `")
+                && line.split(" | ").next().is_some_and(|cell| cell.contains(&format!("`{name}`")))
+        });
+        let row = row.unwrap_or_else(|| panic!("docs/allocation.md explains no {name}"));
+        let said: Vec<f64> =
+            row.split(" | ").nth(1).expect("a value").split([' ', ',']).filter_map(number).collect();
+        let width =
+            value.split_once('{').map_or(value.as_str(), |(_, then)| then.split('}').next().unwrap_or(then));
+        let written: Vec<f64> = width.split([' ', ',', '[', ']']).filter_map(number).collect();
+        assert!(!written.is_empty(), "{name} = {value} has no number");
+        assert!(written.iter().all(|value| said.contains(value)), "{name}: page {said:?}, code {written:?}");
+        count += 1;
+    }
+    assert_eq!(count, 14, "the constants of {constants:?}");
+}
