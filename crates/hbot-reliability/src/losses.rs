@@ -58,8 +58,8 @@ fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
     let bound = VALID_MS + RAMP_MS + NOTE;
     Ok(Row::new(
         &format!("client {fault} while it commands 0.3 N m"),
-        format!("zero within {bound} ticks of the last message"),
-        format!("{ticks} ticks; mode {:?}", over.mode),
+        format!("zero torque at most {bound} ticks after the last message"),
+        format!("zero after {ticks} ticks; mode {:?}", over.mode),
         ticks <= bound && over.mode == Mode::Active,
     ))
 }
@@ -85,11 +85,11 @@ pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
     let after = missed(&mut bench)?;
     let bound = u64::from(RigConfig::prototype().link.timeout_ticks) + NOTE;
     Ok(Row::new(
-        &format!("serial peer {fault}"),
+        &format!("motor controllers {fault}"),
         format!(
-            "link_lost, zero torque in its tick, after {bound} ticks without a reading; its own watchdog after 20 ms"
+            "link_lost after {bound} ticks without a reading, with zero torque in that tick; the controllers' own watchdog after 20 ms"
         ),
-        format!("{}; {} ticks missed since it was asked", cause(state.fault), after - before),
+        format!("{}; {} missed ticks counted after the signal", cause(state.fault), after - before),
         state.fault == Some(Fault::LinkLost) && still(&state),
     ))
 }
@@ -113,10 +113,12 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
     let bound = WATCHDOG_MS + NOTE as f64;
     let stats = bench.stats()?;
     Ok(Row::new(
-        &format!("serial peer {fault}"),
-        format!("a fault, and zero torque with the controllers within their watchdog time ({bound} ms)"),
+        &format!("motor controllers {fault}"),
         format!(
-            "{}, zero after {after_ms:.1} ms; {} damaged frames, {} foreign ones",
+            "a fault, and zero torque at the controllers within {bound} ms (watchdog time and two ticks)"
+        ),
+        format!(
+            "{}, zero torque after {after_ms:.1} ms; {} damaged and {} foreign frames",
             cause(state.fault),
             stats.corrupt_frames,
             stats.foreign_frames
@@ -138,7 +140,8 @@ pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     let from = bench.until(|_| true)?.tick;
     let state = bench.until(|state| state.mode == Mode::Fault || state.tick > from + ticks)?;
     let frames = bench.stats()?.corrupt_frames;
-    let promise = if rides { "rides through, frames counted" } else { "fault link_corrupt, zero torque" };
+    let promise =
+        if rides { "no fault, damaged frames are counted" } else { "fault link_corrupt, zero torque" };
     let kept = if rides {
         state.mode == Mode::Active
     } else {
@@ -148,7 +151,7 @@ pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
         &format!("{} % of frames damaged each way", 100.0 * share),
         promise,
         format!(
-            "{:?}, {} after {} ticks, {frames} damaged frames counted",
+            "mode {:?}, {} after {} ticks, {frames} damaged frames counted",
             state.mode,
             cause(state.fault),
             state.tick - from
@@ -203,10 +206,10 @@ pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
     let zeros = heard["last_zeros"].as_u64().unwrap_or(0);
     let after_ms = heard["zero_after_ms"].as_f64().unwrap_or(f64::INFINITY);
     Ok(Row::new(
-        &format!("{name} while a client pushes"),
-        "motors off and zero torque are the last that the controllers hear, three times; exit 0",
+        &format!("{name} while a client commands torque"),
+        "the last three commands to the controllers are motors off with zero torque; exit 0",
         format!(
-            "{status}; motors off was the last {zeros} commands, first {after_ms:.1} ms after the signal"
+            "{status}; the last {zeros} commands were motors off, the first of them {after_ms:.1} ms after the signal"
         ),
         status.success() && zeros >= 3,
     ))
@@ -276,9 +279,9 @@ fn unwritten(fault: &str, logs: &Path, folder: &Path, blocks: Option<u32>) -> Ou
     let failed = stats.flight_logs_failed - before.flight_logs_failed;
     Ok(Row::new(
         fault,
-        "counted, a warning, no fault; the loop goes on",
+        "the failure is counted and logged as a warning; no fault, the loop goes on",
         format!(
-            "{failed} log given up, {}; late, skipped, missed ticks in that second {with:?}, in the one before {without:?}; active again after reset",
+            "{failed} log given up, {}; late, skipped and missed ticks {with:?} in that second, {without:?} in the second before; active again after reset",
             if warned { "with a warning" } else { "without a warning" }
         ),
         failed == 1 && warned && stats.flight_logs == 0 && stats.faults == before.faults,

@@ -120,7 +120,7 @@ pub(crate) fn ping(seconds: u64) -> Outcome<Row> {
 /// client in step with the loop sends requests like this, and between them its data can leave the
 /// caches.
 pub(crate) fn ping_paced(seconds: u64) -> Outcome<Row> {
-    pings("one a millisecond", 20, Duration::from_millis(1), seconds)
+    pings("one per millisecond", 20, Duration::from_millis(1), seconds)
 }
 
 /// Compares the round-trip time of pings to the server with that of an echo process on the same
@@ -149,12 +149,12 @@ fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
     let (ratio, pairs) = (a / b, median(ratios));
     Ok(Row::new(
         &format!(
-            "`ping` between two processes, {how}, {} in turns of {turn} with an echo on the same kind of runtime",
+            "`ping` between two processes, {how}: {} round trips, in turns of {turn} with those of an echo on the same kind of runtime",
             pings.len()
         ),
-        "median at most 1.3 times the echo's",
+        "median at most 1.3 times that of the echo",
         format!(
-            "{ratio:.2}: {a:.1} us against {b:.1}; of pairs of turns {pairs:.2}; 99 % {far:.0} us against {far_echo:.0}"
+            "{ratio:.2} times: {a:.1} us against {b:.1} us; median over pairs of turns {pairs:.2} times; 99 % of round trips within {far:.0} us against {far_echo:.0} us"
         ),
         ratio <= 1.3,
     ))
@@ -171,10 +171,10 @@ pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     let far = quantile(&mut echoed, 0.99);
     let at = |key: &str| ages[key].as_f64().unwrap_or(f64::INFINITY);
     Ok(Row::new(
-        "a client renders for itself at 1 kHz: a state in, a torque out",
-        "the torque in force is at most 2 ticks old in the median, from the tick whose state it was made of",
+        "a client computes its own torque at 1 kHz: a state in, a torque out",
+        "median age of the torque in force at most 2 ticks, counted from the tick of the state from which it was computed",
         format!(
-            "median {} ticks, 99 % {} ticks, of {}; an echo's round trip takes {far:.0} us (99 %)",
+            "median {} ticks, 99 % within {} ticks, of {} ages; 99 % of an echo's round trips take at most {far:.0} us",
             at("p50"),
             at("p99"),
             ages["count"]
@@ -227,11 +227,13 @@ pub(crate) fn subscribers(seconds: u64) -> Outcome<Row> {
     let (lateness, compute) = (median(lateness), median(compute));
     let [compute_without, compute_with, lateness_without, lateness_with] = each.map(median);
     Ok(Row::new(
-        &format!("8 subscribers of every state at 1 kHz, {PAIRS} pairs of {seconds} s with and without"),
-        "medians of compute and lateness within 5 % of those without",
+        &format!(
+            "8 clients subscribe to every state at 1 kHz; {PAIRS} pairs of {seconds} s with and without them"
+        ),
+        "medians of computing time and lateness at most 5 % above those without",
         format!(
-            "compute {compute:.3} times ({compute_without:.2} to {compute_with:.2} us), lateness {lateness:.3} times ({lateness_without:.3} to \
-             {lateness_with:.3} us)"
+            "computing time {compute:.3} times ({compute_with:.2} us with, {compute_without:.2} us without), lateness {lateness:.3} times \
+             ({lateness_with:.3} us with, {lateness_without:.3} us without)"
         ),
         compute <= 1.05 && lateness <= 1.05,
     ))
@@ -281,10 +283,13 @@ pub(crate) fn attack(seconds: u64) -> Outcome<Row> {
     let ratio = median(ratios);
     Ok(Row::new(
         &format!(
-            "1,000 connections, 200 senders of garbage, 50 that do not read, {PAIRS} pairs of {seconds} s with and without"
+            "1,000 connections, of which 200 send garbage and 50 do not read; {PAIRS} pairs of {seconds} s with and without them"
         ),
-        "median lateness at most 1.2 times; late ticks within 3 sigma",
-        format!("{ratio:.2}; {} late of {} ticks against {} of {}", loud.0, loud.1, quiet.0, quiet.1),
+        "median lateness at most 1.2 times that without; late ticks at most 3 sigma more than without",
+        format!(
+            "{ratio:.2} times; {} late of {} ticks with, {} of {} without",
+            loud.0, loud.1, quiet.0, quiet.1
+        ),
         ratio <= 1.2 && loud.0 as f64 - expected <= 3.0 * sigma,
     ))
 }
@@ -311,11 +316,11 @@ pub(crate) fn load(seconds: u64) -> Outcome<Row> {
     let [p50, bare_p50, p99, bare_p99] = each.map(median);
     Ok(Row::new(
         &format!(
-            "all cores loaded by other work, against a bare loop of absolute sleeps, {PAIRS} pairs of {seconds} s"
+            "all cores loaded by other work: lateness of the loop against that of a bare loop of absolute sleeps, {PAIRS} pairs of {seconds} s"
         ),
-        "median at most 1.2 times, 99 % at most 1.5 times",
+        "median at most 1.2 times, 99 % quantile at most 1.5 times",
         format!(
-            "{ratio:.3} ({p50:.1} us against {bare_p50:.1}), {far:.3} ({p99:.1} us against {bare_p99:.1})"
+            "median {ratio:.3} times ({p50:.1} us against {bare_p50:.1} us), 99 % quantile {far:.3} times ({p99:.1} us against {bare_p99:.1} us)"
         ),
         ratio <= 1.2 && far <= 1.5,
     ))

@@ -8,25 +8,28 @@ use crate::line::Line as _;
 pub const CASES: &[Case] = &[
     Case { name: "each command is answered in the next tick, and motors do as commanded", run: good },
     Case { name: "a silent line gives no reading, and readings come back with it", run: silent },
-    Case { name: "half an answer is no reading, whether or not the rest follows", run: half },
-    Case { name: "garbage is no reading, is counted, and ends", run: garbage },
+    Case { name: "an incomplete answer is no reading, whether or not the rest follows", run: half },
+    Case { name: "garbage is counted, gives no reading, and good readings come back after it", run: garbage },
     Case { name: "a late answer is as old as the command that it answers", run: late },
     Case { name: "an answer that comes twice is one reading", run: twice },
     Case { name: "answers out of order never go back", run: out_of_order },
-    Case { name: "an answer to a command that was never sent is nobody's", run: ahead },
-    Case { name: "a command that is refused is said to be, and the next one is whole", run: refused },
+    Case { name: "an answer to a command that was never sent is counted as foreign", run: ahead },
+    Case { name: "a command that the line refuses is reported, and the next one is whole", run: refused },
     Case { name: "a command that is cut short does not spoil the next one", run: cut },
-    Case { name: "a line that vanishes and comes back says so once", run: vanished },
+    Case { name: "a line that vanishes and comes back is reported once", run: vanished },
     Case {
         name: "controllers that lose power have lost their zeros, their motors are off, and they are met again",
         run: rebooted,
     },
-    Case { name: "motors that are on against the command are complained of", run: disobedient },
-    Case { name: "an expired watchdog ends torque and is complained of until motors were off", run: expired },
-    Case { name: "the last word switches motors off, even after half a command", run: last_word },
+    Case { name: "motors that are on against the command are reported", run: disobedient },
+    Case {
+        name: "an expired watchdog ends torque and is reported until motors were commanded off",
+        run: expired,
+    },
+    Case { name: "the last word switches motors off, even after an incomplete command", run: last_word },
     Case { name: "switching off says whether power was lost", run: switched_off },
     Case { name: "controllers that are not the rig's are refused", run: strangers },
-    Case { name: "what a tick costs on the line is what is said", run: traffic },
+    Case { name: "a tick sends no more bytes than the driver states", run: traffic },
 ];
 
 fn good(subject: &Subject) -> Result<(), String> {

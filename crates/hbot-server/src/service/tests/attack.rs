@@ -182,11 +182,11 @@ fn the_page_has_the_bounds() {
             "without a hello at a time | {strangers}, of them {} from other machines |",
             strangers - local
         ),
-        format!("handshake where the port is encrypted | {} s,", hello.as_secs()),
-        format!("| messages on their way to a client | {outgoing}, 1 MiB |"),
+        format!("handshake if the port is encrypted | {} s,", hello.as_secs()),
+        format!("| messages that wait to be sent to a client | {outgoing} messages, 1 MiB |"),
         format!("| requests a second of one client | {},000; ", requests_per_s / 1000),
         format!("of one record) | {} s |", stuck.as_secs()),
-        format!("{} KiB of what has come", READ_AHEAD / 1024),
+        format!("reads up to {} KiB ahead |", READ_AHEAD / 1024),
         format!("| time until the answer to a wrong token | {} ms |", wrong_token.as_millis()),
         "2,048 bytes".to_owned(),
     ] {
