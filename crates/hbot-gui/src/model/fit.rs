@@ -4,17 +4,18 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::Sample;
 
-/// Smallest number of samples for a fit.
+/// Smallest number of samples from which stiffness and damping are fitted.
 const LEAST_SAMPLES: usize = 20;
-/// Smallest standard deviation of the deflection for a fit, rad.
+/// Smallest standard deviation of the deflection from which stiffness and damping are fitted, rad.
 const LEAST_SPREAD: f64 = 2e-3;
 
-/// The fitted behaviour of one axis: torque = offset - stiffness deflection - damping rate.
+/// Stiffness and damping about one axis, fitted to samples by the law torque = offset - stiffness ×
+/// deflection - damping × rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fit {
-    /// Stiffness, N m/rad.
+    /// Fitted stiffness, N m/rad.
     pub(crate) stiffness: f64,
-    /// Damping, N m s/rad.
+    /// Fitted damping, N m s/rad.
     pub(crate) damping: f64,
     /// Torque at zero deflection and rate, N m.
     pub(crate) offset: f64,
@@ -22,10 +23,10 @@ pub(crate) struct Fit {
     pub(crate) range: [f64; 2],
 }
 
-/// Fits each axis by least squares. Deflections are measured from the orientation `chosen`, or if
-/// it is `None`, from the zero of each sample. Returns `None` for an axis with too few samples or
-/// too little deflection. Ignores samples whose torque was limited, and samples of a rig that is
-/// not active.
+/// Fits stiffness and damping about each axis to samples, by least squares. Deflections are
+/// measured from the orientation `chosen`, or if it is `None`, from the zero of each sample.
+/// Returns `None` for an axis with too few samples or too little deflection. Ignores samples whose
+/// torque was limited, and samples of a rig that is not active.
 pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<DQuat>) -> [Option<Fit>; 3] {
     let mut axes = [Axis::default(); 3];
     for sample in samples.filter(|sample| sample.active && sample.scale > 0.999) {
@@ -40,8 +41,8 @@ pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<
     axes.map(|axis| axis.solve())
 }
 
-/// Sums for the least-squares fit of one axis: its normal equations, with coefficients for
-/// deflection, rate and 1.
+/// Sums for the least-squares fit of one axis: the matrix and right side of its normal equations.
+/// The unknowns are the coefficients of deflection, of rate, and of 1.
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,
