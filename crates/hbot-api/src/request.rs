@@ -26,12 +26,12 @@ pub struct Request {
     /// Id of the request, which the answer repeats. A stream message without an id is not answered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<Id>,
-    /// The op with its fields: what the client asks for.
+    /// The operation (op) that the client requests, with its fields.
     #[serde(flatten)]
     pub op: Op,
 }
 
-/// The ops that a client can request. They are described in `docs/api.md`.
+/// The operations (ops) that a client can request. They are described in `docs/api.md`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 pub enum Op {

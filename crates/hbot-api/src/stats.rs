@@ -36,15 +36,16 @@ pub struct StatsOk {
     pub reopened_ports: u64,
     /// Number of ticks whose records were lost because the service did not fetch them in time.
     pub dropped_samples: u64,
-    /// Number of faults for each cause.
+    /// Number of faults since the server started, for each cause.
     pub faults: CountsByName<Fault>,
-    /// Number of emergency stops.
+    /// Number of emergency stops since the server started.
     pub estops: u64,
     /// Number of requests that the server read, including those that it refused.
     pub requests: u64,
     /// Number of requests refused for each error code, including stream messages.
     pub refused: CountsByName<ErrorCode>,
-    /// Number of stream messages refused.
+    /// Number of stream messages (repeated torques, references and orientations) that the server
+    /// refused.
     pub refused_streams: u64,
     /// Number of state messages dropped because a client read too slowly.
     pub dropped_states: u64,

@@ -27,7 +27,7 @@ pub struct Panel {
     out: PathBuf,
 }
 
-/// The folders that the panel reads from and writes to.
+/// The folders in which the panel reads and writes files.
 #[derive(Clone, Debug)]
 pub struct Folders {
     /// Folder with the scene files from which the user can choose. Saved scenes are written to it

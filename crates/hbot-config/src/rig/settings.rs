@@ -113,7 +113,7 @@ pub enum Protocol {
     Hbot,
 }
 
-/// Limits on torque, speed, slip, energy and rates.
+/// Largest torque, speed, slip, energy and rates that are allowed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Limits {
@@ -196,27 +196,29 @@ impl Default for Limits {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Energy {
-    /// Energy that can be delivered at once in excess of `power`, for example in one push.
+    /// Energy that can be delivered to the hand at once in excess of `power`, for example in one
+    /// push.
     #[schemars(range(max = legal::BURST.most), extend("exclusiveMinimum" = legal::BURST.least, "unit" = legal::BURST.unit))]
     pub(crate) burst: f64,
-    /// Power that can be delivered without time limit.
+    /// Power that can be delivered to the hand without time limit.
     #[schemars(range(max = legal::POWER.most), extend("exclusiveMinimum" = legal::POWER.least, "unit" = legal::POWER.unit))]
     pub(crate) power: f64,
 }
 
-/// Friction between each wheel and the sphere. It transmits a force of at most mu N.
+/// Friction between each wheel and the sphere. It transmits at most the force `mu` times
+/// `normal_force`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Traction {
-    /// Friction coefficient mu of the contacts.
+    /// Friction coefficient between wheel and sphere.
     #[schemars(range(max = legal::FRICTION.most), extend("exclusiveMinimum" = legal::FRICTION.least))]
     pub(crate) mu: f64,
-    /// Normal force N of each wheel on the sphere.
+    /// Normal force of each wheel on the sphere.
     #[schemars(range(max = legal::NORMAL_FORCE.most), extend("exclusiveMinimum" = legal::NORMAL_FORCE.least, "unit" = legal::NORMAL_FORCE.unit))]
     pub(crate) normal_force: f64,
 }
 
-/// Settings of the TCP service.
+/// Settings of the TCP service to which clients connect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Api {
@@ -256,7 +258,8 @@ pub(crate) struct Tls {
     /// path is relative to the rig file.
     #[schemars(with = "String", length(min = 1))]
     pub(crate) certificate: PathBuf,
-    /// File with the private key of that certificate (PEM). Its path is relative to the rig file.
+    /// File with the private key of the server's certificate (PEM). Its path is relative to the rig
+    /// file.
     #[schemars(with = "String", length(min = 1))]
     pub(crate) key: PathBuf,
 }

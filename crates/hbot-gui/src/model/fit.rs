@@ -17,9 +17,9 @@ pub(crate) struct Fit {
     pub(crate) stiffness: f64,
     /// Fitted damping, N m s/rad.
     pub(crate) damping: f64,
-    /// Torque at zero deflection and rate, N m.
+    /// Fitted torque at zero deflection and zero rate, N m.
     pub(crate) offset: f64,
-    /// Smallest and largest deflection of the samples, rad.
+    /// Smallest and largest deflection among the samples, rad.
     pub(crate) range: [f64; 2],
 }
 

@@ -25,7 +25,7 @@ use crate::net::{Delivery, Intent, Lease, News};
 /// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
-/// The state of the connection to the server.
+/// The connection of the panel to the server, or how it is being made.
 #[derive(Clone, Debug)]
 pub(crate) enum Link {
     Connecting,

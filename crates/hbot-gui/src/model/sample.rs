@@ -19,7 +19,7 @@ pub(crate) struct Sample {
     pub(crate) torque: DVec3,
     /// Fraction of the requested torque that remained after the limits, 0 to 1.
     pub(crate) scale: f64,
-    /// Largest slip of all wheels, m/s.
+    /// Largest slip between a wheel and the sphere, over all wheels, m/s.
     pub(crate) slip: f64,
     /// Energy delivered to the hand since the start, J.
     pub(crate) energy: f64,

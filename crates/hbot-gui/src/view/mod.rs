@@ -30,7 +30,7 @@ use theme::{Palette, coloured, weak};
 /// Something that the user has asked for while the window was drawn.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
-    /// A request to the server.
+    /// Send a request to the server, for example to stop the rig.
     Ask(Intent),
     /// Load a scene file from this computer.
     LoadFile(PathBuf),

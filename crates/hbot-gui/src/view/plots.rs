@@ -40,7 +40,7 @@ pub(crate) struct PlotDesk {
     window: f64,
     /// The samples that are shown while the user has paused the plots.
     paused: Option<Box<History>>,
-    /// The orientation from which deflections are measured, if the user has chosen one.
+    /// Orientation from which the sphere's deflection is measured, if the user has chosen one.
     zero: Option<DQuat>,
 }
 

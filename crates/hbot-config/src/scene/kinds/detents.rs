@@ -41,7 +41,8 @@ pub(super) struct Detents {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 
