@@ -72,7 +72,7 @@ impl Event {
 pub struct FaultEvent {
     /// Number of the tick in which the mode changed.
     pub tick: u64,
-    /// Time of the tick in which the mode changed, since the control loop began, s.
+    /// Time of the tick in which the mode changed, in seconds since the control loop began.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
     /// Mode after the change: [`Mode::Fault`], [`Mode::Estop`], or the mode after a reset.

@@ -8,7 +8,7 @@ use crate::names::names;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The answer to the op `info`, which describes the rig and the running scene.
+/// The answer to the op `info`. It describes the rig and the running scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct InfoOk {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
 
-/// Largest number of ticks between two state messages for which a client can ask.
+/// Largest number of ticks from one state message to the next that a client can request.
 pub const MAX_EVERY: u64 = 1_000_000;
 
 /// Largest length of a client's name, in bytes of UTF-8.
@@ -148,7 +148,7 @@ fn is_false(flag: &bool) -> bool {
 }
 
 impl Op {
-    /// Returns the name of the op. [`OpName::row`] returns the op's properties.
+    /// Returns the name of the operation (op). [`OpName::row`] returns its properties.
     #[must_use]
     pub const fn name(&self) -> OpName {
         match self {

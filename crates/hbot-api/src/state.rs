@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct StateEvent {
     /// Number of the tick.
     pub tick: u64,
-    /// Time of the tick since the control loop began, s.
+    /// Time of the tick, in seconds since the control loop began.
     #[serde(serialize_with = "finite::scalar")]
     pub t: f64,
     /// Mode of the rig, such as active or stopped by a fault.
@@ -49,7 +49,8 @@ pub struct StateEvent {
     /// Negative if the hand has delivered more energy than it received.
     #[serde(serialize_with = "finite::scalar")]
     pub energy: f64,
-    /// The last stream message that the loop has accepted. `None` before the first.
+    /// Sequence number and age of the last stream message that the control loop has accepted.
+    /// `None` before the first.
     pub client: Option<ClientStream>,
     /// Lateness, computing time and other times of the tick.
     pub timing: StateTiming,
@@ -93,7 +94,7 @@ pub struct JointState {
     pub torque: f64,
 }
 
-/// The sequence number and age of the last stream message that the control loop has accepted.
+/// Sequence number and age of the last stream message that the control loop has accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClientStream {
     /// Sequence number of the message (its field `seq`). `None` if it had none.

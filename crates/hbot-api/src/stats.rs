@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 pub struct StatsOk {
     /// Number of ticks whose records the service has received from the control loop.
     pub ticks: u64,
-    /// Time that the control loop was awake before a tick's deadline, waiting for it, us.
+    /// Time for which the control loop was awake before a tick's deadline, waiting for the
+    /// deadline, us.
     pub awake_us: Distribution,
     /// Time from a tick's deadline to its start, us.
     pub lateness_us: Distribution,
@@ -63,7 +64,7 @@ pub struct StatsOk {
     pub flight_logs_failed: u64,
 }
 
-/// A summary of measured times: percentiles, maximum and number, in us.
+/// A summary of measured durations: percentiles and maximum, in us, and how many were measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Distribution {
@@ -85,6 +86,6 @@ pub struct Distribution {
     /// Longest time of all, us.
     #[serde(serialize_with = "finite::scalar")]
     pub max: f64,
-    /// Number of times that were measured.
+    /// Number of measured values.
     pub count: u64,
 }

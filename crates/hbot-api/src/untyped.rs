@@ -11,8 +11,8 @@ use std::fmt;
 /// A message that has been decoded to an untyped value.
 pub(crate) struct Untyped {
     pub(crate) value: Value,
-    /// The first mistake in a message that could still be read to its end. The answer can then
-    /// contain the id of the request.
+    /// The first mistake in the message, if there is one. The message could still be read to its
+    /// end, so the answer can contain the id of the request.
     pub(crate) problem: Option<Problem>,
 }
 

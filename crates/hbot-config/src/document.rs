@@ -125,8 +125,8 @@ impl Report {
         !self.is_full() && !self.found.iter().any(|d| is_under(&d.path, path))
     }
 
-    /// Returns whether the report holds its largest number of mistakes. Further mistakes are
-    /// dropped.
+    /// Returns whether the report is full: it holds [`MOST_MISTAKES`] mistakes, and drops further
+    /// ones.
     pub(crate) fn is_full(&self) -> bool {
         self.found.len() == MOST_MISTAKES
     }

@@ -15,7 +15,7 @@ pub enum Who {
     Holder,
 }
 
-/// The name of a field of an op, and whether it is optional.
+/// A field of a request: its name, and whether it is optional.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
     /// Name of the field in a request.
@@ -130,7 +130,8 @@ ops! {
     LoadScene = "load_scene": OpRow::new(Who::Holder, &[must("scene")]).weighing(250).long(),
     /// The op [`Op::Set`](crate::Op::Set), which changes parameters of an effect.
     Set = "set": OpRow::new(Who::Holder, &[must("effect")]).with_parameters().weighing(100).long(),
-    /// The op [`Op::Torque`](crate::Op::Torque), which sends a torque that the client computes.
+    /// The op [`Op::Torque`](crate::Op::Torque), with which a client sends a torque that it
+    /// computes.
     Torque = "torque":
         OpRow::new(Who::Holder, &[must("torque"), must("valid_ms"), may("tick"), may("seq")]).stream(),
     /// The op [`Op::Reference`](crate::Op::Reference), which moves the reference of an effect.
@@ -140,7 +141,8 @@ ops! {
             &[must("effect"), must("q"), may("omega"), may("valid_ms"), may("tick"), may("seq")],
         )
         .stream(),
-    /// The op [`Op::Align`](crate::Op::Align), which sends an orientation measured from outside.
+    /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
+    /// from outside.
     Align = "align": OpRow::new(Who::Holder, &[must("q"), must("weight"), may("t")]).stream(),
     /// The op [`Op::Enable`](crate::Op::Enable), which begins to render the scene.
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),

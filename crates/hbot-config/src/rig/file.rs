@@ -95,8 +95,8 @@ pub(crate) struct Joint {
     #[serde(default)]
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
-    /// Position of the joint on its serial line, counted from 0 and unique on the line. Default:
-    /// the number of joints before it on the same port, in the order steer, drive of each wheel.
+    /// Position of the joint among the joints on its serial line, counted from 0. Default: its
+    /// place in the order of the file, where each wheel has its steer joint, then its drive joint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 15))]
     pub(crate) controller: Option<u32>,

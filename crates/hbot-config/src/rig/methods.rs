@@ -103,7 +103,7 @@ pub(crate) enum RateMethod {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RateTable {
-    /// Name of the method.
+    /// Name of the method that estimates the joint rates.
     pub(crate) method: RateMethod,
     /// For `low_pass`: corner frequency. Default: 30.
     #[serde(default, skip_serializing_if = "Option::is_none")]

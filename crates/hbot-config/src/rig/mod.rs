@@ -47,8 +47,8 @@ pub struct RigConfig {
     pub zero_offsets: Vec<f64>,
     /// Rate of the control loop in ticks per second, 50 to 20000.
     pub rate_hz: u32,
-    /// How long before a tick's deadline the loop can wake at most, ns. If 0, the loop sleeps until
-    /// the deadline.
+    /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick, ns. If 0,
+    /// the loop sleeps until the deadline.
     pub early_ns: u64,
     /// Longest time that a processor can take to wake from sleep while the loop runs, us. `None` if
     /// the operating system decides.

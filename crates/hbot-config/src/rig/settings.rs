@@ -17,7 +17,7 @@ pub(crate) const ANY_WAKE_US: u32 = 1_000_000;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Loop {
-    /// Ticks per second.
+    /// Rate of the control loop, in ticks per second.
     #[schemars(range(min = 50, max = 20_000), extend("unit" = "Hz"))]
     pub(crate) rate_hz: u32,
     /// Numerical methods: the name of a preset, or a table with one key for each method.
@@ -28,9 +28,9 @@ pub(crate) struct Loop {
     /// Whether the energy delivered to the hand is limited to the energy absorbed from it: true,
     /// false, or a table of parameters.
     pub(crate) passivity: Passivity,
-    /// Lead: how long before a tick's deadline the loop can wake at most. Never more than a quarter
-    /// of the period. The loop measures how early it must wake on this machine. It then stays awake
-    /// until the deadline and rehearses the tick, which keeps a processor busy. 0: the loop sleeps
+    /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
+    /// more than a quarter of the period. The loop measures which lead this machine needs. Between
+    /// wake-up and deadline it rehearses the tick, which keeps a processor busy. 0: the loop sleeps
     /// until the deadline.
     #[schemars(range(max = 1000), extend("unit" = "us"))]
     pub(crate) early_us: u32,

@@ -41,8 +41,8 @@ pub(crate) fn fit<'a>(samples: impl Iterator<Item = &'a Sample>, chosen: Option<
     axes.map(|axis| axis.solve())
 }
 
-/// Sums for the least-squares fit of one axis: the matrix and right side of its normal equations.
-/// The unknowns are the coefficients of deflection, of rate, and of 1.
+/// Sums over samples for the least-squares fit of one axis: the matrix and the right side of the
+/// normal equations. The unknowns are the coefficients of deflection, of rate, and of 1.
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,

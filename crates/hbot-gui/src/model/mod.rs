@@ -25,14 +25,14 @@ use crate::net::{Delivery, Intent, Lease, News};
 /// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
-/// The connection of the panel to the server, or how it is being made.
+/// The state of the panel's connection to the server: being made, missing or established.
 #[derive(Clone, Debug)]
 pub(crate) enum Link {
     Connecting,
     /// There is no connection to the server.
     Offline {
         why: String,
-        /// Whether no server is running at the address, because the address refuses connections.
+        /// Whether the address refuses connections, which means that no server is running there.
         absent: bool,
         again: Instant,
     },
@@ -60,7 +60,7 @@ pub(crate) struct Model {
     pub(crate) messages: Messages,
     /// Number of states lost on the way to the panel since the connection was made.
     pub(crate) dropped: u64,
-    /// Number of state messages per second for which the panel asks the server.
+    /// Number of state messages per second that the panel requests from the server.
     pub(crate) samples_per_s: u32,
 }
 

@@ -7,7 +7,7 @@ use hbot_api::StateEvent;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample {
     pub(crate) tick: u64,
-    /// Time of the tick since the control loop began, s.
+    /// Time of the tick, in seconds since the control loop began.
     pub(crate) t: f64,
     /// Orientation of the sphere: the rotation from the sphere's axes to frame N.
     pub(crate) q: DQuat,

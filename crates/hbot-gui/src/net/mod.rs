@@ -25,8 +25,8 @@ use serde_json::Value;
 use mailbox::Outgoing;
 pub(crate) use mailbox::{Delivery, Mailbox};
 
-/// Default number of state messages per second for which the panel asks. This is twice the rate of
-/// a screen, and causes little work for the server and the panel.
+/// Default number of state messages per second that the panel requests. This is twice the rate of a
+/// screen, and causes little work for the server and the panel.
 pub const DEFAULT_SAMPLES_PER_S: u32 = 120;
 
 /// Longest time that the panel waits for an answer. The server needs far less time, even to compile
@@ -46,7 +46,7 @@ pub struct PanelOptions {
     /// Whether the panel only watches. It then never takes the lease (the right to command)
     /// automatically.
     pub observe: bool,
-    /// Number of state messages for which the panel asks, per second of the control loop's time.
+    /// Number of state messages that the panel requests per second of the control loop's time.
     pub samples_per_s: u32,
 }
 
@@ -88,8 +88,7 @@ pub(crate) enum Intent {
     },
     /// Connects to the server at another address.
     Connect(String),
-    /// Changes the number of state messages for which the panel asks, per second of the control
-    /// loop's time.
+    /// Changes how many state messages the panel requests per second of the control loop's time.
     Samples(u32),
 }
 
@@ -120,7 +119,7 @@ pub(crate) enum Lease {
     Unknown,
     Free,
     Mine,
-    /// Another client holds the lease. The text is its name.
+    /// Another client holds the lease. The text is the name of this client.
     Other(String),
 }
 
@@ -131,7 +130,7 @@ pub(crate) enum News {
     Connected(HelloOk),
     Offline {
         why: String,
-        /// Whether no server is running at the address, because the address refuses connections.
+        /// Whether the address refuses connections, which means that no server is running there.
         absent: bool,
         again_in: Duration,
     },

@@ -29,7 +29,7 @@ enum Over {
     Elsewhere,
     /// The connection broke, or the server stopped or refused it. The text says why.
     Lost(String),
-    /// No server is running at the address, because the address refuses connections.
+    /// The address refuses connections, which means that no server is running there.
     Absent,
 }
 

@@ -150,9 +150,9 @@ fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
         .allow_axis_zoom_drag(still)
 }
 
-/// Returns the grid lines of a plot, at multiples of 1, 2 or 5 times a power of ten. They are at
-/// least `apart` times the plot's smallest distance from each other, so that each has room for its
-/// number.
+/// Returns the grid lines of a plot. Their distance is a round number (1, 2 or 5 times a power of
+/// ten) and at least `apart` times the smallest distance that the plot proposes, so that each line
+/// has room for its number.
 fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
     let (low, high) = input.bounds;
     let step_size = round_up(apart * input.base_step_size);

@@ -9,7 +9,8 @@ use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
 /// Clicks about an axis. A click is a short torque, then its opposite. It occurs when `fire`
-/// changes, every `period_s`, and when the dial about the axis reaches the next of `count` notches.
+/// changes, every `period_s`, and when the sphere, turned like a dial about the axis, reaches the
+/// next of `count` notches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Pulse {

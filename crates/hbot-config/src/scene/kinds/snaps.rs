@@ -26,7 +26,7 @@ pub(super) struct Snaps {
         extend("legal" = "up to 16 quaternions [w, x, y, z]")
     )]
     orientations: Vec<[f64; 4]>,
-    /// Largest torque of an orientation: the torque needed to leave it.
+    /// Largest torque with which an orientation pulls: the torque needed to leave it.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
     /// Angle over which the torque rises to `strength`. `strength` divided by `width` is the

@@ -27,10 +27,10 @@ pub(super) struct Track {
     /// Largest angle of a sine or chirp in either direction.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     amplitude: f64,
-    /// Frequency of a sine, or of a chirp at its start.
+    /// Frequency of a sine, or start frequency of a chirp.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency: f64,
-    /// Frequency of a chirp at its end.
+    /// End frequency of a chirp.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency_end: f64,
     /// Time in which a chirp goes from `frequency` to `frequency_end`.
