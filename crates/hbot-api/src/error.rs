@@ -80,8 +80,8 @@ impl From<SplitError> for ErrorBody {
     }
 }
 
-/// Converts the error of a message whose content was not read to a refusal. The refusal has no id,
-/// because the id was not read.
+/// Creates the refusal of a message whose content was not read. It has no id, because the id was
+/// not read either.
 impl From<SplitError> for RequestRefusal {
     fn from(error: SplitError) -> Self {
         Self { id: None, op: None, error: error.into() }

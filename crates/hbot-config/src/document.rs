@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 
-/// The values of a file as a tree, and the report of the mistakes found in them.
+/// The values in a rig file or scene file, as a tree, and the report of the mistakes found in them.
 pub(crate) struct Document {
     pub(crate) tree: Value,
     pub(crate) report: Report,

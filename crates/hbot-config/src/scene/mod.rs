@@ -47,8 +47,8 @@ pub struct SceneEffect {
     /// The parameters of the effect's kind, including those that have their default.
     parameters: Map<String, Value>,
     kind: Kind,
-    /// The positions, orientations or points of the effect as a list of numbers, for the scene's
-    /// table of figures.
+    /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
+    /// stores these lists of all effects in one table, its figures.
     figures: Vec<f64>,
 }
 

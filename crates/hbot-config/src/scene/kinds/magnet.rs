@@ -8,8 +8,8 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target};
 use crate::document::Report;
 
-/// A torque that pulls the sphere towards an orientation when it is near it, and almost no torque
-/// far from it.
+/// A torque that pulls the sphere towards an orientation. Far from this orientation, the torque is
+/// almost zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Magnet {
