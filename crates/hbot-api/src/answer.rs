@@ -101,7 +101,7 @@ impl ServerMessage {
     }
 }
 
-/// The answer to the op `hello`, which describes the server.
+/// The answer to the op `hello`. It describes the server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HelloOk {
     /// Name and version of the server program, such as `hbot 0.1.0`.
@@ -117,14 +117,14 @@ pub struct HelloOk {
     pub session: u64,
 }
 
-/// The answer to the op `subscribe`, which starts state messages.
+/// The answer to the op `subscribe`, with which a client asks for state messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SubscribeOk {
     /// Number of ticks from one state message to the next, at least 1.
     pub every: u64,
 }
 
-/// The answer to the op `load_scene`, which loads a scene.
+/// The answer to the op `load_scene`, with which a client loads a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoadSceneOk {
     /// Effects of the loaded scene, in the order of the scene.
@@ -144,15 +144,15 @@ pub struct EffectCost {
     pub cost_ns: u64,
 }
 
-/// The answer to the ops `enable`, `disable`, `reset` and `estop`, which change the mode of the
-/// rig.
+/// The answer to the ops `enable`, `disable`, `reset` and `estop`, with which a client changes the
+/// mode of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModeOk {
     /// Mode of the rig from the next tick on.
     pub mode: Mode,
 }
 
-/// The answer to the op `align`, which sends an orientation measured from outside.
+/// The answer to the op `align`, with which a client sends an orientation measured from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignOk {
     /// Angle between the measured orientation and the server's own at the time of the measurement,
@@ -161,14 +161,14 @@ pub struct AlignOk {
     pub angle: f64,
 }
 
-/// The answer to the op `ping`, which tests the connection.
+/// The answer to the op `ping`, with which a client tests the connection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PingOk {
     /// The data of the request, unchanged. Null if the request had none.
     pub data: Value,
     /// Number of the last tick of the control loop.
     pub tick: u64,
-    /// Time of the last tick since the control loop began, s.
+    /// Time of the last tick, in seconds since the control loop began.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
 }

@@ -80,7 +80,8 @@ impl From<SplitError> for ErrorBody {
     }
 }
 
-/// Converts the error for a message whose content was not read. The refusal therefore has no id.
+/// Creates the refusal of a message whose content was not read. It has no id, because the id was
+/// not read either.
 impl From<SplitError> for RequestRefusal {
     fn from(error: SplitError) -> Self {
         Self { id: None, op: None, error: error.into() }

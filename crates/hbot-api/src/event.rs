@@ -4,7 +4,8 @@ use crate::names::names;
 use crate::{EffectCost, ErrorCode, Fault, Mode, StateEvent};
 use serde::{Deserialize, Serialize};
 
-/// A message that the server sends without a request. It has a field `event` instead of `id`.
+/// A message that the server sends without a request from the client. It has a field `event`
+/// instead of `id`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -29,21 +30,21 @@ pub enum Event {
 }
 
 names! {
-    /// The name of an [`Event`], as it is sent in the field `event`.
+    /// The name of an [`Event`], as it is written in the field `event` of a message.
     pub enum EventName {
-        /// Name of [`Event::State`].
+        /// The event [`Event::State`]: the state of the rig in one tick.
         State = "state",
-        /// Name of [`Event::Fault`].
+        /// The event [`Event::Fault`]: a fault or an emergency stop has begun or ended.
         Fault = "fault",
-        /// Name of [`Event::Lease`].
+        /// The event [`Event::Lease`]: the right to command has changed hands.
         Lease = "lease",
-        /// Name of [`Event::Scene`].
+        /// The event [`Event::Scene`]: the rig has begun to render another scene.
         Scene = "scene",
-        /// Name of [`Event::Dropped`].
+        /// The event [`Event::Dropped`]: state messages were dropped.
         Dropped = "dropped",
-        /// Name of [`Event::Refused`].
+        /// The event [`Event::Refused`]: stream messages were refused.
         Refused = "refused",
-        /// Name of [`Event::Stopping`].
+        /// The event [`Event::Stopping`]: the server is stopping.
         Stopping = "stopping",
     }
 }
@@ -71,7 +72,7 @@ impl Event {
 pub struct FaultEvent {
     /// Number of the tick in which the mode changed.
     pub tick: u64,
-    /// Time of the tick in which the mode changed, since the control loop began, s.
+    /// Time of the tick in which the mode changed, in seconds since the control loop began.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub t: f64,
     /// Mode after the change: [`Mode::Fault`], [`Mode::Estop`], or the mode after a reset.
@@ -85,7 +86,7 @@ pub struct FaultEvent {
 /// The fields of [`Event::Lease`], sent when the lease (the right to command) has changed hands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeaseEvent {
-    /// Name of the client that now holds the lease. `None` if the lease is free.
+    /// Name of the client that now holds the lease. `None` if no client holds it.
     pub holder: Option<String>,
     /// Number of the connection of the client that now holds the lease, as in its
     /// [`HelloOk`](crate::HelloOk). `None` if the lease is free.
@@ -97,7 +98,7 @@ pub struct LeaseEvent {
 names! {
     /// Why the lease (the right to command) changed hands.
     pub enum LeaseCause {
-        /// The lease was free, and a client took it.
+        /// A client took the lease, which no client held before.
         Acquired = "acquired",
         /// The client that held the lease gave it back.
         Released = "released",

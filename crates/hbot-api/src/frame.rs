@@ -45,7 +45,7 @@ impl Splitter {
         Self { encoding, limit, bytes: Vec::new(), start: 0, searched: 0, skipping: Skipping::Nothing }
     }
 
-    /// Returns the encoding of the next message.
+    /// Returns the encoding in which the next message is expected.
     #[must_use]
     pub const fn encoding(&self) -> Encoding {
         self.encoding

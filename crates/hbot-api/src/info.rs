@@ -8,7 +8,7 @@ use crate::names::names;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The answer to the op `info`, which describes the rig and the running scene.
+/// The answer to the op `info`. It describes the rig and the running scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct InfoOk {
@@ -26,10 +26,11 @@ pub struct InfoOk {
     pub on_client_lost: ClientLostPolicy,
     /// Kinds of effects that a scene can contain.
     pub effects: Vec<KindInfo>,
-    /// Phenomena that a scene can switch on in a simulated rig. `None` if the rig is real.
+    /// Phenomena, such as friction, that a scene can switch on in the simulated rig. `None` if the
+    /// rig is real.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phenomena: Option<Vec<KindInfo>>,
-    /// The running scene, in the form that `load_scene` accepts.
+    /// The running scene, in the form that the op `load_scene` accepts.
     pub scene: Value,
     /// Largest torque on the sphere about each axis of frame N (n1, n2, n3) at the present steer
     /// angles, N m. `None` before the first tick.
@@ -79,7 +80,8 @@ pub struct WheelInfo {
     /// Cone angle between the steering axis and the contact normal, rad.
     #[serde(serialize_with = "finite::scalar")]
     pub cone: f64,
-    /// Toe angle of the rolling direction about the contact normal, rad.
+    /// Toe angle: the wheel's rolling direction is turned by this angle about the contact normal,
+    /// rad.
     #[serde(serialize_with = "finite::scalar")]
     pub toe: f64,
     /// Radius of the wheel, m.
@@ -142,10 +144,10 @@ pub struct LimitsInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct EnergyInfo {
-    /// Energy that can be delivered at once in excess of `power`, J.
+    /// Energy that can be delivered to the hand at once in excess of `power`, J.
     #[serde(serialize_with = "finite::scalar")]
     pub burst: f64,
-    /// Power that can be delivered without time limit, W.
+    /// Power that can be delivered to the hand without time limit, W.
     #[serde(serialize_with = "finite::scalar")]
     pub power: f64,
 }
@@ -187,7 +189,7 @@ pub struct RenderInfo {
 pub struct KindInfo {
     /// Name of the kind or phenomenon in scene files.
     pub name: String,
-    /// What the kind or phenomenon does, described for people.
+    /// A description, for people, of what the kind or phenomenon does.
     pub description: String,
     /// JSON schema of the parameters, with the `unit` of each.
     pub schema: Value,
@@ -197,7 +199,7 @@ pub struct KindInfo {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LeaseInfo {
-    /// Name of the client that holds the lease. `None` if the lease is free.
+    /// Name of the client that holds the lease. `None` if no client holds it.
     pub holder: Option<String>,
     /// Number of the connection of the client that holds the lease, as in its
     /// [`HelloOk`](crate::HelloOk). `None` if the lease is free.
@@ -213,7 +215,7 @@ names! {
         Ramp = "ramp",
         /// The torque that the client streamed and the scene stay as they are.
         Keep = "keep",
-        /// The rig enters the fault `client_lost`.
+        /// The rig stops with the fault `client_lost`.
         Fault = "fault",
     }
 }

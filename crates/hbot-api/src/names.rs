@@ -59,7 +59,7 @@ pub(crate) use names;
 
 /// A name from a fixed list, such as [`Fault`](crate::Fault) or [`ErrorCode`](crate::ErrorCode).
 pub trait Name: Copy + Eq + serde::Serialize + 'static {
-    /// All names of the list, in the order of the documentation.
+    /// All names of the fixed list, in the order of the documentation.
     const NAMES: &'static [Self];
 
     /// Returns the name as it is written in messages.

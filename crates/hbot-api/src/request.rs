@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
 
-/// Largest number of ticks between two state messages for which a client can ask.
+/// Largest number of ticks from one state message to the next that a client can request.
 pub const MAX_EVERY: u64 = 1_000_000;
 
 /// Largest length of a client's name, in bytes of UTF-8.
@@ -26,12 +26,12 @@ pub struct Request {
     /// Id of the request, which the answer repeats. A stream message without an id is not answered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<Id>,
-    /// The op with its fields: what the client asks for.
+    /// The operation (op) that the client requests, with its fields.
     #[serde(flatten)]
     pub op: Op,
 }
 
-/// The ops that a client can request. They are described in `docs/api.md`.
+/// The operations (ops) that a client can request. They are described in `docs/api.md`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 pub enum Op {
@@ -148,7 +148,7 @@ fn is_false(flag: &bool) -> bool {
 }
 
 impl Op {
-    /// Returns the name of the op. [`OpName::row`] returns the op's properties.
+    /// Returns the name of the operation (op). [`OpName::row`] returns its properties.
     #[must_use]
     pub const fn name(&self) -> OpName {
         match self {

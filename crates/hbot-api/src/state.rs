@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct StateEvent {
     /// Number of the tick.
     pub tick: u64,
-    /// Time of the tick since the control loop began, s.
+    /// Time of the tick, in seconds since the control loop began.
     #[serde(serialize_with = "finite::scalar")]
     pub t: f64,
     /// Mode of the rig, such as active or stopped by a fault.
@@ -49,9 +49,10 @@ pub struct StateEvent {
     /// Negative if the hand has delivered more energy than it received.
     #[serde(serialize_with = "finite::scalar")]
     pub energy: f64,
-    /// The last stream message that the loop has accepted. `None` before the first.
+    /// Sequence number and age of the last stream message that the control loop has accepted.
+    /// `None` before the first.
     pub client: Option<ClientStream>,
-    /// Times that this tick took.
+    /// Lateness, computing time and other times of the tick.
     pub timing: StateTiming,
 }
 
@@ -85,15 +86,15 @@ pub struct JointState {
     /// Angle of the joint from its zero, 0 to 2 pi rad. Full turns are not counted.
     #[serde(serialize_with = "finite::scalar")]
     pub angle: f64,
-    /// Rate of the joint, rad/s.
+    /// Angular rate of the joint, rad/s.
     #[serde(serialize_with = "finite::scalar")]
     pub rate: f64,
-    /// Commanded joint torque, N m.
+    /// Torque that the motor was commanded to give at the joint, N m.
     #[serde(serialize_with = "finite::scalar")]
     pub torque: f64,
 }
 
-/// The sequence number and age of the last stream message that the control loop has accepted.
+/// Sequence number and age of the last stream message that the control loop has accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClientStream {
     /// Sequence number of the message (its field `seq`). `None` if it had none.
@@ -103,13 +104,13 @@ pub struct ClientStream {
     pub age_ticks: u64,
 }
 
-/// Times that one tick took, in microseconds.
+/// Lateness, computing time and other times of one tick, in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StateTiming {
     /// Time from the tick's deadline to its start, us.
     #[serde(serialize_with = "finite::scalar")]
     pub lateness_us: f64,
-    /// Computing time of the control law, from decoded readings to joint torques, us.
+    /// Time in which the control law computed the joint torques from the decoded readings, us.
     #[serde(serialize_with = "finite::scalar")]
     pub compute_us: f64,
     /// Time spent on the serial line: reading, decoding, encoding and writing, us.
@@ -150,7 +151,7 @@ names! {
         LinkCorrupt = "link_corrupt",
         /// A motor controller has reported a fault.
         ControllerFault = "controller_fault",
-        /// The sphere turns faster than the rig's limit.
+        /// The sphere turns faster than the limit in the rig file.
         Overspeed = "overspeed",
         /// A motor controller has reported too much current, or the energy delivered to the hand
         /// exceeds the rig's limit.

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 pub struct StatsOk {
     /// Number of ticks whose records the service has received from the control loop.
     pub ticks: u64,
-    /// Time that the control loop was awake before a tick's deadline, waiting for it, us.
+    /// Time for which the control loop was awake before a tick's deadline, waiting for the
+    /// deadline, us.
     pub awake_us: Distribution,
     /// Time from a tick's deadline to its start, us.
     pub lateness_us: Distribution,
@@ -36,15 +37,16 @@ pub struct StatsOk {
     pub reopened_ports: u64,
     /// Number of ticks whose records were lost because the service did not fetch them in time.
     pub dropped_samples: u64,
-    /// Number of faults for each cause.
+    /// Number of faults since the server started, for each cause.
     pub faults: CountsByName<Fault>,
-    /// Number of emergency stops.
+    /// Number of emergency stops since the server started.
     pub estops: u64,
     /// Number of requests that the server read, including those that it refused.
     pub requests: u64,
     /// Number of requests refused for each error code, including stream messages.
     pub refused: CountsByName<ErrorCode>,
-    /// Number of stream messages refused.
+    /// Number of stream messages (repeated torques, references and orientations) that the server
+    /// refused.
     pub refused_streams: u64,
     /// Number of state messages dropped because a client read too slowly.
     pub dropped_states: u64,
@@ -62,7 +64,7 @@ pub struct StatsOk {
     pub flight_logs_failed: u64,
 }
 
-/// A summary of measured times: percentiles, maximum and number, in us.
+/// A summary of measured durations: percentiles and maximum, in us, and how many were measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Distribution {
@@ -84,6 +86,6 @@ pub struct Distribution {
     /// Longest time of all, us.
     #[serde(serialize_with = "finite::scalar")]
     pub max: f64,
-    /// Number of times that were measured.
+    /// Number of measured values.
     pub count: u64,
 }

@@ -37,8 +37,8 @@ pub struct StopFinder {
 }
 
 impl StopFinder {
-    /// Searches the next received bytes. Calls `found` for each stop, with the number of bytes in
-    /// `piece` up to the end of that stop.
+    /// Searches the next received bytes for requests that stop the rig. Calls `found` for each,
+    /// with the number of bytes in `piece` up to its end.
     pub fn push(&mut self, piece: &[u8], mut found: impl FnMut(Stop, usize)) {
         let mut joined = [0; 2 * TAIL_BYTES];
         let head = piece.len().min(TAIL_BYTES);
@@ -118,8 +118,8 @@ impl Found<'_> {
     }
 }
 
-/// Returns the size in bytes of the MessagePack header with which `bytes` begins. Returns `None`
-/// unless it is the header of text or binary data of this length.
+/// If `bytes` begins with the MessagePack header of text or binary data of this length, returns the
+/// number of bytes of the header. Otherwise returns `None`.
 fn header(bytes: &[u8], length: usize) -> Option<usize> {
     let short = u8::try_from(length).ok()?;
     let (first, rest) = bytes.split_first()?;

@@ -64,7 +64,7 @@ pub struct ReferenceCommand {
 }
 
 /// The sphere's orientation as measured from outside, for example by a camera. The server uses it
-/// to correct the drift of its own orientation.
+/// to correct the drift of the orientation that it computes from the joints.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Align {
     /// Measured orientation as a unit quaternion `[w, x, y, z]`.

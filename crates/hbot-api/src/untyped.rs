@@ -11,8 +11,8 @@ use std::fmt;
 /// A message that has been decoded to an untyped value.
 pub(crate) struct Untyped {
     pub(crate) value: Value,
-    /// The first mistake in a message that could still be read to its end. The answer can then
-    /// contain the id of the request.
+    /// The first mistake in the message, if there is one. The message could still be read to its
+    /// end, so the answer can contain the id of the request.
     pub(crate) problem: Option<IllegalValue>,
 }
 
@@ -112,8 +112,8 @@ impl Builder<'_> {
         self.problem.get_or_insert(IllegalValue { what, legal, path: String::new() });
     }
 
-    /// Adds the name of an enclosing list or map to the front of a mistake's path. Called after
-    /// reading each element, and does nothing if the mistake was `known_before` that element was
+    /// Adds `level`, a key or an index, to the front of the path of the recorded mistake. Does
+    /// nothing if there is no mistake, or if it was `known_before` the value at this level was
     /// read.
     fn place(&mut self, known_before: bool, level: impl FnOnce() -> String) {
         if let (false, Some(problem)) = (known_before, self.problem.as_mut()) {

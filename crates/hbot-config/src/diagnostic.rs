@@ -85,12 +85,12 @@ pub enum LoadError {
     /// The file could not be read from disk.
     #[error("{}: cannot be read", path.display())]
     Read {
-        /// Path of the file.
+        /// Path of the file that could not be read.
         path: PathBuf,
-        /// The error reported by the operating system.
+        /// The error from the operating system.
         source: std::io::Error,
     },
-    /// The file was read, but its content is not legal.
+    /// The file was read, but it contains mistakes.
     #[error(transparent)]
     Invalid(#[from] Diagnostics),
 }

@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 
-/// The values of a file as a tree, and the report of the mistakes found in them.
+/// The values in a rig file or scene file, as a tree, and the report of the mistakes found in them.
 pub(crate) struct Document {
     pub(crate) tree: Value,
     pub(crate) report: Report,
@@ -125,8 +125,8 @@ impl Report {
         !self.is_full() && !self.found.iter().any(|d| is_under(&d.path, path))
     }
 
-    /// Returns whether the report holds its largest number of mistakes. Further mistakes are
-    /// dropped.
+    /// Returns whether the report is full: it holds [`MOST_MISTAKES`] mistakes, and drops further
+    /// ones.
     pub(crate) fn is_full(&self) -> bool {
         self.found.len() == MOST_MISTAKES
     }

@@ -9,8 +9,8 @@ use serde_json::Value;
 
 use crate::model::PlotSample;
 
-/// Returns the scene files (`*.toml`) of a folder, sorted by name. Returns none if the folder
-/// cannot be read.
+/// Returns the scene files (`*.toml`) in a folder, sorted by name. Returns an empty list if the
+/// folder cannot be read.
 pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<_> = entries
@@ -21,12 +21,12 @@ pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Reads a scene file. Returns the scene in the form that `load_scene` takes.
+/// Reads a scene file, and returns the scene in the form that the op `load_scene` accepts.
 pub(crate) fn load(path: &Path) -> anyhow::Result<Value> {
     Ok(SceneFile::from_path(path)?.to_json())
 }
 
-/// Writes a scene as TOML. The file is replaced as a whole, so a failure leaves the old one.
+/// Writes a scene to a TOML file. If writing fails, an existing file at this path stays unchanged.
 pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
     let text = toml::to_string(scene).context("the scene cannot be written as TOML")?;
     let beside = path.with_extension("toml.new");
@@ -35,7 +35,7 @@ pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Writes samples as a CSV file into `folder` and returns its path.
+/// Writes samples to a new CSV file in `folder`, and returns the path of the file.
 pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<PathBuf> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
     let path = folder.join(format!("hbot-{now}.csv"));
@@ -57,8 +57,8 @@ pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<Pa
     Ok(path)
 }
 
-/// The columns of the CSV file, in SI units except for the last. They have the meanings of the
-/// fields of state events in docs/api.md.
+/// The columns of the CSV file, in SI units except for the last. Each has the meaning of the field
+/// of state messages in docs/api.md.
 const COLUMNS: [&str; 16] = [
     "tick",
     "t",

@@ -69,11 +69,11 @@ fn size(text: &str) -> Result<[f32; 2], String> {
         .ok_or_else(|| "WIDTHxHEIGHT from 900x600 to 10000x10000".to_owned())
 }
 
-/// The panel as an eframe application.
+/// The window with the panel, as an application of the library eframe.
 struct App {
     panel: Panel,
     picture: Option<Picture>,
-    /// Receives the error if the picture could not be taken.
+    /// Receives the error if the picture of the window could not be saved.
     failed: std::sync::mpsc::Sender<anyhow::Error>,
 }
 

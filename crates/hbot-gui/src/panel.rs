@@ -10,33 +10,35 @@ use crate::model::Model;
 use crate::net::{Delivery, Intent, Network, News, PanelOptions};
 use crate::view::{self, Act, Desk, theme};
 
-/// Longest time between two frames. Clocks and countdowns in the window lag by at most this.
+/// Longest time between two frames of the window. Clocks and countdowns in the window are late by
+/// at most this time.
 const FRAME_AT_LEAST_EVERY: std::time::Duration = std::time::Duration::from_millis(250);
 
-/// Everything that is drawn into a window, together with the threads that keep it up to date.
+/// The contents of a window, together with the threads that keep them up to date.
 ///
-/// It never waits for the server. Separate threads talk to the server and export samples.
+/// Drawing never waits for the server. Separate threads talk to the server and export samples.
 pub struct Panel {
     model: Model,
     desk: Desk,
     network: Network,
-    /// Buffer for what has arrived from the server, reused from frame to frame.
+    /// Buffer for everything that arrives from the server. It is reused from frame to frame.
     delivery: Delivery,
-    /// Folder for exported samples.
+    /// Folder in which exported samples are saved.
     out: PathBuf,
 }
 
-/// The folders that the panel reads from and writes to.
+/// The folders in which the panel reads and writes files.
 #[derive(Clone, Debug)]
 pub struct Folders {
-    /// Folder of the scene files to choose from. Saved scenes go there too.
+    /// Folder with the scene files from which the user can choose. Saved scenes are written to it
+    /// too.
     pub scenes: PathBuf,
-    /// Folder for exported samples.
+    /// Folder in which exported samples are saved.
     pub out: PathBuf,
 }
 
 impl Panel {
-    /// Creates a panel for the window of `ctx`. It connects as soon as a server is available.
+    /// Creates a panel for the window of `ctx`. It connects as soon as the server is available.
     ///
     /// # Errors
     /// Fails if the operating system refuses a thread.
@@ -49,20 +51,20 @@ impl Panel {
         Ok(Self { model, desk, network, delivery: Delivery::default(), out: folders.out })
     }
 
-    /// Returns whether the panel is connected and has received a state.
+    /// Returns whether the panel is connected and has received a state of the rig.
     #[must_use]
     pub fn has_state(&self) -> bool {
         self.model.state.is_some()
     }
 
-    /// Applies everything that has arrived from the server, without drawing. For a window that is
-    /// hidden.
+    /// Updates the panel with everything that has arrived from the server, without drawing. Use it
+    /// while the window is hidden.
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
         self.model.take(&mut self.delivery);
     }
 
-    /// Draws one frame and carries out what the user asks.
+    /// Draws one frame, and carries out what the user has asked for in it.
     pub fn ui(&mut self, ui: &mut Ui) {
         self.catch_up();
         let mut acts = Vec::new();
@@ -109,11 +111,11 @@ impl Panel {
     }
 }
 
-/// Returns whether a key asks for a stop. The keys work anywhere in the window, whichever widget
-/// has the focus.
+/// Returns whether the user has pressed a key that stops the rig. The keys work anywhere in the
+/// window, whichever control has the focus.
 ///
-/// Space is hidden from the widgets, so that it neither presses the focused button (Enter does) nor
-/// types a blank. Esc still reaches the widgets, which use it to close menus.
+/// Controls do not receive the space key, because it would press a focused button or type a blank.
+/// They still receive Esc, with which they close menus.
 fn stop_keys(ui: &Ui) -> bool {
     ui.input_mut(|input| {
         let pressed = |event: &Event, keys: &[Key]| {

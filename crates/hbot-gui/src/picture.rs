@@ -7,24 +7,25 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use eframe::egui::{self, ColorImage};
 
-/// Takes one picture, some time after the window has opened.
+/// A plan to save a picture of the window as a PNG file at a given time.
 #[derive(Debug)]
 pub struct Picture {
     path: PathBuf,
     due: Instant,
-    /// Set when the picture has been requested. The answer comes some frames later.
+    /// Receives the picture some frames after it was requested. `None` before the request.
     asked: Option<std::sync::mpsc::Receiver<std::sync::Arc<ColorImage>>>,
 }
 
 impl Picture {
-    /// Plans a picture, to be written as a PNG file to `path`, at the time `after` from now.
+    /// Creates a plan to save a picture of the window to the PNG file `path`, when the time `after`
+    /// has passed.
     #[must_use]
     pub fn new(path: PathBuf, after: Duration) -> Self {
         Self { path, due: Instant::now() + after, asked: None }
     }
 
-    /// Advances the picture. Call this once per frame. Returns `Some` with the result when the
-    /// picture is done.
+    /// Takes and saves the picture when its time has come. Call this once per frame. Returns `None`
+    /// until the picture has been saved or saving has failed, then the result.
     pub fn frame(&mut self, ctx: &egui::Context) -> Option<anyhow::Result<()>> {
         let now = Instant::now();
         if now < self.due {

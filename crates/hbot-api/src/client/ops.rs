@@ -56,14 +56,14 @@ impl Client {
         self.call(Op::Set { effect: effect.into(), parameters }).map(drop)
     }
 
-    /// Sends a torque that the client computes itself, without waiting for an answer. To be called
-    /// repeatedly.
+    /// Sends a torque that the client computes itself, without waiting for an answer. Call it again
+    /// before the torque expires.
     pub fn torque(&mut self, command: TorqueCommand) -> Result<(), ClientError> {
         self.send(Op::Torque(command))
     }
 
-    /// Sends a new reference orientation for an effect, without waiting for an answer. To be called
-    /// repeatedly.
+    /// Sends a new reference orientation for an effect, without waiting for an answer. Call it
+    /// again for each new orientation.
     pub fn reference(&mut self, command: ReferenceCommand) -> Result<(), ClientError> {
         self.send(Op::Reference(command))
     }

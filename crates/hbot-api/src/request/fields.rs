@@ -152,8 +152,8 @@ pub(crate) fn illegal(name: impl fmt::Display, found: &Value, legal: impl fmt::D
     bad(format!("field \"{name}\" is {}; legal: {legal}", Shown(found)))
 }
 
-/// The legal range of a whole number, first and last value. Displayed as a description for error
-/// messages.
+/// The legal range of a whole number, given by its ends. Error messages show it as a description,
+/// such as `a whole number from 1 to 5`.
 struct Integer(u64, u64);
 
 impl fmt::Display for Integer {
@@ -166,8 +166,8 @@ impl fmt::Display for Integer {
     }
 }
 
-/// The legal range of a number, first and last value. Displayed as a description for error
-/// messages.
+/// The legal range of a number, given by its ends. Error messages show it as a description, such as
+/// `a number from 0 to 1`.
 struct Real(f64, f64);
 
 impl fmt::Display for Real {

@@ -4,7 +4,7 @@
 use crate::Stop;
 use crate::names::names;
 
-/// Which clients can use an op.
+/// Which clients can use an operation (op).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Who {
     /// Every client, but only as its first message on a connection.
@@ -15,10 +15,10 @@ pub enum Who {
     Holder,
 }
 
-/// The name of a field of an op, and whether it is optional.
+/// A field of a request: its name, and whether it is optional.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Name of the field.
+    /// Name of the field in a request.
     pub name: &'static str,
     /// Whether the field is optional.
     pub optional: bool,
@@ -29,7 +29,7 @@ pub struct Field {
 pub struct OpRow {
     /// Which clients can use this op.
     pub who: Who,
-    /// Fields of the op, except `id` and `op`.
+    /// Fields of a request with this op, except `id` and `op`.
     pub fields: &'static [Field],
     /// Whether the other fields are parameters of the effect that the request names.
     pub parameters: bool,
@@ -101,7 +101,7 @@ const fn may(name: &'static str) -> Field {
 macro_rules! ops {
     ($($(#[$doc:meta])* $Variant:ident = $name:tt: $row:expr,)+) => {
         names! {
-            /// The name of an [`Op`](crate::Op), as it is sent in the field `op`.
+            /// The name of an [`Op`](crate::Op), as it is written in the field `op` of a request.
             pub enum OpName { $($(#[$doc])* $Variant = $name,)+ }
         }
 
@@ -110,47 +110,49 @@ macro_rules! ops {
 }
 
 ops! {
-    /// Name of [`Op::Hello`](crate::Op::Hello).
+    /// The op [`Op::Hello`](crate::Op::Hello), with which a client introduces itself.
     Hello = "hello": OpRow::new(Who::First, &[must("version"), must("name"), may("token"), may("encoding")]),
-    /// Name of [`Op::Info`](crate::Op::Info).
+    /// The op [`Op::Info`](crate::Op::Info), which asks for the description of the rig.
     Info = "info": OpRow::new(Who::Any, &[]).weighing(500),
-    /// Name of [`Op::Subscribe`](crate::Op::Subscribe).
+    /// The op [`Op::Subscribe`](crate::Op::Subscribe), which starts state messages.
     Subscribe = "subscribe": OpRow::new(Who::Any, &[must("every")]),
-    /// Name of [`Op::Unsubscribe`](crate::Op::Unsubscribe).
+    /// The op [`Op::Unsubscribe`](crate::Op::Unsubscribe), which ends state messages.
     Unsubscribe = "unsubscribe": OpRow::new(Who::Any, &[]),
-    /// Name of [`Op::Stats`](crate::Op::Stats).
+    /// The op [`Op::Stats`](crate::Op::Stats), which asks for statistics and counters.
     Stats = "stats": OpRow::new(Who::Any, &[]).weighing(100),
-    /// Name of [`Op::Acquire`](crate::Op::Acquire). Its weight is high because all clients are
-    /// notified.
+    /// The op [`Op::Acquire`](crate::Op::Acquire), which takes the right to command. Its weight is
+    /// high because all clients are notified.
     Acquire = "acquire": OpRow::new(Who::Any, &[may("steal")]).weighing(100),
-    /// Name of [`Op::Release`](crate::Op::Release). Its weight is high because all clients are
-    /// notified.
+    /// The op [`Op::Release`](crate::Op::Release), which gives the right to command back. Its
+    /// weight is high because all clients are notified.
     Release = "release": OpRow::new(Who::Any, &[]).weighing(100),
-    /// Name of [`Op::LoadScene`](crate::Op::LoadScene).
+    /// The op [`Op::LoadScene`](crate::Op::LoadScene), which loads another scene.
     LoadScene = "load_scene": OpRow::new(Who::Holder, &[must("scene")]).weighing(250).long(),
-    /// Name of [`Op::Set`](crate::Op::Set).
+    /// The op [`Op::Set`](crate::Op::Set), which changes parameters of an effect.
     Set = "set": OpRow::new(Who::Holder, &[must("effect")]).with_parameters().weighing(100).long(),
-    /// Name of [`Op::Torque`](crate::Op::Torque).
+    /// The op [`Op::Torque`](crate::Op::Torque), with which a client sends a torque that it
+    /// computes.
     Torque = "torque":
         OpRow::new(Who::Holder, &[must("torque"), must("valid_ms"), may("tick"), may("seq")]).stream(),
-    /// Name of [`Op::Reference`](crate::Op::Reference).
+    /// The op [`Op::Reference`](crate::Op::Reference), which moves the reference of an effect.
     Reference = "reference":
         OpRow::new(
             Who::Holder,
             &[must("effect"), must("q"), may("omega"), may("valid_ms"), may("tick"), may("seq")],
         )
         .stream(),
-    /// Name of [`Op::Align`](crate::Op::Align).
+    /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
+    /// from outside.
     Align = "align": OpRow::new(Who::Holder, &[must("q"), must("weight"), may("t")]).stream(),
-    /// Name of [`Op::Enable`](crate::Op::Enable).
+    /// The op [`Op::Enable`](crate::Op::Enable), which begins to render the scene.
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
-    /// Name of [`Op::Disable`](crate::Op::Disable).
+    /// The op [`Op::Disable`](crate::Op::Disable), which ends rendering.
     Disable = "disable": OpRow::new(Who::Any, &[]).stopping(Stop::Disable),
-    /// Name of [`Op::Reset`](crate::Op::Reset).
+    /// The op [`Op::Reset`](crate::Op::Reset), which ends a fault or an emergency stop.
     Reset = "reset": OpRow::new(Who::Holder, &[]).rearming(),
-    /// Name of [`Op::Estop`](crate::Op::Estop).
+    /// The op [`Op::Estop`](crate::Op::Estop), the emergency stop.
     Estop = "estop": OpRow::new(Who::Any, &[]).stopping(Stop::Estop),
-    /// Name of [`Op::Ping`](crate::Op::Ping).
+    /// The op [`Op::Ping`](crate::Op::Ping), which tests the connection.
     Ping = "ping": OpRow::new(Who::Any, &[may("data")]),
 }
 

@@ -13,8 +13,9 @@ use super::settings::{self, Protocol};
 use super::{ApiConfig, LinkConfig, Port, RigConfig, TlsFiles};
 use crate::document::Report;
 
-/// Default watchdog time on a serial port, ms. The simulated rig has a longer one, because its
-/// pseudo-terminal can be slow on a busy machine.
+/// Default watchdog time on a serial port, ms: motor controllers switch their motors off if no
+/// command arrives for this time. The simulated rig has a longer one, because its pseudo-terminal
+/// can be slow on a busy machine.
 const WATCHDOG_MS: u16 = 20;
 const WATCHDOG_SIM_MS: u16 = 50;
 
@@ -99,7 +100,7 @@ fn check_id(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Repo
     }
 }
 
-/// Returns the path in the rig file of a value that the core has refused.
+/// Finds the value that the core has refused, and returns its path in the rig file.
 fn place(mistake: &core::RigError) -> String {
     let field = match mistake.field {
         "timing.period_ns" => "loop.rate_hz",
@@ -174,8 +175,8 @@ fn wheel_names(file: &RigFile, report: &mut Report) -> Vec<String> {
     names
 }
 
-/// Iterates over all joints of a rig file, each with its path in the file. Each wheel gives two:
-/// its steer joint, then its drive joint.
+/// Iterates over all joints of a rig file, each with its path in the file. The order is that of the
+/// wheels; each has its steer joint, then its drive joint.
 fn each_joint(file: &RigFile) -> impl Iterator<Item = (String, &file::Joint)> {
     file.wheel.iter().enumerate().flat_map(|(i, wheel)| {
         [(format!("wheel[{i}].steer"), &wheel.steer), (format!("wheel[{i}].drive"), &wheel.drive)]

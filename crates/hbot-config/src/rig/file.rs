@@ -32,13 +32,13 @@ pub(crate) struct RigFile {
     /// Settings of the control loop.
     #[serde(default)]
     pub(crate) r#loop: Loop,
-    /// The serial line to the motor controllers.
+    /// Settings of the serial line to the motor controllers.
     #[serde(default)]
     pub(crate) link: Link,
-    /// Limits on torque, speed, slip, energy and rates.
+    /// Largest torque, speed, slip, energy and rates that are allowed.
     #[serde(default)]
     pub(crate) limits: Limits,
-    /// Settings of the TCP service.
+    /// Settings of the TCP service to which clients connect.
     #[serde(default)]
     pub(crate) api: Api,
 }
@@ -54,7 +54,8 @@ pub(crate) struct Sphere {
     /// Radius R of the sphere.
     #[schemars(range(min = 0.001, max = 10.0), extend("unit" = "m"))]
     pub(crate) radius: f64,
-    /// Mass m of the sphere. The sphere is treated as a thin shell with inertia 2/3 m R².
+    /// Mass m of the sphere. The sphere is treated as a thin shell with the moment of inertia 2/3 m
+    /// R² (R is the radius).
     #[schemars(range(min = 0.001, max = 1000.0), extend("unit" = "kg"))]
     pub(crate) mass: f64,
 }
@@ -72,10 +73,11 @@ pub(crate) struct Wheel {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub(crate) axis: [f64; 3],
-    /// Cone angle a between the steering axis and the contact point.
+    /// Cone angle a: the angle at the sphere's centre between the steering axis and the contact
+    /// point.
     #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = PI, "unit" = "rad"))]
     pub(crate) cone: f64,
-    /// Toe angle b of the wheel about the contact normal.
+    /// Toe angle b: the wheel's rolling direction is turned by this angle about the contact normal.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = -FRAC_PI_2, "exclusiveMaximum" = FRAC_PI_2, "unit" = "rad"))]
     pub(crate) toe: f64,
@@ -96,8 +98,8 @@ pub(crate) struct Joint {
     #[serde(default)]
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
-    /// Position of the joint on its serial line, counted from 0 and unique on the line. Default:
-    /// the number of joints before it on the same port, in the order steer, drive of each wheel.
+    /// Position of the joint among the joints on its serial line, counted from 0. Default: its
+    /// place in the order of the file, where each wheel has its steer joint, then its drive joint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,

@@ -16,15 +16,15 @@ pub(crate) enum Accuracy {
     Methods(MethodTable),
 }
 
-/// A named preset of numerical methods.
+/// A preset that names a set of numerical methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Preset {
-    /// The preset with the least computing time per tick: odometry `euler`.
+    /// The preset with the least computing time per tick. Its odometry is `euler`.
     Fast,
-    /// The default preset: odometry `midpoint`.
+    /// The default preset. Its odometry is `midpoint`.
     Balanced,
-    /// The preset with the smallest error: odometry `magnus4`, path `cubic`.
+    /// The preset with the smallest error. Its odometry is `magnus4` and its path `cubic`.
     Exact,
 }
 
@@ -35,9 +35,9 @@ pub(crate) enum Preset {
 pub(crate) struct MethodTable {
     /// How the sphere's orientation is integrated from one reading of the joint angles to the next.
     pub(crate) odometry: core::OdometryMethod,
-    /// Assumed path of the joint angles between two readings.
+    /// Shape of the path that the joint angles are assumed to follow between two readings.
     pub(crate) path: core::PathFit,
-    /// How a torque on the sphere is turned into joint torques.
+    /// How the torque on the sphere is converted to joint torques.
     pub(crate) allocation: core::AllocationMethod,
 }
 
@@ -103,7 +103,7 @@ pub(crate) enum RateMethod {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RateTable {
-    /// Name of the method.
+    /// Name of the method that estimates the joint rates.
     pub(crate) method: RateMethod,
     /// For `low_pass`: corner frequency. Default: 30.
     #[serde(default, skip_serializing_if = "Option::is_none")]

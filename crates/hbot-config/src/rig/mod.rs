@@ -34,7 +34,7 @@ static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<file::RigFile>);
 pub struct RigConfig {
     /// Name of the rig, shown to people.
     pub name: String,
-    /// Everything that the control law needs to know about the rig.
+    /// The data about the rig that the control law needs.
     pub rig: Rig,
     /// Names of the wheels, shown to people, in the order of the file.
     pub wheels: Vec<String>,
@@ -48,8 +48,8 @@ pub struct RigConfig {
     pub zero_offsets: Vec<f64>,
     /// Rate of the control loop in ticks per second, 50 to 20000.
     pub rate_hz: u32,
-    /// How long before a tick's deadline the loop can wake at most, ns. If 0, the loop sleeps until
-    /// the deadline.
+    /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick, ns. If 0,
+    /// the loop sleeps until the deadline.
     pub early_ns: u64,
     /// Longest time that a processor can take to wake from sleep while the loop runs, us. `None` if
     /// the operating system decides.
@@ -57,19 +57,19 @@ pub struct RigConfig {
     /// Index of the processor on which the loop's thread runs. `None` if the operating system
     /// chooses one.
     pub cpu: Option<u32>,
-    /// Name of the preset of numerical methods: `fast`, `balanced`, `exact`, or `custom` if the
-    /// file names each method.
+    /// Name of the preset of numerical methods: `fast`, `balanced` or `exact`. It is `custom` if
+    /// the rig file names each method.
     pub accuracy: &'static str,
-    /// The serial line to the motor controllers.
+    /// Settings of the serial line to the motor controllers.
     pub link: LinkConfig,
-    /// Settings of the TCP service.
+    /// Settings of the TCP service to which clients connect.
     pub api: ApiConfig,
 }
 
 /// Settings of the serial line to the motor controllers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LinkConfig {
-    /// Where the motor controllers are connected.
+    /// Where the motor controllers are connected: in the simulated rig, or at serial devices.
     pub port: Port,
     /// Protocol that the motor controllers use.
     pub protocol: Protocol,
@@ -97,7 +97,7 @@ impl LinkConfig {
 /// Where the motor controllers are connected: in the simulated rig, or at serial devices.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Port {
-    /// The simulated rig.
+    /// In the simulated rig.
     Sim,
     /// Paths of the serial devices, such as `/dev/ttyACM0`. There is at least one.
     Devices(Vec<String>),
@@ -118,7 +118,7 @@ impl fmt::Display for Port {
     }
 }
 
-/// Settings of the TCP service.
+/// Settings of the TCP service to which clients connect.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ApiConfig {
     /// Address and port at which clients connect to the service.

@@ -18,7 +18,7 @@ pub(crate) const ANY_WAKE_US: u32 = 1_000_000;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Loop {
-    /// Ticks per second.
+    /// Rate of the control loop, in ticks per second.
     #[schemars(range(min = 50, max = 20_000), extend("unit" = "Hz"))]
     pub(crate) rate_hz: u32,
     /// Numerical methods: the name of a preset, or a table with one key for each method.
@@ -29,9 +29,9 @@ pub(crate) struct Loop {
     /// Whether the energy delivered to the hand is limited to the energy absorbed from it: true,
     /// false, or a table of parameters.
     pub(crate) passivity: Passivity,
-    /// Lead: how long before a tick's deadline the loop can wake at most. Never more than a quarter
-    /// of the period. The loop measures how early it must wake on this machine. It then stays awake
-    /// until the deadline and rehearses the tick, which keeps a processor busy. 0: the loop sleeps
+    /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
+    /// more than a quarter of the period. The loop measures which lead this machine needs. Between
+    /// wake-up and deadline it rehearses the tick, which keeps a processor busy. 0: the loop sleeps
     /// until the deadline.
     #[schemars(range(max = 1000), extend("unit" = "us"))]
     pub(crate) early_us: u32,
@@ -154,7 +154,7 @@ impl Protocol {
     }
 }
 
-/// Limits on torque, speed, slip, energy and rates.
+/// Largest torque, speed, slip, energy and rates that are allowed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Limits {
@@ -237,27 +237,29 @@ impl Default for Limits {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Energy {
-    /// Energy that can be delivered at once in excess of `power`, for example in one push.
+    /// Energy that can be delivered to the hand at once in excess of `power`, for example in one
+    /// push.
     #[schemars(range(max = legal::BURST.most), extend("exclusiveMinimum" = legal::BURST.least, "unit" = legal::BURST.unit))]
     pub(crate) burst: f64,
-    /// Power that can be delivered without time limit.
+    /// Power that can be delivered to the hand without time limit.
     #[schemars(range(max = legal::POWER.most), extend("exclusiveMinimum" = legal::POWER.least, "unit" = legal::POWER.unit))]
     pub(crate) power: f64,
 }
 
-/// Friction between each wheel and the sphere. It transmits a force of at most mu N.
+/// Friction between each wheel and the sphere. It transmits at most the force `mu` times
+/// `normal_force`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Traction {
-    /// Friction coefficient mu of the contacts.
+    /// Friction coefficient between wheel and sphere.
     #[schemars(range(max = legal::FRICTION.most), extend("exclusiveMinimum" = legal::FRICTION.least))]
     pub(crate) mu: f64,
-    /// Normal force N of each wheel on the sphere.
+    /// Normal force of each wheel on the sphere.
     #[schemars(range(max = legal::NORMAL_FORCE.most), extend("exclusiveMinimum" = legal::NORMAL_FORCE.least, "unit" = legal::NORMAL_FORCE.unit))]
     pub(crate) normal_force: f64,
 }
 
-/// Settings of the TCP service.
+/// Settings of the TCP service to which clients connect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Api {
@@ -297,7 +299,8 @@ pub(crate) struct Tls {
     /// path is relative to the rig file.
     #[schemars(with = "String", length(min = 1))]
     pub(crate) certificate: PathBuf,
-    /// File with the private key of that certificate (PEM). Its path is relative to the rig file.
+    /// File with the private key of the server's certificate (PEM). Its path is relative to the rig
+    /// file.
     #[schemars(with = "String", length(min = 1))]
     pub(crate) key: PathBuf,
 }

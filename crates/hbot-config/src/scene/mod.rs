@@ -47,8 +47,8 @@ pub struct SceneEffect {
     /// The parameters of the effect's kind, including those that have their default.
     parameters: Map<String, Value>,
     kind: Kind,
-    /// The positions, orientations or points of the effect as a list of numbers, for the scene's
-    /// table of figures.
+    /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
+    /// stores these lists of all effects in one table, its figures.
     figures: Vec<f64>,
 }
 
@@ -58,7 +58,7 @@ pub struct SceneEffect {
 pub struct Listed {
     /// Name of the kind or phenomenon in scene files.
     pub name: &'static str,
-    /// What the kind or phenomenon does, in one or two sentences.
+    /// A description of what the kind or phenomenon does, in one or two sentences.
     pub description: String,
     /// JSON schema of the parameters, with `description`, `default`, range and `unit` of each. For
     /// a kind of effect, it covers all that the op `set` accepts.
@@ -81,12 +81,12 @@ pub fn phenomena() -> Vec<Listed> {
     NAMES.iter().map(|(name, schema)| Listed::new(name, schema)).collect()
 }
 
-/// Describes one parameter of a kind or phenomenon in words.
+/// A description in words of one parameter of an effect or phenomenon.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parameter {
     /// Name of the parameter in scene files.
     pub name: String,
-    /// What the parameter does.
+    /// A description of what the parameter does.
     pub description: String,
     /// The legal values of the parameter, with the unit.
     pub legal: String,

@@ -15,7 +15,8 @@ use crate::validate::validate;
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunningScene {
     file: SceneFile,
-    /// For each effect, in the order of the effects: which of the core's memories belongs to it.
+    /// Identifies the memory that the core's `Controller` keeps for each effect, in the order of
+    /// the effects.
     memories: Vec<Memory>,
     /// Effects of the previous scene that are fading out, each with its memory in the core.
     leaving: Vec<(SceneEffect, Memory)>,
@@ -35,7 +36,8 @@ struct Memory {
 /// several slots, each with one memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EffectPlace {
-    /// Slot of the effect's memory, below [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
+    /// Index of the slot that holds the effect's memory, below
+    /// [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
     pub slot: u8,
     /// Number of the effect, counted since the server started and never 0. It tells apart effects
     /// that use the same slot one after the other.
@@ -130,7 +132,7 @@ impl RunningScene {
         Ok(self.compile())
     }
 
-    /// Returns the memory slot of the effect with this id, and what else identifies the memory.
+    /// Identifies the memory that the core's `Controller` keeps for the effect with this id.
     /// Returns `None` if no effect has this id.
     #[must_use]
     pub fn slot_of(&self, effect: &str) -> Option<EffectPlace> {

@@ -4,28 +4,29 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::PlotSample;
 
-/// Smallest number of samples for a fit.
+/// Smallest number of samples from which stiffness and damping are fitted.
 const LEAST_SAMPLES: usize = 20;
-/// Smallest standard deviation of the deflection for a fit, rad.
+/// Smallest standard deviation of the deflection from which stiffness and damping are fitted, rad.
 const LEAST_SPREAD: f64 = 2e-3;
 
-/// The fitted behaviour of one axis: torque = offset - stiffness deflection - damping rate.
+/// Stiffness and damping about one axis, fitted to samples by the law torque = offset - stiffness ×
+/// deflection - damping × rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fit {
-    /// Stiffness, N m/rad.
+    /// Fitted stiffness, N m/rad.
     pub(crate) stiffness: f64,
-    /// Damping, N m s/rad.
+    /// Fitted damping, N m s/rad.
     pub(crate) damping: f64,
-    /// Torque at zero deflection and rate, N m.
+    /// Fitted torque at zero deflection and zero rate, N m.
     pub(crate) offset: f64,
-    /// Smallest and largest deflection of the samples, rad.
+    /// Smallest and largest deflection among the samples, rad.
     pub(crate) range: [f64; 2],
 }
 
-/// Fits each axis by least squares. Deflections are measured from the orientation `chosen`, or if
-/// it is `None`, from the zero of each sample. Returns `None` for an axis with too few samples or
-/// too little deflection. Ignores samples whose torque was limited, and samples of a rig that is
-/// not active.
+/// Fits stiffness and damping about each axis to samples, by least squares. Deflections are
+/// measured from the orientation `chosen`, or if it is `None`, from the zero of each sample.
+/// Returns `None` for an axis with too few samples or too little deflection. Ignores samples whose
+/// torque was limited, and samples of a rig that is not active.
 pub(crate) fn fit<'a>(
     samples: impl Iterator<Item = &'a PlotSample>,
     chosen: Option<DQuat>,
@@ -43,8 +44,8 @@ pub(crate) fn fit<'a>(
     axes.map(|axis| axis.solve())
 }
 
-/// Sums for the least-squares fit of one axis: its normal equations, with coefficients for
-/// deflection, rate and 1.
+/// Sums over samples for the least-squares fit of one axis: the matrix and the right side of the
+/// normal equations. The unknowns are the coefficients of deflection, of rate, and of 1.
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,

@@ -1,14 +1,14 @@
 //! A histogram of the lateness of ticks, with four bins per decade.
 
-/// Upper edge of the first bin, us.
+/// Upper edge of the first bin of the histogram of lateness, us.
 const FIRST_US: f64 = 0.1;
-/// Number of bins per decade.
+/// Number of bins of the histogram in each decade of lateness.
 const PER_DECADE: f64 = 4.0;
-/// Number of bins. Their upper edges reach one second.
+/// Number of bins of the histogram of lateness. The bins cover lateness up to one second.
 pub(crate) const BINS: usize = 29;
 
-/// Counts of samples by lateness. The first bin holds everything below 0.1 us, and the last one
-/// everything above its lower edge.
+/// A histogram of lateness: how many samples started late by how much. The first bin counts every
+/// lateness below 0.1 us, and the last one every lateness above its lower edge.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Histogram {
     counts: [u64; BINS],
@@ -23,7 +23,7 @@ impl Histogram {
         self.total += 1;
     }
 
-    /// Returns the count of each bin.
+    /// Returns the number of samples in each bin.
     pub(crate) const fn counts(&self) -> &[u64; BINS] {
         &self.counts
     }
@@ -32,7 +32,7 @@ impl Histogram {
         self.total
     }
 
-    /// Returns the upper edge of a bin, us.
+    /// Returns the upper edge of the bin with this index, us.
     pub(crate) fn edge(bin: usize) -> f64 {
         FIRST_US * 10_f64.powf(bin as f64 / PER_DECADE)
     }

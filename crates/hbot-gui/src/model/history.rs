@@ -4,14 +4,14 @@ use std::collections::VecDeque;
 
 use super::PlotSample;
 
-/// Largest number of samples kept: 30 s at 1 kHz, 4 MB.
+/// Largest number of samples kept for the plots: 30 s at 1 kHz, 4 MB.
 const MAX_SAMPLES: usize = 32_768;
 
-/// Longest time that plots can show, s of the loop's time.
+/// Longest time that the plots can show, in seconds of the control loop's time.
 pub(crate) const SPAN_S: f64 = 30.0;
 
-/// Samples in order of time. If they arrive faster than the memory allows for [`SPAN_S`], some are
-/// skipped.
+/// The samples of the last [`SPAN_S`] seconds, in order of time. If samples arrive so fast that
+/// they would need too much memory, some are skipped.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct History {
     samples: VecDeque<PlotSample>,
@@ -37,7 +37,7 @@ impl History {
         }
     }
 
-    /// Returns the samples of the last `seconds`, oldest first.
+    /// Returns the samples of the last `seconds` seconds, oldest first.
     pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &PlotSample> + Clone {
         let from = self.newest().map_or(0.0, |newest| newest.t - seconds);
         let start = self.samples.partition_point(|sample| sample.t < from);
@@ -58,8 +58,9 @@ impl History {
     }
 }
 
-/// Reduces a curve to the points that a plot of `columns` columns needs: the lowest and the highest
-/// point of each column, in order of time. No spike is lost.
+/// Reduces the points of a curve so that they can be drawn quickly in a plot of `columns` columns:
+/// keeps the lowest and the highest point of each column, in order of time. Every spike stays
+/// visible.
 pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
     let count = samples.len();
     let width = count.div_ceil(columns.max(1));

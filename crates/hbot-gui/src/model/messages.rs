@@ -4,30 +4,30 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Number of messages kept.
+/// Largest number of messages to the user that are kept.
 const MAX_MESSAGES: usize = 100;
 
-/// Whether a message is good news or bad news.
+/// Whether a message to the user is good or bad news.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Weight {
     Good,
     Bad,
 }
 
-/// One message.
+/// One message to the user.
 #[derive(Clone, Debug)]
 pub(crate) struct Message {
     pub(crate) weight: Weight,
     pub(crate) text: String,
     pub(crate) at: Instant,
-    /// Whether the window shows this message elsewhere too, so that it does not appear over the
-    /// window.
+    /// Whether the window also shows this message in another place. Such a message does not appear
+    /// over the window.
     pub(crate) told: bool,
-    /// Number of times that this message came in succession.
+    /// How many times this message came in succession.
     pub(crate) times: u32,
 }
 
-/// The last hundred messages.
+/// The last messages to the user, at most a hundred.
 #[derive(Debug, Default)]
 pub(crate) struct Messages {
     list: VecDeque<Message>,
@@ -38,8 +38,8 @@ impl Messages {
         self.keep(weight, text, false);
     }
 
-    /// Adds a message that the window also shows elsewhere. It goes only into the list and does not
-    /// appear over the window.
+    /// Adds a message that the window also shows in another place. It is added to the list of
+    /// messages, but does not appear over the window.
     pub(crate) fn add_told(&mut self, weight: Weight, text: String) {
         self.keep(weight, text, true);
     }
@@ -58,13 +58,13 @@ impl Messages {
         self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
-    /// Returns all messages, newest first.
+    /// Returns all messages that are kept, newest first.
     pub(crate) fn newest_first(&self) -> impl ExactSizeIterator<Item = &Message> {
         self.list.iter().rev()
     }
 
-    /// Returns the messages to show over the window, newest first. Good news stay for 3 s and bad
-    /// news for 8 s.
+    /// Returns the messages that appear over the window now, newest first. Good news are shown for
+    /// 3 s and bad news for 8 s.
     pub(crate) fn fresh(&self) -> impl Iterator<Item = &Message> {
         self.newest_first().take_while(|message| message.at.elapsed() < Duration::from_secs(8)).filter(
             |message| match message.weight {

@@ -22,45 +22,45 @@ pub(crate) use scene::{Effect, Scene};
 
 use crate::net::{Delivery, Intent, Lease, News};
 
-/// Time without a state after which a connected server is reported as silent.
+/// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
-/// The state of the connection to the server.
+/// The state of the panel's connection to the server: being made, missing or established.
 #[derive(Clone, Debug)]
 pub(crate) enum Link {
     Connecting,
-    /// There is no connection.
+    /// There is no connection to the server.
     Offline {
         why: String,
-        /// The address refuses connections, so no server is running there.
+        /// Whether the address refuses connections, which means that no server is running there.
         absent: bool,
         again: Instant,
     },
     Online(HelloOk),
 }
 
-/// Everything that the panel knows about the server and the rig: the connection, the state,
+/// Everything that the panel knows about the server and the rig: the connection, the newest state,
 /// histories, statistics, the scene and messages.
 #[derive(Debug)]
 pub(crate) struct Model {
     pub(crate) server: String,
     pub(crate) link: Link,
     pub(crate) lease: Lease,
-    /// The newest state.
+    /// The newest state message from the server.
     pub(crate) state: Option<StateEvent>,
-    /// Time at which the newest state arrived.
+    /// Time at which the newest state message arrived.
     heard: Option<Instant>,
     pub(crate) history: History,
     pub(crate) lateness: Histogram,
     pub(crate) info: InfoOk,
     pub(crate) stats: Option<StatsOk>,
     pub(crate) scene: Scene,
-    /// The server's message about the present fault or stop.
+    /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
     pub(crate) messages: Messages,
-    /// Number of samples lost on the way to the panel since the connection was made.
+    /// Number of states lost on the way to the panel since the connection was made.
     pub(crate) dropped: u64,
-    /// Number of states per second that the panel requests.
+    /// Number of state messages per second that the panel requests from the server.
     pub(crate) samples_per_s: u32,
 }
 
@@ -88,15 +88,15 @@ impl Model {
         matches!(self.link, Link::Online(_))
     }
 
-    /// Returns the time since the last state if the server is connected and has been silent for too
-    /// long.
+    /// Returns the time since the last state message, if the panel is connected and this time is
+    /// too long. Returns `None` otherwise.
     pub(crate) fn silent_for(&self) -> Option<Duration> {
         let silent = self.heard?.elapsed();
         (self.is_online() && silent > SILENT_AFTER).then_some(silent)
     }
 
-    /// Returns whether the server could accept a command of the panel: the panel is connected, and
-    /// no other client holds the lease.
+    /// Returns whether the panel can send commands to the server: it is connected, and no other
+    /// client holds the lease.
     pub(crate) const fn may_command(&self) -> bool {
         self.is_online() && !matches!(self.lease, Lease::Other(_))
     }
@@ -105,7 +105,7 @@ impl Model {
         self.state.as_ref().map(|state| state.mode)
     }
 
-    /// Applies everything that has arrived from the server.
+    /// Updates the model with everything that has arrived from the server.
     pub(crate) fn take(&mut self, delivery: &mut Delivery) {
         // News come first, because news about the connection apply to the samples after them.
         for news in delivery.news.drain(..) {
@@ -125,7 +125,8 @@ impl Model {
         }
     }
 
-    /// Records that something has been requested from the server.
+    /// Updates the model after the user's request was sent to the server, for example to show the
+    /// requested value.
     pub(crate) fn asked(&mut self, intent: &Intent) {
         match intent {
             Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),

@@ -3,29 +3,29 @@
 use glam::{DQuat, DVec3};
 use hbot_api::StateEvent;
 
-/// A state without its joints, for histories and plots.
+/// A state of the rig in one tick, without its joints. Histories and plots consist of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PlotSample {
     pub(crate) tick: u64,
-    /// Time of the loop, s.
+    /// Time of the tick, in seconds since the control loop began.
     pub(crate) t: f64,
-    /// Orientation: turns the sphere's axes into frame N.
+    /// Orientation of the sphere: the rotation from the sphere's axes to frame N.
     pub(crate) q: DQuat,
-    /// Desired orientation of the sphere, if the scene has one.
+    /// Orientation towards which the scene pulls the sphere, if it has one.
     pub(crate) reference: Option<DQuat>,
-    /// Angular velocity of the sphere in frame N, rad/s.
+    /// Angular velocity of the sphere in frame N (fixed in space), rad/s.
     pub(crate) omega: DVec3,
-    /// Torque on the sphere in frame N, N m.
+    /// Torque on the sphere in frame N (fixed in space), N m.
     pub(crate) torque: DVec3,
-    /// Fraction of the desired torque that remained after the limits, 0 to 1.
+    /// Fraction of the requested torque that remained after the limits, 0 to 1.
     pub(crate) scale: f64,
-    /// Largest slip of all wheels, m/s.
+    /// Largest slip between a wheel and the sphere, over all wheels, m/s.
     pub(crate) slip: f64,
-    /// Energy delivered to the hand, J.
+    /// Energy delivered to the hand since the start, J.
     pub(crate) energy: f64,
-    /// Time from the deadline to the start of the tick, us.
+    /// Time from the tick's deadline to its start, us.
     pub(crate) lateness_us: f64,
-    /// Whether the scene is rendered with full torque (mode `active`).
+    /// Whether the rig rendered the scene with full torque (mode `active`).
     pub(crate) active: bool,
 }
 
@@ -46,14 +46,14 @@ impl PlotSample {
         }
     }
 
-    /// Returns the orientation from which deflections are measured: `chosen`, or else the scene's
-    /// reference, or else the axes of frame N.
+    /// Returns the orientation from which the sphere's deflection is measured: `chosen` if it is
+    /// given, otherwise the scene's reference, otherwise the axes of frame N.
     pub(crate) fn zero(&self, chosen: Option<DQuat>) -> DQuat {
         chosen.or(self.reference).unwrap_or(DQuat::IDENTITY)
     }
 
-    /// Returns the smallest rotation from `zero` to the orientation, as a rotation vector in the
-    /// axes of `zero`, rad.
+    /// Returns the deflection of the sphere, in rad: the smallest rotation from `zero` to its
+    /// orientation, as a rotation vector in the axes of `zero`.
     pub(crate) fn deflection(&self, zero: DQuat) -> DVec3 {
         let x = zero.conjugate() * self.q;
         // q and -q are the same orientation. The one with w >= 0 is a rotation of at most half a
@@ -63,7 +63,7 @@ impl PlotSample {
     }
 }
 
-/// Converts from `[w, x, y, z]`.
+/// Converts the elements `[w, x, y, z]` to a quaternion.
 pub(crate) fn quaternion([w, x, y, z]: [f64; 4]) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
 }

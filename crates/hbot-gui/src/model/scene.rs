@@ -5,37 +5,37 @@ use std::collections::BTreeMap;
 use hbot_api::{EffectCost, InfoOk};
 use serde_json::{Map, Value};
 
-/// A parameter: the effect's id and the parameter's name.
+/// Identifies a parameter of an effect: the effect's id and the parameter's name.
 type Place = (String, String);
 
-/// The scene as the panel shows it.
+/// The running scene, with changes that the user has made and the server has not confirmed yet.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scene {
     name: String,
     effects: Vec<Effect>,
-    /// Phenomena of the simulated rig, if the scene names any.
+    /// The scene's table of phenomena of the simulated rig, if it has one.
     simulate: Option<Value>,
-    /// The whole scene in the server's last report. Null if the scene is known to have changed
-    /// since.
+    /// The scene as the server last reported it. Null if it has changed since.
     told: Value,
-    /// Values that have been sent to the server. They are shown until the server has answered.
+    /// Parameter values that were sent to the server and not answered yet. The window shows them
+    /// instead of the values in use.
     pending: BTreeMap<Place, Value>,
-    /// Cost of the effects of the scene that was loaded last. The server reports it once, before
-    /// `info` contains the scene.
+    /// Computing time of each effect of the scene that was loaded last. The server reports it when
+    /// the scene is loaded, and `info` contains the scene only later.
     costs: Vec<EffectCost>,
 }
 
-/// One effect of the scene.
+/// One effect of the running scene, such as a spring.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Effect {
     pub(crate) id: String,
     pub(crate) kind: String,
-    /// All parameters that `set` can change.
+    /// All parameters of the effect that the op `set` can change.
     pub(crate) parameters: Map<String, Value>,
 }
 
 impl Scene {
-    /// Applies the scene from an answer to `info`.
+    /// Replaces the scene by the one in an answer to the op `info`.
     pub(crate) fn take(&mut self, told: &Value) {
         if *told == self.told {
             return;
@@ -53,12 +53,13 @@ impl Scene {
         self.pending.retain(|(id, _), _| ids.iter().any(|effect| effect.id == *id));
     }
 
-    /// Records the cost of the effects of a scene that was just loaded.
+    /// Records the computing time of the effects of a scene that was just loaded.
     pub(crate) fn take_costs(&mut self, costs: Vec<EffectCost>) {
         self.costs = costs;
     }
 
-    /// Returns the time that an effect adds to each tick, ns, if the server has reported it.
+    /// Returns the computing time of an effect in each tick, ns, or `None` if the server has not
+    /// reported it.
     pub(crate) fn cost_ns(&self, effect: &Effect) -> Option<u64> {
         self.costs.iter().find(|c| c.id == effect.id && c.kind == effect.kind).map(|c| c.cost_ns)
     }
@@ -71,17 +72,19 @@ impl Scene {
         &self.effects
     }
 
-    /// Returns the value that was requested last, or else the one in use.
+    /// Returns the value of a parameter: the one that was last requested, if it is not answered
+    /// yet, otherwise the one in use.
     pub(crate) fn value<'a>(&'a self, effect: &'a Effect, key: &str) -> Option<&'a Value> {
         self.pending.get(&(effect.id.clone(), key.to_owned())).or_else(|| effect.parameters.get(key))
     }
 
-    /// Records that a value has been requested.
+    /// Records a parameter value that was sent to the server.
     pub(crate) fn ask(&mut self, effect: &str, key: &str, value: &Value) {
         self.pending.insert((effect.to_owned(), key.to_owned()), value.clone());
     }
 
-    /// Records the answer to a requested value. If `taken` is true, the server now uses this value.
+    /// Records the server's answer to a parameter value. If `taken` is true, the server now uses
+    /// the value.
     pub(crate) fn answered(&mut self, effect: &str, key: &str, value: &Value, taken: bool) {
         let place = (effect.to_owned(), key.to_owned());
         // Keep a newer value that is still waiting for its answer.
@@ -96,12 +99,12 @@ impl Scene {
         }
     }
 
-    /// Discards the unanswered values after the connection was lost.
+    /// Discards the parameter values that were not answered. Called after the connection was lost.
     pub(crate) fn forget_pending(&mut self) {
         self.pending.clear();
     }
 
-    /// Returns the scene in the form of a scene file.
+    /// Returns the scene as JSON with the structure of a scene file.
     pub(crate) fn to_json(&self) -> Value {
         let mut effects = Vec::new();
         for effect in &self.effects {
@@ -122,7 +125,7 @@ impl Scene {
         Value::Object(scene)
     }
 
-    /// Returns the effects that have a parameter `stiffness`.
+    /// Returns the effects that have a parameter `stiffness`, such as springs.
     pub(crate) fn springs<'a>(&'a self, info: &'a InfoOk) -> impl Iterator<Item = &'a Effect> {
         self.effects.iter().filter(|effect| {
             let kind = info.kind(&effect.kind);

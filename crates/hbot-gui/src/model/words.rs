@@ -2,7 +2,7 @@
 
 use hbot_api::{Fault, Mode};
 
-/// Returns an explanation of a mode for the person at the rig.
+/// Returns an explanation of a mode of the rig, for the person who uses it.
 pub(crate) const fn mode(mode: Mode) -> &'static str {
     match mode {
         Mode::Unreferenced => "The zero of the steering is not known. No torque until it is.",
@@ -14,7 +14,8 @@ pub(crate) const fn mode(mode: Mode) -> &'static str {
     }
 }
 
-/// Returns an explanation of a fault: what happened, and what to do about it.
+/// Returns two explanations of a fault, for the person who uses the rig: what happened, and what to
+/// do about it.
 pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
     match fault {
         Fault::LinkLost => {

@@ -10,27 +10,28 @@ use hbot_api::StateEvent;
 use super::{Intent, News, Wake};
 use crate::model::sample::PlotSample;
 
-/// Largest number of samples that wait for the window: several seconds at 1 kHz.
+/// Largest number of states that are kept until the window takes them: several seconds at 1 kHz.
 const MAX_SAMPLES: usize = 8192;
-/// Largest number of news that wait for the window.
+/// Largest number of reports from the network threads that are kept until the window takes them.
 const MAX_NEWS: usize = 256;
-/// Largest number of intents that wait for the server.
+/// Largest number of the user's requests that are kept until they are sent to the server.
 const MAX_INTENTS: usize = 64;
-/// Minimum time between two wake-ups of the window by samples, for about 60 frames per second.
+/// Shortest time between two redraws of the window that new states cause, for about 60 frames per
+/// second.
 const WAKE_EVERY: Duration = Duration::from_micros(16_000);
 
-/// Everything that has arrived since the window last looked.
+/// Everything that has arrived from the server since the window last fetched it.
 #[derive(Default)]
 pub(crate) struct Delivery {
     pub(crate) samples: VecDeque<PlotSample>,
-    /// The newest state, with all of its fields.
+    /// The newest state, including the joints that samples leave out.
     pub(crate) state: Option<StateEvent>,
     pub(crate) news: VecDeque<News>,
-    /// Number of samples dropped because the window did not take them.
+    /// Number of samples dropped because the window did not fetch them in time.
     pub(crate) lost: u64,
 }
 
-/// The queue of states and news from the network threads to the window.
+/// The queue of states and reports from the network threads to the window.
 pub(crate) struct Mailbox {
     waiting: Mutex<(Delivery, Instant)>,
     wake: Wake,
@@ -41,7 +42,8 @@ impl Mailbox {
         Self { waiting: Mutex::new((Delivery::default(), Instant::now())), wake }
     }
 
-    /// Takes all samples and news that wait for the window. The memory of `delivery` is reused.
+    /// Moves all samples and reports from the queue to `delivery`. The old contents of `delivery`
+    /// are dropped, and their memory is reused.
     pub(crate) fn take(&self, delivery: &mut Delivery) {
         delivery.samples.clear();
         delivery.news.clear();
@@ -87,15 +89,16 @@ impl Mailbox {
     }
 }
 
-/// The queue of intents from the window to the session thread.
+/// The queue of the user's requests from the window to the thread that sends them to the server.
 #[derive(Default)]
 pub(crate) struct Outgoing {
     waiting: Mutex<(VecDeque<Intent>, bool)>,
 }
 
 impl Outgoing {
-    /// Queues an intent. It replaces an earlier one that it makes obsolete, such as an older value
-    /// of the same parameter. Returns the intent that was dropped if the queue was full.
+    /// Adds a request of the user to the queue. Removes earlier requests that it makes obsolete,
+    /// such as an older value of the same parameter. If the queue is full, drops its oldest request
+    /// and returns it.
     pub(crate) fn push(&self, intent: Intent) -> Option<Intent> {
         let mut waiting = lock(&self.waiting);
         let queue = &mut waiting.0;
@@ -105,7 +108,7 @@ impl Outgoing {
         given_up
     }
 
-    /// Queues an intent before all others.
+    /// Adds a request of the user at the front of the queue, so that it is sent first.
     pub(crate) fn push_first(&self, intent: Intent) {
         lock(&self.waiting).0.push_front(intent);
     }
@@ -114,7 +117,7 @@ impl Outgoing {
         lock(&self.waiting).0.pop_front()
     }
 
-    /// Records that the window has been closed.
+    /// Records that the window has been closed, so that the network threads end.
     pub(crate) fn close(&self) {
         lock(&self.waiting).1 = true;
     }
@@ -124,7 +127,7 @@ impl Outgoing {
     }
 }
 
-/// Returns whether a later intent makes an earlier one obsolete.
+/// Returns whether an earlier request of the user becomes obsolete when a later one follows.
 fn replaces(later: &Intent, earlier: &Intent) -> bool {
     match (later, earlier) {
         (Intent::Set { effect, key, .. }, Intent::Set { effect: e, key: k, .. }) => effect == e && key == k,
@@ -137,7 +140,8 @@ fn replaces(later: &Intent, earlier: &Intent) -> bool {
     }
 }
 
-/// Locks a queue. The queue stays valid even if a thread has panicked while it held the lock.
+/// Locks a queue, even if a thread has panicked while it held the lock. The queue is always in a
+/// valid state.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

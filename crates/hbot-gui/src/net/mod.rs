@@ -25,32 +25,34 @@ use serde_json::Value;
 use mailbox::Outgoing;
 pub(crate) use mailbox::{Delivery, Mailbox};
 
-/// Default number of states per second to request. This is twice the rate of a screen, and little
-/// work for the server and the panel.
+/// Default number of state messages per second that the panel requests. This is twice the rate of a
+/// screen, and causes little work for the server and the panel.
 pub const DEFAULT_SAMPLES_PER_S: u32 = 120;
 
-/// Time limit for an answer. The server compiles a scene in far less time.
+/// Longest time that the panel waits for an answer. The server needs far less time, even to compile
+/// a scene.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// The address of the server and the settings of the connection.
 #[derive(Clone, Debug)]
 pub struct PanelOptions {
-    /// Address of the server, as `HOST:PORT` or `HOST`.
+    /// Address of the server, in the form `HOST:PORT` or `HOST`.
     pub server: String,
     /// The token that the server requires, if any.
     pub token: Option<Token>,
-    /// The certificate to trust if the server encrypts. With `None` connections are plain TCP. It
-    /// applies to all connections, whichever server they go to.
+    /// The certificate to trust if the server encrypts. `None` for TCP without encryption. It is
+    /// used for every server to which the panel connects.
     pub trust: Option<Trust>,
-    /// Whether the panel only watches and never takes the lease automatically.
+    /// Whether the panel only watches. It then never takes the lease (the right to command)
+    /// automatically.
     pub observe: bool,
-    /// Number of states to request per second of the loop's time.
+    /// Number of state messages that the panel requests per second of the control loop's time.
     pub samples_per_s: u32,
 }
 
 impl PanelOptions {
-    /// Returns options for the server at `server`, without a token or encryption. The panel takes
-    /// the lease if it is free.
+    /// Creates options for the server at the address `server`, without a token or encryption. With
+    /// these options the panel takes the lease (the right to command) if it is free.
     #[must_use]
     pub fn new(server: &str) -> Self {
         Self {
@@ -63,10 +65,10 @@ impl PanelOptions {
     }
 }
 
-/// A request of the user to the server.
+/// A request of the user, usually to be sent to the server.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Intent {
-    /// Zero torque at once. This goes over the stop line.
+    /// Sets the torque to zero at once. It is sent over a separate connection, the stop line.
     Stop,
     Enable,
     Disable,
@@ -75,7 +77,7 @@ pub(crate) enum Intent {
         steal: bool,
     },
     Release,
-    /// Changes one parameter of an effect.
+    /// Changes the value of one parameter of an effect.
     Set {
         effect: String,
         key: String,
@@ -84,14 +86,14 @@ pub(crate) enum Intent {
     Load {
         scene: Value,
     },
-    /// Connects to another server.
+    /// Connects to the server at another address.
     Connect(String),
-    /// Number of states to request per second of the loop's time.
+    /// Changes how many state messages the panel requests per second of the control loop's time.
     Samples(u32),
 }
 
 impl Intent {
-    /// Returns the name of the intent in messages to the user.
+    /// Returns a short name of the request for messages to the user.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Stop => "Stop".to_owned(),
@@ -109,26 +111,26 @@ impl Intent {
     }
 }
 
-/// Who holds the lease, as seen by the panel.
+/// Which client holds the lease, which is the right to command.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Lease {
-    /// The server has not reported it yet.
+    /// The server has not reported the holder yet.
     #[default]
     Unknown,
     Free,
     Mine,
-    /// Another client, with its name.
+    /// Another client holds the lease. The text is the name of this client.
     Other(String),
 }
 
-/// A report from the network threads to the window.
+/// A report from the network threads to the window, such as a lost connection.
 #[derive(Clone, Debug)]
 pub(crate) enum News {
     Connecting,
     Connected(HelloOk),
     Offline {
         why: String,
-        /// The address refuses connections, so no server is running there.
+        /// Whether the address refuses connections, which means that no server is running there.
         absent: bool,
         again_in: Duration,
     },
@@ -142,33 +144,33 @@ pub(crate) enum News {
     Scene(SceneEvent),
     Dropped(DroppedEvent),
     Stopping(String),
-    /// An intent that was carried out, or the reason why it was not.
+    /// The result of a request of the user: success, or the reason why it failed.
     Answer {
         intent: Intent,
         result: Result<(), String>,
     },
-    /// The result of work on this machine: a written file, or the reason why it was not written.
+    /// The result of work on this computer: the written file, or the reason why it was not written.
     Note(Result<String, String>),
 }
 
-/// Wakes the window. The network threads call it.
+/// A function that wakes the window. The network threads call it when something has arrived.
 pub(crate) type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// Time that closing the window waits for the lease to be released. A rig file can make the loss of
-/// the lease holder a fault, but closing the window must not cause one.
+/// Longest time that closing the window waits until the lease is released. A rig file can make the
+/// loss of the lease holder a fault, but closing the window must not cause one.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// The window's end of the network. Dropping it ends the threads.
+/// The connection of the window to the network threads. Dropping it ends the threads.
 pub(crate) struct Network {
     outgoing: Arc<Outgoing>,
     pub(crate) mailbox: Arc<Mailbox>,
     stop: stop_line::StopLine,
-    /// Disconnected when the session thread has ended.
+    /// This channel is disconnected when the session thread has ended.
     ended: Receiver<()>,
 }
 
 impl Network {
-    /// Starts the network threads.
+    /// Starts the threads that exchange messages with the server.
     ///
     /// # Errors
     /// Fails if the operating system refuses a thread.
@@ -185,7 +187,8 @@ impl Network {
         Ok(Self { outgoing, mailbox, stop, ended })
     }
 
-    /// Queues an intent without waiting. A stop goes over the stop line.
+    /// Queues a request of the user without waiting. A stop is sent over the stop line, a separate
+    /// connection.
     pub(crate) fn send(&self, intent: Intent) {
         match intent {
             Intent::Stop => self.stop.request(),

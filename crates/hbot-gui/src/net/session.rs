@@ -13,23 +13,23 @@ use super::{ANSWER_TIMEOUT, Intent, Lease, News, PanelOptions};
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 /// Longest pause between two attempts to connect.
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
-/// Time between two requests for the statistics of the loop.
+/// Time between two requests for the statistics of the control loop.
 const STATS_EVERY: Duration = Duration::from_secs(1);
-/// Time between two requests for `info`. No event reports what another client has changed with
-/// `set`.
+/// Time between two requests for `info`. They are repeated because no event reports the parameters
+/// that another client has changed.
 const INFO_EVERY: Duration = Duration::from_secs(2);
-/// Longest time that an intent waits while no event comes from the server.
+/// Longest time to wait for an event from the server before the next request of the user is sent.
 const IDLE: Duration = Duration::from_millis(5);
 
-/// The reason why a connection has ended.
+/// Why a connection to the server has ended.
 enum Over {
     /// The window has been closed.
     Window,
-    /// The user wants another server.
+    /// The user wants to connect to another server.
     Elsewhere,
-    /// The connection broke, or the server stopped or refused it.
+    /// The connection broke, or the server stopped or refused it. The text says why.
     Lost(String),
-    /// The address refuses connections, so no server is running there.
+    /// The address refuses connections, which means that no server is running there.
     Absent,
 }
 
@@ -63,7 +63,7 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
     }
 }
 
-/// Connects to the server and says hello.
+/// Opens a connection to the server, with `name` as the name of the client.
 pub(super) fn connect(options: &PanelOptions, name: &str) -> Result<Client, ClientError> {
     let connect = ConnectOptions {
         token: options.token.clone(),
@@ -75,8 +75,8 @@ pub(super) fn connect(options: &PanelOptions, name: &str) -> Result<Client, Clie
     Client::connect_with(&options.server, &connect)
 }
 
-/// Explains why there is no connection. A certificate is named when the panel is started, so an
-/// error of encryption is shown with that option.
+/// Explains why there is no connection. The explanation of an encryption error names the command
+/// line option for the certificate.
 pub(super) fn in_words(error: &ClientError) -> String {
     match error {
         ClientError::Tls(_) => format!("hbot-gui --ca FILE names whom to trust: {error}"),
@@ -84,7 +84,8 @@ pub(super) fn in_words(error: &ClientError) -> String {
     }
 }
 
-/// Waits for `pause` without a connection. Returns false if the window has been closed.
+/// Waits until the next attempt to connect. Returns early if the user wants another server. Returns
+/// false if the window has been closed.
 fn wait(pause: Duration, options: &mut PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) -> bool {
     let until = Instant::now() + pause;
     while Instant::now() < until {
@@ -170,8 +171,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Carries out an intent and reports the result. Returns only those errors after which a new
-    /// connection is needed.
+    /// Carries out a request of the user and reports the result to the window. Returns an error
+    /// only if the connection is no longer usable.
     fn carry_out(&mut self, intent: Intent) -> Result<(), ClientError> {
         let result = self.ask(&intent);
         let told = match &result {
@@ -249,7 +250,7 @@ impl<'a> Session<'a> {
         self.client.subscribe(every).map(drop)
     }
 
-    /// Fetches `info` and the statistics if they are due.
+    /// Asks the server for `info` and for the statistics when their time has come.
     fn poll(&mut self) -> Result<(), ClientError> {
         if Instant::now() >= self.info_due {
             let info = self.client.info();
@@ -298,7 +299,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Returns `Ok` if the connection is still usable after this error.
+/// Returns `Ok` if the connection is still usable after this error, otherwise the error.
 fn survivable(error: ClientError) -> Result<(), ClientError> {
     match error {
         ClientError::Server(_) | ClientError::Timeout { .. } | ClientError::Encode(_) => Ok(()),

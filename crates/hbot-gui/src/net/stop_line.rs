@@ -10,9 +10,11 @@ use super::mailbox::{Mailbox, Outgoing};
 use super::session::{connect, in_words};
 use super::{Intent, News, PanelOptions};
 
-/// Period at which events are discarded and a lost connection is made again.
+/// While no stop is requested, the stop line discards events and restores a lost connection at this
+/// period.
 const IDLE: Duration = Duration::from_millis(200);
-/// Time limit for the answer to a stop. After it, the stop is reported as not confirmed.
+/// Longest time to wait for the answer to a stop. A stop without an answer is reported as not
+/// confirmed.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
 enum Order {
@@ -38,7 +40,7 @@ impl StopLine {
         Ok(Self { orders })
     }
 
-    /// Asks the thread of the stop line to stop the rig. Never waits.
+    /// Tells the thread of the stop line to stop the rig. Returns at once.
     pub(super) fn request(&self) {
         // The thread lives as long as this sender, so this does not fail.
         let _ = self.orders.send(Order::Stop);
@@ -95,7 +97,7 @@ fn open(options: &PanelOptions) -> Result<Client, ClientError> {
     Ok(client)
 }
 
-/// Stops the rig over the present connection, or over a new one if that is broken.
+/// Sends an emergency stop to the server over `client`, or over a new connection if that is broken.
 fn estop(client: &mut Option<Client>, options: &PanelOptions) -> Result<(), ClientError> {
     if let Some(client) = client.as_mut() {
         match client.estop() {
@@ -106,7 +108,7 @@ fn estop(client: &mut Option<Client>, options: &PanelOptions) -> Result<(), Clie
     client.insert(open(options)?).estop().map(drop)
 }
 
-/// Discards waiting events. Returns false if the connection has ended.
+/// Discards the events that have arrived. Returns false if the connection has ended.
 fn drain(client: &mut Client) -> bool {
     loop {
         match client.next_event(Duration::ZERO) {

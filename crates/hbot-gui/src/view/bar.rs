@@ -62,8 +62,8 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, intents: &mut Vec<Intent>
     }
 }
 
-/// Draws the middle of the window while there is no connection: the reason, and a field for another
-/// address.
+/// Draws the middle of the window while there is no connection. It shows why, and has a field for
+/// another address.
 pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| {
         ui.add_space((ui.available_height() * 0.22).min(160.0));

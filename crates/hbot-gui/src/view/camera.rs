@@ -3,26 +3,27 @@
 use eframe::egui::{Pos2, Vec2, pos2};
 use glam::DVec3;
 
-/// The direction from the centre of the sphere to the eye of the viewer.
+/// The direction from which the viewer looks at the sphere, given by two angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Camera {
-    /// Angle of the eye about n3, counted from n1, rad.
+    /// Angle of the viewer's position about the vertical axis n3, counted from the axis n1, rad.
     pub(crate) azimuth: f64,
-    /// Angle of the eye above the plane of n1 and n2, rad.
+    /// Angle of the viewer's position above the horizontal plane (that of n1 and n2), rad.
     pub(crate) elevation: f64,
 }
 
 impl Default for Camera {
-    /// Returns a view against n2, slightly from n1's side and from above. Both wheels of the
-    /// prototype are visible.
+    /// Returns a view along the axis n2, slightly from the side of n1 and from above. Both wheels
+    /// of the prototype are visible from there.
     fn default() -> Self {
         Self { azimuth: -1.25, elevation: 0.22 }
     }
 }
 
 impl Camera {
-    /// Turns the view by a drag of the pointer, in points. The surface of the sphere follows the
-    /// pointer. `radius` is the sphere's radius on the screen, in points.
+    /// Turns the view when the user drags the sphere. `drag` is the pointer's motion and `radius`
+    /// the sphere's radius on the screen, both in points. The surface of the sphere follows the
+    /// pointer.
     pub(crate) fn orbit(&mut self, drag: Vec2, radius: f32) {
         let scale = 1.0 / f64::from(radius.max(1.0));
         self.azimuth = (self.azimuth - f64::from(drag.x) * scale).rem_euclid(std::f64::consts::TAU);
@@ -42,7 +43,8 @@ impl Camera {
     }
 }
 
-/// Projects points in frame N, in units of the sphere's radius, onto the screen.
+/// Converts positions in frame N to positions on the screen. Lengths in frame N are in units of the
+/// sphere's radius.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Projection {
     right: DVec3,
@@ -59,8 +61,8 @@ impl Projection {
         pos2(self.middle.x + self.radius * x, self.middle.y - self.radius * y)
     }
 
-    /// Returns whether the unit sphere hides a point: the point is inside, or the sphere is between
-    /// it and the eye.
+    /// Returns whether the viewer cannot see a point because the unit sphere hides it: the point is
+    /// inside the sphere or behind it.
     pub(crate) fn is_hidden(&self, p: DVec3) -> bool {
         let beside = p.length_squared() - p.dot(self.eye).powi(2);
         // A small tolerance, so that points on the surface are visible.

@@ -24,7 +24,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
     faults(ui, stats);
 }
 
-/// Draws the histogram of lateness over the received samples, with four bins per decade.
+/// Draws the histogram of the lateness of ticks, for all states that the panel has received.
 fn histogram(ui: &mut Ui, lateness: &Histogram) {
     let palette = Palette::of(ui);
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 92.0), Sense::hover());
@@ -61,7 +61,7 @@ fn histogram(ui: &mut Ui, lateness: &Histogram) {
     debug_assert!(Histogram::edge(4) > 0.99 && Histogram::edge(4) < 1.01, "the marks stand at their bins");
 }
 
-/// Shows the distributions of times over all ticks of the server.
+/// Draws the table with the distributions of times, over all ticks since the server started.
 fn times(ui: &mut Ui, stats: &StatsOk) {
     let rows: [(&str, &Distribution, &str); 4] = [
         ("late", &stats.lateness_us, "from a tick's deadline to its start"),
@@ -132,7 +132,7 @@ fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
     });
 }
 
-/// Shows the numerical methods in use and their computing time per tick.
+/// Draws the names of the numerical methods in use and their computing time per tick.
 fn accuracy(ui: &mut Ui, model: &Model, stats: &StatsOk) {
     // Infinite until the server has reported its rate.
     let period_us = 1e6 / f64::from(model.info.rig.rate_hz);

@@ -27,19 +27,19 @@ use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
 
-/// Something that the user has asked for.
+/// Something that the user has asked for while the window was drawn.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
-    /// A request to the server.
+    /// Send a request to the server, for example to stop the rig.
     Ask(Intent),
-    /// Load a scene file of this machine.
+    /// Load a scene file from this computer.
     LoadFile(PathBuf),
     SaveScene(PathBuf),
-    /// Write these samples to a CSV file.
+    /// Write these samples of the rig's state to a CSV file.
     Export(Vec<PlotSample>),
 }
 
-/// The tab that is open on the right.
+/// The tab that is open at the right of the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Tab {
     #[default]
@@ -48,18 +48,19 @@ enum Tab {
     Messages,
 }
 
-/// State that belongs to the window and not to the rig.
+/// What the user has chosen and typed in the window, such as the open tab. It does not concern the
+/// rig.
 #[derive(Debug)]
 pub(crate) struct Desk {
     camera: Camera,
     tab: Tab,
     plots: plots::PlotDesk,
     shelf: scene::Shelf,
-    /// The address that the user is typing.
+    /// The server's address as the user types it.
     address: String,
-    /// Id of the spring whose stiffness the sliders set.
+    /// Id of the spring whose stiffness the sliders change.
     spring: String,
-    /// Gains that effects had before they were switched off.
+    /// For each effect that the user has switched off, the gain it had before, by the effect's id.
     gains: BTreeMap<String, f64>,
 }
 
@@ -77,7 +78,7 @@ impl Desk {
     }
 }
 
-/// Draws the whole window.
+/// Draws all contents of the window. Adds what the user asks for to `acts`.
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     let mut intents = Vec::new();
     let narrow = ui.available_width() < 1100.0;
@@ -144,7 +145,7 @@ fn messages(ui: &mut Ui, model: &Model) {
     }
 }
 
-/// Shows the newest messages for some seconds over the lower middle of the window.
+/// Draws the newest messages to the user over the lower middle of the window, for some seconds.
 fn toasts(ui: &Ui, model: &Model) {
     let palette = Palette::of(ui);
     let mut fresh = model.messages.fresh().take(3).peekable();

@@ -6,8 +6,8 @@ use serde_json::Value;
 use super::schema::{Shape, converted, explain, fits, may_be_absent, shape};
 use super::theme::{named, weak};
 
-/// Draws a control for `value`. Returns the new value if the user has changed it. `name` is the
-/// control's name for screen readers.
+/// Draws a control with which the user can change `value`. Returns the new value if the user has
+/// changed it. `name` is the name of the control for screen readers.
 pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     if !may_be_absent(schema) {
         return present(ui, name, schema, value);
@@ -24,7 +24,7 @@ pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Op
     .inner
 }
 
-/// Draws a control for a value that is not absent.
+/// Draws a control for a value that is present, in contrast to an optional value that is absent.
 fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     match shape(schema) {
         Shape::Number { whole, least, most } => number(ui, name, schema, value, whole, [least, most]),
@@ -105,7 +105,7 @@ fn choice(ui: &mut Ui, name: &str, schema: &Value, value: &Value, values: &[&Val
     picked
 }
 
-/// Returns the description in a schema of one of its values.
+/// Returns the description that a schema contains for one of its legal values.
 fn described<'a>(schema: &'a Value, option: &Value) -> &'a str {
     let variants = schema["oneOf"].as_array().or_else(|| schema["anyOf"].as_array());
     let told = variants.into_iter().flatten().find(|variant| {
@@ -114,7 +114,7 @@ fn described<'a>(schema: &'a Value, option: &Value) -> &'a str {
     told.and_then(|variant| variant["description"].as_str()).unwrap_or_default()
 }
 
-/// Formats a value. Text is shown without quotation marks.
+/// Formats a value for display. Text is shown without quotation marks.
 fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
@@ -155,7 +155,8 @@ fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [us
     changed.then_some(Value::Array(parts))
 }
 
-/// Returns the schema without its unit. A unit after every number does not fit into a row.
+/// Returns a copy of the schema without its unit. A row of numbers has no room for a unit after
+/// each.
 fn without_unit(schema: &Value) -> Value {
     let mut schema = schema.clone();
     if let Some(table) = schema.as_object_mut() {
@@ -228,7 +229,8 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
     use serde_json::json;
 
-    /// Presses the controls with these names one after the other. Returns the resulting value.
+    /// Draws a control for `value`, presses the buttons with these names one after the other, and
+    /// returns the new value.
     fn pressed(schema: Value, value: Value, names: &[&str]) -> Value {
         let mut harness = Harness::new_ui_state(
             move |ui, value: &mut Value| {

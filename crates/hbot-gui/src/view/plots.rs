@@ -14,11 +14,11 @@ use crate::net::Intent;
 /// Largest number of points per axis in the plot of torque against deflection.
 const CLOUD: usize = 400;
 
-/// Smallest range of the vertical axis in both directions from zero, N m or rad. Noise below it is
-/// not magnified to fill the plot.
+/// The vertical axis of a plot extends at least this far above and below zero, N m or rad. Smaller
+/// noise therefore does not fill the plot.
 const LEAST_SPAN: f64 = 0.02;
 
-/// The quantity that a plot shows.
+/// The quantity that a plot shows, such as the torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Which {
     #[default]
@@ -32,15 +32,15 @@ impl Which {
         [(Self::Torque, "Torque"), (Self::Angle, "Angle"), (Self::Stiffness, "Torque / deflection")];
 }
 
-/// The settings of the plots.
+/// The settings of the plots that the user can change.
 #[derive(Debug)]
 pub(crate) struct PlotDesk {
     which: Which,
-    /// Time that is shown, s.
+    /// Length of the time that the plots show, s.
     window: f64,
-    /// The history that is shown while the plots are paused.
+    /// The samples that are shown while the user has paused the plots.
     paused: Option<Box<History>>,
-    /// The orientation from which deflections are measured, if the user has chosen one.
+    /// Orientation from which the sphere's deflection is measured, if the user has chosen one.
     zero: Option<DQuat>,
 }
 
@@ -129,7 +129,8 @@ fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
     }
 }
 
-/// Returns a plot that moves with its data. While paused, it can be dragged and zoomed.
+/// Creates a plot that follows the newest data. While the plots are paused, the user can drag and
+/// zoom it instead.
 fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
     let still = plots.paused.is_some();
     Plot::new(id)
@@ -149,8 +150,9 @@ fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
         .allow_axis_zoom_drag(still)
 }
 
-/// Returns grid lines at 1, 2 or 5 times a power of ten. Their distance is at least `apart` times
-/// the smallest distance that the plot offers, so that each has room for its number.
+/// Returns the grid lines of a plot. Their distance is a round number (1, 2 or 5 times a power of
+/// ten) and at least `apart` times the smallest distance that the plot proposes, so that each line
+/// has room for its number.
 fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
     let (low, high) = input.bounds;
     let step_size = round_up(apart * input.base_step_size);
@@ -161,7 +163,8 @@ fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
     (first..=last.min(first + 50)).map(|k| GridMark { value: k as f64 * step_size, step_size }).collect()
 }
 
-/// Formats the number of a grid line with as many decimals as the step between lines has.
+/// Formats the number next to a grid line, with as many decimals as the distance between lines
+/// needs.
 fn figure(mark: GridMark) -> String {
     let decimals = (-mark.step_size.log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
     format!("{:.decimals$}", mark.value)

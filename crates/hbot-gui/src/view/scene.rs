@@ -14,10 +14,11 @@ use crate::files;
 use crate::model::{Effect, Model};
 use crate::net::Intent;
 
-/// Time after which the list of scene files is read again.
+/// Time after which the panel reads the list of scene files again, to show new files.
 const LIST_EVERY: Duration = Duration::from_secs(2);
 
-/// The scene files of the folder, and what the user has picked and typed.
+/// The list of scene files in the folder, with the file that the user has picked and the name that
+/// the user has typed.
 #[derive(Debug)]
 pub(crate) struct Shelf {
     folder: PathBuf,
@@ -93,7 +94,8 @@ fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Draws one effect: its switch, and its parameters according to the schema of its kind.
+/// Draws the controls of one effect: a switch, and one control for each parameter in the schema of
+/// its kind.
 fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut Vec<Act>) {
     let kind = model.info.kind(&effect.kind);
     let set = |key: &str, value: Value| {

@@ -3,7 +3,7 @@
 
 use serde_json::{Map, Value};
 
-/// How a value of a schema is edited.
+/// The kind of value that a schema describes. It decides with which control the value is edited.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Shape<'a> {
     Number {
@@ -12,7 +12,7 @@ pub(crate) enum Shape<'a> {
         most: f64,
     },
     Flag,
-    /// One of a list of values.
+    /// One value from a list of legal values.
     Choice(Vec<&'a Value>),
     List {
         item: &'a Value,
@@ -20,17 +20,18 @@ pub(crate) enum Shape<'a> {
         most: usize,
     },
     Group(&'a Map<String, Value>),
-    /// A value that has one of several shapes.
+    /// A value that matches one of several schemas.
     Variants(&'a [Value]),
     Text,
     Null,
-    /// A shape that the panel cannot draw.
+    /// A value that the panel cannot edit.
     Unknown,
 }
 
 static NULL: Value = Value::Null;
 
-/// Returns the shape of a schema. References in the schema must be inlined.
+/// Returns the kind of value that a schema describes. The schema must not contain references to
+/// other schemas.
 pub(crate) fn shape(schema: &Value) -> Shape<'_> {
     if let Some(values) = schema["enum"].as_array() {
         return Shape::Choice(values.iter().collect());
@@ -83,13 +84,13 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
     }
 }
 
-/// Returns whether null is legal and means that the value is absent.
+/// Returns whether a schema allows null, which means that the value is absent.
 pub(crate) fn may_be_absent(schema: &Value) -> bool {
     schema["type"].as_array().is_some_and(|kinds| kinds.iter().any(|kind| kind == "null"))
 }
 
-/// Returns whether a value has the form that a schema requires. Ranges are not checked, because the
-/// server does that.
+/// Returns whether a value has the type that a schema requires. Ranges are not checked, because the
+/// server checks them.
 pub(crate) fn fits(schema: &Value, value: &Value) -> bool {
     match shape(schema) {
         Shape::Number { .. } => value.is_number(),
@@ -106,8 +107,9 @@ pub(crate) fn fits(schema: &Value, value: &Value) -> bool {
     }
 }
 
-/// Converts `value` to the form that a schema requires. If `value` has another form, returns the
-/// default if there is one, or else the nearest value of the required form.
+/// Converts `value` to the type that a schema requires. If it already has this type, returns it
+/// unchanged. Otherwise returns the default if there is one, or else the nearest value of the
+/// required type.
 pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
     if fits(schema, value) {
         return value.clone();
@@ -146,8 +148,8 @@ pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
     }
 }
 
-/// Returns the mean: of a number the number, of a square matrix the mean of its diagonal, of a list
-/// the mean of its elements.
+/// Returns the mean of a value: for a number the number itself, for a square matrix the mean of its
+/// diagonal, for any other list the mean of its elements.
 fn mean(value: &Value) -> Option<f64> {
     let Some(list) = value.as_array() else { return value.as_f64() };
     let parts = list.iter().enumerate().map(|(i, part)| part.as_f64().or_else(|| part[i].as_f64()));
@@ -155,7 +157,7 @@ fn mean(value: &Value) -> Option<f64> {
     parts.filter(|parts| !parts.is_empty()).map(|parts| parts.iter().sum::<f64>() / parts.len() as f64)
 }
 
-/// Returns the help text for a value: description, unit, range and default.
+/// Returns the help text for a parameter: description, unit, range and default.
 pub(crate) fn explain(schema: &Value) -> String {
     let mut text = schema["description"].as_str().unwrap_or_default().to_owned();
     let mut add = |part: String| {

@@ -15,17 +15,19 @@ use super::wheels::Contact;
 use crate::model::Model;
 use crate::model::sample::quaternion;
 
-/// Distance from the centre that everything in the picture stays within, in radii of the sphere.
+/// Everything in the picture is drawn within this distance from the sphere's centre, in units of
+/// the sphere's radius.
 const REACH: f64 = 1.5;
-/// Height of the text below the sphere, points.
+/// Height of the text below the picture of the sphere, points.
 const READOUTS: f32 = 50.0;
-/// Length of the torque arrow, in radii of the sphere: a minimum so that the direction is visible,
-/// and the additional length at the rig's torque limit.
+/// Length of the arrow that shows the torque, in units of the sphere's radius. The first number is
+/// the least length, so that the direction is always visible. The second is added to it at the
+/// rig's torque limit.
 const TORQUE_LENGTH: [f64; 2] = [0.2, 0.32];
-/// Number of points of a circle.
+/// Number of straight pieces with which a circle is drawn.
 const CIRCLE: usize = 48;
 
-/// Draws the sphere into all of the remaining room.
+/// Draws the picture of the sphere into the room that is left in the window.
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
     let rect = response.rect;
@@ -77,7 +79,7 @@ fn arrow_keys(ui: &Ui) -> Vec2 {
     })
 }
 
-/// Describes the picture in words, for screen readers.
+/// Describes the picture of the sphere in words, for screen readers.
 fn describe(state: Option<&StateEvent>) -> String {
     let Some(state) = state else { return "Sphere: no state yet".to_owned() };
     let [w, x, y, z] = state.q;
@@ -114,8 +116,7 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
     }
 }
 
-/// Tools for drawing in three dimensions. Lines in front are drawn in full, and hidden ones are
-/// dimmed.
+/// Draws objects in three dimensions. Lines that the sphere hides are dimmed.
 struct Drawing {
     painter: Painter,
     view: Projection,
@@ -139,8 +140,8 @@ impl Drawing {
         }
     }
 
-    /// Draws the sphere as a shaded disc, slightly transparent, so that the hidden half is faintly
-    /// visible.
+    /// Draws the sphere as a shaded disc. It is slightly transparent, so that lines behind it are
+    /// faintly visible.
     fn ball(&self) {
         let [light, dark] = self.palette.sphere;
         let mut mesh = Mesh::default();
@@ -232,7 +233,7 @@ impl Drawing {
         }
     }
 
-    /// Draws the axes of frame N in a corner of the picture.
+    /// Draws the directions of the axes of frame N in a corner of the picture.
     fn corner(&self, rect: egui::Rect, desk: &Desk) {
         let view = desk.camera.onto(rect.right_top() + vec2(-46.0, 48.0), 26.0);
         for (k, axis) in DVec3::AXES.into_iter().enumerate() {
@@ -250,7 +251,7 @@ impl Drawing {
         }
     }
 
-    /// Draws the hidden parts of a line, or the visible parts.
+    /// Draws either the hidden or the visible parts of a line.
     fn runs(&self, line: &[DVec3], hidden: bool, stroke: Stroke) {
         for run in line.chunk_by(|a, b| self.view.is_hidden(*a) == self.view.is_hidden(*b)) {
             if self.view.is_hidden(run[0]) == hidden {
@@ -297,7 +298,8 @@ impl Drawing {
     }
 }
 
-/// Returns the grid of the unit sphere: the equator, four parallels, and twelve half meridians.
+/// Returns the lines of a grid on the unit sphere: the equator, four parallels, and twelve
+/// meridians between the outermost parallels.
 fn grid() -> impl Iterator<Item = Vec<DVec3>> {
     let parallel = |latitude: f64| {
         let (s, c) = latitude.to_radians().sin_cos();
@@ -314,7 +316,8 @@ fn grid() -> impl Iterator<Item = Vec<DVec3>> {
     [0.0, -60.0, -30.0, 30.0, 60.0].into_iter().map(parallel).chain((0..12).map(meridian))
 }
 
-/// Returns a closed great circle in the plane perpendicular to `normal`.
+/// Returns the points of a closed circle on the unit sphere. Its plane passes through the centre
+/// and is perpendicular to `normal`.
 fn circle(normal: DVec3) -> impl Iterator<Item = DVec3> {
     let across = normal.any_orthonormal_vector();
     let along = normal.cross(across);
@@ -324,7 +327,8 @@ fn circle(normal: DVec3) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Returns a straight line as short pieces, so that each piece can be hidden or visible.
+/// Returns the points that divide a straight line into short pieces, so that each piece can be
+/// hidden or visible.
 fn segment(from: DVec3, to: DVec3) -> Vec<DVec3> {
     (0..=16).map(|k| from.lerp(to, f64::from(k) / 16.0)).collect()
 }

@@ -8,7 +8,8 @@ use super::theme::{Palette, STOP, coloured, column, named, weak};
 use crate::model::{Model, words};
 use crate::net::Intent;
 
-/// Draws the stop button. It is always there, in any state of the panel.
+/// Draws the stop button. The panel calls this in all its states, so that the button is always
+/// present.
 pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     let text = RichText::new("STOP").size(30.0).strong().color(egui::Color32::WHITE);
     let button = Button::new(text).fill(STOP).corner_radius(8);
@@ -20,7 +21,7 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| weak(ui, "Esc or Space, anywhere in this window"));
 }
 
-/// Draws the buttons to enable, disable and reset, and the resulting mode.
+/// Draws the buttons that enable, disable and reset the rig, and the present mode of the rig.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     let palette = Palette::of(ui);
@@ -58,8 +59,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     meters(ui, model, palette);
 }
 
-/// Removes the path of the flight log from a message. The path is long, and the list of messages
-/// shows it.
+/// Removes the path of the flight log from a message, because the path is long. The list of
+/// messages still shows it.
 fn without_log(message: &str) -> &str {
     message.split("; flight log:").next().unwrap_or_default()
 }
@@ -99,7 +100,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     });
 }
 
-/// Draws meters that show how near the rig is to its limits.
+/// Draws bars that show how near the rig is to each of its limits.
 fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     let Some(state) = &model.state else { return };
     let limits = &model.info.limits;
@@ -126,7 +127,8 @@ fn share(value: f64, limit: f64) -> f64 {
     if limit > 0.0 { value / limit } else { 0.0 }
 }
 
-/// Draws a bar with the figures next to it. Its length and colour show how near a limit is.
+/// Draws a bar with its name and the text `figures` next to it. `share` is the length of the bar: 1
+/// means that a limit is reached.
 fn meter(ui: &mut Ui, palette: Palette, name: &str, share: f64, figures: String) {
     let color = match share {
         s if s > 0.9 => palette.bad,

@@ -10,10 +10,11 @@ use super::theme::{Palette, coloured, heading, named, weak};
 use crate::model::{Effect, Model};
 use crate::net::Intent;
 
-/// Deflection at which the stiffest spring of the slider reaches the rig's torque limit, rad.
+/// The slider extends at least to the stiffness that reaches the rig's torque limit at this
+/// deflection, rad.
 const STIFFEST_AT: f64 = 0.1;
-/// Ratio of damping to stiffness at the ends of the two sliders, s. Slightly less damping is
-/// critical for the prototype's sphere with the stiffest spring.
+/// Ratio of the largest damping to the largest stiffness on their sliders, s. Slightly less damping
+/// is critical for the prototype's sphere with the stiffest spring.
 const DAMPING_SHARE: f64 = 0.02;
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
@@ -50,13 +51,13 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, None, intents);
 }
 
-/// Returns the largest stiffness with which the rig is expected to be stable, N m/rad, or `None` if
-/// the server does not report it.
+/// Returns the largest stiffness with which the rig is expected to be stable, N m/rad. Returns
+/// `None` if the server does not report it.
 fn stable(model: &Model) -> Option<f64> {
     model.info.render.map(|render| render.stiffness_stable).filter(|stable| *stable > 0.0)
 }
 
-/// Returns the end of the stiffness slider, N m/rad, a round number.
+/// Returns the largest stiffness on the slider, a round number in N m/rad.
 fn stiffest(model: &Model) -> f64 {
     let limit = model.info.limits.torque;
     let by_torque = if limit > 0.0 { limit / STIFFEST_AT } else { 10.0 };
@@ -75,7 +76,7 @@ fn law(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
     }
 }
 
-/// Draws the switch between one value for all axes and one value for each.
+/// Draws the switch between one stiffness for all axes and a separate one for each axis.
 fn axes_apart(ui: &mut Ui, model: &Model, effect: &Effect, intents: &mut Vec<Intent>) {
     let before = model.scene.value(effect, "stiffness").is_some_and(Value::is_array);
     let mut apart = before;
@@ -131,7 +132,8 @@ fn impedance(
     }
 }
 
-/// Draws a slider and a field for typing. Returns the new value if the user has changed it.
+/// Draws a slider and a text field for one number. Returns the new number if the user has changed
+/// it.
 fn row(
     ui: &mut Ui,
     label: &str,
@@ -165,8 +167,8 @@ fn row(
     (x != before).then_some(x)
 }
 
-/// Marks on a slider the part beyond the expected limit of stability. The limit is at the fraction
-/// `share` of the slider.
+/// Marks the part of a slider in which the rig is not expected to be stable. It begins at the
+/// fraction `share` of the slider.
 fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
     let palette = Palette::of(ui);
     // The position of the middle of the handle at that value. By egui's own geometry, the handle
@@ -179,7 +181,8 @@ fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
     painter.vline(x, slider.y_range(), Stroke::new(2.0, palette.warn));
 }
 
-/// Explains what the stiffness of the stiffest axis means on this rig.
+/// Draws an explanation of the largest stiffness: at which angle it reaches the rig's torque limit,
+/// and whether the rig is expected to be stable with it.
 fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
     let palette = Palette::of(ui);
     let Some(value) = model.scene.value(effect, "stiffness") else { return };
@@ -211,7 +214,8 @@ fn diagonal(value: &Value) -> [f64; 3] {
     std::array::from_fn(|k| number.or_else(|| value[k][k].as_f64()).unwrap_or_default())
 }
 
-/// Returns `value` as a matrix whose diagonal is `diagonal`. The other elements keep their values.
+/// Returns the matrix `value` with `diagonal` as its new diagonal. The other elements stay
+/// unchanged.
 fn matrix(value: &Value, diagonal: [f64; 3]) -> Value {
     let element = |i: usize, j: usize| {
         if i == j { diagonal[i] } else { value[i][j].as_f64().unwrap_or_default() }
@@ -227,7 +231,8 @@ fn has_off_diagonal(value: &Value) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns the text of this section for a rig of 0.9 N m and a spring of this stiffness.
+    /// Draws the controls for the stiffness of a spring, and returns their text. The rig has a
+    /// torque limit of 0.9 N m.
     fn said(stiffness: f64, render: &Value) -> String {
         let kinds = hbot_config::scene::kinds();
         let scene = json!({"name": "S", "effect": [

@@ -4,24 +4,24 @@
 use eframe::egui::{self, Color32, Response, RichText, Ui};
 use hbot_api::Mode;
 
-/// Colours by meaning.
+/// The colours of the window, named by what they mean.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Palette {
-    /// Colours of axes 1, 2 and 3, both of frame N and of the sphere.
+    /// Colours of the axes 1, 2 and 3, for frame N and for the axes of the sphere.
     pub(crate) axes: [Color32; 3],
     pub(crate) torque: Color32,
     pub(crate) ghost: Color32,
     pub(crate) good: Color32,
     pub(crate) warn: Color32,
     pub(crate) bad: Color32,
-    /// Colours of the sphere's middle and edge.
+    /// Colours of the sphere at its middle and at its edge.
     pub(crate) sphere: [Color32; 2],
     pub(crate) grid: Color32,
     pub(crate) wheel: Color32,
     pub(crate) weak: Color32,
 }
 
-/// Colour of the stop button, on light and dark backgrounds.
+/// Colour of the stop button, on both light and dark backgrounds.
 pub(crate) const STOP: Color32 = Color32::from_rgb(0xb8, 0x25, 0x08);
 
 impl Palette {
@@ -57,7 +57,8 @@ impl Palette {
         }
     }
 
-    /// Returns the colour of a mode, the same as in the terminal's commands.
+    /// Returns the colour that stands for a mode of the rig. The terminal commands use the same
+    /// colours.
     pub(crate) const fn mode(&self, mode: Mode) -> Color32 {
         match mode {
             Mode::Active => self.good,
@@ -67,7 +68,7 @@ impl Palette {
     }
 }
 
-/// Sets the style of both themes. Call it once.
+/// Sets the style of the dark and the light theme. Call it once, at the start.
 pub(crate) fn install(ctx: &egui::Context) {
     ctx.all_styles_mut(|style| {
         style.spacing.item_spacing = egui::vec2(8.0, 6.0);
@@ -86,7 +87,7 @@ pub(crate) fn install(ctx: &egui::Context) {
     });
 }
 
-/// Gives a control the name that screen readers and tests use for it.
+/// Gives a control a name, which screen readers and tests use.
 pub(crate) fn named(response: Response, name: &str) -> Response {
     response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
     response
@@ -101,12 +102,12 @@ pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
     ui.add(egui::Label::new(RichText::new(text).weak()).wrap())
 }
 
-/// Shows coloured text that can take several lines.
+/// Draws coloured text, which can take several lines.
 pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> Response {
     ui.add(egui::Label::new(RichText::new(text).color(color)).wrap())
 }
 
-/// Shows a label at the left of a row, in a column of this width.
+/// Draws a label in a column of the given width.
 pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>) -> Response {
     let layout = egui::Layout::left_to_right(egui::Align::Center);
     ui.allocate_ui_with_layout(egui::vec2(width, ui.spacing().interact_size.y), layout, |ui| {
@@ -117,7 +118,7 @@ pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>)
     .inner
 }
 
-/// Shows a small coloured dot, as a status lamp.
+/// Draws a small coloured dot, which shows a state like a lamp.
 pub(crate) fn lamp(ui: &mut Ui, color: Color32) {
     let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
     ui.painter().circle_filled(rect.center(), 5.0, color);

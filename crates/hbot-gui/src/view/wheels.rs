@@ -5,22 +5,24 @@ use glam::{DQuat, DVec3};
 
 use hbot_api::{RigInfo, WheelInfo};
 
-/// The contact of a wheel at a steer angle. Lengths are in radii of the sphere.
+/// Where and in which direction a wheel touches the sphere. Lengths are in units of the sphere's
+/// radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contact {
-    /// Steer axis, a unit vector in frame N.
+    /// Steering axis of the wheel, a unit vector in frame N.
     pub(crate) axis: DVec3,
-    /// Rolling direction, a unit vector in frame N.
+    /// Direction in which the wheel rolls, a unit vector in frame N.
     pub(crate) rolling: DVec3,
-    /// Outward normal of the sphere, which is also the contact point in radii.
+    /// Outward normal of the sphere at the contact, a unit vector in frame N. It is also the
+    /// position of the contact.
     pub(crate) normal: DVec3,
-    /// Radius of the wheel, in radii of the sphere.
+    /// Radius of the wheel, in units of the sphere's radius.
     pub(crate) radius: f64,
 }
 
 impl Contact {
-    /// Computes the contact of a wheel of `rig` at the angle `steer`, rad. Returns `None` if the
-    /// rig's geometry is not known.
+    /// Computes where a wheel of `rig` touches the sphere at the steer angle `steer`, rad. Returns
+    /// `None` if the rig's geometry is not known.
     pub(crate) fn of(rig: &RigInfo, wheel: &WheelInfo, steer: f64) -> Option<Self> {
         let axis = DVec3::from(wheel.axis).try_normalize()?;
         if !(rig.sphere.radius > 0.0) {
@@ -40,7 +42,7 @@ impl Contact {
         Some(Self { axis, rolling: c * DVec3::Y, normal: c * DVec3::Z, radius })
     }
 
-    /// Returns the centre of the wheel.
+    /// Returns the position of the wheel's centre, in units of the sphere's radius.
     pub(crate) fn centre(&self) -> DVec3 {
         self.normal * (1.0 + self.radius)
     }

@@ -21,11 +21,12 @@ use hbot_testing::server::{TestServer, any_port, options, paced};
 
 use crate::identity::Identity;
 
-/// Lets one server run at a time, because a server in virtual time uses a whole processor core.
+/// Lock that lets only one test server run at a time. A server in virtual time needs a whole
+/// processor core.
 static ONE: Mutex<()> = Mutex::new(());
 
-/// A scene whose sphere is held still, 0.2 rad from the reference of a spring of 0.2 N m/rad. The
-/// torque depends on the stiffness alone.
+/// A scene in which the simulated hand holds the sphere still, 0.2 rad from the reference of a
+/// spring of 0.2 N m/rad. The torque then depends only on the stiffness.
 pub(crate) const STILL: &str = r#"
 name = "Still"
 [[effect]]
@@ -41,24 +42,24 @@ hand = { stiffness = 50, damping = 1, amplitude = 0 }
 pub(crate) struct AloneServer {
     pub(crate) address: SocketAddr,
     server: TestServer,
-    /// The certificate that clients of this server trust, if it encrypts.
+    /// The certificate that clients of this server trust. `None` if it does not encrypt.
     trust: Option<Trust>,
-    /// Held for the next test to wait for, until after the server's end.
+    /// Lock that is held until this server has ended, so that the next test waits for it.
     alone: Option<MutexGuard<'static, ()>>,
 }
 
-/// The settings of a test server.
+/// The settings of a server for tests.
 pub(crate) struct ServerSetup<'a> {
     pub(crate) scene: &'a str,
-    /// Replacements of text in the prototype's rig file.
+    /// Pairs of texts: in the prototype's rig file, the first is replaced by the second.
     pub(crate) rig: &'a [(&'a str, &'a str)],
-    /// Whether virtual time is slowed down to wall-clock time, for pictures that people look at.
-    /// Even then, other work on the machine makes no tick late.
+    /// Whether virtual time is slowed down to real time, for pictures that people look at. Even
+    /// then, no tick is late because of other work on the computer.
     pub(crate) paced: bool,
     pub(crate) address: SocketAddr,
-    /// The token that clients must show.
+    /// The token that clients must present. `None` if no token is needed.
     pub(crate) token: Option<&'a str>,
-    /// The certificate and key of an encrypting server.
+    /// The server's certificate and key. `None` if it does not encrypt.
     pub(crate) tls: Option<&'a Identity>,
 }
 
@@ -80,7 +81,7 @@ impl AloneServer {
         bench
     }
 
-    /// Starts a server without waiting for others to end. The caller must hold the guard of
+    /// Starts a server without waiting for other servers to end. The caller must hold the guard of
     /// [`alone`].
     pub(crate) fn beside(setup: &ServerSetup<'_>) -> Self {
         let mut rig = include_str!("../../../../rigs/prototype.toml").to_owned();
@@ -102,7 +103,7 @@ impl AloneServer {
         Self { address: server.address, server, trust, alone: None }
     }
 
-    /// Connects a separate client to this server.
+    /// Connects a client with this name to the server.
     pub(crate) fn client(&self, name: &str) -> Client {
         let options = ConnectOptions { trust: self.trust.clone(), ..ConnectOptions::new(name) };
         Client::connect_with(&self.address.to_string(), &options).expect("the server listens")
@@ -113,7 +114,7 @@ impl AloneServer {
     }
 }
 
-/// A second client that sees what the server really does.
+/// A second client of the server, with which a test checks what the server really does.
 pub(crate) struct Witness(Client);
 
 impl Witness {
@@ -123,7 +124,8 @@ impl Witness {
         Self(client)
     }
 
-    /// Returns the next state for which `ready` holds.
+    /// Waits for the next state for which `ready` returns true, and returns it. `what` names it in
+    /// the message if it does not come.
     pub(crate) fn state(&mut self, what: &str, mut ready: impl FnMut(&StateEvent) -> bool) -> StateEvent {
         let start = Instant::now();
         let mut last = None;
@@ -140,14 +142,14 @@ impl Witness {
         panic!("{what} did not come; the last state: {last:?}");
     }
 
-    /// Returns a state at least `seconds` of the loop's time after this call. Older states that
-    /// wait to be read are skipped.
+    /// Waits `seconds` of the control loop's time, and returns the next state. States that arrived
+    /// before are skipped.
     pub(crate) fn later(&mut self, seconds: f64) -> StateEvent {
         let from = self.0.ping(serde_json::Value::Null).expect("an answer").t + seconds;
         self.state("a later state", |state| state.t > from)
     }
 
-    /// Returns the present value of an effect's parameter on the server.
+    /// Asks the server for the value of an effect's parameter, and returns it.
     pub(crate) fn parameter(&mut self, effect: &str, key: &str) -> serde_json::Value {
         let info = self.0.info().expect("info");
         let effects = info.scene["effect"].as_array().expect("effects");
@@ -164,12 +166,12 @@ pub(crate) fn norm(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// A panel that is drawn into memory.
+/// A panel in a test. It is drawn into memory instead of a window.
 pub(crate) struct Seat {
     pub(crate) harness: Harness<'static, Option<Panel>>,
-    /// Longest time that one frame has taken.
+    /// Longest time that the panel took to draw one frame.
     pub(crate) longest: Duration,
-    /// Total time that all frames have taken.
+    /// Total time that the panel took to draw all frames.
     pub(crate) drawing: Duration,
     pub(crate) frames: u32,
     pub(crate) out: tempfile::TempDir,
@@ -211,7 +213,8 @@ impl Seat {
         self.frames += 1;
     }
 
-    /// Draws frames at about 60 Hz until `so` holds.
+    /// Draws frames at about 60 Hz until `so` returns true. `what` names the awaited event in the
+    /// message if it does not come.
     pub(crate) fn until(&mut self, what: &str, mut so: impl FnMut(&Harness<'static, Option<Panel>>) -> bool) {
         let start = Instant::now();
         while !so(&self.harness) {
@@ -236,14 +239,14 @@ impl Seat {
         self.frame();
     }
 
-    /// Sets a number in the way that assistive technology does.
+    /// Sets a number in the control with this label, in the way that assistive technology does.
     pub(crate) fn set(&mut self, label: &str, value: f64) {
         self.harness.get_by_label(label).set_value_accesskit(value);
         self.frame();
         self.frame();
     }
 
-    /// Types a number into its field, as a user does.
+    /// Types a number into the field with this label, as a user does.
     pub(crate) fn type_number(&mut self, label: &str, text: &str) {
         self.harness.get_by_label(label).focus();
         self.frame();
@@ -255,7 +258,7 @@ impl Seat {
         self.frame();
     }
 
-    /// Picks from a list that drops down, once it has the entry.
+    /// Picks an entry from the drop-down list with this label.
     pub(crate) fn pick(&mut self, list: &str, entry: &str) {
         self.click(list);
         self.until(entry, |harness| harness.query_by_role_and_label(Role::Button, entry).is_some());
@@ -269,13 +272,14 @@ impl Seat {
         !self.harness.get_by_label(label).accesskit_node().is_disabled()
     }
 
-    /// Returns all text of the window, for the message of a failed test.
+    /// Returns all text in the window, for the message of a failed test.
     pub(crate) fn texts(&self) -> String {
         format!("{:?}", self.harness.root())
     }
 }
 
-/// A TCP connection between a panel and its server that a test can freeze.
+/// A TCP connection between a panel and its server. A test can freeze it, so that no bytes arrive
+/// on either side.
 pub(crate) struct Wire {
     pub(crate) address: SocketAddr,
     frozen: Arc<AtomicBool>,

@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 
 use crate::bench::{AloneServer, Seat, ServerSetup, Witness, norm};
 
-/// Returns a panel that holds the lease of an active rig, and a witness.
+/// Waits until the rig is active and a new panel holds the lease. Returns the panel, and a second
+/// client that sees what the server does.
 pub(crate) fn seated(bench: &AloneServer) -> (Seat, Witness) {
     let mut witness = Witness::new(bench);
     witness.state("active", |state| state.mode == Mode::Active);
@@ -17,12 +18,12 @@ pub(crate) fn seated(bench: &AloneServer) -> (Seat, Witness) {
     (seat, witness)
 }
 
-/// Returns the size of the torque after the scene has faded in and the sphere is at rest, N m.
+/// Waits until the sphere is at rest, and returns the norm of the torque on it, N m.
 fn settled(witness: &mut Witness) -> f64 {
     norm(witness.later(5.0).torque)
 }
 
-/// Waits until the server uses this value for the parameter.
+/// Waits until the server uses the value `value` for the parameter `key` of the spring.
 fn arrived(seat: &mut Seat, witness: &mut Witness, key: &str, value: &Value) {
     let near = |a: &Value, b: &Value| match (a.as_f64(), b.as_f64()) {
         // The slider's resolution is limited by the pixels of the screen.

@@ -4,7 +4,8 @@ use hbot_api::Trust;
 use hbot_config::rig::TlsFiles;
 use rcgen::{BasicConstraints, CertificateParams, IsCa, KeyPair};
 
-/// The self-signed certificate and the key of an encrypting server, made as in docs/api.md.
+/// A self-signed certificate and its key, for a server that encrypts. They are made as docs/api.md
+/// describes.
 pub(crate) struct Identity {
     pub(crate) certificate: String,
     key: String,
@@ -23,7 +24,8 @@ impl Identity {
         Trust::from_pem(self.certificate.as_bytes()).expect("a certificate")
     }
 
-    /// Writes the certificate and the key to files. They exist as long as the returned folder.
+    /// Writes the certificate and the key to files in a temporary folder. The files exist until the
+    /// returned folder is dropped.
     pub(crate) fn files(&self) -> (tempfile::TempDir, TlsFiles) {
         let folder = tempfile::tempdir().expect("a folder");
         let files =

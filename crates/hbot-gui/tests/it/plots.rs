@@ -5,7 +5,8 @@ use hbot_gui::PanelOptions;
 
 use crate::bench::{AloneServer, Seat, ServerSetup};
 
-/// A scene in which a hand moves the sphere against a spring of 2 N m/rad and 0.02 N m s/rad.
+/// A scene in which the simulated hand moves the sphere against a spring of 2 N m/rad and 0.02 N m
+/// s/rad.
 const MOVED: &str = r#"
 name = "Moved"
 [[effect]]

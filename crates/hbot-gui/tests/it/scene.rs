@@ -75,7 +75,7 @@ fn a_scene_is_saved_as_it_runs() {
     assert!(seat.harness.query_by_label("Overwrite").is_some());
 }
 
-/// Returns a legal value for a parameter that has no default.
+/// Returns a value that is legal by the schema of a parameter, for a parameter without a default.
 fn some_value(schema: &Value) -> Value {
     match schema["type"].as_str() {
         Some("number" | "integer") => {
@@ -91,7 +91,7 @@ fn some_value(schema: &Value) -> Value {
     }
 }
 
-/// Returns a scene with one effect of each kind, with default parameters.
+/// Returns a scene file with one effect of each kind, with default parameters.
 fn one_of_each() -> String {
     let mut text = "name = \"One of each\"\n".to_owned();
     for kind in hbot_config::scene::kinds() {
@@ -108,8 +108,9 @@ fn one_of_each() -> String {
     text + "[simulate]\nhand = { stiffness = 50, damping = 1, amplitude = 0 }\n"
 }
 
-/// Checks that the panel draws every kind of effect from its schema, and that each number, choice
-/// and switch reaches the server. Kinds that are added later are tested without a change here.
+/// Checks that the panel draws the parameters of every kind of effect from its schema, and that
+/// each number, choice and switch reaches the server. Kinds that are added later are tested without
+/// a change to this test.
 #[test]
 fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
     let scene = one_of_each();
@@ -163,7 +164,8 @@ fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
     assert!(changed >= 3 * kinds.len(), "gain and fade_s, and most kinds have more");
 }
 
-/// Returns the values of a choice, in either notation of JSON schemas.
+/// Returns the legal values of a schema that lists them one by one (`enum` or `oneOf`). Returns
+/// `None` for any other schema.
 fn choices(schema: &Value) -> Option<Vec<Value>> {
     if let Some(values) = schema["enum"].as_array() {
         return Some(values.clone());
@@ -172,7 +174,7 @@ fn choices(schema: &Value) -> Option<Vec<Value>> {
     variants.iter().map(|variant| variant.get("const").cloned()).collect()
 }
 
-/// Returns another number with few digits within the range of a schema.
+/// Returns a number that differs from `x`, has few digits, and is in the range of a schema.
 fn another(x: f64, schema: &Value) -> f64 {
     let schema = if schema["type"].is_string() { schema } else { &schema["anyOf"][0] };
     let whole = schema["type"] == "integer";

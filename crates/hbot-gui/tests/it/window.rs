@@ -9,7 +9,7 @@ use crate::bench::{AloneServer, ServerSetup, alone};
 use crate::identity::Identity;
 use hbot_testing::patience::until;
 
-/// A virtual display.
+/// A virtual screen on which tests open the panel's window, provided by the program Xvfb.
 struct Display {
     name: String,
     _server: Running,
@@ -19,7 +19,8 @@ struct Display {
 struct Running(Child);
 
 impl Display {
-    /// Starts Xvfb. Returns `None` on a machine without it. In CI its absence is an error.
+    /// Starts Xvfb, which provides a virtual screen. Returns `None` on a computer without Xvfb. In
+    /// CI its absence is an error.
     fn start() -> Option<Self> {
         let mut command = Command::new("Xvfb");
         command.args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"]);
@@ -49,13 +50,14 @@ impl Drop for Running {
     }
 }
 
-/// Runs the panel until it has saved a picture of its window. Returns the pixels.
+/// Starts the panel for a server and waits until it has saved a picture of its window. Returns the
+/// pixels of the picture.
 fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &str) -> Vec<u8> {
     picture_with(display, name, &["--server", server], size, theme)
 }
 
-/// Runs the panel with other arguments, until it has saved a picture of its window. Returns the
-/// pixels.
+/// Starts the panel with the given arguments and waits until it has saved a picture of its window.
+/// Returns the pixels of the picture.
 fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], theme: &str) -> Vec<u8> {
     let path = folder().join(format!("{name}.png"));
     // The picture for the documentation shows curves over the whole width of the plot.
@@ -88,28 +90,28 @@ fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], th
     pixels
 }
 
-/// Returns the folder for the pictures.
+/// Returns the folder in which the pictures are saved.
 fn folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("panel");
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
 }
 
-/// Counts the pixels of about this colour.
+/// Counts the pixels whose colour is nearly this one.
 fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
     let near = |a: u8, b: u8| a.abs_diff(b) <= 2;
     pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
 }
 
-/// Colour of the stop button.
+/// Red of the stop button.
 const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
-/// Colour of good news on a dark background.
+/// Colour of good news to the user, on a dark background.
 const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
-/// Colour of bad news on a dark background.
+/// Colour of bad news to the user, on a dark background.
 const BAD: [u8; 3] = [0xff, 0x80, 0x48];
-/// Colour of warnings on a dark background.
+/// Colour of warnings to the user, on a dark background.
 const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
-/// Colour of axis n3 on a dark background.
+/// Colour of the axis n3 in the picture of the sphere, on a dark background.
 const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
 const DESKTOP: [u32; 2] = [1280, 800];

@@ -24,7 +24,7 @@ pub(super) struct Constant {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Frame {
-    /// Frame N, which is fixed in space.
+    /// The axes of frame N, which is fixed in space.
     World,
     /// The sphere's axes, which turn with it.
     Sphere,

@@ -8,7 +8,7 @@ use super::EffectKind;
 use super::impedance::{self, Impedance};
 use crate::document::{Report, join};
 
-/// Viscous resistance to rotation, as in honey. It only absorbs energy.
+/// A torque against the sphere's rotation, as if it turned in honey. It only absorbs energy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Damper {

@@ -18,8 +18,8 @@ pub(super) struct Detents {
     /// Largest torque of a notch: the torque needed to leave it.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
-    /// Half the width of a notch. The torque is largest halfway from the notch to its edge. Where
-    /// notches are closer than twice this width, the edge is midway between them.
+    /// Half the width of a notch. The torque is largest halfway from its centre to its edge. If two
+    /// notches are closer than twice this width, their edges meet midway between them.
     #[schemars(range(min = 0.001, max = 3.2), extend("unit" = "rad"))]
     width: f64,
     /// Number of evenly spaced notches in one turn. The first is at the reference.
@@ -29,7 +29,7 @@ pub(super) struct Detents {
     /// If given, they replace `count`.
     #[schemars(length(max = 64), inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
     positions: Vec<f64>,
-    /// What happens beyond the first and last of `positions`: no torque, or walls.
+    /// What happens beyond the first and the last notch in `positions`: no torque, or walls.
     ends: Ends,
     /// Stiffness of the walls if `ends` is `closed`.
     #[schemars(range(min = 0.01, max = 1000.0), extend("unit" = "N m/rad"))]
@@ -41,7 +41,8 @@ pub(super) struct Detents {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 

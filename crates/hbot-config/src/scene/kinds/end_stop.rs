@@ -19,23 +19,24 @@ pub(super) struct EndStop {
     /// rotation about it. Given in the axes of the reference. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// Half angle of the cone.
+    /// Half the opening angle of the cone.
     #[schemars(range(min = 0.0, max = 2.7), extend("unit" = "rad"))]
     cone: f64,
-    /// Allowed range of the twist, [from, to]. It can cover several turns.
+    /// Range in which the walls keep the twist, [from, to]. It can cover several turns.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)), extend("unit" = "rad"))]
     twist: [f64; 2],
     /// Stiffness of the walls.
     #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Damping of the walls. It acts only while the sphere moves further into a wall.
+    /// Damping of the walls. It acts only while the sphere moves deeper into a wall.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
     /// Orientation from which cone and twist are measured, as a quaternion [w, x, y, z]. Any length
     /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 
@@ -43,11 +44,11 @@ pub(super) struct EndStop {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Walls {
-    /// Only the wall around the cone.
+    /// Only the wall that keeps the axis inside the cone.
     Cone,
-    /// Only the walls at the ends of the twist's range.
+    /// Only the walls that keep the twist inside its range.
     Twist,
-    /// Both the cone's wall and the twist's walls.
+    /// The wall of the cone and the walls of the twist.
     Both,
 }
 

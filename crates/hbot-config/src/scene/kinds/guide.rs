@@ -19,8 +19,8 @@ pub(super) struct Guide {
     /// plane. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     axis: [f64; 3],
-    /// With `free = "plane"`: the axis fixed in the sphere that stays in the plane. Any length
-    /// except zero.
+    /// With `free = "plane"`: the pointer, an axis fixed in the sphere that is kept in the plane.
+    /// Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pointer: [f64; 3],
     /// Stiffness against the rotations that are not free.
@@ -36,7 +36,8 @@ pub(super) struct Guide {
     /// y, z]. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 
@@ -48,7 +49,7 @@ enum Free {
     Axis,
     /// Every rotation except that about the axis.
     Swing,
-    /// Every rotation that keeps the pointer in the plane.
+    /// Every rotation that keeps the pointer (an axis of the sphere) in the plane.
     Plane,
 }
 

@@ -53,8 +53,8 @@ impl Impedance {
     }
 }
 
-/// Returns the JSON schema of a number from 0 to `most`, or of a 3x3 matrix with elements of that
-/// size. `unit` is the unit in the description.
+/// Returns the JSON schema of a number from 0 to `most`, or of a 3x3 matrix whose elements are at
+/// most `most` in size. The schema names the unit `unit`.
 fn schema(most: f64, unit: &str) -> Schema {
     json_schema!({
         "anyOf": [

@@ -8,9 +8,9 @@ use super::EffectKind;
 use super::impedance::{self, Impedance};
 use crate::document::{Report, join};
 
-/// A virtual mass that resists acceleration. The measured acceleration is delayed, so only a
-/// limited mass is stable. Mass beyond the limit is left out. More smoothing allows more mass
-/// (docs/effects.md).
+/// A virtual mass that resists acceleration. Above a limit it would be unstable, because the
+/// acceleration is measured with a delay. Mass beyond the limit is left out. More smoothing allows
+/// more mass (docs/effects.md).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Inertia {

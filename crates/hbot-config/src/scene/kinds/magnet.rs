@@ -8,8 +8,8 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target};
 use crate::document::Report;
 
-/// A torque that pulls the sphere towards an orientation when it is near it, and almost no torque
-/// far from it.
+/// A torque that pulls the sphere towards an orientation. Far from this orientation, the torque is
+/// almost zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Magnet {
@@ -24,7 +24,8 @@ pub(super) struct Magnet {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 

@@ -67,8 +67,9 @@ pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
     /// returns `None`.
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind>;
 
-    /// Returns the positions, orientations or points of the effect as a list of numbers, for the
-    /// scene's table of figures. It is called only after [`compile`](Self::compile) has succeeded.
+    /// Returns the positions, orientations or points of the effect as a list of numbers. A compiled
+    /// scene stores these lists of all effects in one table, its figures. Called only after
+    /// [`compile`](Self::compile) has succeeded.
     fn figures(&self) -> Vec<f64> {
         Vec::new()
     }
@@ -102,8 +103,8 @@ pub(super) struct Compiled {
     pub(super) parameters: Map<String, Value>,
     /// The kind of the effect with its parameters, as the core computes it.
     pub(super) kind: Kind,
-    /// The positions, orientations or points of the effect as a list of numbers, for the scene's
-    /// table of figures.
+    /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
+    /// stores these lists of all effects in one table, its figures.
     pub(super) figures: Vec<f64>,
 }
 

@@ -9,7 +9,8 @@ use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use crate::document::{Report, join};
 
 /// Clicks about an axis. A click is a short torque, then its opposite. It occurs when `fire`
-/// changes, every `period_s`, and when the dial about the axis reaches the next of `count` notches.
+/// changes, every `period_s`, and when the sphere, turned like a dial about the axis, reaches the
+/// next of `count` notches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Pulse {
@@ -37,7 +38,8 @@ pub(super) struct Pulse {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 

@@ -10,8 +10,8 @@ use super::EffectKind;
 use super::target::{Anchor, IDENTITY, target, unit_quaternion};
 use crate::document::{Report, join};
 
-/// A set of orientations of the sphere, the nearest of which pulls the sphere towards it. They are
-/// those of a rotation group, or a given list.
+/// Pulls the sphere towards the nearest of a set of orientations. The set is that of a rotation
+/// group, or a given list.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Snaps {
@@ -26,7 +26,7 @@ pub(super) struct Snaps {
         extend("legal" = "up to 16 quaternions [w, x, y, z]")
     )]
     orientations: Vec<[f64; 4]>,
-    /// Largest torque of an orientation: the torque needed to leave it.
+    /// Largest torque with which an orientation pulls: the torque needed to leave it.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     strength: f64,
     /// Angle over which the torque rises to `strength`. `strength` divided by `width` is the
@@ -36,11 +36,12 @@ pub(super) struct Snaps {
     /// Damping of the sphere's rotation.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// Orientation to which the set is relative, as a quaternion [w, x, y, z]. Any length except
-    /// zero.
+    /// Orientation from which those of the set are measured, as a quaternion [w, x, y, z]. Any
+    /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 

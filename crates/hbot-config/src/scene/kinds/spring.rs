@@ -31,7 +31,8 @@ pub(super) struct Spring {
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 
@@ -39,9 +40,10 @@ pub(super) struct Spring {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Law {
-    /// In proportion to the angle, up to a half turn.
+    /// The torque is in proportion to the angle, up to a half turn.
     Geodesic,
-    /// In proportion to the sine of the angle: largest at a quarter turn, zero at a half turn.
+    /// The torque is in proportion to the sine of the angle: largest at a quarter turn, zero at a
+    /// half turn.
     Quaternion,
 }
 

@@ -15,14 +15,14 @@ pub(super) const UP: [f64; 3] = [0.0, 0.0, 1.0];
 /// Smallest length of a vector or quaternion. A shorter one has no usable direction.
 const LEAST_LENGTH: f64 = 1.0e-6;
 
-/// The orientation from which a reference is measured.
+/// From where a reference orientation is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Anchor {
-    /// Frame N, which is fixed in space.
+    /// From frame N, which is fixed in space.
     Absolute,
-    /// The sphere's orientation when rendering is enabled, or when the scene is loaded if the rig
-    /// is already active.
+    /// From the sphere's orientation when rendering is enabled, or when the scene is loaded if the
+    /// rig is already active.
     Here,
 }
 
@@ -42,8 +42,8 @@ pub(super) fn target(reference: [f64; 4], anchor: Anchor, path: &str, report: &m
     Target::new(reference, anchor.into())
 }
 
-/// Scales the quaternion [w, x, y, z] at `path` to unit length. Returns `None` and adds a mistake
-/// to the report if it is too short to have a direction.
+/// Scales the quaternion [w, x, y, z] at `path` to unit length. If its length is nearly zero, adds
+/// a mistake to the report and returns `None`.
 pub(super) fn unit_quaternion(wxyz: [f64; 4], path: &str, report: &mut Report) -> Option<Quat> {
     let [w, x, y, z] = wxyz;
     let q = Quat::from_xyzw(x, y, z, w);
@@ -54,8 +54,8 @@ pub(super) fn unit_quaternion(wxyz: [f64; 4], path: &str, report: &mut Report) -
     Some(q.normalize())
 }
 
-/// Scales the vector at `path` to unit length. Returns `None` and adds a mistake to the report if
-/// it is too short to have a direction.
+/// Scales the vector at `path` to unit length. If its length is nearly zero, adds a mistake to the
+/// report and returns `None`.
 pub(super) fn unit_vector(xyz: [f64; 3], path: &str, report: &mut Report) -> Option<Vec3> {
     let v = Vec3::from_array(xyz);
     if v.length() < LEAST_LENGTH {

@@ -18,7 +18,8 @@ pub(in crate::scene) const MAX_POINTS: usize = 800;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Track {
-    /// How the reference moves: in a sine or chirp, or along the points of `waypoints` or `record`.
+    /// How the reference moves: to and fro (`sine` or `chirp`), or along `points` (`waypoints` or
+    /// `record`).
     path: Path,
     /// Axis of a sine or chirp, in frame N (fixed in space). Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -26,10 +27,10 @@ pub(super) struct Track {
     /// Largest angle of a sine or chirp in either direction.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     amplitude: f64,
-    /// Frequency of a sine, or of a chirp at its start.
+    /// Frequency of a sine, or start frequency of a chirp.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency: f64,
-    /// Frequency of a chirp at its end.
+    /// End frequency of a chirp.
     #[schemars(range(min = 0.0, max = 50.0), extend("unit" = "Hz"))]
     frequency_end: f64,
     /// Time in which a chirp goes from `frequency` to `frequency_end`.
@@ -49,20 +50,21 @@ pub(super) struct Track {
     /// Whether the motion repeats without end. A chirp then goes up and down in frequency. Points
     /// start again after the last one, which must equal the first.
     repeat: bool,
-    /// Torque per angle from the moving reference.
+    /// Torque of the spring per angle from the moving reference.
     #[schemars(range(min = 0.0, max = 1000.0), extend("unit" = "N m/rad"))]
     stiffness: f64,
-    /// Torque per angular rate relative to the moving reference, against the rotation.
+    /// Torque of the damper per angular rate relative to the moving reference.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
     /// Angle from the moving reference within which there is no spring torque.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     deadband: f64,
-    /// Orientation to which the path is relative, as a quaternion [w, x, y, z]. Any length except
-    /// zero.
+    /// Orientation from which the path of the moving reference is measured, as a quaternion [w, x,
+    /// y, z]. Any length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     reference: [f64; 4],
-    /// What `reference` is measured from: frame N, or the sphere's orientation at enable.
+    /// From where `reference` is measured: frame N (fixed in space), or the sphere's orientation
+    /// when rendering is enabled.
     anchor: Anchor,
 }
 

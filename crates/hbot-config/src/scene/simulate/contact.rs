@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Limited friction between wheels and sphere. A wheel slips if its force exceeds the Coulomb
+/// Limited friction between wheels and sphere. A wheel slips if the force on it exceeds the Coulomb
 /// friction force.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -23,7 +23,8 @@ impl Default for Slip {
     }
 }
 
-/// Friction torque that opposes the pivoting of each wheel on the sphere, about the contact normal.
+/// Friction torque that opposes the pivoting of each wheel on the sphere, which is its rotation
+/// about the contact normal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Pivoting {

@@ -18,7 +18,7 @@ pub struct Encoder {
     /// when the zero is found.
     #[schemars(range(min = 0.0, max = 1.0), extend("unit" = "rad"))]
     pub index_error: f64,
-    /// Seed of the random phases and zero errors.
+    /// Seed of the random numbers for the phases and zero errors.
     #[schemars(range(min = 0, max = u32::MAX))]
     pub seed: u32,
 }

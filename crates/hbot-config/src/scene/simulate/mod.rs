@@ -43,13 +43,13 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "CageFriction")]
     pub cage_friction: Option<CageFriction>,
-    /// Limited friction between wheels and sphere. A wheel slips if its force exceeds the Coulomb
-    /// friction force.
+    /// Limited friction between wheels and sphere. A wheel slips if the force on it exceeds the
+    /// Coulomb friction force.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Slip")]
     pub slip: Option<Slip>,
-    /// Friction torque that opposes the pivoting of each wheel on the sphere, about the contact
-    /// normal.
+    /// Friction torque that opposes the pivoting of each wheel on the sphere, which is its rotation
+    /// about the contact normal.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Pivoting")]
     pub pivoting: Option<Pivoting>,
@@ -73,7 +73,7 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Encoder")]
     pub encoder: Option<Encoder>,
-    /// Motors that are weak, respond late, lose torque at speed and get hot. Their peak and
+    /// Motors that are weak, respond late, lose torque at high speed and get hot. Their peak and
     /// continuous torques are those of the rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Motor")]

@@ -3,22 +3,24 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Motors that are weak, respond late, lose torque at speed and get hot. Their peak and continuous
-/// torques are those of the rig file.
+/// Motors that are weak, respond late, lose torque at high speed and get hot. Their peak and
+/// continuous torques are those of the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Motor {
     /// Actual torque divided by the commanded torque.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub torque_scale: f64,
-    /// Time constant of the current loop, s.
+    /// Time constant with which the torque follows the command, because of the motor's current
+    /// loop, s.
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub lag_s: f64,
-    /// Rate at which back-EMF leaves a steer joint no torque in the direction of motion, rad/s.
+    /// Rate of a steer joint at which its motor gives no more torque in the direction of motion,
+    /// because of back-EMF, rad/s.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
     pub steer_no_load_rate: f64,
-    /// Rate at which back-EMF leaves a drive joint no torque in the direction of motion, rad/s,
-    /// after the gear.
+    /// Rate of a drive joint, after the gear, at which its motor gives no more torque in the
+    /// direction of motion, because of back-EMF, rad/s.
     #[schemars(range(min = 1.0e-3, max = 1.0e5), extend("unit" = "rad/s"))]
     pub drive_no_load_rate: f64,
     /// Time constant with which the windings warm up, s. A hot motor gives only its continuous
