@@ -119,9 +119,9 @@ pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
     }
 }
 
-/// The controller alone, on a sphere that turns as a test says: no line, no motors, no plant, so that a tick can be
-/// given any inputs. Other tests put a controller behind a line (`TickBench` of hbot-host) or on a plant (`Loop` of
-/// `passivity.rs`).
+/// The controller alone, on a sphere that turns as a test says: no line, no motors, no plant, so
+/// that a tick can be given any inputs. Other tests put a controller behind a line (`TickBench` of
+/// hbot-host) or on a plant (`Loop` of `passivity.rs`).
 pub struct Bench {
     pub controller: Controller,
     pub scene: CompiledScene,

@@ -22,8 +22,9 @@ const OWN: f64 = 0.005;
 /// m/rad.
 pub const BORDER: f64 = OWN / (1.5 * DT);
 
-/// A rig whose controllers answer each command with a reading of that moment and hold its torque for a tick. Not the
-/// simulated rig: the device's damping is set here alone, so the border of stability is known exactly.
+/// A rig whose controllers answer each command with a reading of that moment and hold its torque
+/// for a tick. Not the simulated rig: the device's damping is set here alone, so the border of
+/// stability is known exactly.
 pub struct Loop {
     controller: Controller,
     scene: CompiledScene,

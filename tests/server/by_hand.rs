@@ -58,7 +58,8 @@ fn bad_lines_are_answered_and_nothing_is_lost() {
     }
     // A line that arrives in two halves counts as one line.
     client.bytes(br#"{"id": 6, "op": "pi"#);
-    // The half has come to the server before this connection, so the other half is read apart from it.
+    // The half has come to the server before this connection, so the other half is read apart from
+    // it.
     Lines::greeted(&server.address).ask(r#"{"id": 1, "op": "ping"}"#);
     let answer = client.ask(r#"ng", "data": "still here"}"#);
     assert_eq!(answer["ok"]["data"], "still here");

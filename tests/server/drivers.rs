@@ -66,7 +66,8 @@ fn served(cable: &Cable) -> TestServer {
     let mut line = cable.clone();
     Toy.meet(&mut line, &expected).expect("the motors answer");
     let bus = Toy.bus(Box::new(line), expected);
-    // In full, not by `options` of hbot-testing: docs/drivers.md shows it to those who write such a program.
+    // In full, not by `options` of hbot-testing: docs/drivers.md shows it to those who write such a
+    // program.
     let options = ServerOptions {
         rig,
         scene: SceneFile::default_scene(),

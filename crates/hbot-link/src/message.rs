@@ -29,7 +29,8 @@ pub enum FromController {
     Feedback(Feedback),
 }
 
-/// The torques of one tick for all joints of a motor controller's port.
+/// The torques of one tick, for all joints of the port. The name is that of docs/link.md; `Command`
+/// of hbot-core is what a person or a client asks of the loop, and never leaves the PC.
 ///
 /// # Valid commands
 ///
@@ -93,7 +94,8 @@ pub struct Feedback {
     pub joints: heapless::Vec<JointReading, MAX_JOINTS>,
 }
 
-/// The reading of one joint: position, rate, current and temperature.
+/// What one joint reads, as it stands on the line. The name is that of docs/link.md; `JointReading`
+/// of hbot-host is what a driver of any protocol makes of its own frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointReading {
     /// Position of the encoder, which is on the motor side of the gear, in counts. It wraps from

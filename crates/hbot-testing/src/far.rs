@@ -12,7 +12,8 @@ use serialport::{SerialPort as _, TTYPort};
 
 use crate::prototype::simulated_as;
 
-/// The line is silent once nothing has come for this long: a busy machine holds no byte back for longer.
+/// The line is silent once nothing has come for this long: a busy machine holds no byte back for
+/// longer.
 const SILENCE: Duration = Duration::from_millis(200);
 
 /// A simulated rig that records the commands it receives.
@@ -84,8 +85,8 @@ impl Far {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
-    /// Waits until nothing more comes, and checks that the last three commands are zero torque with motors off. Returns
-    /// the last command.
+    /// Waits until nothing more comes, and checks that the last three commands are zero torque with
+    /// motors off. Returns the last command.
     ///
     /// # Panics
     /// If one of the last three commands is another.

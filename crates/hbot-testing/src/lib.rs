@@ -1,5 +1,5 @@
-//! What the tests of hbot share. Only dev-dependencies name this crate; `.ci/dependencies.sh` checks that no
-//! program links it.
+//! What the tests of hbot share. Only dev-dependencies name this crate; `.ci/dependencies.sh`
+//! checks that no program links it.
 //!
 //! | module | what it holds |
 //! |---|---|

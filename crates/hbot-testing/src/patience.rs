@@ -2,14 +2,15 @@
 
 use std::time::{Duration, Instant};
 
-/// The longest that a test waits for a condition. It never says how fast anything is: a busy machine may take
-/// most of it.
+/// The longest that a test waits for a condition. It never says how fast anything is: a busy
+/// machine may take most of it.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The time between two looks at a condition.
 pub const LOOK: Duration = Duration::from_millis(1);
 
-/// Looks at `found` every millisecond until it gives something, and returns that. `what` names the condition.
+/// Looks at `found` every millisecond until it gives something, and returns that. `what` names the
+/// condition.
 ///
 /// # Panics
 /// After [`PATIENCE`], with `what`.

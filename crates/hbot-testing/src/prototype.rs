@@ -31,8 +31,8 @@ pub fn device_with(alter: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     Device::new(device.sphere_radius(), device.sphere_mass(), &wheels).expect("a legal device")
 }
 
-/// The wheels of the comparison task of the plant's methods (docs/simulator.md): a smaller radius and other
-/// inertias than the prototype's.
+/// The wheels of the comparison task of the plant's methods (docs/simulator.md): a smaller radius
+/// and other inertias than the prototype's.
 #[must_use]
 pub fn of_the_task(wheel: WheelSpec) -> WheelSpec {
     WheelSpec { radius: 0.0102, steer_inertia: 3.105_468_222_7e-5, drive_inertia: 3.5202e-6, ..wheel }
@@ -55,8 +55,9 @@ pub fn simulated_as(rig: &RigConfig, spoil: impl FnOnce(&mut SimulatedConfig)) -
     SimulatedRig::new(&config).expect("it can be simulated")
 }
 
-/// The prototype with a watchdog of 1 s and a time-out of 1000 ticks, which a busy machine does not trip: the
-/// kernel moves a pseudo-terminal's bytes by a worker of ordinary priority, so other work can hold them up.
+/// The prototype with a watchdog of 1 s and a time-out of 1000 ticks, which a busy machine does not
+/// trip: the kernel moves a pseudo-terminal's bytes by a worker of ordinary priority, so other work
+/// can hold them up.
 ///
 /// # Panics
 /// If the rig is not legal.

@@ -35,7 +35,8 @@ fn runtime() -> Runtime {
     Builder::new_current_thread().enable_all().build().expect("a runtime")
 }
 
-/// Serves on this thread until `over` of the server's address is done, or until its duration has passed.
+/// Serves on this thread until `over` of the server's address is done, or until its duration has
+/// passed.
 ///
 /// # Panics
 /// If the server does not start, or `over` panics.
@@ -56,7 +57,8 @@ pub fn serve<F: Future<Output = ()> + Send + 'static>(
     })
 }
 
-/// A recorder that records nothing and holds a loop in virtual time to `rate_hz` ticks a second of the clock.
+/// A recorder that records nothing and holds a loop in virtual time to `rate_hz` ticks a second of
+/// the clock.
 #[must_use]
 pub fn paced(rate_hz: u32) -> Recorder {
     let (begin, mut ticks) = (Instant::now(), 0);

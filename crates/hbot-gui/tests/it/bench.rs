@@ -220,7 +220,8 @@ impl Seat {
         while !so(&self.harness) {
             assert!(start.elapsed() < PATIENCE, "{what} did not come; the window:\n{}", self.texts());
             self.frame();
-            // Frames at 60 Hz: a window that is drawn without pause would take a core from the server.
+            // Frames at 60 Hz: a window that is drawn without pause would take a core from the
+            // server.
             std::thread::sleep(Duration::from_millis(15));
         }
     }

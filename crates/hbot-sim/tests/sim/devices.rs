@@ -43,7 +43,9 @@ pub(crate) fn brisk() -> PlantState {
     }
 }
 
-/// Not the rig of `rigs/prototype.toml`, which assumes all zeros and reverses nothing. The prototype as a controller knows it: absolute steering, a gear and a reversed motor on each drive.
+/// Not the rig of `rigs/prototype.toml`, which assumes all zeros and reverses nothing. The
+/// prototype as a controller knows it: absolute steering, a gear and a reversed motor on each
+/// drive.
 pub(crate) fn rig() -> Rig {
     let steer = Joint { zero: Zero::Absolute, continuous: 0.073, ..Joint::new(16384, 0.93) };
     let drive = Joint {

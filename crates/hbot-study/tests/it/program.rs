@@ -55,7 +55,8 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
 /// The processor time of all threads of a process, s, by /proc.
 fn processor_time(process: u32) -> f64 {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("it runs");
-    // After the name in parentheses, from the state on; Linux counts in hundredths for all programs.
+    // After the name in parentheses, from the state on; Linux counts in hundredths for all
+    // programs.
     let fields = stat.rsplit_once(')').expect("a name").1.split_whitespace();
     let [user, system] = [11, 12].map(|n| fields.clone().nth(n).and_then(|ticks| ticks.parse::<f64>().ok()));
     0.01 * (user.expect("a number") + system.expect("a number"))

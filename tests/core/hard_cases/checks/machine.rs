@@ -53,8 +53,8 @@ pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
     CompiledScene::new(revision, &[Effect::new(0, revision as u32, Kind::Spring(spring))]).unwrap()
 }
 
-/// The controller of either width, for which reason it is not `Bench` of `tests/core/bench.rs`, whose sphere and whose
-/// prototype are in f64.
+/// The controller of either width, for which reason it is not `Bench` of `tests/core/bench.rs`,
+/// whose sphere and whose prototype are in f64.
 pub struct ReadRig {
     pub controller: Controller,
     pub scene: CompiledScene,

@@ -152,7 +152,8 @@ async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
     }
     client.write_all(&pings).await.unwrap();
     client.shutdown().await.unwrap();
-    // Other tasks of this thread have their turn in between, and the time that the service waits for passes.
+    // Other tasks of this thread have their turn in between, and the time that the service waits
+    // for passes.
     timeout(PATIENCE, async {
         while desk.hub().summary().connections_cut == 0 {
             sleep(LOOK).await;

@@ -188,8 +188,8 @@ fn introduce(report: &mut Report, grip: f64) {
     report.family("{limit}_torque_{axis}_nm | N m | what the rig can give whatever its posture: the least with all four motors, contacts free, beside the paper's table II");
 }
 
-/// The table of all motors, contacts and rows. Returns of each row the least of all postures with four motors and the
-/// medians with three.
+/// The table of all motors, contacts and rows. Returns of each row the least of all postures with
+/// four motors and the medians with three.
 fn over_torus(
     context: &Context,
     report: &mut Report,

@@ -85,8 +85,8 @@ fn spectral(rig: &IndexedDevice, samples: &[(Quat, f64)]) -> (usize, f64) {
     (samples.len(), rig.over_turns(samples, START, &[THREE])[0].spectral)
 }
 
-/// The paper's grid, as printed and with its weight: the means of the finest as printed, and how far GCI moves without the
-/// weight.
+/// The paper's grid, as printed and with its weight: the means of the finest as printed, and how
+/// far GCI moves without the weight.
 fn equal_steps(
     context: &Context,
     report: &mut Report,

@@ -111,8 +111,8 @@ fn families(report: &mut Report) {
     report.family("nested_example_least_index | 1 | least spectral index, one drive and two steers, of the design that is named");
 }
 
-/// Random designs away from the border, and of each whether it is never singular with one drive and two steers, and with two
-/// drives and one steer.
+/// Random designs away from the border, and of each whether it is never singular with one drive and
+/// two steers, and with two drives and one steer.
 fn tried(count: usize, cells: usize) -> (Vec<Design>, Vec<[bool; 2]>) {
     let mut rng = Rng(44);
     let mut designs = Vec::new();

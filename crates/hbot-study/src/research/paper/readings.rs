@@ -121,7 +121,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// The id of a reading (none for those of other sections), its name, and GCI by both norms, if it has them, with GMI.
+/// The id of a reading (none for those of other sections), its name, and GCI by both norms, if it
+/// has them, with GMI.
 type Reading = (&'static str, &'static str, (Option<[f64; 2]>, f64));
 
 fn tell(report: &mut Report, all: &[Reading], literal_gci: f64) {

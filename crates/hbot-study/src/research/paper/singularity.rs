@@ -89,7 +89,8 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     draw_maps(report, device);
 }
 
-/// The least spectral index of each choice of motors, and the part of the torus where the paper's three are weak.
+/// The least spectral index of each choice of motors, and the part of the torus where the paper's
+/// three are weak.
 fn actuation(report: &mut Report, device: &Device) -> (Vec<f64>, f64) {
     let mut table =
         vec![row(["motors", "least spectral index", "below 0.05 on", "below 0.1 on", "below 0.2 on"])];

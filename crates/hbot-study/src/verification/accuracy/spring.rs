@@ -116,7 +116,8 @@ fn introduce(report: &mut Report) {
 fn check(report: &mut Report, name: &str, width: &str, errors: [f64; ANGLES.len()]) {
     if name.ends_with("exact") {
         let worst = errors.into_iter().fold(0.0, f64::max);
-        // Some tens of roundings; nearer to a half turn the logarithm's Jacobian grows, and they with it.
+        // Some tens of roundings; nearer to a half turn the logarithm's Jacobian grows, and they
+        // with it.
         let bound = if width == "f64" { 64.0 * f64::EPSILON } else { 64.0 * f64::from(f32::EPSILON) };
         report.check(
             format!("spring law {name}, {width}: within 64 roundings of its formula"),

@@ -197,7 +197,8 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
     Ok(())
 }
 
-/// The figures of an estimate, and their row of the table. `plain`: the time with the controllers' own rates.
+/// The figures of an estimate, and their row of the table. `plain`: the time with the controllers'
+/// own rates.
 fn figures(
     report: &mut Report,
     [encoder, name]: [&str; 2],

@@ -145,7 +145,8 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
 
 type Added<'a> = &'a dyn Fn(&Cost) -> Option<f64>;
 
-/// Table and plots of each alone. Returns what is left of it afterwards: parts of a tick's instructions and least time.
+/// Table and plots of each alone. Returns what is left of it afterwards: parts of a tick's
+/// instructions and least time.
 fn alone_table(
     report: &mut Report,
     none: &Cost,

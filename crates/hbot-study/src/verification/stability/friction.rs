@@ -95,7 +95,8 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
     Ok(())
 }
 
-/// The stiffness at which an axis first buzzes, and what of friction and damping makes it passive, N m/rad.
+/// The stiffness at which an axis first buzzes, and what of friction and damping makes it passive,
+/// N m/rad.
 struct Buzz {
     own: f64,
     coulomb: f64,

@@ -65,7 +65,8 @@ fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
     report.figure(id, measured).note("measured", measured).note("predicted", predicted);
 }
 
-/// The figures of all borders, a table of those at 1 kHz, and how far the prediction is off at worst.
+/// The figures of all borders, a table of those at 1 kHz, and how far the prediction is off at
+/// worst.
 fn borders(report: &mut Report, borders: &[Border]) -> f64 {
     let mut table = vec![row(["Hz", "D", "b", "B", "measured, N m/rad", "predicted", "ratio"])];
     let mut worst = 0.0_f64;

@@ -27,7 +27,8 @@ pub(crate) struct Wall {
 const LONGEST: usize = 8;
 
 impl Wall {
-    /// A wall of no stiffness and no damping, read exactly and without delay, on an axis without friction.
+    /// A wall of no stiffness and no damping, read exactly and without delay, on an axis without
+    /// friction.
     pub(crate) fn of(inertia: f64, own: f64, period: f64) -> Self {
         Self { inertia, own, coulomb: 0.0, step: 0.0, period, delay: 0, stiffness: 0.0, damping: 0.0 }
     }

@@ -18,8 +18,8 @@ fn in_report_unit(column: &str, figure: &str) -> String {
     if column == "inertia, g m²" { format!("{figure}e-3") } else { figure.to_owned() }
 }
 
-/// Compares the rows of the page's table that has the column `mark`; `look_up` gives the report's figure of a row and a
-/// column.
+/// Compares the rows of the page's table that has the column `mark`; `look_up` gives the report's
+/// figure of a row and a column.
 fn compare(mark: &str, count: usize, look_up: impl Fn(&str, &str) -> String) {
     let rows: Vec<_> = rows(PAGE).into_iter().filter(|(head, _)| head.contains(&mark)).collect();
     assert_eq!(rows.len(), count, "rows of the table with {mark:?}");

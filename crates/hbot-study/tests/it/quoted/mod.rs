@@ -1,7 +1,9 @@
-//! Figures that pages quote are those of the studies' reports, which a run without `--quick` has written beside them.
+//! Figures that pages quote are those of the studies' reports, which a run without `--quick` has
+//! written beside them.
 //!
-//! A page's sentence stands in a test with `{}` for each figure, which the test looks up in the report. Figures of time
-//! are not compared: they are the machine's. docs/performance.md and docs/effects.md quote benches and no study.
+//! A page's sentence stands in a test with `{}` for each figure, which the test looks up in the
+//! report. Figures of time are not compared: they are the machine's. docs/performance.md and
+//! docs/effects.md quote benches and no study.
 
 pub(crate) mod accuracy;
 mod design;
@@ -9,7 +11,8 @@ mod paper;
 mod stability;
 mod velocity;
 
-/// The cell of the report's section `section` in the row that begins with `row` and the column `column`.
+/// The cell of the report's section `section` in the row that begins with `row` and the column
+/// `column`.
 fn whole_cell(report: &str, section: &str, row: &[&str], column: &str) -> String {
     let body = report.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
     let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
@@ -71,8 +74,8 @@ fn rounded(cell: &str, scale: f64, decimals: usize) -> String {
     format!("{:.decimals$}", number(cell) * scale)
 }
 
-/// Whether two decimal numbers can be roundings of one number: each stands for half a unit of its last digit to either
-/// side.
+/// Whether two decimal numbers can be roundings of one number: each stands for half a unit of its
+/// last digit to either side.
 fn agree(a: &str, b: &str) -> bool {
     let half = |text: &str| {
         let (digits, exponent) = text.split_once('e').unwrap_or((text, "0"));

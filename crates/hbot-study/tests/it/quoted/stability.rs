@@ -1,4 +1,5 @@
-//! docs/stability.md and the row of docs/hard-cases.md on a day of ticks, against docs/stability/report.md.
+//! docs/stability.md and the row of docs/hard-cases.md on a day of ticks, against
+//! docs/stability/report.md.
 
 use super::{agree, cell, check, filled, left_over, number, numbers, rounded, whole_cell};
 
@@ -65,7 +66,8 @@ fn stage() -> Vec<String> {
     ]
 }
 
-/// The largest deviation of |q| from 1 and the most that the energy grew within a day, as the checks have them.
+/// The largest deviation of |q| from 1 and the most that the energy grew within a day, as the
+/// checks have them.
 fn day() -> [String; 2] {
     [
         check(REPORT, "a day: the quaternion is unit to 1e-12"),
@@ -85,7 +87,8 @@ fn whole_day() -> Vec<String> {
     ]
 }
 
-/// Numbers that are no figures of the report: choices of the study, and what `hbot rig check` says of the prototype.
+/// Numbers that are no figures of the report: choices of the study, and what `hbot rig check` says
+/// of the prototype.
 const OTHERS: [&str; 5] = [
     "let go at 0.05 rad",
     "6.7 N m/rad for each 0.01 N m s/rad of damping",

@@ -1,5 +1,5 @@
-//! docs/velocity.md against the joint rates of docs/accuracy/report.md. Its column of times is not compared: it is the
-//! machine's.
+//! docs/velocity.md against the joint rates of docs/accuracy/report.md. Its column of times is not
+//! compared: it is the machine's.
 
 use super::accuracy::REPORT;
 use super::{agree, cell, rows};

@@ -50,8 +50,8 @@ pub(super) fn study(
     compare(comparison, found, known);
 }
 
-/// The id and the name of a mapping, and the posture that is nearest to the peak row, to the continuous row and to both, with
-/// the factor by which it misses.
+/// The id and the name of a mapping, and the posture that is nearest to the peak row, to the
+/// continuous row and to both, with the factor by which it misses.
 type Nearest = (&'static str, &'static str, [([f64; 2], f64); 3]);
 
 /// The nearest posture by each mapping, sought from so many cells a turn.
