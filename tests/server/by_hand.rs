@@ -1,6 +1,6 @@
 //! A client that sends handwritten JSON to a server in virtual time.
 
-use hbot_testing::lines::{Lines, norm};
+use hbot_testing::lines::{JsonLines, norm};
 use serde_json::Value;
 
 use crate::process::Process;
@@ -13,7 +13,7 @@ fn server() -> (Process, tempfile::TempDir) {
 #[test]
 fn hello_acquire_set_subscribe_and_the_torque_changes() {
     let (server, _state) = server();
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     assert_eq!(client.ask(r#"{"id": 1, "op": "acquire"}"#)["ok"], serde_json::json!({}));
     // The hand holds the sphere still at its start, away from the reference, so that the torque
     // depends only on the stiffness.
@@ -24,7 +24,7 @@ fn hello_acquire_set_subscribe_and_the_torque_changes() {
     let loaded = client.ask(&scene);
     assert_eq!(loaded["ok"]["effects"][0]["id"], "spring", "{loaded}");
     client.ask(r#"{"id": 3, "op": "subscribe", "every": 100}"#);
-    let settled = |client: &mut Lines| {
+    let settled = |client: &mut JsonLines| {
         let from = client.state(|s| s["mode"] == "active")["t"].as_f64().expect("a time");
         client.state(|s| s["t"].as_f64().is_some_and(|t| t > from + 5.0))
     };
@@ -42,7 +42,7 @@ fn hello_acquire_set_subscribe_and_the_torque_changes() {
 #[test]
 fn bad_lines_are_answered_and_nothing_is_lost() {
     let (server, _state) = server();
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     let bad = [
         ("not json", Value::Null),
         (r#"{"id": 1, "op": "fly"}"#, 1.into()),
@@ -60,13 +60,13 @@ fn bad_lines_are_answered_and_nothing_is_lost() {
     client.bytes(br#"{"id": 6, "op": "pi"#);
     // The half has come to the server before this connection, so the other half is read apart from
     // it.
-    Lines::greeted(&server.address).ask(r#"{"id": 1, "op": "ping"}"#);
+    JsonLines::greeted(&server.address).ask(r#"{"id": 1, "op": "ping"}"#);
     let answer = client.ask(r#"ng", "data": "still here"}"#);
     assert_eq!(answer["ok"]["data"], "still here");
     // Half a line counts as none. Another client finds the state unchanged.
     client.bytes(br#"{"id": 7, "op": "est"#);
     drop(client);
-    let mut other = Lines::greeted(&server.address);
+    let mut other = JsonLines::greeted(&server.address);
     other.ask(r#"{"id": 1, "op": "subscribe", "every": 1000}"#);
     assert_ne!(other.state(|_| true)["mode"], "estop");
 }
@@ -74,7 +74,7 @@ fn bad_lines_are_answered_and_nothing_is_lost() {
 #[test]
 fn a_line_too_long_is_told_so() {
     let (server, _state) = server();
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     let answer = client.ask(&format!(r#"{{"id": 1, "op": "ping", "data": "{}"}}"#, "x".repeat(70_000)));
     assert_eq!(answer["error"]["code"], "too_large", "{answer}");
 }
@@ -83,12 +83,12 @@ fn a_line_too_long_is_told_so() {
 fn before_hello_the_first_bad_line_ends_the_connection() {
     let (server, _state) = server();
     for line in ["POST / HTTP/1.1\r", r#"{"id": 1, "op": "estop"}"#] {
-        let mut client = Lines::connect(&server.address);
+        let mut client = JsonLines::connect(&server.address);
         let answer = client.ask(line);
         assert!(answer["error"]["code"].is_string(), "{answer}");
         assert_eq!(client.next_line(), None, "closed after {line}");
     }
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 1000}"#);
     assert_ne!(client.state(|_| true)["mode"], "estop", "a stranger has stopped it");
 }

@@ -2,7 +2,7 @@
 //! off in its place.
 
 use hbot_testing::far::Far;
-use hbot_testing::lines::Lines;
+use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::eventually;
 use std::path::Path;
 
@@ -28,7 +28,7 @@ fn files(folder: &Path) -> (String, String) {
 
 /// Makes the server output torque.
 fn push(server: &Process, far: &Far) {
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
     eventually("torque", || {
         // A machine that stood still for 20 ms has caused a deadline fault.

@@ -1,6 +1,6 @@
 //! The server keeps running whether or not anybody reads its messages on standard error.
 
-use hbot_testing::lines::Lines;
+use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::until;
 use std::io::{BufRead as _, BufReader};
 use std::process::Stdio;
@@ -18,7 +18,7 @@ fn start(state: &std::path::Path, log: impl Fn() -> Stdio) -> Mute {
 /// Asserts that the server still works: it stops the rig far more often than a pipe has room for
 /// lines, and ends on request.
 fn goes_on(mut server: Mute) {
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     for _ in 0..20 {
         client.bytes("{\"id\": 1, \"op\": \"estop\"}\n".repeat(100).as_bytes());
         for _ in 0..100 {

@@ -1,7 +1,7 @@
 //! Output that cannot be written: the reader has closed the pipe, the reader does not read, or the
 //! device is full.
 
-use hbot_testing::lines::Lines;
+use hbot_testing::lines::JsonLines;
 use std::fs::{File, OpenOptions};
 use std::io::{PipeReader, PipeWriter, Write as _, pipe};
 use std::process::{Output, Stdio};
@@ -108,7 +108,7 @@ fn clients_of_a_server_too() {
 
 /// Asserts that the server keeps ticking, performs an emergency stop, and ends cleanly on request.
 fn serves(mut server: Mute) {
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
     let first = client.state(|_| true)["tick"].as_u64().expect("a tick");
     client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > first + 1000));

@@ -2,7 +2,7 @@
 //! refuses.
 
 use hbot_testing::far::Far;
-use hbot_testing::lines::Lines;
+use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::{PATIENCE, eventually};
 use std::path::Path;
 
@@ -19,13 +19,13 @@ fn run(args: &[&str]) -> assert_cmd::assert::Assert {
 }
 
 /// Waits for a thousand ticks from now and returns the state.
-fn a_while(client: &mut Lines) -> serde_json::Value {
+fn a_while(client: &mut JsonLines) -> serde_json::Value {
     let from = client.state(|_| true)["tick"].as_u64().expect("a tick");
     client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > from + 1000))
 }
 
-fn watched(server: &Process) -> Lines {
-    let mut client = Lines::greeted(&server.address);
+fn watched(server: &Process) -> JsonLines {
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 20}"#);
     client
 }
@@ -137,7 +137,7 @@ fn a_rig_file_that_is_edited_while_the_server_runs_changes_nothing() {
     let server = Process::start(&["--rig", &rig, "--time", "virtual"], folder.path());
     let mut client = watched(&server);
     let limit =
-        |client: &mut Lines| client.ask(r#"{"id": 5, "op": "info"}"#)["ok"]["limits"]["torque"].clone();
+        |client: &mut JsonLines| client.ask(r#"{"id": 5, "op": "info"}"#)["ok"]["limits"]["torque"].clone();
     assert_eq!(limit(&mut client), 0.9);
     let edited = std::fs::read_to_string(&rig).expect("readable").replace("torque = 0.9 ", "torque = 0.1 ");
     std::fs::write(&rig, edited).expect("written");

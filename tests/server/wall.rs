@@ -1,7 +1,7 @@
 //! End-to-end tests in wall-clock time: loop, pseudo-terminal, simulated rig, TCP.
 
 use hbot_testing::far::Far;
-use hbot_testing::lines::{Lines, norm, vector};
+use hbot_testing::lines::{JsonLines, norm, vector};
 use hbot_testing::patience::{PATIENCE, eventually};
 use rustix::process::Signal;
 
@@ -15,7 +15,7 @@ fn server(args: &[&str], state: &std::path::Path) -> Process {
 
 /// Waits until the rig is active. A machine that stood still for 20 ms causes a deadline fault,
 /// which these tests do not concern, so it is reset.
-fn active(client: &mut Lines) -> serde_json::Value {
+fn active(client: &mut JsonLines) -> serde_json::Value {
     loop {
         let state = client.state(|s| s["mode"] == "active" || s["fault"] == "deadline");
         if state["mode"] == "active" {
@@ -35,7 +35,7 @@ fn the_server_starts_active_and_the_sphere_moves() {
     for word in ["Hbot prototype", "sim", "1000 Hz", "127.0.0.1:"] {
         assert!(server.banner.contains(word), "{word} in:\n{}", server.banner);
     }
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 10}"#);
     // Half a second in which the machine did not stand still.
     let (first, later) = loop {
@@ -105,7 +105,7 @@ fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
         let text = std::fs::read_to_string(&rig).expect("a rig file").replace("rate_hz = 1000", &early);
         std::fs::write(&rig, text).expect("written");
         let server = Process::start(&["--rig", &rig], state.path());
-        let mut client = Lines::greeted(&server.address);
+        let mut client = JsonLines::greeted(&server.address);
         eventually("awake before a deadline", || {
             let stats = client.ask(r#"{"id": 1, "op": "stats"}"#);
             let awake = stats["ok"]["awake_us"]["max"].as_f64().expect("a number");
@@ -122,7 +122,7 @@ fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
     for signal in [Signal::INT, Signal::TERM] {
         let state = tempfile::tempdir().expect("a folder");
         let server = server(&[], state.path());
-        let mut client = Lines::greeted(&server.address);
+        let mut client = JsonLines::greeted(&server.address);
         server.signal(signal);
         client.until(|event| event["event"] == "stopping");
         let (last_words, status) = server.end();
@@ -137,7 +137,7 @@ fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
         let state = tempfile::tempdir().expect("a folder");
         let far = Far::start(&rig);
         let server = server(&["--port", &far.path], state.path());
-        let mut client = Lines::greeted(&server.address);
+        let mut client = JsonLines::greeted(&server.address);
         client.ask(r#"{"id": 1, "op": "acquire"}"#);
         eventually("torque", || {
             // A machine that stood still for 20 ms has caused a deadline fault.
@@ -157,7 +157,7 @@ fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
 fn sigusr1_is_an_emergency_stop_until_reset() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(&[], state.path());
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     active(&mut client);
     server.signal(Signal::USR1);
@@ -179,7 +179,7 @@ fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
         let state = tempfile::tempdir().expect("a folder");
         let server = server(&["--rate", rate, "--duration", "1"], state.path());
         let address = server.address.clone();
-        let mut client = Lines::greeted(&address);
+        let mut client = JsonLines::greeted(&address);
         client.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
         let stats = client.ask(r#"{"id": 2, "op": "stats"}"#);
         for name in ["late_ticks", "skipped_ticks", "missed_ticks"] {
@@ -207,7 +207,7 @@ fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
 fn a_client_renders_for_itself_and_its_torque_ends_when_it_falls_silent() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(&[], state.path());
-    let mut client = Lines::greeted(&server.address);
+    let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
     client.ask(r#"{"id": 2, "op": "load_scene", "scene": {"name": "nothing", "effect": [], "simulate": {"hand": {"stiffness": 50, "damping": 1, "amplitude": 0}}}}"#);
     client.ask(r#"{"id": 3, "op": "subscribe", "every": 1}"#);
@@ -220,7 +220,7 @@ fn a_client_renders_for_itself_and_its_torque_ends_when_it_falls_silent() {
 
 /// Returns the number of ticks in which a torque that is valid for 100 ms acts. Returns `None` if a
 /// tick was skipped, or was so late that it caused a fault.
-fn push_once(client: &mut Lines, seq: u64) -> Option<u64> {
+fn push_once(client: &mut JsonLines, seq: u64) -> Option<u64> {
     let tick = |state: &serde_json::Value| state["tick"].as_u64().expect("a tick");
     let from = tick(&active(client)) + 100;
     client.state(|s| tick(s) >= from);

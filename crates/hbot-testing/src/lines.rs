@@ -9,14 +9,14 @@ use serde_json::Value;
 use crate::patience::PATIENCE;
 
 /// A connection over which bytes are sent as they stand.
-pub struct Lines {
+pub struct JsonLines {
     /// The socket.
     pub stream: TcpStream,
     /// What comes over it.
     pub reader: BufReader<TcpStream>,
 }
 
-impl Lines {
+impl JsonLines {
     /// Connects, and says nothing yet.
     ///
     /// # Panics

@@ -24,7 +24,7 @@ fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
     let bench = bench();
     let address = served(&bench, "open sesame");
     let ask = |request: &str| {
-        let mut raw = Lines::connect(address);
+        let mut raw = JsonLines::connect(address);
         raw.bytes(request.as_bytes());
         raw.rest()
     };
@@ -45,7 +45,7 @@ fn what_the_page_of_metrics_refuses_is_counted_in_stats() {
         [20, 1, 1]
     );
     // A client that begins a request and does not finish it.
-    let mut slow = Lines::connect(address);
+    let mut slow = JsonLines::connect(address);
     slow.bytes(b"GET /met");
     assert_eq!(slow.rest(), "");
     eventually("one more", || refused(&mut bench.client("d")).of(ErrorCode::BadRequest) == 2);

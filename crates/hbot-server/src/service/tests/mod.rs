@@ -27,7 +27,7 @@ use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
 use hbot_sim::rig::SimulatedRig;
-use hbot_testing::lines::Lines;
+use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::{LOOK, PATIENCE, eventually};
 use hbot_testing::prototype::simulated_as;
 use serde_json::{Value, json};
@@ -190,8 +190,8 @@ impl TestService {
         client
     }
 
-    fn raw(&self) -> Lines {
-        Lines::connect(self.address)
+    fn raw(&self) -> JsonLines {
+        JsonLines::connect(self.address)
     }
 
     /// Runs `call` on the simulated rig.
@@ -240,8 +240,8 @@ impl Drop for TestService {
 }
 
 /// Returns a connection that has sent its hello.
-fn greeted(bench: &TestService) -> Lines {
-    Lines::greeted(bench.address)
+fn greeted(bench: &TestService) -> JsonLines {
+    JsonLines::greeted(bench.address)
 }
 
 fn refused(result: Result<Value, ClientError>) -> ErrorBody {

@@ -85,7 +85,7 @@ fn one_that_is_stuck_is_cut() {
 #[test]
 fn a_flood_of_commands_does_not_keep_an_estop_back() {
     let bench = bench();
-    let mut flood = Lines::connect(bench.address);
+    let mut flood = JsonLines::connect(bench.address);
     flood.send(r#"{"id": 0, "op": "hello", "version": 1, "name": "flood"}"#);
     flood.line();
     flood.ask(r#"{"id": 1, "op": "acquire"}"#);
