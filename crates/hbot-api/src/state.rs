@@ -124,9 +124,7 @@ pub struct StateTiming {
 }
 
 names! {
-    /// What the rig does, as clients read it. `Mode` of hbot-core is the loop's; this crate depends
-    /// on no other crate of hbot, so clients link nothing else. `convert.rs` of hbot-server maps
-    /// the loop's modes to these.
+    /// The mode of the rig, which says what the control law is doing.
     pub enum Mode {
         /// The zeros of the steer joints are not known yet. There is no torque.
         Unreferenced = "unreferenced",

@@ -29,8 +29,7 @@ pub enum FromController {
     Feedback(Feedback),
 }
 
-/// The torques of one tick, for all joints of the port. The name is that of docs/link.md; `Command`
-/// of hbot-core is what a person or a client asks of the loop, and never leaves the PC.
+/// The torques of one tick for all joints of a motor controller's port.
 ///
 /// # Valid commands
 ///
@@ -94,8 +93,7 @@ pub struct Feedback {
     pub joints: heapless::Vec<JointReading, MAX_JOINTS>,
 }
 
-/// What one joint reads, as it stands on the line. The name is that of docs/link.md; `JointReading`
-/// of hbot-host is what a driver of any protocol makes of its own frames.
+/// The reading of one joint: position, rate, current and temperature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointReading {
     /// Position of the encoder, which is on the motor side of the gear, in counts. It wraps from

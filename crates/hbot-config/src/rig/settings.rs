@@ -106,8 +106,7 @@ pub(crate) enum Ports {
     Several(#[schemars(length(min = 1, max = 8), inner(length(min = 1)))] Vec<String>),
 }
 
-/// What the controllers speak, as `link.protocol` of a rig file names it. `Protocol` of hbot-host
-/// is the driver that speaks it, which this crate does not know.
+/// A protocol that motor controllers can use on the serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
