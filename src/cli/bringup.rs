@@ -1,5 +1,5 @@
-//! `hbot rig test` and `hbot rig calibrate`: commands for a rig before its control loop is closed.
-//! No server can use the rig's port at the same time.
+//! `hbot rig scan`, `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over
+//! it. No server may hold its port meanwhile.
 
 #[cfg(test)]
 mod tests;
@@ -14,6 +14,7 @@ use hbot_config::{Override, RigConfig};
 use hbot_core::rig::Zero;
 use hbot_host::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_host::bringup::joint::{self, Verdict};
+use hbot_host::bringup::scan::scan;
 use hbot_host::bringup::{Bench, Interrupted, open};
 use hbot_host::bus::field;
 use hbot_host::last_word::Program;
@@ -48,6 +49,13 @@ impl Which {
             self.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
         Ok(RigConfig::load(self.rig.as_deref(), over.as_slice())?)
     }
+}
+
+/// Options of `hbot rig scan`.
+#[derive(Debug, Args)]
+pub(crate) struct ScanArgs {
+    #[command(flatten)]
+    which: Which,
 }
 
 /// Options of `hbot rig test`.
@@ -102,6 +110,34 @@ fn on_the_lines<T>(
         signals::end_as_interrupted()?;
     }
     done
+}
+
+/// Lists who answers on each line.
+pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
+    let rig = args.which.load()?;
+    let mut good = true;
+    for line in scan(&rig)? {
+        good &= line.is_good();
+        say!("{}{}{}: {} answer", style::NAME, line.port, style::OFF, line.found.len())?;
+        for it in &line.found {
+            let supply = it.supply_v.map_or(String::new(), |volts| format!(", {volts:.1} V"));
+            let zero = it.zero.map_or(String::new(), |zero| format!(", zero {zero}"));
+            say!("  {}: {}, firmware {}{supply}{zero}", it.id, it.model, it.firmware)?;
+            for remedy in &it.remedies {
+                say!("     {}{}{}\n       {}", style::BAD, remedy.what, style::OFF, remedy.command)?;
+            }
+        }
+        for (ids, what) in [
+            (&line.twice, "more than one controller has the id: connect one at a time and give each its own"),
+            (&line.missing, "in the rig file and nobody answers: check power, wiring and `controller`"),
+            (&line.others, "answers and is not in the rig file: disconnect it, or name it there"),
+        ] {
+            for id in ids {
+                say!("  {}{id}: {what}{}", style::BAD, style::OFF)?;
+            }
+        }
+    }
+    Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {

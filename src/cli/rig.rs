@@ -14,7 +14,7 @@ use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Vec3};
-use hbot_host::bus::driver;
+use hbot_host::bus::{BusTraffic, driver};
 use hbot_host::stiffness::{DELAY_TICKS, StiffnessBound, USUAL_DAMPING};
 
 use super::out::say;
@@ -22,6 +22,9 @@ use super::{bringup, style};
 
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
+
+/// The share of a line or bus that its traffic may take.
+const MOST_LOAD: f64 = 0.9;
 
 /// The subcommands of `hbot rig`.
 #[derive(Debug, Subcommand)]
@@ -31,6 +34,9 @@ pub(crate) enum RigCommand {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
     },
+    /// List the controllers that answer on each line, and each setting that is not as it must be;
+    /// changes nothing
+    Scan(bringup::ScanArgs),
     /// Test one joint (sign, counts, gear) with a small torque within watched limits, the sphere
     /// taken out
     Test(bringup::TestArgs),
@@ -42,6 +48,7 @@ pub(crate) enum RigCommand {
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let file = match command {
         RigCommand::Check { file } => file,
+        RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
     };
@@ -190,26 +197,74 @@ fn line(config: &RigConfig) -> anyhow::Result<bool> {
 }
 
 fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<bool> {
+    let traffic = driver(config.link.protocol).traffic(joints);
+    if let Some(bus) = &traffic.bus {
+        say!("\nline {name}, {} Hz, {joints} joints", config.rate_hz)?;
+        say!(
+            "  text: at most {} bytes a tick to the adapter and {} back",
+            traffic.commands,
+            traffic.feedback
+        )?;
+        return bus_line(config, bus);
+    }
     say!("\nserial line {name} at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz)?;
     let mut fits = true;
-    let traffic = driver(config.link.protocol).traffic(joints);
     // The controllers' own processing time lies between a command and its answer.
     let turnaround = f64::from(traffic.turnaround_us) * 1e-6 * f64::from(config.rate_hz);
     for (name, bytes, extra) in
         [("commands", traffic.commands, 0.0), ("feedback", traffic.feedback, turnaround)]
     {
         let load = config.link.load(bytes, config.rate_hz) + extra;
-        // The simulated port and USB accept bytes faster than the baud rate suggests.
-        let simulated = config.link.port == Port::Sim;
-        let verdict = if load <= 0.9 {
-            format!("{}fits{}", style::GOOD, style::OFF)
-        } else if simulated {
-            format!("{}would not fit on a real line{}", style::WARN, style::OFF)
-        } else {
-            fits = false;
-            format!("{}does not fit{}: raise link.baud or lower loop.rate_hz", style::BAD, style::OFF)
-        };
-        say!("  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}", 100.0 * load)?;
+        let (fitting, verdict) = verdict(config, load);
+        fits &= fitting;
+        let remedy = if fitting { "" } else { ": raise link.baud or lower loop.rate_hz" };
+        say!("  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}{remedy}", 100.0 * load)?;
+    }
+    Ok(fits)
+}
+
+/// Whether a line that carries this share of what it can is fast enough, and what to say of it.
+fn verdict(config: &RigConfig, load: f64) -> (bool, String) {
+    // The simulated port and USB accept bytes faster than the baud rate suggests.
+    let simulated = config.link.port == Port::Sim;
+    if load <= MOST_LOAD {
+        (true, format!("{}fits{}", style::GOOD, style::OFF))
+    } else if simulated {
+        (true, format!("{}would not fit on a real line{}", style::WARN, style::OFF))
+    } else {
+        (false, format!("{}does not fit{}", style::BAD, style::OFF))
+    }
+}
+
+/// Whether the frames of a tick fit on the bus behind an adapter, and what does.
+fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
+    let period_ns = config.rig.timing.period_ns as f64;
+    let load = bus.most_ns as f64 / period_ns;
+    let (fits, verdict) = verdict(config, load);
+    say!(
+        "  {}: {:.0} to {:.0} us a tick of {:.0} us, at most {:.0} % of the bus, {verdict}",
+        bus.name,
+        bus.least_ns as f64 / 1000.0,
+        bus.most_ns as f64 / 1000.0,
+        period_ns / 1000.0,
+        100.0 * load
+    )?;
+    if load <= MOST_LOAD {
+        return Ok(fits);
+    }
+    let rate = (MOST_LOAD * 1e9 / bus.most_ns as f64).floor();
+    say!(
+        "    spread the joints over {} lines (link.port a list, `port` of each joint), or lower loop.rate_hz to {rate}",
+        (load / MOST_LOAD).ceil()
+    )?;
+    if let Some(expected) = StiffnessBound::of(config) {
+        let slower = StiffnessBound { period: 1.0 / rate, ..expected };
+        say!(
+            "    at {rate} Hz a spring is stable up to {:.3} N m/rad with a damping of {USUAL_DAMPING} N m s/rad, at {} Hz up to {:.3}",
+            slower.stable(USUAL_DAMPING),
+            config.rate_hz,
+            expected.stable(USUAL_DAMPING)
+        )?;
     }
     Ok(fits)
 }

@@ -2,8 +2,14 @@
 //! libFuzzer (`fuzz/`) and by the seeded mutations in this folder. Each takes arbitrary bytes and
 //! panics if a property does not hold.
 
+use std::sync::LazyLock;
+
 use hbot_api::{Encoding, MAX_REQUEST_BYTES, Request, Splitter};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_host::bus::moteus::Moteus;
+use hbot_host::bus::{BusCommand, Expected, Protocol as _, Reading};
+use hbot_host::layout::Layout;
+use hbot_host::line::Line;
 use hbot_link::{Decoder, FromController, Message, ToController, encode};
 
 /// Number of bytes read from a connection at once, as in the server.
@@ -55,6 +61,61 @@ fn link<M: Message>(bytes: &[u8]) {
         }
     }
     assert_eq!(at, kinds.len());
+}
+
+/// A line to motor controllers that brings bytes in pieces.
+struct Piecemeal {
+    bytes: Vec<u8>,
+    at: usize,
+    piece: usize,
+}
+
+impl Line for Piecemeal {
+    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.piece.min(buffer.len()).min(self.bytes.len() - self.at);
+        buffer[..n].copy_from_slice(&self.bytes[self.at..self.at + n]);
+        self.at += n;
+        Ok(n)
+    }
+
+    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
+        Ok(bytes.len())
+    }
+}
+
+/// What a bus of moteus servos hears of some bytes that arrive in pieces of `piece`: damaged and
+/// foreign frames, and the last reading.
+fn heard(bytes: &[u8], piece: usize) -> (u32, u32, Option<Reading>) {
+    static RIG: LazyLock<RigConfig> = LazyLock::new(|| {
+        let text = include_str!("../../rigs/prototype-moteus.toml");
+        RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("it is legal")
+    });
+    let expected = Expected::new("fuzz", &RIG.rig, &Layout::of(&RIG), 0);
+    let mut bus = Moteus.bus(Box::new(Piecemeal { bytes: bytes.to_vec(), at: 0, piece }), expected);
+    // Answers to this command are readings: the vectors of the corpus carry the lowest bits of its
+    // tick.
+    let tick = 0x1000;
+    assert!(bus.command(0, &BusCommand { tick, enable: true, watchdog_ms: 20, torque: Default::default() }));
+    let (mut damaged, mut foreign, mut reading) = (0, 0, None);
+    for _ in 0..bytes.len().div_ceil(piece) + 1 {
+        let heard = bus.receive(1_000_000, tick + 1);
+        (damaged, foreign) = (damaged + u32::from(heard.damaged), foreign + heard.foreign);
+        reading = heard.reading.or(reading);
+    }
+    (damaged, foreign, reading)
+}
+
+/// Lines from moteus servos: the same in whatever pieces they come, and no more than there are ends
+/// of lines.
+pub(crate) fn moteus_answers(bytes: &[u8]) {
+    let (whole, pieces) = (heard(bytes, 4096), heard(bytes, 7));
+    assert_eq!((whole.0, whole.1), (pieces.0, pieces.1));
+    assert_eq!(whole.2.is_some(), pieces.2.is_some());
+    let ends = bytes.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count();
+    assert!((whole.0 + whole.1) as usize <= ends, "{whole:?} of {ends} lines");
+    if let Some(reading) = whole.2 {
+        assert!(reading.answers <= 0x1000 && reading.joints.iter().all(|joint| joint.rate.is_finite()));
+    }
 }
 
 /// Checks lines of JSON from clients.
@@ -128,9 +189,10 @@ pub(crate) struct Target {
 }
 
 /// All decoders under test.
-pub(crate) const TARGETS: [Target; 6] = [
+pub(crate) const TARGETS: [Target; 7] = [
     Target { name: "link_from_controller", check: link_from_controller },
     Target { name: "link_to_controller", check: link_to_controller },
+    Target { name: "moteus_answers", check: moteus_answers },
     Target { name: "api_json", check: api_json },
     Target { name: "api_msgpack", check: api_msgpack },
     Target { name: "rig_file", check: rig_file },

@@ -109,6 +109,11 @@ fn frames_to_controllers() {
 }
 
 #[test]
+fn answers_of_moteus_servos() {
+    run("moteus_answers");
+}
+
+#[test]
 fn lines_of_json() {
     run("api_json");
 }

@@ -1,5 +1,5 @@
-//! The machine and the rig before a loop runs: `hbot doctor`, `hbot rig test`,
-//! `hbot rig calibrate`. Also the metrics of a running server.
+//! The machine and the rig before any loop runs: `hbot doctor`, `hbot rig scan`, `rig test`, `rig
+//! calibrate`; metrics of one that does.
 
 use std::io::{Read as _, Write as _};
 
@@ -26,6 +26,45 @@ fn the_doctor_tells_programs_what_it_found_and_the_exit_code_follows() {
     for finding in findings {
         assert_eq!(finding["mend"].is_null(), finding["mark"] == "good", "{finding}");
     }
+}
+
+/// The prototype with moteus servos.
+const MOTEUS: &str = "rigs/prototype-moteus.toml";
+
+#[test]
+fn a_scan_lists_the_controllers_of_a_line_whatever_they_speak() {
+    run(&["rig", "scan"]).success().stdout(contains("sim: 4 answer").and(contains("hbot-sim")));
+    let servos = run(&["rig", "scan", "--rig", MOTEUS]).success();
+    servos.stdout(contains("sim: 4 answer").and(contains("  4: moteus r4")).and(contains("24.0 V")));
+}
+
+#[test]
+fn servos_pass_their_test_and_calibration() {
+    run(&["rig", "test", "--rig", MOTEUS, "--joint", "2", "--torque", "0.002"])
+        .success()
+        .stdout(contains("drive of wheel A"));
+    run(&["rig", "calibrate", "--rig", MOTEUS, "--seconds", "10"])
+        .success()
+        .stdout(contains("steering zero off by"));
+}
+
+#[test]
+fn a_can_bus_that_is_too_slow_for_the_rate_is_refused_with_what_would_do() {
+    let check = |text: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("rig.toml");
+        std::fs::write(&path, text).expect("written");
+        run(&["rig", "check", path.to_str().expect("UTF-8")])
+    };
+    let one = include_str!("../../rigs/prototype-moteus.toml")
+        .replace("port = \"sim\" ", "port = \"/dev/ttyACM0\" ");
+    check(&one)
+        .failure()
+        .stdout(contains("does not fit").and(contains("2 lines")).and(contains("loop.rate_hz to 778")));
+    let two = one.replace("\"/dev/ttyACM0\"", "[\"/dev/ttyACM0\", \"/dev/ttyACM1\"]");
+    let two = two.replace("controller = 3", "port = 1\ncontroller = 3");
+    let two = two.replace("controller = 4", "port = 1\ncontroller = 4");
+    check(&two).success().stdout(contains("line /dev/ttyACM1, 1000 Hz, 2 joints").and(contains("fits")));
 }
 
 #[test]

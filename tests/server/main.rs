@@ -11,6 +11,7 @@ mod output;
 mod pages;
 mod phenomena;
 mod process;
+mod protocols;
 mod refusals;
 mod replay;
 mod safety;

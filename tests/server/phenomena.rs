@@ -14,14 +14,14 @@ use tokio::net::TcpStream;
 
 use crate::process::hbot;
 
-struct Tick {
-    inputs: Inputs,
-    outputs: Outputs,
+pub(crate) struct Tick {
+    pub(crate) inputs: Inputs,
+    pub(crate) outputs: Outputs,
 }
 
 /// Runs a server with `scene` on `rig` and returns all of its ticks. It runs for `seconds`, or
 /// until the future that `meanwhile` makes from its address completes.
-fn run<F: Future<Output = ()> + Send + 'static>(
+pub(crate) fn run<F: Future<Output = ()> + Send + 'static>(
     rig: RigConfig,
     scene: &str,
     seconds: Option<u64>,

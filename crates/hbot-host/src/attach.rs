@@ -78,10 +78,7 @@ pub(crate) fn simulated(
     phenomena: Phenomena,
     time: Time,
 ) -> Result<(Box<dyn MotorBus>, Simulator), AttachError> {
-    let mut config = SimulatedConfig::new(&rig.rig);
-    config.protocol = rig.link.protocol;
-    config.phenomena = Phenomena { link: None, ..phenomena };
-    let simulated = SimulatedRig::new(&config)?;
+    let simulated = simulated_rig(rig, Phenomena { link: None, ..phenomena })?;
     let (line, place): (Box<dyn Line>, _) = match time {
         Time::Virtual => {
             let (calls, inbox) = mpsc::channel();
@@ -101,6 +98,15 @@ pub(crate) fn simulated(
         simulator.post(Box::new(move |rig| rig.set_link(phenomena.link)));
     }
     Ok((bus, simulator))
+}
+
+/// The simulated rig of a rig file: its controllers speak what the file says.
+pub(crate) fn simulated_rig(
+    rig: &RigConfig,
+    phenomena: Phenomena,
+) -> Result<SimulatedRig, SimulatedRigError> {
+    let line = rig.link.protocol.into();
+    SimulatedRig::new(&SimulatedConfig { line, phenomena, ..SimulatedConfig::new(&rig.rig) })
 }
 
 /// Checks the simulated motor controllers at the far end of `line`, and returns the bus for them.

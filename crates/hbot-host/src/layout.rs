@@ -23,7 +23,8 @@ pub struct JointPlace {
     pub bus: usize,
     /// JointPlace of the joint on that bus, from 0.
     pub at: usize,
-    /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its place.
+    /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its
+    /// place.
     pub id: u8,
 }
 

@@ -5,12 +5,14 @@
 mod toy;
 
 use hbot_config::RigConfig;
-use hbot_host::bus::{Expected, Protocol, hbot::HbotLink};
+use hbot_config::rig::Protocol as Name;
+use hbot_core::Rig;
+use hbot_core::rig::RigParts;
+use hbot_host::bus::{Expected, Protocol, hbot::HbotLink, moteus::Moteus};
 use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
 use hbot_host::layout::Layout;
-use hbot_sim::controller::InjectedFault;
-use hbot_sim::rig::SimulatedRig;
-use hbot_testing::prototype::simulated;
+use hbot_sim::controller::{InjectedFault, Line};
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use toy::motors::HeldMotors;
 
@@ -21,9 +23,31 @@ const PAGE: &str = include_str!("../../../docs/drivers.md");
 struct Simulated(SimulatedRig);
 
 impl Simulated {
-    fn boxed() -> Box<dyn Controllers> {
-        Box::new(Self(simulated()))
+    fn hbot() -> Box<dyn Controllers> {
+        Self::boxed(RigConfig::prototype().rig, Line::from(Name::Hbot))
     }
+
+    /// moteus servos on a UART.
+    fn moteus() -> Box<dyn Controllers> {
+        Self::boxed(with_counts(Name::Moteus), Line::from(Name::Moteus))
+    }
+
+    /// moteus servos behind an adapter, which has no checksums.
+    fn moteus_on_fdcanusb() -> Box<dyn Controllers> {
+        Self::boxed(with_counts(Name::Moteus), Line { protocol: Name::Moteus, checksums: false })
+    }
+
+    fn boxed(rig: Rig, line: Line) -> Box<dyn Controllers> {
+        let config = SimulatedConfig { line, ..SimulatedConfig::new(&rig) };
+        Box::new(Self(SimulatedRig::new(&config).expect("the prototype can be simulated")))
+    }
+}
+
+/// The prototype with encoders as the driver of a protocol counts them.
+fn with_counts(protocol: Name) -> Rig {
+    let counts = protocol.counts_per_turn().expect("it reports turns");
+    let all = |parts: &mut RigParts| parts.joints.iter_mut().for_each(|joint| joint.counts_per_turn = counts);
+    RigConfig::prototype().rig.with(all).expect("legal")
 }
 
 impl Controllers for Simulated {
@@ -54,7 +78,29 @@ fn subject(protocol: &'static dyn Protocol, controllers: fn() -> Box<dyn Control
 
 #[test]
 fn the_hbot_link_conforms() {
-    assert_conforms(&subject(&HbotLink, Simulated::boxed));
+    assert_conforms(&subject(&HbotLink, Simulated::hbot));
+}
+
+/// What a driver of controllers with ids is looked at with.
+fn with_ids(
+    protocol: &'static dyn Protocol,
+    name: Name,
+    controllers: fn() -> Box<dyn Controllers>,
+) -> Subject {
+    let first = *name.ids().expect("its controllers have ids").start() as u8;
+    let layout = Layout::single(0..4).numbered_from(first);
+    let expected = Expected::new("test", &with_counts(name), &layout, 0);
+    Subject { protocol, expected, controllers, torque: vec![0.01, -0.02, 0.03, -0.04] }
+}
+
+#[test]
+fn moteus_conforms_on_a_uart() {
+    assert_conforms(&with_ids(&Moteus, Name::Moteus, Simulated::moteus));
+}
+
+#[test]
+fn moteus_conforms_on_an_adapter() {
+    assert_conforms(&with_ids(&Moteus, Name::Moteus, Simulated::moteus_on_fdcanusb));
 }
 
 #[test]

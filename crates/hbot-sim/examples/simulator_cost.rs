@@ -74,7 +74,7 @@ fn run(plant: &Plant, method: Method, steps: u32, duration: f64, load: &impl Loa
 fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     let joint = Joint { gear: 17.0, continuous: 0.02, zero: Zero::Assume, ..Joint::new(16384, 0.2) };
     let config = SimulatedConfig {
-        protocol: hbot_config::rig::Protocol::Hbot,
+        line: hbot_config::rig::Protocol::Hbot.into(),
         device: *device,
         joints: vec![SimulatedJoint::from(&joint); device.joints()],
         start: PlantState::default(),

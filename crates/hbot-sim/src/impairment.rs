@@ -1,8 +1,9 @@
 //! Impairs a simulated line: delays, loses and damages frames as a scene's [`Link`] asks.
 //!
-//! It works on whole frames (all bytes up to a zero) and does not look at their content. Frames of
-//! one direction keep their order. A partial frame is kept until its last byte arrives. Memory is
-//! bounded and allocated at the start. When it is full, further frames are lost.
+//! It works on frames (everything up to the byte that ends one in the protocol of the line), knows
+//! nothing of what is in them, and reorders nothing within a direction. A frame begun is kept until
+//! its end has come. Its memory is bounded and taken at the start: of a line that carries more than
+//! fits, frames are lost.
 
 use std::collections::VecDeque;
 
@@ -17,8 +18,8 @@ use crate::phenomena::Link;
 const FRAMES: usize = 1024;
 const BYTES: usize = 128 * 1024;
 
-/// Size of the longest frame with a leading zero, in bytes. A longer run of bytes without a zero
-/// cannot be a frame and is sent in pieces of this size.
+/// The longest frame, with its end before it. What is longer without an end is no frame; it travels
+/// in pieces of this size.
 pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
 /// Numbers of frames that were sent, lost and damaged in one direction of an impaired line, since

@@ -4,19 +4,19 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`pty`] | serves a simulated rig over a pseudo-terminal in wall time |
-//! | [`exchange`] | connects a simulated rig to a line in memory, tick by tick |
-//! | [`rig`] | joins plant, motor controllers and hand: time and bytes in, bytes out |
-//! | [`controller`] | the firmware of the motor controllers: counts, torques, watchdog, faults |
-//! | [`hand`] | a person's hand that holds the sphere |
-//! | [`phenomena`] | properties of a real rig that a scene can switch on, such as friction |
-//! | [`plant`] | the mechanics of sphere and wheels, and the methods that integrate them |
-//! | [`motion`] | exact motions of a sphere without slip, to measure odometry methods by |
-//! | [`extrapolation`] | the integrator behind [`motion`], accurate to rounding error |
+//! | [`pty`] | serves a rig over a pseudo-terminal in wall time |
+//! | [`exchange`] | a rig at the end of a line in memory, tick by tick |
+//! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
+//! | [`controller`] | the firmware at the far end of the line, in each protocol: counts, torques, watchdog, faults |
+//! | [`hand`] | a person's hand on the sphere |
+//! | [`phenomena`] | the figures of what a real rig shows besides |
+//! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
+//! | [`motion`] | true motions of a sphere that does not slip, for measuring methods of odometry |
+//! | [`extrapolation`] | the integrator to rounding that they are made by |
 //!
-//! Everything except [`pty`] is a pure function of its inputs. It has no clock and no thread,
-//! allocates nothing after the start, and gives the same bits on every machine. Measurements are in
-//! `docs/simulator.md`.
+//! Everything but [`pty`] is a pure function of what comes in: no clock, no thread, and the same
+//! bits on every machine. With hbot's own link nothing is allocated after the start.
+//! `docs/simulator.md` has the measurements.
 
 pub mod controller;
 pub mod exchange;

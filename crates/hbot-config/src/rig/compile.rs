@@ -36,6 +36,10 @@ pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Protocol, path: &str, r
         let at = |key: &str| format!("{path}.{name}.{key}");
         check_counts(joint, protocol, &at("counts_per_turn"), report);
         check_id(joint, protocol, &at("controller"), report);
+        if protocol.ids().is_some() && joint.zero == core::Zero::Index {
+            let message = format!("controllers that speak {} report no index", protocol.name());
+            report.push(&at("zero"), message, "\"absolute\", \"assume\" or \"calibrate\"".to_owned());
+        }
         if joint.motor {
             for (key, value) in [("peak", joint.peak), ("continuous", joint.continuous)] {
                 if value.is_none() {
@@ -241,9 +245,9 @@ fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LinkConfi
         settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
         settings::Ports::Several(names) => Port::Devices(names.clone()),
     };
-    if file.link.protocol != Protocol::Hbot {
+    if file.link.protocol == Protocol::Odrive {
         let message = format!("this version has no driver for {:?}", file.link.protocol.name());
-        report.push("link.protocol", message, "\"hbot\"".to_owned());
+        report.push("link.protocol", message, "\"hbot\", \"moteus\"".to_owned());
     }
     let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);

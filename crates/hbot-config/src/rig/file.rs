@@ -98,13 +98,16 @@ pub(crate) struct Joint {
     #[serde(default)]
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
-    /// Position of the joint among the joints on its serial line, counted from 0. Default: its
-    /// place in the order of the file, where each wheel has its steer joint, then its drive joint.
+    /// The controller of the joint on its serial line. Protocol `hbot`: its position there, from 0
+    /// to 15; its place in the order steer, drive of each wheel among the joints of its port where
+    /// absent. All joints of a port together name each position once. Protocols `moteus` (1 to 126)
+    /// and `odrive` (0 to 63): the controller's id on the bus; required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "u32", range(min = 0, max = 127))]
+    #[schemars(with = "u32", range(min = 0, max = 126))]
     pub(crate) controller: Option<u32>,
-    /// Encoder counts in one turn of the encoder (lines times 4), before the gear. Required with protocol `hbot`. Absent with the
-    /// others, which report turns: the driver counts 131072 a turn with `moteus` and 2097152 with `odrive`.
+    /// Encoder counts in one turn of the encoder (lines times 4), before the gear. Required with
+    /// protocol `hbot`. Absent with the others, which report turns: the driver counts 131072 a turn
+    /// with `moteus` and 2097152 with `odrive`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
     pub(crate) counts_per_turn: Option<u32>,
@@ -116,7 +119,8 @@ pub(crate) struct Joint {
     #[serde(default = "forwards")]
     #[schemars(extend("enum" = [1, -1]))]
     pub(crate) sign: i8,
-    /// How the zero angle of a steer joint is found. Has no effect on a drive joint.
+    /// How the zero of a steering angle becomes known; without meaning for a drive joint. `index`
+    /// with protocol `hbot` alone.
     #[serde(default = "unknown")]
     pub(crate) zero: core::Zero,
     /// Angle of the joint when its encoder reads zero, as measured by `hbot rig calibrate`. Has no

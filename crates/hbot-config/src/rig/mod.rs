@@ -41,8 +41,9 @@ pub struct RigConfig {
     /// Index of each joint's serial line. Each wheel has two joints in this list: steer, then
     /// drive.
     pub ports: Vec<usize>,
-    /// Position of each joint on its serial line. The n joints of a line have the positions 0 to n
-    /// - 1, each used once.
+    /// For each joint its controller on that line: those of one line differ. With hbot's own
+    /// protocol positions, a permutation of 0..n of the joints there; with the others ids on the
+    /// bus.
     pub controllers: Vec<usize>,
     /// Angle of each joint when its encoder reads zero, rad.
     pub zero_offsets: Vec<f64>,

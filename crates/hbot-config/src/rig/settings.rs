@@ -129,21 +129,22 @@ impl Protocol {
         }
     }
 
-    /// The ids that its controllers may have on their bus. `None` where they have none: the joints of
-    /// a line are then numbered from 0 in the order of the frames.
+    /// The ids that its controllers may have on their bus. `None` where they have none: the joints
+    /// of a line are then numbered from 0 in the order of the frames.
     #[must_use]
     pub const fn ids(self) -> Option<RangeInclusive<u32>> {
         match self {
             Self::Hbot => None,
-            Self::Moteus => Some(1..=127),
+            // 127 is the id that all servos hear.
+            Self::Moteus => Some(1..=126),
             Self::Odrive => Some(0..=63),
         }
     }
 
-    /// The counts of a turn of the encoder where the protocol speaks of turns: the driver makes counts
-    /// of them. A power of two, no coarser than the protocol: moteus sends steps of 1e-5 turns, and
-    /// ODrive an `f32`, which below 8 turns has steps of at most 2^-21 turns. `None` where the
-    /// controllers count themselves.
+    /// The counts of a turn of the encoder where the protocol speaks of turns: the driver makes
+    /// counts of them. A power of two, no coarser than the protocol: moteus sends steps of 1e-5
+    /// turns, and ODrive an `f32`, which below 8 turns has steps of at most 2^-21 turns. `None`
+    /// where the controllers count themselves.
     #[must_use]
     pub const fn counts_per_turn(self) -> Option<u32> {
         match self {

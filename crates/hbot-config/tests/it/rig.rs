@@ -295,7 +295,8 @@ fn values_that_do_not_fit_each_other() {
     );
 }
 
-/// The least rig file with controllers that have ids, where `link` says this and each `{}` of `ids` is the table of a joint.
+/// The least rig file with controllers that have ids, where `link` says this and each `{}` of `ids`
+/// is the table of a joint.
 fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
     let mut text = LEAST.to_owned();
     for id in ids {
@@ -307,15 +308,19 @@ fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
 
 #[test]
 fn controllers_with_ids_are_named_by_them_within_their_range_each_once_on_its_port() {
-    assert_eq!((Protocol::Moteus.ids(), Protocol::Odrive.ids()), (Some(1..=127), Some(0..=63)));
+    assert_eq!((Protocol::Moteus.ids(), Protocol::Odrive.ids()), (Some(1..=126), Some(0..=63)));
     let id = |id: u32| format!("controller = {id}");
-    for (protocol, first, last) in [("moteus", 1, 127), ("odrive", 0, 63)] {
-        let said = |ids: [u32; 4]| {
+    for (protocol, first, last) in [("moteus", 1, 126), ("odrive", 0, 63)] {
+        let text = |ids: [u32; 4]| {
             let ids = ids.map(id);
-            said_of(&with_ids(protocol, ids.each_ref().map(String::as_str)))
+            with_ids(protocol, ids.each_ref().map(String::as_str))
         };
-        let good = said([first, last, 7, 5]);
-        assert!(!good.contains("controller:"), "{good}");
+        let said = |ids: [u32; 4]| said_of(&text(ids));
+        if protocol == "moteus" {
+            let config = RigConfig::from_toml(&text([first, last, 7, 5]), "x.toml").unwrap();
+            assert_eq!(config.link.protocol, Protocol::Moteus);
+            assert_eq!(config.controllers, [1, 126, 7, 5]);
+        }
         let twice = said([first, 7, 5, 7]);
         let where_and_how =
             "wheel[1].drive.controller: 7 is taken by another joint; legal: ids that differ on each port";
@@ -333,7 +338,7 @@ fn controllers_with_ids_are_named_by_them_within_their_range_each_once_on_its_po
         ["controller = 0", "controller = 1", "controller = 2", "controller = 3"],
     ));
     let words = "wheel[0].steer.controller: 0 is no id of a controller that speaks moteus; legal: the id of its controller on \
-                 the bus, 1 to 127";
+                 the bus, 1 to 126";
     assert!(below.contains(words), "{below}");
 }
 
@@ -344,17 +349,19 @@ fn counts_a_turn_are_the_file_s_or_the_protocol_s() {
         "x.toml:7:9: wheel[0].steer.counts_per_turn: missing; legal: a whole number, 4 to 1073741824"
     );
     let with = |counts: &str| {
-        said_of(&with_ids(
+        with_ids(
             "moteus",
-            [&format!("controller = 1, {counts}"), "controller = 2", "controller = 3", "controller = 4"],
-        ))
+            [&format!("controller = 1{counts}"), "controller = 2", "controller = 3", "controller = 4"],
+        )
     };
     let words = "wheel[0].steer.counts_per_turn: 4096 counts a turn, and controllers that speak moteus report turns; \
                  legal: 131072; best leave it out";
-    let wrong = with("counts_per_turn = 4096");
+    let wrong = said_of(&with(", counts_per_turn = 4096"));
     assert!(wrong.contains(words), "{wrong}");
-    let right = with("counts_per_turn = 131072");
-    assert!(!right.contains("counts_per_turn"), "{right}");
+    for counts in ["", ", counts_per_turn = 131072"] {
+        let joints = RigConfig::from_toml(&with(counts), "x.toml").unwrap().rig.joints;
+        assert!(joints[..4].iter().all(|joint| joint.counts_per_turn == 131_072), "{counts}");
+    }
 }
 
 #[test]

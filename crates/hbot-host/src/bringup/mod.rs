@@ -1,9 +1,10 @@
-//! Bringing up a new rig before the control loop is closed. [`joint`] moves one joint at a time
-//! with a small torque. [`calibrate`] compares the joints with each other while a person turns the
-//! sphere. A wrong sign or zero in a closed loop would make the sphere run away.
+//! Bringing a rig up, before any loop is closed over it: who answers on its lines ([`scan`]), one
+//! joint at a time under a small torque ([`joint`]), and what the joints say of each other while a
+//! person turns the sphere ([`calibrate`]). A wrong sign or zero in a closed loop is a runaway.
 
 pub mod calibrate;
 pub mod joint;
+pub mod scan;
 
 #[cfg(test)]
 mod tests;

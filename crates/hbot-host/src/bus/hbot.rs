@@ -3,13 +3,13 @@
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
-    PROTOCOL_VERSION, ToController, command_frame_bytes, encode, feedback_frame_bytes,
+    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointFlags,
+    MAX_COMMAND_FRAME, PROTOCOL_VERSION, ToController, command_frame_bytes, encode, feedback_frame_bytes,
 };
 
 use super::{
-    BusCommand, Expected, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading, Traffic,
-    converse,
+    BusCommand, Expected, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading,
+    Traffic, converse,
 };
 use crate::line::Line;
 
@@ -27,10 +27,7 @@ pub struct HbotLink;
 
 impl Protocol for HbotLink {
     fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
-        let description = ask(line, expected, &ToController::Describe, |message| match message {
-            FromController::Description(description) => Some(description),
-            FromController::Feedback(_) => None,
-        })?;
+        let description = describe(line, expected)?;
         match difference(expected, &description) {
             None => Ok(()),
             Some(Difference::Version) => {
@@ -70,9 +67,22 @@ impl Protocol for HbotLink {
         })
     }
 
+    fn scan(&self, line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
+        let there = describe(line, expected)?;
+        let found = |(at, joint): (usize, &JointDescription)| Found {
+            id: at as u8,
+            model: format!("a joint of {} counts a turn", joint.counts_per_turn),
+            firmware: format!("{}, protocol {}", there.firmware, there.protocol),
+            supply_v: None,
+            zero: None,
+            remedies: Vec::new(),
+        };
+        Ok(there.joints.iter().enumerate().map(found).collect())
+    }
+
     fn traffic(&self, joints: usize) -> Traffic {
         let (commands, feedback) = (command_frame_bytes(joints), feedback_frame_bytes(joints));
-        Traffic { commands, feedback, turnaround_us: 0 }
+        Traffic { commands, feedback, turnaround_us: 0, bus: None }
     }
 }
 
@@ -255,6 +265,14 @@ fn framed(message: &ToController) -> Vec<u8> {
     let n = encode(message, &mut frame[1..]).unwrap_or(0);
     frame.truncate(1 + n);
     frame
+}
+
+/// Has the controllers say who they are.
+fn describe(line: &mut dyn Line, expected: &Expected) -> Result<Description, MeetError> {
+    ask(line, expected, &ToController::Describe, |message| match message {
+        FromController::Description(description) => Some(description),
+        FromController::Feedback(_) => None,
+    })
 }
 
 /// Sends `message` repeatedly until `answer` returns a value for one of the received messages.

@@ -2,9 +2,11 @@
 //! lost line has been reopened.
 
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicI64;
 use std::time::Duration;
 
-use hbot_core::Rig;
+use hbot_core::{MAX_JOINTS, Rig};
 use thiserror::Error;
 
 use crate::layout::{JointPlace, Layout};
@@ -14,6 +16,9 @@ use crate::line::Line;
 const TRIES: u32 = 10;
 /// How long the host waits for an answer to each question.
 const WAIT: Duration = Duration::from_millis(100);
+
+/// Notes of a driver: one for the line, and one for each joint.
+const NOTES: usize = 1 + MAX_JOINTS;
 
 /// The reason why the controllers on a line were not accepted.
 #[derive(Debug, Error)]
@@ -87,6 +92,8 @@ pub struct Expected {
     port: String,
     /// The expected joints, in their order on the bus.
     joints: Vec<ExpectedJoint>,
+    /// What a driver has learned of the controllers, for itself; all clones share it.
+    notes: Arc<[AtomicI64; NOTES]>,
 }
 
 /// One joint on a line, as the rig file describes it.
@@ -101,6 +108,8 @@ pub struct ExpectedJoint {
     pub counts_per_turn: u32,
     /// Gear ratio: turns of the encoder per turn of the joint.
     pub gear: f64,
+    /// The largest torque at the joint, N m; 0 where it has no motor.
+    pub peak: f64,
 }
 
 impl Expected {
@@ -112,9 +121,16 @@ impl Expected {
         joints.sort_by_key(|(_, place)| place.at);
         let expected = |(number, place): (usize, &JointPlace)| {
             let joint = &rig.joints[number];
-            ExpectedJoint { number, id: place.id, counts_per_turn: joint.counts_per_turn, gear: joint.gear }
+            ExpectedJoint {
+                number,
+                id: place.id,
+                counts_per_turn: joint.counts_per_turn,
+                gear: joint.gear,
+                peak: joint.peak,
+            }
         };
-        Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect() }
+        let notes = Arc::new(std::array::from_fn(|_| AtomicI64::new(0)));
+        Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect(), notes }
     }
 
     /// Returns the name of the port.
@@ -135,6 +151,17 @@ impl Expected {
     #[must_use]
     pub fn joint(&self, at: usize) -> Option<&ExpectedJoint> {
         self.joints.get(at)
+    }
+
+    /// A note of the driver's own about these controllers, from 0 to [`MAX_JOINTS`]; at first 0.
+    /// All clones share it: what [`meet`](super::Protocol::meet) writes, the bus and the thread
+    /// that reopens a line read.
+    ///
+    /// # Panics
+    /// Where `at` is larger.
+    #[must_use]
+    pub fn note(&self, at: usize) -> &AtomicI64 {
+        &self.notes[at]
     }
 
     /// Returns a copy without the last joint, for tests of drivers.
@@ -178,6 +205,32 @@ impl Expected {
         let ExpectedJoint { number, counts_per_turn: ours, .. } = self.joints[at];
         MeetError::Counts { joint: number + 1, field: field(number), theirs, ours }
     }
+}
+
+/// A controller that answers on a line, as it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Its id on the bus, or its place on the line where it has none.
+    pub id: u8,
+    /// What it is.
+    pub model: String,
+    /// Its firmware and the version of the protocol that it speaks.
+    pub firmware: String,
+    /// Its supply, V, if it says.
+    pub supply_v: Option<f64>,
+    /// How its zero is known, if it says.
+    pub zero: Option<&'static str>,
+    /// What is not as it must be.
+    pub remedies: Vec<Remedy>,
+}
+
+/// A setting that is not as it must be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Remedy {
+    /// What is wrong, and why it matters.
+    pub what: String,
+    /// The vendor's command that mends it.
+    pub command: String,
 }
 
 /// Returns the name of a joint's table in a rig file, such as `wheel[0].steer`. `joint` counts from

@@ -9,8 +9,10 @@
 //! A bus knows neither the rig nor its geometry. It numbers its joints from 0 in their order on the
 //! line. [`Layout`](crate::layout::Layout) maps them to the joints of the rig.
 
+mod can;
 pub mod hbot;
 mod meet;
+pub mod moteus;
 mod obedience;
 
 use std::fmt;
@@ -19,7 +21,7 @@ use hbot_config::rig as config;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 
-pub use self::meet::{Expected, ExpectedJoint, MeetError, converse, field};
+pub use self::meet::{Expected, ExpectedJoint, Found, MeetError, Remedy, converse, field};
 pub use self::obedience::Obedience;
 use crate::line::Line;
 
@@ -120,6 +122,13 @@ pub trait Protocol: fmt::Debug + Send + Sync {
     /// Returns the bus for a line. Call it after [`meet`](Self::meet) has succeeded.
     fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus>;
 
+    /// Lists the controllers that answer on a line, those of the rig and others, and what of their
+    /// settings is not as it must be. Changes nothing. May wait.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    fn scan(&self, line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError>;
+
     /// Returns the largest traffic that one tick causes on a line with `joints` joints.
     fn traffic(&self, joints: usize) -> Traffic;
 }
@@ -134,6 +143,19 @@ pub struct Traffic {
     /// Time that the controllers need in addition to the transmission time of the bytes, µs. The
     /// command `rig check` adds it to the time of the feedback.
     pub turnaround_us: u32,
+    /// What it costs on the bus behind an adapter, if there is one.
+    pub bus: Option<BusTraffic>,
+}
+
+/// What one tick costs on a bus that all controllers of a line share, both ways together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BusTraffic {
+    /// The bus and its bit rates.
+    pub name: &'static str,
+    /// The time that the frames take with the fewest and with the most stuff bits, ns.
+    pub least_ns: u64,
+    /// See `least_ns`.
+    pub most_ns: u64,
 }
 
 /// Returns the driver for a protocol that a rig file names.
@@ -141,7 +163,8 @@ pub struct Traffic {
 pub fn driver(protocol: config::Protocol) -> &'static dyn Protocol {
     match protocol {
         config::Protocol::Hbot => &hbot::HbotLink,
-        other @ (config::Protocol::Moteus | config::Protocol::Odrive) => {
+        config::Protocol::Moteus => &moteus::Moteus,
+        other @ config::Protocol::Odrive => {
             unreachable!("a rig file that names {} is refused", other.name())
         }
     }

@@ -53,6 +53,11 @@ impl Wire {
 }
 
 impl Tap {
+    /// Another end of the line for the host, as the thread that reopens it has.
+    pub(super) fn wire(&self) -> Wire {
+        Wire(Arc::clone(&self.0))
+    }
+
     /// Locks the line, so that a case can disturb it.
     pub(super) fn line(&self) -> MutexGuard<'_, Middle> {
         held(&self.0)

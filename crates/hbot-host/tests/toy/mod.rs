@@ -17,8 +17,8 @@ use std::io::Write as _;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 use hbot_host::bus::{
-    BusCommand, Expected, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading, Traffic,
-    converse,
+    BusCommand, Expected, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading,
+    Traffic, converse,
 };
 use hbot_host::line::Line;
 
@@ -40,11 +40,7 @@ pub struct Toy;
 
 impl Protocol for Toy {
     fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
-        let counts: Vec<u32> = ask(line, expected, "D", |words| {
-            // The first number states how many numbers follow.
-            words.next().filter(|word| *word == "D").and_then(|_| words.next())?;
-            words.map(|word| word.parse().ok()).collect()
-        })?;
+        let counts = counts(line, expected)?;
         if counts.len() != expected.joints() {
             return Err(expected.wrong_joints(counts.len()));
         }
@@ -79,9 +75,22 @@ impl Protocol for Toy {
         })
     }
 
+    fn scan(&self, line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
+        let counts = counts(line, expected)?;
+        let found = |(at, counts): (usize, &u32)| Found {
+            id: at as u8,
+            model: format!("a toy of {counts} counts a turn"),
+            firmware: "1".to_owned(),
+            supply_v: None,
+            zero: None,
+            remedies: Vec::new(),
+        };
+        Ok(counts.iter().enumerate().map(found).collect())
+    }
+
     fn traffic(&self, joints: usize) -> Traffic {
         // The widest numbers: a tick or count has up to 11 characters with its sign, after a space.
-        Traffic { commands: 24 + 12 * joints, feedback: 24 + 24 * joints, turnaround_us: 0 }
+        Traffic { commands: 24 + 12 * joints, feedback: 24 + 24 * joints, turnaround_us: 0, bus: None }
     }
 }
 
@@ -237,6 +246,15 @@ fn off(expected: &Expected) -> String {
 /// Returns the bytes of a line, after a newline that ends an incomplete line before it.
 pub fn framed(text: &str) -> Vec<u8> {
     format!("\n{text} *{:02X}\n", checksum(text.as_bytes())).into_bytes()
+}
+
+/// The counts a turn of each joint, as the controllers say.
+fn counts(line: &mut dyn Line, expected: &Expected) -> Result<Vec<u32>, MeetError> {
+    ask(line, expected, "D", |words| {
+        // The first number is how many follow.
+        words.next().filter(|word| *word == "D").and_then(|_| words.next())?;
+        words.map(|word| word.parse().ok()).collect()
+    })
 }
 
 /// Sends the line `text` repeatedly until `find` returns a value for the words of an answer.

@@ -59,8 +59,8 @@ impl Hbot {
         }
     }
 
-    /// Takes a command in at `now_ns` and answers it. A command that is not valid is not answered and
-    /// changes nothing.
+    /// Takes a command in at `now_ns` and answers it. A command that is not valid is not answered
+    /// and changes nothing.
     fn command(
         &mut self,
         now_ns: u64,

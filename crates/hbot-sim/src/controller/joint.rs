@@ -142,6 +142,11 @@ impl Axis {
 
     /// Returns the encoder count at a joint angle, rad. It is rounded down and wrapped to 32 bits.
     pub(super) fn count(&self, angle: f64, disc: Option<&Disc>) -> i32 {
+        self.whole_count(angle, disc) as i32
+    }
+
+    /// The count at a joint angle, rad: floor.
+    pub(super) fn whole_count(&self, angle: f64, disc: Option<&Disc>) -> i64 {
         let turned = angle + self.slipped;
         let read = disc.map_or(turned, |disc| disc.reading(turned, self.joint.gear));
         let exact = (read - self.origin) * self.counts_per_rad;
@@ -149,7 +154,7 @@ impl Axis {
         // wraps.
         let whole = exact as i64;
         let whole = whole - i64::from(whole as f64 > exact);
-        disc.map_or(whole, |disc| disc.coarse(whole)) as i32
+        disc.map_or(whole, |disc| disc.coarse(whole))
     }
 
     /// Returns the rate that the motor controller reports, in rad/s of the joint, positive in the

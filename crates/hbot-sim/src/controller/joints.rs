@@ -114,6 +114,12 @@ impl Joints {
         self.axes[j].count(truth.angles[j], disc(&self.discs, j))
     }
 
+    /// The turns of the encoder of joint `j`, in whole counts of it, where the truth is `truth`.
+    pub(super) fn turns_at(&self, j: usize, angles: &[f64; MAX_JOINTS]) -> f64 {
+        let axis = &self.axes[j];
+        axis.whole_count(angles[j], disc(&self.discs, j)) as f64 / f64::from(axis.joint.counts_per_turn)
+    }
+
     /// The rate of joint `j` in the controller's sense, rad/s of the joint.
     pub(super) fn rate_at(&self, j: usize, truth: &Truth<'_>) -> f32 {
         self.axes[j].rate(truth.angles[j], truth.rates[j], disc(&self.discs, j))

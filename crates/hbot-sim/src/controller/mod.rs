@@ -1,14 +1,22 @@
-//! The simulated motor controllers of one port. They do what the firmware at the far end of a
-//! serial line does.
+//! The virtual motor controllers of one line: what the firmware at its far end does, in each
+//! protocol that a rig file may name.
 //!
-//! Their inputs are the time in nanoseconds, the true joint angles and rates, and the messages of
-//! `hbot-link`. They know nothing of the sphere. Unless [`phenomena`] change it, encoders are exact
-//! except for rounding down to a whole count, and motors give exactly the commanded torque.
+//! | module | what it does |
+//! |---|---|
+//! | `joints` (`joint`, `disc`, `motors`) | what all protocols stand on: encoders that count, motors that push |
+//! | [`hbot`] | the firmware of docs/link.md |
+//! | `moteus` | moteus servos behind an fdcanusb or a UART |
+//!
+//! They know time in nanoseconds as they are told it, the true joint angles and rates, and the
+//! bytes of their line; they know nothing of the sphere. Encoders are exact but for the floor to a
+//! count, and motors give what is asked of them, unless [`phenomena`] say otherwise. A firmware is
+//! one type that implements `Speaks`, and its arm in `Firmware`.
 
 mod disc;
 pub mod hbot;
 mod joint;
 mod joints;
+mod moteus;
 mod motors;
 
 use hbot_config::rig::Protocol;
@@ -29,7 +37,8 @@ pub enum InjectedFault {
     /// `UNDESCRIBED` is set. Counts restart, except those of absolute encoders.
     /// Other [`InjectedFault`]s stay active.
     Reboot,
-    /// [`InjectedFault::Reboot`] of the controller of one joint. Where one controller has all joints, of that.
+    /// [`InjectedFault::Reboot`] of the controller of one joint. Where one controller has all joints, of
+    /// that.
     RebootOne(usize),
     /// Switches the loss of all answers on or off. Commands still take effect, as if only the line
     /// back to the host were cut.
@@ -37,7 +46,8 @@ pub enum InjectedFault {
     /// Switches the loss of all commands and answers on or off, as if the line were cut in both
     /// directions.
     Deaf(bool),
-    /// Whether the controller of one joint hears and answers nothing. Where one controller has all joints, none does.
+    /// Whether the controller of one joint hears and answers nothing. Where one controller has all
+    /// joints, none does.
     DeafOne {
         /// Which joint.
         joint: usize,
@@ -46,7 +56,8 @@ pub enum InjectedFault {
     },
     /// Whether the controllers report a fault of their own and give no torque.
     Failed(bool),
-    /// [`InjectedFault::Failed`] of the controller of one joint. Where one controller has all joints, of that.
+    /// [`InjectedFault::Failed`] of the controller of one joint. Where one controller has all joints, of
+    /// that.
     FailedOne {
         /// Which joint.
         joint: usize,
@@ -103,26 +114,50 @@ trait Speaks {
 #[derive(Debug, Clone)]
 enum Firmware {
     Hbot(Box<hbot::Hbot>),
+    Moteus(Box<moteus::Moteus>),
 }
 
 impl Firmware {
-    fn new(protocol: Protocol, _joints: usize) -> Option<Self> {
-        match protocol {
+    fn new(line: Line, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Option<Self> {
+        let first_id = line.protocol.ids().map_or(0, |ids| *ids.start() as u8);
+        match line.protocol {
             Protocol::Hbot => Some(Self::Hbot(Box::new(hbot::Hbot::new()))),
-            Protocol::Moteus | Protocol::Odrive => None,
+            Protocol::Moteus => {
+                let servos = moteus::Moteus::new(first_id, line.checksums, joints, angles);
+                Some(Self::Moteus(Box::new(servos)))
+            }
+            Protocol::Odrive => None,
         }
     }
 
     fn speaks(&self) -> &dyn Speaks {
         match self {
             Self::Hbot(it) => it.as_ref(),
+            Self::Moteus(it) => it.as_ref(),
         }
     }
 
     fn speaks_mut(&mut self) -> &mut dyn Speaks {
         match self {
             Self::Hbot(it) => it.as_mut(),
+            Self::Moteus(it) => it.as_mut(),
         }
+    }
+}
+
+/// What controllers speak, and through what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Line {
+    /// What they speak.
+    pub protocol: Protocol,
+    /// Whether a moteus line has checksums: it is a UART, not an fdcanusb. Without meaning for
+    /// others.
+    pub checksums: bool,
+}
+
+impl From<Protocol> for Line {
+    fn from(protocol: Protocol) -> Self {
+        Self { protocol, checksums: true }
     }
 }
 
@@ -153,13 +188,13 @@ impl SimulatedControllers {
     /// or `None` for exact encoders.
     #[must_use]
     pub fn new(
-        protocol: Protocol,
+        line: Line,
         specs: &[SimulatedJoint],
         angles: &[f64; MAX_JOINTS],
         encoder: Option<&phenomena::Encoder>,
     ) -> Option<Self> {
         let joints = Joints::new(specs, angles, encoder);
-        let firmware = Firmware::new(protocol, joints.count())?;
+        let firmware = Firmware::new(line, &joints, angles)?;
         Some(Self { joints, firmware, mute: false, deaf: false })
     }
 
@@ -206,7 +241,8 @@ impl SimulatedControllers {
         self.firmware.speaks().next_word_ns()
     }
 
-    /// Has them do what is due by themselves at `now_ns`; what they say unasked is appended to `reply`.
+    /// Has them do what is due by themselves at `now_ns`; what they say unasked is appended to
+    /// `reply`.
     pub fn pass(&mut self, now_ns: u64, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let before = reply.len();
         self.firmware.speaks_mut().pass(now_ns, &mut self.joints, truth, reply);
@@ -221,7 +257,8 @@ impl SimulatedControllers {
         self.joints.sense(angles);
     }
 
-    /// Takes in bytes of the line at `now_ns`, with the truth of that instant, and appends the answers to `reply`.
+    /// Takes in bytes of the line at `now_ns`, with the truth of that instant, and appends the
+    /// answers to `reply`.
     pub fn hear(&mut self, now_ns: u64, bytes: &[u8], truth: &Truth<'_>, reply: &mut Vec<u8>) {
         if self.deaf {
             return;
@@ -248,6 +285,23 @@ impl SimulatedControllers {
             | InjectedFault::FailedOne { .. } => {
                 self.firmware.speaks_mut().inject(fault, &mut self.joints, angles);
             }
+        }
+    }
+
+    /// Sets a setting of the controller of one joint by the vendor's name, such as
+    /// `servo.timeout_mode` of a moteus. False where there is none of this name.
+    pub fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
+        match &mut self.firmware {
+            Firmware::Hbot(_) => false,
+            Firmware::Moteus(servos) => servos.set(joint, name, value),
+        }
+    }
+
+    /// Gives the controller of one joint another id on the bus, as a builder does by mistake.
+    pub fn set_id(&mut self, joint: usize, id: u8) {
+        match &mut self.firmware {
+            Firmware::Hbot(_) => {}
+            Firmware::Moteus(servos) => servos.set_id(joint, id),
         }
     }
 

@@ -6,7 +6,7 @@ use hbot_config::rig::Protocol;
 use hbot_core::device::Device;
 use hbot_core::rig::Rig;
 
-use crate::controller::SimulatedJoint;
+use crate::controller::{Line, SimulatedJoint};
 use crate::phenomena::Phenomena;
 use crate::plant::{ImpossibleInertia, Method, PlantState};
 
@@ -14,9 +14,9 @@ use crate::plant::{ImpossibleInertia, Method, PlantState};
 /// state and integration method.
 #[derive(Debug, Clone)]
 pub struct SimulatedConfig {
-    /// What its controllers speak.
-    pub protocol: Protocol,
-    /// Geometry and masses of the sphere and its wheels.
+    /// What its controllers speak, and through what.
+    pub line: Line,
+    /// Geometry and masses.
     pub device: Device,
     /// Motor and encoder of each joint, in the order steer, drive of each wheel.
     pub joints: Vec<SimulatedJoint>,
@@ -44,7 +44,7 @@ impl SimulatedConfig {
     #[must_use]
     pub fn new(rig: &Rig) -> Self {
         Self {
-            protocol: Protocol::Hbot,
+            line: Protocol::Hbot.into(),
             device: rig.device,
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
             start: PlantState::default(),

@@ -25,7 +25,8 @@ use crate::plant::{Dynamics, JointTorques, PlantState};
 /// kHz (`docs/simulator.md`).
 const MAX_NONSMOOTH_STEP_NS: u64 = 250_000;
 
-/// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it nothing more is kept.
+/// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it
+/// nothing more is kept.
 const UNASKED: usize = 64 * 1024;
 
 /// A rig that is simulated in memory: the plant, the motor controllers, the line to them, and
@@ -68,8 +69,8 @@ impl SimulatedRig {
             .map_err(SimulatedRigError::Inertia)?;
         let angles = config.start.joints();
         let encoder = config.phenomena.encoder.as_ref();
-        let controllers = SimulatedControllers::new(config.protocol, &config.joints, &angles, encoder)
-            .ok_or(SimulatedRigError::Protocol(config.protocol))?;
+        let controllers = SimulatedControllers::new(config.line, &config.joints, &angles, encoder)
+            .ok_or(SimulatedRigError::Protocol(config.line.protocol))?;
         let mut rig = Self {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
@@ -79,7 +80,7 @@ impl SimulatedRig {
             line: None,
             external: Vec3::ZERO,
             controllers,
-            frame_end: frame_end(config.protocol),
+            frame_end: frame_end(config.line.protocol),
             unasked: Vec::with_capacity(UNASKED),
             max_step_ns: config.max_step_ns.max(1),
             max_jump_ns: config.max_jump_ns,
@@ -94,9 +95,9 @@ impl SimulatedRig {
     /// Receives `bytes` that the host sent at `now_ns`, and appends to `reply` the answers that
     /// have reached the host by then.
     ///
-    /// The plant is first simulated up to `now_ns` under the torques commanded before. New torques
-    /// act when they arrive: at once, unless the line is impaired. Nothing is allocated if `reply`
-    /// has room for one answer to each message.
+    /// The plant is first moved on to `now_ns` under the torques held so far; new ones act from when they arrive, which
+    /// on a line that is not impaired is now. Nothing is allocated where `reply` has room for what comes:
+    /// [`hbot_link::MAX_FEEDBACK_FRAME`] bytes a message on hbot's own link.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -107,8 +108,9 @@ impl SimulatedRig {
         self.line = Some(line);
     }
 
-    /// Simulates the plant up to `now_ns` and appends to `reply` the answers that reached the host
-    /// before that time.
+    /// Moves the plant on to `now_ns` and appends to `reply` what reached the host before then.
+    /// Only on an impaired line, or from controllers that speak unasked
+    /// ([`next_arrival_ns`](Self::next_arrival_ns)), there is any.
     ///
     /// Only an impaired line delivers such late answers (see
     /// [`next_arrival_ns`](Self::next_arrival_ns)). Use this function if you first read and then
@@ -122,10 +124,8 @@ impl SimulatedRig {
         }
     }
 
-    /// Returns the time at which the next frame arrives at either end of an impaired line, ns on
-    /// the owner's clock.
-    ///
-    /// Returns `None` if the line is not impaired or no frame is in flight.
+    /// When the next frame arrives at either end of an impaired line, or a controller speaks
+    /// unasked, ns of the owner's clock.
     #[must_use]
     pub fn next_arrival_ns(&self) -> Option<u64> {
         if !self.unasked.is_empty() {
@@ -171,7 +171,8 @@ impl SimulatedRig {
         self.line = line;
     }
 
-    /// Moves the plant on to `now_ns`. What controllers say unasked meanwhile goes on `line` where it is impaired.
+    /// Moves the plant on to `now_ns`. What controllers say unasked meanwhile goes on `line` where
+    /// it is impaired.
     fn move_to(&mut self, now_ns: u64, mut line: Option<&mut Impairment>) {
         let Some(passed) = now_ns.checked_sub(self.now_ns) else { return };
         let mut left = passed.min(self.max_jump_ns);
@@ -334,7 +335,12 @@ impl SimulatedRig {
         self.external = torque;
     }
 
-    /// Switches a fault of the motor controllers on or off, or simulates their reboot.
+    /// The controllers, to change their settings and ids.
+    pub fn controllers_mut(&mut self) -> &mut SimulatedControllers {
+        &mut self.controllers
+    }
+
+    /// Makes trouble at the controllers, or ends it.
     pub fn inject(&mut self, fault: InjectedFault) {
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));
     }

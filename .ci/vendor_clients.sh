@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# The vendors' own clients drive the virtual motor controllers over a pseudo-terminal, and their encoders still make the vectors
+# that the drivers are tested against. Installs what it needs into a venv that it throws away.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+if ! python3 -m venv --help >/dev/null 2>&1; then
+    apt-get update -qq && apt-get install -y -qq python3-venv
+fi
+folder=$(mktemp -d)
+served=
+trap 'exec 3>&- || true; [ -z "$served" ] || wait "$served" || true; rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet moteus==1.1.1
+
+"$folder/venv/bin/python" tests/vendor/make_moteus_vectors.py >"$folder/moteus.json"
+cmp "$folder/moteus.json" tests/vendor/moteus.json
+
+# Serves virtual controllers that speak $1 and has the client $2 drive them.
+drive() {
+    mkfifo "$folder/$1.in"
+    cargo run --quiet --locked -p hbot-sim --example virtual_controllers -- "$1" <"$folder/$1.in" >"$folder/$1.out" &
+    served=$!
+    exec 3>"$folder/$1.in"
+    while [ ! -s "$folder/$1.out" ]; do
+        kill -0 "$served" || { echo "the virtual controllers have ended"; exit 1; }
+        sleep 0.1
+    done
+    echo "-- the vendor's client on virtual $1 controllers"
+    timeout 120 "$folder/venv/bin/python" "$2" "$(cat "$folder/$1.out")"
+    exec 3>&-
+    wait "$served"
+    served=
+}
+
+drive moteus tests/vendor/moteus_client.py

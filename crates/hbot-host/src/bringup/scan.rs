@@ -1,0 +1,160 @@
+//! Who answers on the lines of a rig. Nothing is changed by looking.
+
+use std::sync::mpsc;
+
+use hbot_config::RigConfig;
+use hbot_config::rig::Port;
+
+use crate::attach::{AttachError, simulated_rig};
+use crate::bus::{Expected, Found, MeetError, Protocol, driver};
+use crate::layout::Layout;
+use crate::line::serial::Serial;
+use crate::line::{Line, Memory};
+
+/// A line and who answers on it.
+#[derive(Debug)]
+pub struct Scanned {
+    /// The name of the port.
+    pub port: String,
+    /// Who answers, in the order of their ids.
+    pub found: Vec<Found>,
+    /// Ids that more than one controller has.
+    pub twice: Vec<u8>,
+    /// Ids of the rig file that nobody has.
+    pub missing: Vec<u8>,
+    /// Ids that are not in the rig file.
+    pub others: Vec<u8>,
+}
+
+impl Scanned {
+    /// Whether the controllers are those of the rig file, each once, and set up as they must be.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        let crowd = [&self.twice, &self.missing, &self.others];
+        crowd.iter().all(|ids| ids.is_empty()) && self.found.iter().all(|it| it.remedies.is_empty())
+    }
+}
+
+/// Looks who answers on each line of `rig`.
+///
+/// # Errors
+/// A port does not open, or nobody answers on it.
+pub fn scan(rig: &RigConfig) -> Result<Vec<Scanned>, AttachError> {
+    let (layout, protocol) = (Layout::of(rig), driver(rig.link.protocol));
+    let ports = match &rig.link.port {
+        Port::Sim => vec![Port::Sim.to_string()],
+        Port::Devices(devices) => devices.clone(),
+    };
+    let one = |(bus, port): (usize, &String)| {
+        let expected = Expected::new(port, &rig.rig, &layout, bus);
+        let mut line: Box<dyn Line> = match &rig.link.port {
+            Port::Sim => {
+                // Nothing is to be done with it from outside.
+                let (_, calls) = mpsc::channel();
+                Box::new(Memory::new(simulated_rig(rig, Default::default())?, calls))
+            }
+            Port::Devices(_) => Box::new(Serial::open(port, rig.link.baud)?),
+        };
+        Ok(scan_line(protocol, line.as_mut(), &expected)?)
+    };
+    ports.iter().enumerate().map(one).collect()
+}
+
+/// Looks who answers on one line.
+///
+/// # Errors
+/// Nobody answers.
+pub fn scan_line(
+    protocol: &dyn Protocol,
+    line: &mut dyn Line,
+    expected: &Expected,
+) -> Result<Scanned, MeetError> {
+    let found = protocol.scan(line, expected)?;
+    let there: Vec<u8> = found.iter().map(|it| it.id).collect();
+    let ours: Vec<u8> = (0..expected.joints()).filter_map(|at| Some(expected.joint(at)?.id)).collect();
+    let mut twice: Vec<u8> =
+        there.iter().copied().filter(|id| there.iter().filter(|other| *other == id).count() > 1).collect();
+    twice.dedup();
+    Ok(Scanned {
+        port: expected.port().to_owned(),
+        missing: ours.iter().copied().filter(|id| !there.contains(id)).collect(),
+        others: there.iter().copied().filter(|id| !ours.contains(id)).collect(),
+        twice,
+        found,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_sim::controller::InjectedFault;
+    use hbot_sim::rig::SimulatedRig;
+
+    use super::*;
+    use crate::bus::moteus::Moteus;
+
+    /// What a look finds on a line of moteus servos after `change`.
+    fn looked(change: impl FnOnce(&mut SimulatedRig)) -> Result<Scanned, MeetError> {
+        let text = include_str!("../../../../rigs/prototype-moteus.toml");
+        let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
+        let mut simulated = simulated_rig(&rig, Default::default()).expect("it can be simulated");
+        change(&mut simulated);
+        let expected = Expected::new("a line", &rig.rig, &Layout::of(&rig), 0);
+        let (_, calls) = mpsc::channel();
+        let mut line = Memory::new(simulated, calls);
+        let scanned = scan_line(&Moteus, &mut line, &expected);
+        // Whoever is refused by a look is refused at the start, for the same reason.
+        let met = Moteus.meet(&mut line, &expected);
+        assert_eq!(met.is_ok(), scanned.as_ref().is_ok_and(Scanned::is_good), "{met:?} {scanned:?}");
+        scanned
+    }
+
+    #[test]
+    fn servos_as_they_must_be_are_found() {
+        let scanned = looked(|_| ()).expect("they answer");
+        assert!(scanned.is_good(), "{scanned:?}");
+        let ids: Vec<_> = scanned.found.iter().map(|it| (it.id, it.supply_v, it.zero)).collect();
+        let rotor = Some("rotor: within a turn");
+        assert_eq!(ids, [1, 2, 3, 4].map(|id| (id, Some(24.0), rotor)));
+        assert!(scanned.found[0].firmware.contains("register map 5"), "{scanned:?}");
+    }
+
+    #[test]
+    fn each_wrong_setting_is_named_with_the_command_that_mends_it() {
+        let scanned = looked(|rig| {
+            let servos = rig.controllers_mut();
+            assert!(servos.set(0, "servo.timeout_mode", 12.0));
+            assert!(servos.set(2, "servopos.position_min", -0.01));
+            assert!(servos.set(2, "servopos.position_max", 0.01));
+        });
+        let scanned = scanned.expect("they answer");
+        let said: Vec<(u8, &str, &str)> = scanned
+            .found
+            .iter()
+            .flat_map(|it| it.remedies.iter().map(|r| (it.id, r.what.as_str(), r.command.as_str())))
+            .collect();
+        assert_eq!(said.len(), 3, "{said:?}");
+        for ((id, what, command), (joint, name, is, must)) in said.iter().zip([
+            (1, "servo.timeout_mode", "12", "0"),
+            (3, "servopos.position_min", "-0.01", "nan"),
+            (3, "servopos.position_max", "0.01", "nan"),
+        ]) {
+            assert_eq!(*id, joint);
+            assert!(what.starts_with(&format!("{name} is {is}, must be {must}: ")), "{what}");
+            assert!(command.contains(&format!("conf set {name} {must}\\nconf write")), "{command}");
+            assert!(command.contains(&format!("--fdcanusb 'a line' -t {id} --write-config")), "{command}");
+        }
+    }
+
+    #[test]
+    fn a_servo_that_is_missing_and_two_of_one_id_are_said_to_be() {
+        let missing =
+            looked(|rig| rig.inject(InjectedFault::DeafOne { joint: 1, on: true })).expect("others answer");
+        assert_eq!((missing.missing, missing.twice), (vec![2], vec![]));
+        let twice = looked(|rig| rig.controllers_mut().set_id(3, 1)).expect("they answer");
+        assert_eq!((twice.missing, twice.twice), (vec![4], vec![1]));
+        let other = looked(|rig| rig.controllers_mut().set_id(3, 9)).expect("they answer");
+        assert_eq!((other.missing, other.others), (vec![4], vec![9]));
+        let silent = looked(|rig| rig.inject(InjectedFault::Deaf(true))).expect_err("nobody answers");
+        assert!(matches!(silent, MeetError::Silent { .. }), "{silent}");
+    }
+}

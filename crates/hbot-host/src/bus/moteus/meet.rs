@@ -1,0 +1,177 @@
+//! Whether the servos on a line are those of the rig, and set up so that torque may be asked of
+//! them.
+
+use super::REGISTER_MAP;
+use super::codec;
+use super::talk::Talk;
+use crate::bus::{Expected, Found, MeetError, Remedy};
+use crate::line::Line;
+use hbot_config::rig::Protocol as Name;
+
+/// What a setting of a servo must be.
+struct Must {
+    name: &'static str,
+    /// What is written in the command that mends it.
+    value: &'static str,
+    is: fn(f64) -> bool,
+    why: &'static str,
+}
+
+/// All settings that matter.
+const SETTINGS: [Must; 4] = [
+    Must {
+        name: "servo.timeout_mode",
+        value: "0",
+        is: |mode| mode == 0.0,
+        why: "with another the motor brakes when its watchdog expires",
+    },
+    Must {
+        name: "servopos.position_min",
+        value: "nan",
+        is: f64::is_nan,
+        why: "beyond a limit a servo that is switched on ends in fault 39",
+    },
+    Must {
+        name: "servopos.position_max",
+        value: "nan",
+        is: f64::is_nan,
+        why: "beyond a limit a servo that is switched on ends in fault 39",
+    },
+    Must {
+        name: "motor_position.rotor_to_output_ratio",
+        value: "1",
+        is: |ratio| ratio == 1.0,
+        why: "the rig file's gear has the ratio",
+    },
+];
+
+/// Meets the servos: they are those of the rig, each once, and set up as they must be. Their motors
+/// are off afterwards.
+pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
+    let counts = Name::Moteus.counts_per_turn().unwrap_or_default();
+    if let Some(at) = expected.first_wrong_counts((0..expected.joints()).map(|_| counts)) {
+        return Err(expected.wrong_counts(at, counts));
+    }
+    let mut talk = Talk::open(line, expected)?;
+    talk.stop()?;
+    let ids: Vec<u8> = (0..expected.joints()).filter_map(|at| Some(expected.joint(at)?.id)).collect();
+    let found = found(&mut talk)?;
+    if found.is_empty() {
+        return Err(MeetError::Silent { port: expected.port().to_owned() });
+    }
+    let wrong = |reason| MeetError::Setting { port: expected.port().to_owned(), reason };
+    if let Some(reason) = crowd(&found, &ids) {
+        return Err(wrong(reason));
+    }
+    if let Some((id, remedy)) = found.iter().find_map(|it| Some((it.id, it.remedies.first()?))) {
+        return Err(wrong(format!("moteus of id {id}: {}: {}", remedy.what, remedy.command)));
+    }
+    for (at, id) in ids.iter().enumerate() {
+        echoes(&mut talk, *id, at)?;
+    }
+    Ok(())
+}
+
+/// All servos on a line, as they are. Changes nothing.
+pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
+    found(&mut Talk::open(line, expected)?)
+}
+
+fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
+    let all = talk.everybody()?;
+    let port = talk.expected().port().to_owned();
+    let mut found = Vec::new();
+    for (id, state) in &all {
+        let twice = all.iter().filter(|(other, _)| other == id).count() > 1;
+        let map = state.register_map.unwrap_or_default();
+        let mut remedies = Vec::new();
+        if map != REGISTER_MAP || state.uptime_ms.is_none() {
+            remedies.push(Remedy {
+                what: format!("its register map is version {map}, this program knows {REGISTER_MAP}"),
+                command: format!("update the firmware: python3 -m moteus.moteus_tool -t {id} --flash FILE"),
+            });
+        } else if !twice {
+            // Two of one id answer together: their settings cannot be told apart.
+            for must in &SETTINGS {
+                let said = talk.setting(*id, must.name)?;
+                if !said.parse().is_ok_and(must.is) {
+                    remedies.push(mend(&port, *id, must, &said));
+                }
+            }
+        }
+        let home = ["relative: no zero", "rotor: within a turn", "output"];
+        found.push(Found {
+            id: *id,
+            model: model(state.model.unwrap_or_default()),
+            firmware: format!("{:#06x}, register map {map}", state.firmware.unwrap_or_default()),
+            supply_v: state.voltage.map(|half| f64::from(half) * 0.5),
+            zero: state.home.and_then(|home_state| home.get(usize::try_from(home_state).ok()?)).copied(),
+            remedies,
+        });
+    }
+    Ok(found)
+}
+
+fn model(number: i32) -> String {
+    // The family stands in the upper byte.
+    let name = ["r4", "n1", "c1", "x1"].get(usize::try_from(number >> 8).unwrap_or(usize::MAX));
+    format!("moteus {} (model {number:#06x})", name.unwrap_or(&"of another family"))
+}
+
+fn mend(port: &str, id: u8, must: &Must, said: &str) -> Remedy {
+    let Must { name, value, why, .. } = must;
+    Remedy {
+        what: format!("{name} is {said}, must be {value}: {why}"),
+        command: format!(
+            "printf 'conf set {name} {value}\\nconf write\\n' > set.cfg; python3 -m moteus.moteus_tool --fdcanusb '{port}' -t {id} --write-config set.cfg"
+        ),
+    }
+}
+
+/// Why the servos that are there are not those of the ids.
+fn crowd(found: &[Found], ids: &[u8]) -> Option<String> {
+    let listed = |ids: &[u8]| ids.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
+    let there: Vec<u8> = found.iter().map(|it| it.id).collect();
+    if let Some(pair) = there.windows(2).find(|pair| pair[0] == pair[1]) {
+        return Some(format!(
+            "two servos have the id {}: disconnect one and give the other a new one (conf set id.id N, conf write)",
+            pair[0]
+        ));
+    }
+    let missing: Vec<u8> = ids.iter().copied().filter(|id| !there.contains(id)).collect();
+    if !missing.is_empty() {
+        return Some(format!(
+            "no answer from id {}; there are {}: check power and wiring, or `controller` in the rig file",
+            listed(&missing),
+            listed(&there)
+        ));
+    }
+    let others: Vec<u8> = there.iter().copied().filter(|id| !ids.contains(id)).collect();
+    (!others.is_empty()).then(|| {
+        format!(
+            "servos of id {} are on the line and not in the rig file, which has {}: disconnect them, or name them",
+            listed(&others),
+            listed(ids)
+        )
+    })
+}
+
+/// Checks that a servo sends the watchdog time of a command back as it came, and notes since when
+/// it has had power.
+fn echoes(talk: &mut Talk<'_>, id: u8, at: usize) -> Result<(), MeetError> {
+    let watchdog = codec::stamp(20, 0xabc);
+    let mut frame = codec::frame_to(id, true);
+    // Without a mode in its frame it commands nothing.
+    codec::write_watchdog(&mut frame, watchdog);
+    codec::state_query().serialize(&mut frame);
+    let state = talk.state(id, &frame)?;
+    if state.watchdog.map(f32::to_bits) != Some(watchdog.to_bits()) {
+        let reason = format!(
+            "moteus of id {id}: register 0x027 does not read back what was written to it: the age of a reading would not be known; \
+             update its firmware"
+        );
+        return Err(MeetError::Setting { port: talk.expected().port().to_owned(), reason });
+    }
+    talk.note_power(at, state.uptime_ms.unwrap_or_default());
+    Ok(())
+}

@@ -1,0 +1,100 @@
+//! moteus servos (mjbots), behind an fdcanusb adapter or on a UART (docs/controllers.md).
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `codec` | frames to the servos, by the vendor's crate; what their answers say |
+//! | `text` | the lines that carry frames, in both dialects |
+//! | `talk` | questions and answers outside the loop |
+//! | `meet` | whether the servos are those of the rig, and set up as they must be |
+//! | `bus` | the bus that the loop calls |
+//!
+//! What the protocol lacks is made up for. *Which command is answered*: the watchdog time of a
+//! command is read back in its answer, bit by bit, and its mantissa carries the tick. *A reboot*:
+//! each answer has the time since power-on. *Motors on or off*: an answer shows the mode before the
+//! command that it answers.
+
+mod bus;
+mod codec;
+mod meet;
+mod talk;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::sync::atomic::Ordering;
+
+use super::can::can_fd_ns;
+use super::{BusTraffic, Expected, Found, MeetError, MotorBus, Protocol, Traffic};
+use crate::line::Line;
+
+use self::bus::MoteusBus;
+use self::talk::Talk;
+use self::text::{BREAK, Dialect};
+
+/// The destination that all servos hear.
+const BROADCAST: u8 = 0x7f;
+/// The version of the register map that this driver knows.
+const REGISTER_MAP: i32 = 5;
+/// Bytes of the longest command and of its answer on the CAN bus.
+const COMMAND_BYTES: usize = 48;
+const ANSWER_BYTES: usize = 32;
+
+/// The notes of an [`Expected`]: the dialect of the line, then when each servo got power, ms of the
+/// clock.
+const DIALECT: usize = 0;
+const POWERED: usize = 1;
+
+/// The protocol of moteus servos.
+#[derive(Debug, Clone, Copy)]
+pub struct Moteus;
+
+impl Protocol for Moteus {
+    fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
+        meet::meet(line, expected)
+    }
+
+    fn switch_off(&self, line: &mut dyn Line, expected: &Expected) -> Result<bool, MeetError> {
+        Talk::open(line, expected)?.switch_off()
+    }
+
+    fn off_bytes(&self, _: &Expected) -> Vec<u8> {
+        // Each dialect refuses the line of the other one.
+        let mut bytes = BREAK.to_vec();
+        for dialect in [Dialect::Fdcanusb, Dialect::Uart] {
+            text::push(&mut bytes, &codec::stop_all(), dialect);
+        }
+        bytes
+    }
+
+    fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus> {
+        Box::new(MoteusBus::new(line, expected))
+    }
+
+    fn scan(&self, line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
+        meet::scan(line, expected)
+    }
+
+    fn traffic(&self, joints: usize) -> Traffic {
+        // A line: id, data, flags, checksum and end; `OK` with its checksum before each answer.
+        let (command, answer) = (22 + 2 * COMMAND_BYTES, 8 + 28 + 2 * ANSWER_BYTES);
+        let frames = |answers_long, stuffed| {
+            can_fd_ns(COMMAND_BYTES as u64, true, stuffed)
+                + can_fd_ns(ANSWER_BYTES as u64, answers_long, stuffed)
+        };
+        let bus = BusTraffic {
+            name: "CAN-FD at 1 and 5 Mbit/s",
+            // Servos up to id 7 answer with short ids.
+            least_ns: joints as u64 * frames(false, false),
+            most_ns: joints as u64 * frames(true, true),
+        };
+        Traffic { commands: joints * command, feedback: joints * answer, turnaround_us: 0, bus: Some(bus) }
+    }
+}
+
+/// The dialect of the line as [`Talk::open`] has found it.
+fn dialect(expected: &Expected) -> Dialect {
+    match expected.note(DIALECT).load(Ordering::Relaxed) {
+        0 => Dialect::Fdcanusb,
+        _ => Dialect::Uart,
+    }
+}

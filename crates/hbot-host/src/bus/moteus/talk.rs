@@ -1,0 +1,204 @@
+//! Questions to the servos and their answers, outside the loop: it waits.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use moteus_protocol::diagnostic::{parse_server_to_client, write_client_poll, write_client_to_server};
+use moteus_protocol::query::QueryFormat;
+use moteus_protocol::{CanFdFrame, Resolution};
+
+use super::codec::{self, State};
+use super::text::{self, BREAK, Dialect, Inbox, Said};
+use super::{BROADCAST, DIALECT, POWERED};
+use crate::bus::{Expected, MeetError, converse};
+use crate::line::Line;
+
+/// Silence after which nobody else answers a question to all.
+const QUIET: Duration = Duration::from_millis(30);
+/// The channel of the console, and how much of it an answer carries.
+const CONSOLE: u8 = 1;
+const CONSOLE_BYTES: u8 = 48;
+/// How often a setting is asked for, and how often its answer is looked for.
+const ASKED: u32 = 3;
+const LOOKED: u32 = 50;
+/// Clocks of servo and host, and the time that an answer takes, differ by less than this, ms.
+const SLACK_MS: i64 = 2000;
+
+/// A conversation on a line whose dialect is known.
+pub(super) struct Talk<'a> {
+    line: &'a mut dyn Line,
+    expected: &'a Expected,
+    dialect: Dialect,
+}
+
+impl<'a> Talk<'a> {
+    /// Finds out which dialect the line speaks: a line that means nothing is refused by an adapter
+    /// without, and by a UART with a checksum.
+    pub(super) fn open(line: &'a mut dyn Line, expected: &'a Expected) -> Result<Self, MeetError> {
+        let mut inbox = Inbox::new(Dialect::Fdcanusb);
+        let checked = converse(line, expected, BREAK, |bytes| {
+            let lines = bytes.iter().filter_map(|byte| inbox.take(*byte));
+            lines.filter(|(said, _)| *said != Said::Damaged).map(|(_, checked)| checked).last()
+        })?;
+        let dialect = if checked { Dialect::Uart } else { Dialect::Fdcanusb };
+        expected.note(DIALECT).store(i64::from(checked), Ordering::Relaxed);
+        Ok(Self { line, expected, dialect })
+    }
+
+    fn failed(&self, error: std::io::Error) -> MeetError {
+        MeetError::Line { port: self.expected.port().to_owned(), error }
+    }
+
+    /// The bytes of a frame's line, after the end of what may be half on its way.
+    fn line_of(&self, frame: &CanFdFrame) -> Vec<u8> {
+        let mut bytes = BREAK.to_vec();
+        text::push(&mut bytes, frame, self.dialect);
+        bytes
+    }
+
+    /// Writes a frame until `find` finds what it looks for in the answer of servo `id`.
+    fn ask<T>(
+        &mut self,
+        id: u8,
+        frame: &CanFdFrame,
+        mut find: impl FnMut(&[u8]) -> Option<T>,
+    ) -> Result<T, MeetError> {
+        let (question, mut inbox) = (self.line_of(frame), Inbox::new(self.dialect));
+        let expected = self.expected;
+        converse(self.line, expected, &question, |bytes| {
+            let lines = bytes.iter().filter_map(|byte| inbox.take(*byte));
+            lines.filter_map(|(said, _)| from(&said, id).and_then(&mut find)).last()
+        })
+        .map_err(|error| match error {
+            MeetError::Silent { port } => {
+                MeetError::Setting { port, reason: format!("no answer from the moteus of id {id}: {HELP}") }
+            }
+            other => other,
+        })
+    }
+
+    /// What the servo `id` says to a query.
+    pub(super) fn state(&mut self, id: u8, frame: &CanFdFrame) -> Result<State, MeetError> {
+        self.ask(id, frame, codec::state)
+    }
+
+    /// The states of all servos that answer, each as often as it does.
+    pub(super) fn everybody(&mut self) -> Result<Vec<(u8, State)>, MeetError> {
+        let mut frame = codec::frame_to(BROADCAST, true);
+        identity().serialize(&mut frame);
+        let (question, mut inbox) = (self.line_of(&frame), Inbox::new(self.dialect));
+        let (mut found, mut buffer) = (Vec::new(), [0; 512]);
+        self.line.write(0, &question).map_err(|error| self.failed(error))?;
+        let mut heard = Instant::now();
+        while heard.elapsed() < QUIET {
+            let got = self.line.read(0, &mut buffer).map_err(|error| self.failed(error))?;
+            for byte in &buffer[..got] {
+                let Some((Said::Frame(frame), _)) = inbox.take(*byte) else { continue };
+                let sender = codec::sender(&frame);
+                found.extend(sender.zip(codec::state(frame.payload()).filter(|s| s.model.is_some())));
+            }
+            if got > 0 {
+                heard = Instant::now();
+            } else {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+        found.sort_by_key(|(id, _)| *id);
+        Ok(found)
+    }
+
+    /// The value of a setting of servo `id`, in the words of its console.
+    pub(super) fn setting(&mut self, id: u8, name: &str) -> Result<String, MeetError> {
+        for _ in 0..ASKED {
+            // What somebody else has asked for before.
+            for _ in 0..LOOKED {
+                if self.poll(id)?.is_empty() {
+                    break;
+                }
+            }
+            let mut frame = codec::frame_to(id, true);
+            frame.size =
+                write_client_to_server(CONSOLE, format!("conf get {name}\n").as_bytes(), &mut frame.data);
+            let mut said = self.ask(id, &frame, stream)?;
+            for _ in 0..LOOKED {
+                if let Some(end) = said.iter().position(|byte| *byte == b'\n') {
+                    return Ok(String::from_utf8_lossy(&said[..end]).trim().to_owned());
+                }
+                said.extend(self.poll(id)?);
+            }
+        }
+        let reason = format!("the moteus of id {id} does not say what its setting {name} is: {HELP}");
+        Err(MeetError::Setting { port: self.expected.port().to_owned(), reason })
+    }
+
+    /// What the console of servo `id` has to say.
+    fn poll(&mut self, id: u8) -> Result<Vec<u8>, MeetError> {
+        let mut frame = codec::frame_to(id, true);
+        frame.size = write_client_poll(CONSOLE, CONSOLE_BYTES, &mut frame.data);
+        self.ask(id, &frame, stream)
+    }
+
+    /// Switches all motors of the line off.
+    pub(super) fn stop(&mut self) -> Result<(), MeetError> {
+        let bytes = self.line_of(&codec::stop_all());
+        self.line.write(0, &bytes).map(drop).map_err(|error| self.failed(error))
+    }
+
+    /// Switches all motors of the rig off, each with its answer. Returns whether any servo has lost
+    /// power since [`note_power`](Self::note_power).
+    pub(super) fn switch_off(&mut self) -> Result<bool, MeetError> {
+        self.stop()?;
+        let mut lost = false;
+        for at in 0..self.expected.joints() {
+            let Some(joint) = self.expected.joint(at) else { continue };
+            let mut frame = codec::stop_frame(joint.id, codec::stamp(1, 0));
+            codec::state_query().serialize(&mut frame);
+            let uptime = self.ask(joint.id, &frame, |data| codec::state(data)?.uptime_ms)?;
+            let before = self.expected.note(POWERED + at).load(Ordering::Relaxed);
+            lost |= powered(uptime) > before + SLACK_MS;
+        }
+        Ok(lost)
+    }
+
+    /// Remembers when a servo got power.
+    pub(super) fn note_power(&self, at: usize, uptime_ms: i32) {
+        self.expected.note(POWERED + at).store(powered(uptime_ms), Ordering::Relaxed);
+    }
+
+    pub(super) fn expected(&self) -> &'a Expected {
+        self.expected
+    }
+}
+
+/// What to look at where a servo is silent.
+const HELP: &str = "check its power, its id and the wiring of the bus";
+
+/// What tells who a servo is.
+fn identity() -> QueryFormat {
+    let mut query = QueryFormat::default();
+    (query.position, query.velocity) = (Resolution::Ignore, Resolution::Ignore);
+    query.torque = Resolution::Ignore;
+    query.home_state = Resolution::Int8;
+    for register in [0x070, 0x100, 0x101, 0x102] {
+        query.add_extra(register, Resolution::Int32);
+    }
+    query
+}
+
+/// The data of a frame from servo `id`.
+fn from(said: &Said, id: u8) -> Option<&[u8]> {
+    match said {
+        Said::Frame(frame) if codec::sender(frame) == Some(id) => Some(frame.payload()),
+        _ => None,
+    }
+}
+
+fn stream(data: &[u8]) -> Option<Vec<u8>> {
+    parse_server_to_client(data, CONSOLE).map(<[u8]>::to_vec)
+}
+
+/// When a servo got power, ms of the clock of the system since it started.
+fn powered(uptime_ms: i32) -> i64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
+    now.tv_sec * 1000 + now.tv_nsec / 1_000_000 - i64::from(uptime_ms as u32)
+}

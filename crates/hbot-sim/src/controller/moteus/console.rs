@@ -1,0 +1,106 @@
+//! The diagnostic channel of a servo, which is tunnelled through frames: its settings, by name.
+
+use std::fmt::Write as _;
+
+/// Settings that are kept, with what the simulated rig has. The vendor ships `servo.timeout_mode`
+/// 12 and `servopos` limits of 0.01 turns: these are as docs/controllers.md asks for.
+const SETTINGS: [(&str, f64); 6] = [
+    ("servo.timeout_mode", 0.0),
+    ("servo.default_timeout_s", 0.1),
+    ("servopos.position_min", f64::NAN),
+    ("servopos.position_max", f64::NAN),
+    ("motor_position.rotor_to_output_ratio", 1.0),
+    ("id.id", 0.0),
+];
+/// The most that is kept of a line, and of what waits to be read.
+const ROOM: usize = 128;
+
+/// The console of a servo.
+#[derive(Debug, Clone)]
+pub(super) struct Console {
+    settings: [(&'static str, f64); SETTINGS.len()],
+    /// As they were written to memory that lasts.
+    lasting: [(&'static str, f64); SETTINGS.len()],
+    line: Vec<u8>,
+    waiting: Vec<u8>,
+}
+
+impl Console {
+    pub(super) fn new(id: u8) -> Self {
+        let mut settings = SETTINGS;
+        settings[5].1 = f64::from(id);
+        Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
+    }
+
+    /// Power lost and back: what was set and not written is gone.
+    pub(super) fn rebooted(&self) -> Self {
+        let settings = self.lasting;
+        Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
+    }
+
+    /// Sets a setting as the console does; false where there is none of this name.
+    pub(super) fn set(&mut self, name: &str, value: f64) -> bool {
+        let found = self.settings.iter_mut().find(|(known, _)| *known == name);
+        found.map(|(_, setting)| *setting = value).is_some()
+    }
+
+    /// The position bounds, turns; `None` where there are none.
+    pub(super) fn bounds(&self) -> Option<(f64, f64)> {
+        let (least, most) = (self.settings[2].1, self.settings[3].1);
+        let any = least.is_finite() || most.is_finite();
+        let bound = |bound: f64, none| if bound.is_nan() { none } else { bound };
+        any.then(|| (bound(least, f64::NEG_INFINITY), bound(most, f64::INFINITY)))
+    }
+
+    /// The watchdog time of a command that names none, s.
+    pub(super) fn default_timeout(&self) -> f64 {
+        self.settings[1].1
+    }
+
+    /// Takes in bytes of commands, a line each.
+    pub(super) fn hear(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            if *byte != b'\n' && *byte != b'\r' {
+                if self.line.len() < ROOM {
+                    self.line.push(*byte);
+                }
+                continue;
+            }
+            let line = std::mem::take(&mut self.line);
+            if let (Ok(line), true) = (String::from_utf8(line), self.waiting.len() < ROOM) {
+                let said = self.answer(&line);
+                self.waiting.extend_from_slice(said.as_bytes());
+            }
+        }
+    }
+
+    fn answer(&mut self, line: &str) -> String {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let mut said = String::new();
+        match words.as_slice() {
+            [] => {}
+            ["conf", "get", name] => match self.settings.iter().find(|(known, _)| known == name) {
+                Some((_, value)) if value.is_nan() => said.push_str("nan\r\n"),
+                Some((_, value)) => _ = write!(said, "{value}\r\n"),
+                None => said.push_str("ERR error reading\r\n"),
+            },
+            ["conf", "set", name, value] => match value.parse() {
+                Ok(value) if self.set(name, value) => said.push_str("OK\r\n"),
+                _ => said.push_str("ERR error setting\r\n"),
+            },
+            ["conf", "write"] => {
+                self.lasting = self.settings;
+                said.push_str("OK\r\n");
+            }
+            _ => said.push_str("ERR unknown command\r\n"),
+        }
+        said
+    }
+
+    /// Appends what waits to be read, at most `room` bytes, as a subframe.
+    pub(super) fn say(&mut self, room: usize, answer: &mut Vec<u8>) {
+        let n = self.waiting.len().min(room).min(48);
+        answer.extend([0x41, 1, n as u8]);
+        answer.extend(self.waiting.drain(..n));
+    }
+}

@@ -1,0 +1,154 @@
+//! Virtual moteus servos behind one line: a servo for each joint, and the adapter that puts them on
+//! it.
+//!
+//! Written from the vendor's documents (registers, subframes, UART) and firmware, not from hbot's
+//! driver.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `line` | text lines of an fdcanusb, with the checksums of a UART |
+//! | `registers` | subframes, and values as integers |
+//! | `servo` | modes, watchdog, faults, what each register reads |
+//! | `console` | the tunnelled console with the settings |
+//!
+//! What differs from a servo of the vendor's: position gains are 0, so that the feedforward torque
+//! alone acts; a servo is enabled at once; a watchdog that expires leaves no torque whatever
+//! `servo.timeout_mode` says; several servos may share a line with checksums.
+
+mod console;
+mod line;
+mod registers;
+mod servo;
+
+use hbot_core::device::MAX_JOINTS;
+
+use self::line::{Adapter, Asked, CanFrame, say, say_frame};
+use self::servo::{Scene, Servo};
+use super::joints::{Joints, Truth};
+use super::{InjectedFault, Speaks};
+
+/// The destination that all servos hear.
+const BROADCAST: u32 = 0x7f;
+/// The bit of a CAN id that asks for an answer.
+const ANSWER: u32 = 0x8000;
+
+/// The servos of one line.
+#[derive(Debug, Clone)]
+pub(super) struct Moteus {
+    adapter: Adapter,
+    servos: Vec<Servo>,
+    refused: u64,
+    /// The time last seen, ns: trouble is made then.
+    now_ns: u64,
+}
+
+impl Moteus {
+    /// Servos for all joints, with the ids from `first_id` on. `checksums`: on a UART.
+    pub(super) fn new(first_id: u8, checksums: bool, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
+        let servo = |joint| Servo::new(first_id + joint as u8, joint, joints, angles);
+        Self {
+            adapter: Adapter::new(checksums),
+            servos: (0..joints.count()).map(servo).collect(),
+            refused: 0,
+            now_ns: 0,
+        }
+    }
+
+    /// Gives a servo another id, as a builder does by mistake.
+    pub(super) fn set_id(&mut self, joint: usize, id: u8) {
+        if let Some(servo) = self.servos.get_mut(joint) {
+            servo.id = id;
+        }
+    }
+
+    /// Sets a setting of a servo by its name; false where there is none.
+    pub(super) fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
+        self.servos.get_mut(joint).is_some_and(|servo| servo.console.set(name, value))
+    }
+
+    fn send(&mut self, frame: &CanFrame, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {
+        say(reply, "OK", self.adapter.checksums);
+        let (to, from) = (frame.id & 0xff, frame.id >> 8 & 0x7f);
+        let answers = frame.id & ANSWER != 0;
+        for (joint, servo) in self.servos.iter_mut().enumerate() {
+            if servo.deaf || to != BROADCAST && to != u32::from(servo.id) {
+                continue;
+            }
+            let mut scene = Scene { now_ns: self.now_ns, joint, joints, truth };
+            let mut data = Vec::new();
+            servo.hear(&mut scene, &frame.data, answers.then_some(&mut data));
+            if answers {
+                let id = u32::from(servo.id) << 8 | from;
+                say_frame(reply, &CanFrame { id, data: padded(data) }, self.adapter.checksums);
+            }
+        }
+    }
+}
+
+/// Data as long as a CAN-FD frame may be, with no-operations at the end.
+fn padded(mut data: Vec<u8>) -> Vec<u8> {
+    let lengths = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+    let length = lengths.into_iter().find(|length| *length >= data.len()).unwrap_or(64);
+    data.resize(length, 0x50);
+    data
+}
+
+impl Speaks for Moteus {
+    fn hear(
+        &mut self,
+        now_ns: u64,
+        bytes: &[u8],
+        joints: &mut Joints,
+        truth: &Truth<'_>,
+        reply: &mut Vec<u8>,
+    ) {
+        self.now_ns = now_ns;
+        for byte in bytes {
+            match self.adapter.take(*byte) {
+                None => {}
+                Some(Asked::Refused(reason)) => {
+                    self.refused += 1;
+                    say(reply, reason, self.adapter.checksums);
+                }
+                Some(Asked::Send(frame)) => self.send(&frame, joints, truth, reply),
+            }
+        }
+    }
+
+    fn next_ns(&self) -> Option<u64> {
+        self.servos.iter().filter_map(|servo| servo.deadline).min()
+    }
+
+    fn pass(&mut self, now_ns: u64, joints: &mut Joints, _: &Truth<'_>, _: &mut Vec<u8>) {
+        self.now_ns = now_ns;
+        for (joint, servo) in self.servos.iter_mut().enumerate() {
+            servo.watch(now_ns, joint, joints);
+        }
+    }
+
+    fn inject(&mut self, fault: InjectedFault, joints: &mut Joints, angles: &[f64; MAX_JOINTS]) {
+        if fault == InjectedFault::Reboot {
+            self.adapter.reboot();
+        }
+        let now_ns = self.now_ns;
+        for (joint, servo) in self.servos.iter_mut().enumerate() {
+            match fault {
+                InjectedFault::Reboot => {}
+                InjectedFault::RebootOne(one) if one == joint => {}
+                InjectedFault::DeafOne { joint: one, on } if one == joint => servo.deaf = on,
+                InjectedFault::Failed(on) => servo.failed = on,
+                InjectedFault::FailedOne { joint: one, on } if one == joint => servo.failed = on,
+                _ => continue,
+            }
+            if matches!(fault, InjectedFault::Reboot | InjectedFault::RebootOne(_)) {
+                joints.reboot(joint..joint + 1, angles);
+                servo.reboot(now_ns, joint, joints, angles);
+            }
+            servo.watch(now_ns, joint, joints);
+        }
+    }
+
+    fn refused(&self) -> u64 {
+        self.refused
+    }
+}

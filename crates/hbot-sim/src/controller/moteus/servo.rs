@@ -1,0 +1,371 @@
+//! One servo: its registers, its modes and its watchdog.
+
+use core::f64::consts::TAU;
+
+use hbot_core::device::MAX_JOINTS;
+
+use super::console::Console;
+use super::registers::{
+    ACCELERATION, CURRENT, Mapping, NOT_WRITABLE, OUT_OF_RANGE, POSITION, POWER, PWM, Reader, Refusal,
+    TEMPERATURE, TIME, TORQUE, UNKNOWN, VELOCITY, VOLTAGE, Value, put, put_varuint,
+};
+use crate::controller::joints::{Joints, Truth};
+
+const STOPPED: u8 = 0;
+const FAULT: u8 = 1;
+const POSITION_MODE: u8 = 10;
+const TIMEOUT: u8 = 11;
+/// The last mode that may be written.
+const LAST_MODE: f32 = 15.0;
+
+/// Faults and limits of register 0x00f.
+const MOTOR_DRIVER: u8 = 33;
+const OUTSIDE_LIMIT: u8 = 39;
+const AT_MAX_CURRENT: u8 = 99;
+const AT_FET_TEMPERATURE: u8 = 100;
+const AT_MAX_TORQUE: u8 = 102;
+
+/// The registers of a command, from this one on.
+const COMMAND: u32 = 0x020;
+const COMMANDS: usize = 14;
+/// Of these: feedforward torque, largest torque, watchdog time, bounds that are ignored.
+const FEEDFORWARD: usize = 2;
+const MAX_TORQUE: usize = 5;
+const WATCHDOG: usize = 7;
+const IGNORE_BOUNDS: usize = 13;
+/// How the registers of a command are mapped.
+const MAPPINGS: [Mapping; COMMANDS] = [
+    POSITION,
+    VELOCITY,
+    TORQUE,
+    PWM,
+    PWM,
+    TORQUE,
+    POSITION,
+    TIME,
+    VELOCITY,
+    ACCELERATION,
+    VOLTAGE,
+    PWM,
+    CURRENT,
+    Mapping::Plain,
+];
+/// What they hold once a mode has been written.
+const DEFAULTS: [f32; COMMANDS] = {
+    let nan = f32::NAN;
+    [0.0, 0.0, 0.0, 1.0, 1.0, nan, nan, 0.0, nan, nan, nan, 1.0, nan, 0.0]
+};
+
+/// Torque constant, N m/A: what its current reads.
+const TORQUE_PER_AMPERE: f32 = 0.1;
+/// What its sensors read, V and degrees Celsius.
+const SUPPLY: f32 = 24.0;
+const WARMTH: f32 = 25.0;
+const HOT: f32 = 80.0;
+/// How long it has had power when the simulation begins, ms.
+const UPTIME_MS: i64 = 5000;
+
+/// One servo.
+#[derive(Debug, Clone)]
+pub(super) struct Servo {
+    pub(super) id: u8,
+    mode: u8,
+    fault: u8,
+    /// Registers 0x020 on as they were written last.
+    command: [f32; COMMANDS],
+    /// The mode written in this frame.
+    ordered: Option<u8>,
+    /// When the watchdog expires, ns.
+    pub(super) deadline: Option<u64>,
+    /// Turns of the encoder at position 0.
+    origin: f64,
+    homed: i32,
+    /// When power came, ms of the simulation's clock; negative before its start.
+    powered_ms: i64,
+    pub(super) console: Console,
+    pub(super) deaf: bool,
+    pub(super) failed: bool,
+    /// What the motor gives, N m at the encoder's shaft.
+    torque: f32,
+}
+
+/// What a frame is read and answered with.
+pub(super) struct Scene<'a, 'b> {
+    pub(super) now_ns: u64,
+    pub(super) joint: usize,
+    pub(super) joints: &'a mut Joints,
+    pub(super) truth: &'a Truth<'b>,
+}
+
+impl Servo {
+    pub(super) fn new(id: u8, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
+        let mut servo = Self {
+            id,
+            mode: STOPPED,
+            fault: 0,
+            command: DEFAULTS,
+            ordered: None,
+            deadline: None,
+            origin: 0.0,
+            homed: 0,
+            powered_ms: -UPTIME_MS,
+            console: Console::new(id),
+            deaf: false,
+            failed: false,
+            torque: 0.0,
+        };
+        servo.find_zero(joint, joints, angles);
+        servo
+    }
+
+    /// Power comes: the encoder says where the rotor is within a turn.
+    fn find_zero(&mut self, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) {
+        self.origin = joints.turns_at(joint, angles).round();
+        self.homed = 1;
+    }
+
+    pub(super) fn reboot(&mut self, now_ns: u64, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) {
+        let mut fresh = Self::new(self.id, joint, joints, angles);
+        fresh.powered_ms = (now_ns / 1_000_000) as i64;
+        fresh.console = self.console.rebooted();
+        (fresh.deaf, fresh.failed) = (self.deaf, self.failed);
+        *self = fresh;
+    }
+
+    /// Lets the watchdog see the time.
+    pub(super) fn watch(&mut self, now_ns: u64, joint: usize, joints: &mut Joints) {
+        if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
+            (self.deadline, self.mode) = (None, TIMEOUT);
+        }
+        if self.failed && self.mode != FAULT {
+            (self.deadline, self.mode, self.fault) = (None, FAULT, MOTOR_DRIVER);
+        }
+        self.push(joint, joints);
+    }
+
+    /// Has the motor give what it is to.
+    fn push(&mut self, joint: usize, joints: &mut Joints) {
+        if self.mode != POSITION_MODE {
+            self.torque = 0.0;
+            joints.ask(joint, 0.0);
+            return;
+        }
+        let gear = joints.axes[joint].joint.gear as f32;
+        let most = if self.command[MAX_TORQUE].is_nan() { f32::INFINITY } else { self.command[MAX_TORQUE] };
+        let asked = self.command[FEEDFORWARD];
+        let asked = if asked.is_nan() { 0.0 } else { asked };
+        let within = asked.clamp(-most, most);
+        let given = joints.within_peak(joint, within * gear);
+        let peak = joints.axes[joint].peak / gear;
+        self.torque = within.clamp(-peak, peak);
+        self.fault = match () {
+            () if joints.is_hot(joint) || joints.derates(joint) => AT_FET_TEMPERATURE,
+            () if (within * gear).abs() > joints.axes[joint].peak => AT_MAX_CURRENT,
+            () if within != asked => AT_MAX_TORQUE,
+            () => 0,
+        };
+        joints.ask(joint, given);
+    }
+
+    /// Takes in the subframes of a frame and, where an answer is asked for, appends it.
+    pub(super) fn hear(&mut self, scene: &mut Scene<'_, '_>, data: &[u8], answer: Option<&mut Vec<u8>>) {
+        self.watch(scene.now_ns, scene.joint, scene.joints);
+        self.subframes(scene, data, answer);
+        if let Some(mode) = self.ordered.take() {
+            self.obey(scene, mode);
+        }
+    }
+
+    /// `None` where a subframe is malformed or unknown: the rest of the frame is left.
+    fn subframes(
+        &mut self,
+        scene: &mut Scene<'_, '_>,
+        data: &[u8],
+        mut answer: Option<&mut Vec<u8>>,
+    ) -> Option<()> {
+        let mut frame = Reader(data);
+        while let Some(code) = frame.byte() {
+            match code {
+                0x50 => {}
+                0x00..=0x0f => self.write_all(scene, code, &mut frame, answer.as_deref_mut())?,
+                // The vendor's firmware leaves what follows unread where no answer is asked for.
+                0x10..=0x1f => {
+                    if let Some(answer) = answer.as_deref_mut() {
+                        self.read_all(scene, code, &mut frame, answer)?;
+                    }
+                }
+                0x40 | 0x42 => {
+                    let (channel, size) = (frame.varuint()?, frame.varuint()?);
+                    if channel != 1 {
+                        return None;
+                    }
+                    let room = if code == 0x40 {
+                        self.console.hear(&frame.bytes(size as usize)?);
+                        48
+                    } else {
+                        size as usize
+                    };
+                    if let Some(answer) = answer.as_deref_mut() {
+                        self.console.say(room, answer);
+                    }
+                }
+                _ => return None,
+            }
+        }
+        Some(())
+    }
+
+    fn write_all(
+        &mut self,
+        scene: &mut Scene<'_, '_>,
+        code: u8,
+        frame: &mut Reader<'_>,
+        mut answer: Option<&mut Vec<u8>>,
+    ) -> Option<()> {
+        let (kind, first, count) = frame.registers(code)?;
+        for register in first..first.saturating_add(count) {
+            let value = frame.value(kind, mapping(register))?;
+            if let (Err(error), Some(answer)) = (self.write(scene, register, value), answer.as_deref_mut()) {
+                answer.push(0x30);
+                put_varuint(answer, register);
+                answer.push(error);
+            }
+        }
+        Some(())
+    }
+
+    fn write(&mut self, scene: &Scene<'_, '_>, register: u32, value: f32) -> Result<(), Refusal> {
+        match register {
+            0x000 => {
+                if !(0.0..=LAST_MODE).contains(&value) {
+                    return Err(OUT_OF_RANGE);
+                }
+                self.command = DEFAULTS;
+                self.ordered = Some(value as u8);
+            }
+            0x130 => {
+                let away = self.position(scene) - f64::from(value);
+                self.origin += away.round();
+                self.homed = 2;
+            }
+            0x131 => {
+                self.origin += self.position(scene) - f64::from(value);
+                self.homed = 2;
+            }
+            _ if (COMMAND..COMMAND + COMMANDS as u32).contains(&register) => {
+                self.command[(register - COMMAND) as usize] = value;
+            }
+            _ => return Err(if self.read(scene, register).is_some() { NOT_WRITABLE } else { UNKNOWN }),
+        }
+        Ok(())
+    }
+
+    fn read_all(
+        &self,
+        scene: &Scene<'_, '_>,
+        code: u8,
+        frame: &mut Reader<'_>,
+        answer: &mut Vec<u8>,
+    ) -> Option<()> {
+        let (kind, first, count) = frame.registers(code)?;
+        let start = answer.len();
+        answer.push(0x20 | code & 0x0f);
+        if code & 3 == 0 {
+            put_varuint(answer, count);
+        }
+        put_varuint(answer, first);
+        for register in first..first.saturating_add(count) {
+            let read = self.read(scene, register).is_some_and(|value| put(answer, value, kind));
+            if !read {
+                answer.truncate(start);
+                answer.push(0x31);
+                put_varuint(answer, register);
+                answer.push(UNKNOWN);
+                return Some(());
+            }
+        }
+        Some(())
+    }
+
+    fn read(&self, scene: &Scene<'_, '_>, register: u32) -> Option<Value> {
+        let whole = |whole| Value::Whole(i32::from(whole));
+        let gear = scene.joints.axes[scene.joint].joint.gear;
+        Some(match register {
+            0x000 => whole(self.mode),
+            0x001 => Value::Quantity(self.position(scene) as f32, POSITION),
+            0x002 => {
+                let rate = f64::from(scene.joints.rate_at(scene.joint, scene.truth));
+                Value::Quantity((rate * gear / TAU) as f32, VELOCITY)
+            }
+            0x003 => Value::Quantity(self.torque, TORQUE),
+            0x004 => Value::Quantity(self.torque / TORQUE_PER_AMPERE, CURRENT),
+            0x005 => Value::Quantity(0.0, CURRENT),
+            0x007 => Value::Quantity(0.0, POWER),
+            0x00b => whole(1),
+            0x00c => Value::Whole(self.homed),
+            0x00d => Value::Quantity(SUPPLY, VOLTAGE),
+            0x00e => {
+                let hot = scene.joints.is_hot(scene.joint);
+                Value::Quantity(if hot { HOT } else { WARMTH }, TEMPERATURE)
+            }
+            0x00f => whole(self.fault),
+            0x070 => Value::Whole(((scene.now_ns / 1_000_000) as i64 - self.powered_ms) as i32),
+            0x100 => Value::Word(MODEL),
+            0x101 => Value::Word(FIRMWARE),
+            0x102 => Value::Word(REGISTER_MAP),
+            0x120..=0x122 => Value::Word(i32::from(self.id) << 8 | (register - 0x120) as i32),
+            _ => {
+                let at = register.checked_sub(COMMAND)? as usize;
+                Value::Quantity(*self.command.get(at)?, MAPPINGS[at])
+            }
+        })
+    }
+
+    /// Turns of the encoder since the zero.
+    fn position(&self, scene: &Scene<'_, '_>) -> f64 {
+        scene.joints.turns_at(scene.joint, scene.truth.angles) - self.origin
+    }
+
+    /// Takes the mode that a frame has written.
+    fn obey(&mut self, scene: &mut Scene<'_, '_>, mode: u8) {
+        match mode {
+            STOPPED => (self.mode, self.fault, self.deadline) = (STOPPED, 0, None),
+            // Nothing but a stop leads out of these.
+            _ if matches!(self.mode, FAULT | TIMEOUT) => return,
+            POSITION_MODE => self.run(scene),
+            other => (self.mode, self.deadline) = (other, None),
+        }
+        self.watch(scene.now_ns, scene.joint, scene.joints);
+    }
+
+    fn run(&mut self, scene: &Scene<'_, '_>) {
+        let at = self.position(scene);
+        let outside = self.console.bounds().is_some_and(|(least, most)| !(least..=most).contains(&at));
+        let starts = self.mode != POSITION_MODE;
+        if starts && outside && self.command[IGNORE_BOUNDS] == 0.0 {
+            (self.mode, self.fault, self.deadline) = (FAULT, OUTSIDE_LIMIT, None);
+            return;
+        }
+        let watchdog = match self.command[WATCHDOG] {
+            0.0 => Some(self.console.default_timeout()),
+            time => Some(f64::from(time)).filter(|time| time.is_finite()),
+        };
+        self.mode = POSITION_MODE;
+        self.deadline = watchdog.map(|time| scene.now_ns.saturating_add((time.max(0.0) * 1.0e9) as u64));
+    }
+}
+
+/// How a register is mapped when it is written.
+fn mapping(register: u32) -> Mapping {
+    let at = register.checked_sub(COMMAND).map(|at| at as usize);
+    match (register, at.and_then(|at| MAPPINGS.get(at))) {
+        (0x130 | 0x131, _) => POSITION,
+        (_, Some(mapping)) => *mapping,
+        _ => Mapping::Plain,
+    }
+}
+
+/// What registers 0x100 to 0x102 say: a moteus r4.11 of register map 5.
+const MODEL: i32 = 4;
+const FIRMWARE: i32 = 0x010f;
+const REGISTER_MAP: i32 = 5;

@@ -1,0 +1,91 @@
+#!/usr/bin/env python3
+"""The vendor's own client, unchanged, drives virtual moteus servos: query, torque, watchdog, fault, settings.
+
+    moteus_client.py PORT
+"""
+
+import asyncio
+import math
+import sys
+
+import moteus
+from moteus import Mode, Register
+
+# Servo 1 steers (0.93 N m at a gear of 1), servo 2 drives (0.14 N m at a gear of 17).
+STEER, DRIVE = 1, 2
+
+
+def torque(value, **more):
+    return dict(position=math.nan, kp_scale=0.0, kd_scale=0.0, ilimit_scale=0.0, feedforward_torque=value,
+                query=True, **more)
+
+
+async def state(servo, mode, what):
+    """The servo's state, which must be in this mode."""
+    values = (await servo.query()).values
+    assert values[Register.MODE] == mode, f"{what}: {values}"
+    return values
+
+
+async def main(port):
+    transport = moteus.Fdcanusb(port)
+    query = moteus.QueryResolution()
+    query._extra = {Register.MODEL_NUMBER: moteus.INT32, Register.REGISTER_MAP_VERSION: moteus.INT32,
+                    Register.COMMAND_TIMEOUT: moteus.F32, Register.MILLISECOND_COUNTER: moteus.INT32}
+    servos = {id: moteus.Controller(id=id, transport=transport, query_resolution=query) for id in range(1, 5)}
+    steer = servos[STEER]
+
+    for id, servo in servos.items():
+        await servo.set_stop()
+        values = await state(servo, Mode.STOPPED, f"servo {id} after a stop")
+        assert values[Register.REGISTER_MAP_VERSION] == 5 and values[Register.FAULT] == 0, values
+        assert values[Register.VOLTAGE] == 24.0 and abs(values[Register.POSITION]) <= 0.5, values
+    print("query: four servos answer")
+
+    before = (await steer.query()).values[Register.POSITION]
+    for _ in range(20):
+        await steer.set_position(**torque(0.2, watchdog_timeout=0.5))
+        await asyncio.sleep(0.005)
+    values = await state(steer, Mode.POSITION, "pushing")
+    assert abs(values[Register.TORQUE] - 0.2) < 1e-3, values
+    assert values[Register.POSITION] > before and values[Register.VELOCITY] > 0, (before, values)
+    assert abs(values[Register.COMMAND_TIMEOUT] - 0.5) < 1e-6, values
+    await steer.set_position(**torque(5.0, maximum_torque=0.1, watchdog_timeout=0.5))
+    values = await state(steer, Mode.POSITION, "within the largest torque")
+    assert abs(values[Register.TORQUE] - 0.1) < 1e-3 and values[Register.FAULT] == 102, values
+    print("torque: it pushes, turns, and keeps the largest torque")
+
+    await steer.set_position(**torque(0.0, watchdog_timeout=0.05))
+    await asyncio.sleep(0.2)
+    values = await state(steer, Mode.TIMEOUT, "200 ms after a command of 50 ms")
+    assert values[Register.TORQUE] == 0.0, values
+    await steer.set_position(**torque(0.2, watchdog_timeout=0.5))
+    await state(steer, Mode.TIMEOUT, "a command does not end a time-out")
+    await steer.set_stop()
+    await state(steer, Mode.STOPPED, "a stop does")
+    print("watchdog: it expires, stays so, and a stop ends it")
+
+    stream = moteus.Stream(steer, use_flow_control=False)
+    assert float(await stream.command(b"conf get servo.timeout_mode", allow_any_response=True)) == 0
+    await stream.command(b"conf set servopos.position_min 1000")
+    await steer.set_position(**torque(0.1, watchdog_timeout=0.5))
+    values = await state(steer, Mode.FAULT, "outside of its limits")
+    assert values[Register.FAULT] == 39, values
+    await stream.command(b"conf set servopos.position_min nan")
+    await steer.set_stop()
+    values = await state(steer, Mode.STOPPED, "a stop clears the fault")
+    assert values[Register.FAULT] == 0, values
+    print("fault: 39 outside of servopos limits, cleared by a stop")
+
+    drive = servos[DRIVE]
+    where = (await drive.query()).values[Register.POSITION]
+    await drive.set_output_exact(position=where + 5.0)
+    moved = (await drive.query()).values
+    assert abs(moved[Register.POSITION] - where - 5.0) < 0.5, moved
+    await drive.set_output_nearest(position=0.0)
+    assert abs((await drive.query()).values[Register.POSITION]) <= 0.5
+    print("zero: set exactly, and to the nearest turn")
+    transport.close()
+
+
+asyncio.run(main(sys.argv[1]))
