@@ -267,7 +267,7 @@ fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     for step in 0..600 {
         // A turn of the wheel in 40 ticks: 17 of the motor, 255 in all.
         let angle = f64::from(step) * 2.0 * std::f64::consts::PI / 40.0;
-        bench.post(move |rig| rig.set_state(State { drive: [angle; 8], ..PlantState::default() }));
+        bench.post(move |rig| rig.set_state(PlantState { drive: [angle; 8], ..PlantState::default() }));
         let heard = bench.tick(false);
         let counts = heard.reading.expect("they answer").joints.map(|joint| joint.count);
         if let Some(last) = last.replace(counts) {
