@@ -12,13 +12,14 @@ use serialport::{SerialPort as _, TTYPort};
 
 use crate::prototype::simulated_as;
 
-/// The line is silent once nothing has come for this long: a busy machine holds no byte back for
-/// longer.
+/// Time without a new command after which the line counts as silent. A busy computer delays bytes
+/// for less than this.
 const SILENCE: Duration = Duration::from_millis(200);
 
-/// A simulated rig that records the commands it receives.
+/// A simulated rig at the far end of a pseudo-terminal. It records the commands that it receives,
+/// so that a test can check them.
 pub struct Far {
-    /// Path of the port to open.
+    /// Path of the pseudo-terminal that the program under test opens as its serial port.
     pub path: String,
     heard: Arc<Mutex<Vec<Command>>>,
     over: Arc<AtomicBool>,
@@ -26,10 +27,11 @@ pub struct Far {
 }
 
 impl Far {
-    /// The controllers of `rig`, at the far end of a new pseudo-terminal.
+    /// Starts simulated motor controllers for `rig` in a thread, at the far end of a new
+    /// pseudo-terminal.
     ///
     /// # Panics
-    /// If the system gives no pseudo-terminal.
+    /// If the operating system provides no pseudo-terminal.
     #[must_use]
     pub fn start(rig: &RigConfig) -> Self {
         let (mut near, far) = TTYPort::pair().expect("this test needs pseudo-terminals (/dev/ptmx)");
@@ -61,35 +63,37 @@ impl Far {
         Self { path, heard, over, thread: Some(thread) }
     }
 
-    /// How many commands have been heard.
+    /// Returns the number of commands received so far.
     ///
     /// # Panics
-    /// If its thread has panicked.
+    /// If the thread of the simulated motor controllers has panicked.
     #[must_use]
     pub fn count(&self) -> usize {
         self.heard.lock().expect("no panic").len()
     }
 
-    /// Whether a command after the first `count` was so.
+    /// Returns whether `so` accepts any of the recorded commands, not counting the first `count` of
+    /// them.
     ///
     /// # Panics
-    /// If its thread has panicked.
+    /// If the thread of the simulated motor controllers has panicked.
     #[must_use]
     pub fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
         self.heard.lock().expect("no panic")[count..].iter().any(so)
     }
 
-    /// Returns whether a command with torque has been received.
+    /// Returns whether any command received so far enables the motors with a torque other than
+    /// zero.
     #[must_use]
     pub fn pushed(&self) -> bool {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
-    /// Waits until nothing more comes, and checks that the last three commands are zero torque with
-    /// motors off. Returns the last command.
+    /// Waits until the line is silent. Then checks that each of the last three commands has zero
+    /// torque and switches the motors off. Returns the last command.
     ///
     /// # Panics
-    /// If one of the last three commands is another.
+    /// If one of the last three commands has torque or enables the motors.
     pub fn ends_still(mut self) -> Command {
         let mut before = 0;
         while self.count() > before {

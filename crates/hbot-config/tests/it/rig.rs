@@ -295,7 +295,9 @@ fn values_that_do_not_fit_each_other() {
     );
 }
 
-/// The least rig file with controllers that have ids, where `link` says this and each `{}` of `ids` is the table of a joint.
+/// Returns the smallest valid rig file for the given `protocol`, in which the table of joint j has
+/// the keys `ids[j]` in place of `counts_per_turn`. These keys give the ids of the motor
+/// controllers.
 fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
     let mut text = LEAST.to_owned();
     for id in ids {
