@@ -30,8 +30,8 @@ fn mixed() -> CompiledScene {
     scene(&effects)
 }
 
-/// Returns the motion of a sphere that wanders. Every tick differs, so that no effect takes a
-/// shortcut for rest.
+/// Returns a sequence of motions in which the sphere never rests, so that no effect can take a
+/// shortcut for a sphere at rest.
 fn motions() -> Vec<Motion> {
     let turn = |k: usize| {
         let t = k as f64 * 0.01;

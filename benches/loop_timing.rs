@@ -18,8 +18,9 @@ use serde_json::json;
 
 const PAIRS: usize = 5;
 
-/// Measures a loop that only sleeps to absolute deadlines. Returns the median and the 99 % quantile
-/// of its lateness in us, the number of late ticks, and the number of all ticks.
+/// Runs a loop that only sleeps until each deadline, as a baseline for the server's loop. Returns
+/// the median and the 99 % quantile of its lateness in us, the number of late ticks, and the number
+/// of all ticks.
 fn bare(rate: u32, seconds: f64) -> [f64; 4] {
     let body = move || {
         let _ = real_time(LOOP_PRIORITY);
@@ -42,8 +43,8 @@ fn bare(rate: u32, seconds: f64) -> [f64; 4] {
     std::thread::spawn(body).join().expect("it ends")
 }
 
-/// Runs the server with the simulated rig at the other end of a pseudo-terminal, without clients.
-/// Returns its statistics.
+/// Runs the server without clients, connected to a simulated rig through a pseudo-terminal. Returns
+/// the statistics of its loop.
 fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
     let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
     let rig = RigConfig::load(None, &[rate])?;

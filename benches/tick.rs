@@ -5,7 +5,7 @@
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 
-/// Defines the benches for a core of either floating-point width.
+/// Defines the benchmarks for one floating-point width of the core (f64 or f32).
 macro_rules! width {
     ($name:ident, $core:ident, $real:ty) => {
         mod $name {
@@ -67,7 +67,8 @@ macro_rules! width {
                 CompiledScene::new(1, &[effect(0, kinds[0]), effect(1, kinds[1])]).expect("a legal scene")
             }
 
-            /// Returns the feedback of joints that swing sinusoidally. Every tick differs.
+            /// Returns joint feedback that swings sinusoidally over the ticks, so that every tick
+            /// differs.
             fn feedback(rig: &Rig, tick: u64) -> JointFeedback {
                 let n = rig.device.joints();
                 let phase = tick as $real * 0.006;
@@ -88,8 +89,8 @@ macro_rules! width {
                 feedback
             }
 
-            /// Returns a function that runs one tick of a controller in mode `active`, after its
-            /// soft start.
+            /// Returns a function that runs one tick. Its controller is already in the mode
+            /// `active`, and its soft start is over.
             fn active(rig: Rig) -> impl FnMut() -> Outputs {
                 // The feedback above is not that of a turning sphere, so the slip limit is wide
                 // enough that its slip is no fault.
@@ -133,9 +134,9 @@ macro_rules! width {
                 group.finish();
             }
 
-            /// Measures the balanced tick with the optional limits: with none, with each of them
-            /// alone, and with all. Each limit is checked in every tick but is far from being
-            /// reached. Passivity has the settings of a rig file that says `true`.
+            /// Measures a tick with the optional limits: without any, with each alone, and with all
+            /// of them. Each limit is checked in every tick, but its value is never reached. The
+            /// passivity stage has the settings of `passivity = true` in a rig file.
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {

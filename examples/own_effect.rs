@@ -24,24 +24,24 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 /// Angle between two teeth, rad.
 const TOOTH: f64 = 0.1;
-/// Stiffness of a tooth, N m/rad, and its damping, N m s/rad.
+/// Stiffness of the torque that pushes the sphere back to the last tooth, N m/rad.
 const STIFFNESS: f64 = 8.0;
 const DAMPING: f64 = 0.02;
-/// Number of ticks in a run: 10 s.
+/// Number of ticks in a run. At 1 kHz they take 10 s.
 const TICKS: u64 = 10_000;
 
-/// The state of a ratchet about n3.
+/// State of a ratchet that lets the sphere turn about n3 in one direction only.
 #[derive(Default)]
 struct Ratchet {
-    /// Turn of the sphere about n3 since the start, rad.
+    /// Angle by which the sphere has turned about n3 since the start, rad.
     angle: f64,
     /// Angle of the last tooth that was passed, rad.
     held: f64,
 }
 
 impl Ratchet {
-    /// Advances the ratchet by `dt` seconds to `state`. Returns the torque on the sphere in frame
-    /// N, N m.
+    /// Updates the ratchet with the sphere's motion in one tick of `dt` seconds. Returns the torque
+    /// on the sphere in frame N, in N m.
     fn render(&mut self, state: &State, dt: f64) -> Vec3 {
         self.angle += state.omega.z * dt;
         self.held = self.held.max((self.angle / TOOTH).floor() * TOOTH);
@@ -50,8 +50,8 @@ impl Ratchet {
     }
 }
 
-/// Runs the simulated rig. Returns how far the sphere turned about n3, and how far it came back
-/// from there, rad.
+/// Runs a simulated rig for [`TICKS`] ticks, with or without a ratchet. Returns the largest angle
+/// that the sphere reached about n3, and how far it then turned back, in rad.
 fn run(rig: &Rig, mut ratchet: Option<Ratchet>) -> Result<[f64; 2], Box<dyn Error>> {
     let mut simulated = SimulatedRig::new(&SimulatedConfig::new(rig))?;
     simulated.set_hand(Some(Hand { stiffness: 1.0, ..Hand::default() }));

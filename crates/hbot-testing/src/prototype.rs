@@ -31,8 +31,8 @@ pub fn device_with(alter: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     Device::new(device.sphere_radius(), device.sphere_mass(), &wheels).expect("a legal device")
 }
 
-/// Returns `wheel` with the radius and the joint inertias of the task that compares integration
-/// methods (docs/simulator.md). They differ from those of the prototype.
+/// Returns `wheel` with the radius and joint inertias that are used to compare hbot with other
+/// simulators (docs/simulator.md). They differ from those of the prototype.
 #[must_use]
 pub fn of_the_task(wheel: WheelSpec) -> WheelSpec {
     WheelSpec { radius: 0.0102, steer_inertia: 3.105_468_222_7e-5, drive_inertia: 3.5202e-6, ..wheel }

@@ -295,9 +295,8 @@ fn values_that_do_not_fit_each_other() {
     );
 }
 
-/// Returns the smallest valid rig file for the given `protocol`, in which the table of joint j has
-/// the keys `ids[j]` in place of `counts_per_turn`. These keys give the ids of the motor
-/// controllers.
+/// Returns a short rig file for `protocol`. The text `ids[j]`, such as `controller = 1`, replaces
+/// `counts_per_turn` in the table of joint j.
 fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
     let mut text = LEAST.to_owned();
     for id in ids {
