@@ -1,5 +1,5 @@
-//! The time of a whole tick, of each of its stages, and of each limit in it, for 2 and 4 wheels, in
-//! f64 and f32.
+//! Measures the time of a whole tick, of each of its stages, and of each optional limit, with 2 and
+//! 4 wheels, in f64 and f32.
 //!
 //! `cargo bench --bench tick`
 
@@ -82,7 +82,7 @@ macro_rules! width {
                 for i in 0..n {
                     let swing = 0.3 + 0.1 * i as $real;
                     feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;
-                    // The rate that matches these counts at 1 kHz.
+                    // The joint rate that agrees with these encoder counts at 1 kHz.
                     feedback.rates[i] =
                         swing * (phase + i as $real).cos() * 2000.0 * 6.0 * rig.joints[i].radians_per_count();
                 }
@@ -92,8 +92,8 @@ macro_rules! width {
             /// Returns a function that runs one tick. Its controller is already in the mode
             /// `active`, and its soft start is over.
             fn active(rig: Rig) -> impl FnMut() -> Outputs {
-                // The feedback above is not that of a turning sphere, so the slip limit is wide
-                // enough that its slip is no fault.
+                // The joint feedback above is not that of a turning sphere, so the wheels seem to
+                // slip. The slip limit is so wide that this is no fault.
                 let rig = rig.with(|rig| rig.limits.slip = 100.0).expect("a legal rig");
                 let mut controller = Controller::new(rig);
                 let scene = scene();
@@ -134,9 +134,10 @@ macro_rules! width {
                 group.finish();
             }
 
-            /// Measures a tick with the optional limits: without any, with each alone, and with all
-            /// of them. Each limit is checked in every tick, but its value is never reached. The
-            /// passivity stage has the settings of `passivity = true` in a rig file.
+            /// Measures a tick of the rig with balanced methods for different limits: without any,
+            /// with each alone, and with all. The limits are checked in every tick, but their
+            /// values are never reached. The passivity stage has the settings of `passivity = true`
+            /// in a rig file.
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {
@@ -167,7 +168,7 @@ macro_rules! width {
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
                             b.iter(|| black_box(run()).state.torque);
                         });
-                        // A tick in another mode would be cheaper.
+                        // In any other mode a tick would take less time.
                         assert_eq!(run().state.mode, $core::mode::Mode::Active, "{name}");
                     }
                 }

@@ -21,6 +21,7 @@ use hbot_core::{Vec3, rotation};
 
 /// Stiffness of the spring, N m/rad.
 const STIFFNESS: f64 = 0.3;
+/// Damping of the spring, N m s/rad.
 const DAMPING: f64 = 0.005;
 /// Time after which a torque expires if no new one arrives, ms.
 const VALID_MS: u64 = 50;

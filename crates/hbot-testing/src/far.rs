@@ -1,4 +1,5 @@
-//! Motor controllers at the far end of a pseudo-terminal that keep all commands they hear.
+//! Simulated motor controllers at the far end of a pseudo-terminal. They record all commands that
+//! they receive.
 
 use std::io::{Read as _, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -42,8 +43,8 @@ impl Far {
         let mut simulated = simulated_as(rig, |_| ());
         let (record, stop) = (Arc::clone(&heard), Arc::clone(&over));
         let thread = std::thread::spawn(move || {
-            // The far end stays open as long as this thread runs, so that the near end sees no
-            // hang-up.
+            // Keeps the far end open as long as this thread runs. If it closed, reads at the near
+            // end would fail.
             let _far = far;
             let mut decoder = Decoder::<ToController>::new();
             let (start, mut buffer, mut reply) = (Instant::now(), [0; 4096], Vec::new());
@@ -56,7 +57,7 @@ impl Far {
                 });
                 reply.clear();
                 simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);
-                // An answer that the line does not take becomes a missed reading.
+                // A failed write is ignored: for the loop it is only a missed reading.
                 let _ = near.write(&reply);
             }
         });
@@ -98,7 +99,7 @@ impl Far {
         let mut before = 0;
         while self.count() > before {
             before = self.count();
-            // Silence has no condition that could be waited for.
+            // Sleeps for a fixed time, because silence has no condition to wait for.
             std::thread::sleep(SILENCE);
         }
         self.over.store(true, Ordering::Relaxed);
@@ -114,7 +115,7 @@ impl Drop for Far {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has already reported it.
+            // If the thread panicked, its message is already printed.
             let _ = thread.join();
         }
     }

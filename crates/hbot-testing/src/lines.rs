@@ -1,4 +1,4 @@
-//! A client that sends JSON by hand, line by line.
+//! A client that sends and receives JSON line by line, without the client library.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -122,7 +122,7 @@ impl JsonLines {
     /// If the text is not UTF-8.
     pub fn rest(&mut self) -> String {
         let mut rest = Vec::new();
-        // A reset is an end as well.
+        // An error, such as a reset of the connection, also ends the text.
         let _ = self.reader.read_to_end(&mut rest);
         String::from_utf8(rest).expect("UTF-8")
     }

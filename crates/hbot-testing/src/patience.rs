@@ -1,4 +1,4 @@
-//! How long a test waits, and how it waits.
+//! Waits for a condition in a test, for a limited time.
 
 use std::time::{Duration, Instant};
 

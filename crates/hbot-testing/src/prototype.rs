@@ -1,4 +1,4 @@
-//! The prototype in simulation.
+//! The prototype: its geometry, its simulated rig, and its rig file with long time-outs.
 
 use hbot_config::RigConfig;
 use hbot_core::{Device, WheelSpec};

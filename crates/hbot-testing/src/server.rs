@@ -1,4 +1,4 @@
-//! A server in the test's own process.
+//! An hbot server that runs in the process of the test.
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -66,7 +66,7 @@ pub fn paced(rate_hz: u32) -> Recorder {
     let period = Duration::from_secs(1) / rate_hz;
     Box::new(move |_, _, _| {
         ticks += 1;
-        // The next tick is due at a time, and not when something happens.
+        // Sleeps until the deadline of the next tick. There is no other condition to wait for.
         std::thread::sleep((begin + ticks * period).saturating_duration_since(Instant::now()));
     })
 }
@@ -116,7 +116,7 @@ impl TestServer {
             serve(options, listen, move |address| {
                 ready.send(address).expect("the test waits");
                 async {
-                    // Dropped or sent to: either stops it.
+                    // Completes when the sender is dropped or sends, and so stops the server.
                     let _ = stopped.await;
                 }
             })
