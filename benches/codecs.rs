@@ -1,4 +1,5 @@
-//! The time to encode and decode messages: frames on the serial line, and messages over TCP.
+//! Measures the time to encode and decode messages: frames on the serial line, and messages over
+//! TCP.
 //!
 //! `cargo bench --bench codecs`
 

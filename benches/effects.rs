@@ -1,5 +1,5 @@
-//! The time that each kind of effect takes per tick. Rendering alone is measured for an empty
-//! scene, for each kind with default parameters, and for 16 effects of mixed kinds. The whole tick
+//! Measures the time of the effects per tick. Rendering alone is measured for an empty scene, for
+//! each kind of effect with default parameters, and for 16 effects of mixed kinds. The whole tick
 //! of a `Controller` is measured for the empty scene and for the 16 effects.
 //!
 //! `cargo bench --bench effects`
@@ -30,8 +30,8 @@ fn mixed() -> CompiledScene {
     scene(&effects)
 }
 
-/// Returns the motion of a sphere that wanders. Every tick differs, so that no effect takes a
-/// shortcut for rest.
+/// Returns a sequence of motions in which the sphere never rests, so that no effect can take a
+/// shortcut for a sphere at rest.
 fn motions() -> Vec<Motion> {
     let turn = |k: usize| {
         let t = k as f64 * 0.01;
@@ -67,8 +67,9 @@ fn rendering(c: &mut Criterion) {
 }
 
 fn whole_ticks(c: &mut Criterion) {
-    // The feedback below is not that of a turning sphere, so the limits are wide enough that its
-    // slip is no fault. The motion also stays near all references.
+    // The joint feedback below is not that of a turning sphere, so the wheels seem to slip. The
+    // limits are so wide that this is no fault. The orientation also stays near the references of
+    // all effects.
     let Limits { slip, speed, enable_max_angle, .. } = Limits::WIDEST;
     let rig = RigConfig::prototype().rig;
     let rig = rig
@@ -84,8 +85,8 @@ fn whole_ticks(c: &mut Criterion) {
             let mut rates = [0.0; MAX_JOINTS];
             for i in 0..4 {
                 counts[i] = (600.0 * (phase + i as f64).sin()) as i32;
-                // The rate that matches these counts at 1 kHz. A rate that disagrees with the
-                // counts would be a fault.
+                // The joint rate that agrees with these encoder counts at 1 kHz. If the two
+                // disagreed, the controller would report a fault.
                 rates[i] = 600.0 * 6.0 * (phase + i as f64).cos() * rig.joints[i].radians_per_count();
             }
             let complaints = Complaints::default();

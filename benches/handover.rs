@@ -1,5 +1,5 @@
-//! The time to pass a sample from the loop to the service: through the ring alone, and to another
-//! thread and back.
+//! Measures the time to pass a sample from the loop to the service: through the ring buffer alone,
+//! and to another thread and back.
 //!
 //! `cargo bench --bench handover`
 

@@ -1,6 +1,6 @@
-//! The lateness of the wall-clock loop over a pseudo-terminal, compared with a bare loop that
-//! sleeps to absolute deadlines at the same priority. The two run alternately in pairs, at 1, 2 and
-//! 4 kHz.
+//! Measures the lateness of the real-time loop over a pseudo-terminal. Compares it with a loop that
+//! only sleeps to absolute deadlines at the same priority. The two run alternately in pairs, at 1,
+//! 2 and 4 kHz.
 //!
 //! `cargo bench --bench loop_timing`. With `-- SECONDS` each run lasts that long (default 3).
 
@@ -18,8 +18,9 @@ use serde_json::json;
 
 const PAIRS: usize = 5;
 
-/// Measures a loop that only sleeps to absolute deadlines. Returns the median and the 99 % quantile
-/// of its lateness in us, the number of late ticks, and the number of all ticks.
+/// Runs a loop that only sleeps until each deadline, as a baseline for the server's loop. Returns
+/// the median and the 99 % quantile of its lateness in us, the number of late ticks, and the number
+/// of all ticks.
 fn bare(rate: u32, seconds: f64) -> [f64; 4] {
     let body = move || {
         let _ = real_time(LOOP_PRIORITY);
@@ -42,8 +43,8 @@ fn bare(rate: u32, seconds: f64) -> [f64; 4] {
     std::thread::spawn(body).join().expect("it ends")
 }
 
-/// Runs the server with the simulated rig at the other end of a pseudo-terminal, without clients.
-/// Returns its statistics.
+/// Runs the server without clients, connected to a simulated rig through a pseudo-terminal. Returns
+/// the statistics of its loop.
 fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
     let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
     let rig = RigConfig::load(None, &[rate])?;
@@ -63,8 +64,8 @@ fn main() {
     args.retain(|a| !a.starts_with("--"));
     let seconds = if smoke { 0.2 } else { args.first().and_then(|s| s.parse().ok()).unwrap_or(3.0) };
     let pairs = if smoke { 1 } else { PAIRS };
-    // In a separate thread, because the service runs in this one and must not have the loop's
-    // priority.
+    // Requests the loop's priority in a separate thread. The service runs in this thread and must
+    // not have that priority.
     let priority = std::thread::spawn(|| real_time(LOOP_PRIORITY)).join().expect("it ends");
     for refused in [lock_memory(), priority].into_iter().filter_map(Result::err) {
         println!("not in real time: {refused}");

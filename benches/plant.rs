@@ -1,5 +1,5 @@
-//! The time of one step of the simulated plant, by integration method, for 2 and 4 wheels. The
-//! sphere is held by a spring and driven by two sines.
+//! Measures the time of one step of the simulated plant, for each integration method, with 2 and 4
+//! wheels. The sphere is held by a spring and driven by two sines.
 //!
 //! `cargo bench --bench plant`
 

@@ -1,11 +1,11 @@
-//! The time of a whole tick, of each of its stages, and of each limit in it, for 2 and 4 wheels, in
-//! f64 and f32.
+//! Measures the time of a whole tick, of each of its stages, and of each optional limit, with 2 and
+//! 4 wheels, in f64 and f32.
 //!
 //! `cargo bench --bench tick`
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 
-/// Defines the benches for a core of either floating-point width.
+/// Defines the benchmarks for one floating-point width of the core (f64 or f32).
 macro_rules! width {
     ($name:ident, $core:ident, $real:ty) => {
         mod $name {
@@ -67,7 +67,8 @@ macro_rules! width {
                 CompiledScene::new(1, &[effect(0, kinds[0]), effect(1, kinds[1])]).expect("a legal scene")
             }
 
-            /// Returns the feedback of joints that swing sinusoidally. Every tick differs.
+            /// Returns joint feedback that swings sinusoidally over the ticks, so that every tick
+            /// differs.
             fn feedback(rig: &Rig, tick: u64) -> JointFeedback {
                 let n = rig.device.joints();
                 let phase = tick as $real * 0.006;
@@ -81,18 +82,18 @@ macro_rules! width {
                 for i in 0..n {
                     let swing = 0.3 + 0.1 * i as $real;
                     feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;
-                    // The rate that matches these counts at 1 kHz.
+                    // The joint rate that agrees with these encoder counts at 1 kHz.
                     feedback.rates[i] =
                         swing * (phase + i as $real).cos() * 2000.0 * 6.0 * rig.joints[i].radians_per_count();
                 }
                 feedback
             }
 
-            /// Returns a function that runs one tick of a controller in mode `active`, after its
-            /// soft start.
+            /// Returns a function that runs one tick. Its controller is already in the mode
+            /// `active`, and its soft start is over.
             fn active(rig: Rig) -> impl FnMut() -> Outputs {
-                // The feedback above is not that of a turning sphere, so the slip limit is wide
-                // enough that its slip is no fault.
+                // The joint feedback above is not that of a turning sphere, so the wheels seem to
+                // slip. The slip limit is so wide that this is no fault.
                 let rig = rig.with(|rig| rig.limits.slip = 100.0).expect("a legal rig");
                 let mut controller = Controller::new(rig);
                 let scene = scene();
@@ -133,9 +134,10 @@ macro_rules! width {
                 group.finish();
             }
 
-            /// Measures the balanced tick with the optional limits: with none, with each of them
-            /// alone, and with all. Each limit is checked in every tick but is far from being
-            /// reached. Passivity has the settings of a rig file that says `true`.
+            /// Measures a tick of the rig with balanced methods for different limits: without any,
+            /// with each alone, and with all. The limits are checked in every tick, but their
+            /// values are never reached. The passivity stage has the settings of `passivity = true`
+            /// in a rig file.
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {
@@ -166,7 +168,7 @@ macro_rules! width {
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
                             b.iter(|| black_box(run()).state.torque);
                         });
-                        // A tick in another mode would be cheaper.
+                        // In any other mode a tick would take less time.
                         assert_eq!(run().state.mode, $core::mode::Mode::Active, "{name}");
                     }
                 }

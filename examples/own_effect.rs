@@ -6,10 +6,10 @@
 //! ```
 //!
 //! The kinds of effects in a scene are fixed, because each one is tested with everything that a
-//! hand can do. Any other haptic law is a stream: it computes a torque from the state of a tick.
-//! This torque acts in the next tick, within all limits of the rig. Here the law runs in one
-//! process with the controller and a simulated rig, in which a hand turns the sphere back and
-//! forth. The example `stream_torque` does something similar over TCP.
+//! hand can do. A program that needs another haptic law computes its torque from the state of a
+//! tick and streams it. The torque acts in the next tick, within all limits of the rig. Here the
+//! law runs in one process with the controller and a simulated rig, in which a simulated hand turns
+//! the sphere back and forth. The example `stream_torque` streams a torque over TCP.
 
 use std::error::Error;
 
@@ -24,24 +24,26 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 /// Angle between two teeth, rad.
 const TOOTH: f64 = 0.1;
-/// Stiffness of a tooth, N m/rad, and its damping, N m s/rad.
+/// Stiffness of the torque that pushes the sphere back to the last tooth, N m/rad.
 const STIFFNESS: f64 = 8.0;
+/// Damping of this torque, N m s/rad.
 const DAMPING: f64 = 0.02;
-/// Number of ticks in a run: 10 s.
+/// Number of ticks in a run. At 1 kHz they take 10 s.
 const TICKS: u64 = 10_000;
 
-/// The state of a ratchet about n3.
+/// State of a ratchet: a virtual mechanism that lets the sphere turn forwards about n3, but not
+/// back past the last tooth.
 #[derive(Default)]
 struct Ratchet {
-    /// Turn of the sphere about n3 since the start, rad.
+    /// Angle by which the sphere has turned about n3 since the start, rad.
     angle: f64,
     /// Angle of the last tooth that was passed, rad.
     held: f64,
 }
 
 impl Ratchet {
-    /// Advances the ratchet by `dt` seconds to `state`. Returns the torque on the sphere in frame
-    /// N, N m.
+    /// Updates the ratchet with the sphere's motion in one tick of `dt` seconds. Returns the torque
+    /// on the sphere in frame N, in N m.
     fn render(&mut self, state: &State, dt: f64) -> Vec3 {
         self.angle += state.omega.z * dt;
         self.held = self.held.max((self.angle / TOOTH).floor() * TOOTH);
@@ -50,8 +52,9 @@ impl Ratchet {
     }
 }
 
-/// Runs the simulated rig. Returns how far the sphere turned about n3, and how far it came back
-/// from there, rad.
+/// Runs a simulated rig for [`TICKS`] ticks, with or without a ratchet. Returns the largest angle
+/// that the sphere reached about n3, and the most that it turned back from its furthest point, in
+/// rad.
 fn run(rig: &Rig, mut ratchet: Option<Ratchet>) -> Result<[f64; 2], Box<dyn Error>> {
     let mut simulated = SimulatedRig::new(&SimulatedConfig::new(rig))?;
     simulated.set_hand(Some(Hand { stiffness: 1.0, ..Hand::default() }));
@@ -67,8 +70,8 @@ fn run(rig: &Rig, mut ratchet: Option<Ratchet>) -> Result<[f64; 2], Box<dyn Erro
         let command = if tick == 3 {
             Command::Enable
         } else {
-            // The torque is valid for this tick and the next. If the law stopped, its torque would
-            // stop too.
+            // The torque is valid for this tick and the next. If the program stopped sending, its
+            // torque would end.
             let stamp = Stamp { seq: None, tick: Some(tick - 1) };
             Command::Stream { torque, valid_ticks: 2, stamp }
         };
@@ -94,7 +97,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [most, back] = run(&rig, Some(Ratchet::default()))?;
     println!("without: the hand turns the sphere by {free:.3} rad and brings it back by {free_back:.3} rad");
     println!("with it: by {most:.3} rad, and back by {back:.3} rad; a tooth is {TOOTH} rad");
-    // The sphere goes back to the tooth, and as far into it as the hand can push.
+    // With the ratchet, the sphere can turn back by one tooth, and by the angle to which the
+    // simulated hand can push the spring of the tooth.
     if back < TOOTH + 0.6 / STIFFNESS && free_back > 2.0 * back {
         Ok(())
     } else {

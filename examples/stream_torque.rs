@@ -19,10 +19,11 @@ use std::time::{Duration, Instant};
 use hbot_api::{Client, Event, TorqueCommand};
 use hbot_core::{Vec3, rotation};
 
-/// Stiffness, N m/rad, and damping, N m s/rad.
+/// Stiffness of the spring, N m/rad.
 const STIFFNESS: f64 = 0.3;
+/// Damping of the spring, N m s/rad.
 const DAMPING: f64 = 0.005;
-/// How long a torque is valid if no other follows, ms.
+/// Time after which a torque expires if no new one arrives, ms.
 const VALID_MS: u64 = 50;
 
 fn main() -> Result<(), Box<dyn Error>> {

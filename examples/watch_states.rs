@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use hbot_api::{Client, Event};
 
-/// Number of ticks from one state to the next: ten states per second at 1 kHz.
+/// Number of ticks from one state to the next. At 1 kHz, 100 gives ten states per second.
 const EVERY: u64 = 100;
 
 fn main() -> Result<(), Box<dyn Error>> {

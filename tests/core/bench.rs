@@ -119,9 +119,9 @@ pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
     }
 }
 
-/// The controller alone, on a sphere that turns as a test says: no line, no motors, no plant, so
-/// that a tick can be given any inputs. Other tests put a controller behind a line (`TickBench` of
-/// hbot-host) or on a plant (`Loop` of `passivity.rs`).
+/// The control law alone, with a sphere whose motion the test sets. It has no line, motors or
+/// simulated plant, so that a test can give a tick any inputs. `TickBench` of hbot-host adds a
+/// line, and `Loop` of `passivity.rs` adds a plant.
 pub struct Bench {
     pub controller: Controller,
     pub scene: CompiledScene,

@@ -22,9 +22,9 @@ const OWN: f64 = 0.005;
 /// m/rad.
 pub const BORDER: f64 = OWN / (1.5 * DT);
 
-/// A rig whose controllers answer each command with a reading of that moment and hold its torque
-/// for a tick. Not the simulated rig: the device's damping is set here alone, so the border of
-/// stability is known exactly.
+/// A control loop around a simulated plant. The motor controllers answer each command at once with
+/// a reading, and hold the commanded torque for one tick. In contrast to the simulated rig, the
+/// damping of the device is set here alone, so the stability limit is known exactly.
 pub struct Loop {
     controller: Controller,
     scene: CompiledScene,

@@ -58,7 +58,7 @@ impl Line for Cable {
     }
 }
 
-/// A server on the motors behind `cable`.
+/// Starts a server that drives the simulated motors behind `cable`.
 fn served(cable: &Cable) -> TestServer {
     let mut rig = patient();
     rig.link.port = Port::Devices(vec!["toy".to_owned()]);

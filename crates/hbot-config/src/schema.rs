@@ -23,8 +23,9 @@ pub(crate) fn of<T: JsonSchema>() -> Value {
     schema
 }
 
-/// Replaces line breaks in all descriptions by spaces. Doc comments break lines for the editor;
-/// tool tips, tables and clients break them where they need to.
+/// Replaces each line break in the schema's descriptions by a space. The descriptions come from doc
+/// comments, whose lines are wrapped for an editor. Programs that show them wrap the text to their
+/// own width.
 fn unwrap_descriptions(schema: &mut Value) {
     match schema {
         Value::Object(map) => {

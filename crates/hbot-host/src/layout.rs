@@ -9,7 +9,7 @@ use hbot_core::MAX_JOINTS;
 /// ratios are not part of the layout, because the control law of hbot-core applies them.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// JointPlace of each joint, in the order steer, drive of each wheel.
+    /// Bus and position of each joint of the rig. The order is steer, drive for each wheel in turn.
     pub places: Vec<JointPlace>,
     /// Encoder counts that are added to the count of each joint, so that the sum is zero at the
     /// rig's zero.
@@ -21,10 +21,10 @@ pub struct Layout {
 pub struct JointPlace {
     /// Number of the bus that carries the joint, from 0.
     pub bus: usize,
-    /// JointPlace of the joint on that bus, from 0.
+    /// Position of the joint among the joints of its bus, counted from 0.
     pub at: usize,
-    /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its
-    /// place.
+    /// Id of the motor controller on its bus. Joints that use hbot's own protocol have no ids. For
+    /// them this is the position of the joint on its bus.
     pub id: u8,
 }
 
@@ -51,7 +51,8 @@ impl Layout {
         Self { places: all().map(place).collect(), offsets }
     }
 
-    /// With the ids of a bus that begin at `first` and follow one another.
+    /// Replaces the ids of the motor controllers by consecutive numbers. On each bus, the first
+    /// controller has the id `first`. Returns the changed layout.
     #[must_use]
     pub fn numbered_from(mut self, first: u8) -> Self {
         for place in &mut self.places {
@@ -80,7 +81,8 @@ impl Layout {
         self.on(bus).map(|(joint, place)| (joint, place.at))
     }
 
-    /// The joints of the rig on one bus, each with where it stands.
+    /// Returns the joints on the bus with the number `bus`. Each joint is given as its index in the
+    /// rig and its place on that bus.
     pub fn on(&self, bus: usize) -> impl Iterator<Item = (usize, &JointPlace)> {
         self.places.iter().enumerate().filter(move |(_, place)| place.bus == bus)
     }

@@ -85,9 +85,9 @@ impl StiffnessBound {
     }
 }
 
-/// Turns by which the steer angle of each wheel advances from one sample posture to the next. They
-/// are the square roots of the first primes: no two of them are in a rational ratio, so no two
-/// wheels advance together.
+/// Turns by which each wheel's steer angle advances from one sampled posture to the next. The
+/// values are the square roots of the first primes. The ratio of any two of them is irrational, so
+/// the samples never repeat a pattern between two wheels.
 const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     1.414_213_562_373_095_1,
     1.732_050_807_568_877_2,
@@ -99,8 +99,8 @@ const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     4.358_898_943_540_674,
 ];
 
-/// Returns sample postures, which fill the space of steer angles evenly. The steer angle of wheel i
-/// advances by `TURNS_PER_SAMPLE[i]` from one sample to the next.
+/// Returns postures at which the inertia is sampled. They cover all combinations of steer angles
+/// evenly. From one posture to the next, wheel i turns by `TURNS_PER_SAMPLE[i]` turns.
 fn postures(wheels: usize) -> impl Iterator<Item = PlantState> {
     (0..SAMPLES).map(move |k| {
         let mut state = PlantState::default();
@@ -160,7 +160,9 @@ mod tests {
         assert!(rests(0.9 * border, 0.01) && !rests(1.1 * border, 0.01));
     }
 
-    /// Wheels that stood still, or that turned together, would hide postures with less inertia.
+    /// The sampled steer angles leave no wide gap, and neither do the angle differences of any two
+    /// wheels. If a wheel stood still, or if two wheels turned together, the samples would miss
+    /// postures that have less inertia.
     #[test]
     fn the_sample_postures_turn_every_wheel_and_no_two_together() {
         let samples: Vec<PlantState> = postures(MAX_WHEELS).collect();

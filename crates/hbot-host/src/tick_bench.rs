@@ -12,7 +12,7 @@ use crate::layout::Layout;
 use crate::motors::Motors;
 use crate::sample::Sample;
 
-/// The engine, without the thread that ticks it in service.
+/// The engine without its real-time thread, for tests and benches. The caller runs each tick.
 pub(crate) struct TickBench {
     pub(crate) engine: Engine,
     pub(crate) end: ServiceEnd,
@@ -20,7 +20,8 @@ pub(crate) struct TickBench {
     pub(crate) tick: u64,
 }
 
-/// A tick of a loop at 1 kHz, on time.
+/// Returns the timing of tick number `tick` in a 1 kHz loop in which every tick starts exactly at
+/// its deadline.
 pub(crate) fn on_time(tick: u64) -> TickTime {
     TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
@@ -31,7 +32,7 @@ pub(crate) fn default_scene() -> Box<CompiledScene> {
 }
 
 impl TickBench {
-    /// A bench of `rig` that renders `scene`.
+    /// Creates an engine for `rig` that renders `scene` and uses the given motor buses.
     pub(crate) fn new(
         rig: &RigConfig,
         buses: Vec<Box<dyn MotorBus>>,
@@ -50,7 +51,7 @@ impl TickBench {
         self.end.try_sample().expect("a sample a tick")
     }
 
-    /// The sample of the last of `n` ticks.
+    /// Runs `n` ticks and returns the sample of the last one.
     pub(crate) fn ticks(&mut self, n: u32) -> Sample {
         (1..n).for_each(|_| _ = self.tick());
         self.tick()

@@ -46,7 +46,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Lines over even axes; no point is marked.
+    /// Creates a plot of `series` with linear axes and without circles at the Pareto front.
     #[must_use]
     pub fn new(
         title: impl Into<String>,
@@ -57,13 +57,14 @@ impl Lines {
         Self { title: title.into(), x: x.into(), y: y.into(), log: [false; 2], series, front: false }
     }
 
-    /// The lines over axes that are logarithmic as `log` says.
+    /// Sets whether the x axis and the y axis are logarithmic. Returns the changed plot.
     #[must_use]
     pub fn log(self, log: [bool; 2]) -> Self {
         Self { log, ..self }
     }
 
-    /// The lines with a mark at what no other point beats in both x and y.
+    /// Switches on the circles at the Pareto front: the points for which no other point is better,
+    /// if small x and y are best. Returns the changed plot.
     #[must_use]
     pub fn front(self) -> Self {
         Self { front: true, ..self }
@@ -77,7 +78,8 @@ impl Series {
         Self { name: name.into(), points, colour, open: false }
     }
 
-    /// The line drawn open if `open`.
+    /// Sets whether the line is drawn thin and with open dots, as for a prediction. Returns the
+    /// changed line.
     #[must_use]
     pub fn open(self, open: bool) -> Self {
         Self { open, ..self }

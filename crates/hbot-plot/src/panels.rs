@@ -15,7 +15,7 @@ const PANEL: u32 = 250;
 /// Height of the title above the panels, pixels.
 const TITLE: u32 = 40;
 
-/// One curve of a [`PlotPanel`].
+/// One curve in a [`PlotPanel`], with its points, name and style.
 #[derive(Debug, Clone)]
 pub struct Curve {
     /// Name in the legend. A curve without a name has no legend entry.

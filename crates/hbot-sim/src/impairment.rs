@@ -45,7 +45,8 @@ pub(crate) struct Impairment {
 }
 
 impl Impairment {
-    /// A line on which `end` ends a frame.
+    /// Creates the impairment of a simulated line from the settings in `link`. Each frame on the
+    /// line ends with the byte `end`.
     pub(crate) fn new(link: &Link, end: u8) -> Self {
         let mut line = Self {
             random: Rand64::new(0),
@@ -93,7 +94,7 @@ struct Frame {
 /// The parameters and the frames in flight of one direction of an impaired line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
-    /// The byte that ends a frame.
+    /// The byte that marks the end of a frame.
     end: u8,
     latency_ns: u64,
     jitter_ns: f64,

@@ -1,4 +1,5 @@
-//! Motor controllers at the far end of a pseudo-terminal that keep all commands they hear.
+//! Simulated motor controllers at the far end of a pseudo-terminal. They record all commands that
+//! they receive.
 
 use std::io::{Read as _, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,13 +13,14 @@ use serialport::{SerialPort as _, TTYPort};
 
 use crate::prototype::simulated_as;
 
-/// The line is silent once nothing has come for this long: a busy machine holds no byte back for
-/// longer.
+/// Time without a new command after which the line counts as silent. A busy computer delays bytes
+/// for less than this.
 const SILENCE: Duration = Duration::from_millis(200);
 
-/// A simulated rig that records the commands it receives.
+/// A simulated rig at the far end of a pseudo-terminal. It records the commands that it receives,
+/// so that a test can check them.
 pub struct Far {
-    /// Path of the port to open.
+    /// Path of the pseudo-terminal that the program under test opens as its serial port.
     pub path: String,
     heard: Arc<Mutex<Vec<Command>>>,
     over: Arc<AtomicBool>,
@@ -26,10 +28,11 @@ pub struct Far {
 }
 
 impl Far {
-    /// The controllers of `rig`, at the far end of a new pseudo-terminal.
+    /// Starts simulated motor controllers for `rig` in a thread, at the far end of a new
+    /// pseudo-terminal.
     ///
     /// # Panics
-    /// If the system gives no pseudo-terminal.
+    /// If the operating system provides no pseudo-terminal.
     #[must_use]
     pub fn start(rig: &RigConfig) -> Self {
         let (mut near, far) = TTYPort::pair().expect("this test needs pseudo-terminals (/dev/ptmx)");
@@ -40,8 +43,8 @@ impl Far {
         let mut simulated = simulated_as(rig, |_| ());
         let (record, stop) = (Arc::clone(&heard), Arc::clone(&over));
         let thread = std::thread::spawn(move || {
-            // The far end stays open as long as this thread runs, so that the near end sees no
-            // hang-up.
+            // Keeps the far end open as long as this thread runs. If it closed, reads at the near
+            // end would fail.
             let _far = far;
             let mut decoder = Decoder::<ToController>::new();
             let (start, mut buffer, mut reply) = (Instant::now(), [0; 4096], Vec::new());
@@ -54,47 +57,49 @@ impl Far {
                 });
                 reply.clear();
                 simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);
-                // An answer that the line does not take becomes a missed reading.
+                // A failed write is ignored: for the loop it is only a missed reading.
                 let _ = near.write(&reply);
             }
         });
         Self { path, heard, over, thread: Some(thread) }
     }
 
-    /// How many commands have been heard.
+    /// Returns the number of commands received so far.
     ///
     /// # Panics
-    /// If its thread has panicked.
+    /// If the thread of the simulated motor controllers has panicked.
     #[must_use]
     pub fn count(&self) -> usize {
         self.heard.lock().expect("no panic").len()
     }
 
-    /// Whether a command after the first `count` was so.
+    /// Returns whether `so` accepts any of the recorded commands, not counting the first `count` of
+    /// them.
     ///
     /// # Panics
-    /// If its thread has panicked.
+    /// If the thread of the simulated motor controllers has panicked.
     #[must_use]
     pub fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
         self.heard.lock().expect("no panic")[count..].iter().any(so)
     }
 
-    /// Returns whether a command with torque has been received.
+    /// Returns whether any command received so far enables the motors with a torque other than
+    /// zero.
     #[must_use]
     pub fn pushed(&self) -> bool {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
-    /// Waits until nothing more comes, and checks that the last three commands are zero torque with
-    /// motors off. Returns the last command.
+    /// Waits until the line is silent. Then checks that each of the last three commands has zero
+    /// torque and switches the motors off. Returns the last command.
     ///
     /// # Panics
-    /// If one of the last three commands is another.
+    /// If one of the last three commands has torque or enables the motors.
     pub fn ends_still(mut self) -> Command {
         let mut before = 0;
         while self.count() > before {
             before = self.count();
-            // Silence has no condition that could be waited for.
+            // Sleeps for a fixed time, because silence has no condition to wait for.
             std::thread::sleep(SILENCE);
         }
         self.over.store(true, Ordering::Relaxed);
@@ -110,7 +115,7 @@ impl Drop for Far {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has already reported it.
+            // If the thread panicked, its message is already printed.
             let _ = thread.join();
         }
     }

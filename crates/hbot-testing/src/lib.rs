@@ -1,15 +1,15 @@
-//! What the tests of hbot share. Only dev-dependencies name this crate; `.ci/dependencies.sh`
-//! checks that no program links it.
+//! Helpers that the tests of several hbot crates share. This crate is only a dev-dependency.
+//! `.ci/dependencies.sh` checks that no program links it.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | [`patience`] | the one time that a test waits for a condition, and the one helper that waits |
-//! | [`prototype`] | the prototype's wheels, its simulated rig, and a rig that a busy machine does not trip |
-//! | [`far`] | motor controllers at the far end of a pseudo-terminal that keep all commands they hear |
-//! | [`lines`] | a client that sends JSON by hand |
-//! | `server` (feature) | a server in the test's own process |
+//! | [`patience`] | the longest time for which a test waits, and functions that wait |
+//! | [`prototype`] | the prototype, its simulated rig, and a variant with long time-outs |
+//! | [`far`] | simulated motor controllers behind a pseudo-terminal, which record all commands |
+//! | [`lines`] | a client that sends and receives JSON lines without the client library |
+//! | `server` (feature) | a server that runs in the process of the test |
 //!
-//! All helpers panic if something is not as a test needs it: the panic is the test's failure.
+//! All helpers panic if something goes wrong. The panic makes the test fail.
 
 pub mod far;
 pub mod lines;

@@ -1,4 +1,4 @@
-//! A client that sends JSON by hand, line by line.
+//! A client that sends and receives JSON line by line, without the client library.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -8,19 +8,20 @@ use serde_json::Value;
 
 use crate::patience::PATIENCE;
 
-/// A connection over which bytes are sent as they stand.
+/// A TCP connection to an hbot server over which a test sends JSON text line by line, without the
+/// client library. A test can also send invalid bytes.
 pub struct JsonLines {
-    /// The socket.
+    /// Socket over which the test sends.
     pub stream: TcpStream,
-    /// What comes over it.
+    /// Buffered reader of the bytes that the server sends.
     pub reader: BufReader<TcpStream>,
 }
 
 impl JsonLines {
-    /// Connects, and says nothing yet.
+    /// Connects to the server at `address` and sends nothing yet.
     ///
     /// # Panics
-    /// If nobody listens there.
+    /// If no server accepts the connection.
     #[must_use]
     pub fn connect(address: impl ToSocketAddrs) -> Self {
         let stream = TcpStream::connect(address).expect("the server listens");
@@ -30,10 +31,10 @@ impl JsonLines {
         Self { stream, reader }
     }
 
-    /// Connects and says hello.
+    /// Connects to the server at `address`, sends the `hello` request and checks the answer.
     ///
     /// # Panics
-    /// If the answer is not that of an hbot server.
+    /// If no server accepts the connection, or if the answer is not that of an hbot server.
     #[must_use]
     pub fn greeted(address: impl ToSocketAddrs) -> Self {
         let mut lines = Self::connect(address);
@@ -42,7 +43,7 @@ impl JsonLines {
         lines
     }
 
-    /// Sends bytes.
+    /// Sends `bytes` unchanged, without a line break.
     ///
     /// # Panics
     /// If the connection is closed.
@@ -50,7 +51,7 @@ impl JsonLines {
         self.stream.write_all(bytes).expect("sent");
     }
 
-    /// Sends a line.
+    /// Sends `line`, followed by a line break.
     ///
     /// # Panics
     /// If the connection is closed.
@@ -58,10 +59,11 @@ impl JsonLines {
         self.bytes(format!("{line}\n").as_bytes());
     }
 
-    /// The next line, `None` if the server has closed the connection.
+    /// Waits for the next line from the server and returns it as JSON. Returns `None` if the server
+    /// has closed the connection.
     ///
     /// # Panics
-    /// If no line comes within [`PATIENCE`], or one that is not JSON.
+    /// If no line arrives within [`PATIENCE`], or if the line is not JSON.
     pub fn next_line(&mut self) -> Option<Value> {
         let mut line = String::new();
         match self.reader.read_line(&mut line) {
@@ -72,18 +74,19 @@ impl JsonLines {
         }
     }
 
-    /// The next line.
+    /// Waits for the next line from the server and returns it as JSON.
     ///
     /// # Panics
-    /// If the server has closed the connection.
+    /// If the server has closed the connection. Also as [`next_line`](Self::next_line) does.
     pub fn line(&mut self) -> Value {
         self.next_line().expect("the connection stays")
     }
 
-    /// The next line that `found` accepts; those before it are dropped.
+    /// Reads lines from the server until `found` accepts one, and returns that line. Drops the
+    /// lines before it.
     ///
     /// # Panics
-    /// If none comes within [`PATIENCE`].
+    /// If no such line arrives within [`PATIENCE`], or if the server closes the connection before.
     pub fn until(&mut self, mut found: impl FnMut(&Value) -> bool) -> Value {
         let start = Instant::now();
         let mut last = Value::Null;
@@ -96,44 +99,48 @@ impl JsonLines {
         panic!("it did not come within {PATIENCE:?}; the last that came: {last}");
     }
 
-    /// The next answer; events before it are dropped.
+    /// Returns the server's next answer to a request. Drops the events that arrive before it.
     pub fn answer(&mut self) -> Value {
         self.until(|value| value.get("event").is_none())
     }
 
-    /// Sends a request and waits for its answer.
+    /// Sends the request `line` and returns the server's answer. Drops the events that arrive
+    /// before it.
     pub fn ask(&mut self, line: &str) -> Value {
         self.send(line);
         self.answer()
     }
 
-    /// The next state event for which `ready` holds.
+    /// Returns the next state event that `ready` accepts. Drops all lines before it.
     pub fn state(&mut self, mut ready: impl FnMut(&Value) -> bool) -> Value {
         self.until(|value| value["event"] == "state" && ready(value))
     }
 
-    /// Everything until the server closes.
+    /// Returns all text that the server sends until it closes the connection.
     ///
     /// # Panics
-    /// If that is not UTF-8.
+    /// If the text is not UTF-8.
     pub fn rest(&mut self) -> String {
         let mut rest = Vec::new();
-        // A reset is an end as well.
+        // An error, such as a reset of the connection, also ends the text.
         let _ = self.reader.read_to_end(&mut rest);
         String::from_utf8(rest).expect("UTF-8")
     }
 }
 
-/// Three numbers of a state.
+/// Converts a JSON array from a state, such as the torque, to a vector of three numbers.
 ///
 /// # Panics
-/// If they are none.
+/// If one of the first three elements is not a number.
 #[must_use]
 pub fn vector(value: &Value) -> [f64; 3] {
     std::array::from_fn(|i| value[i].as_f64().expect("a number"))
 }
 
-/// The length of three numbers of a state.
+/// Returns the length of a vector that a state holds as a JSON array of three numbers.
+///
+/// # Panics
+/// If one of the first three elements is not a number.
 #[must_use]
 pub fn norm(value: &Value) -> f64 {
     vector(value).iter().map(|x| x * x).sum::<f64>().sqrt()

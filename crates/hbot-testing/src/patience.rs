@@ -1,19 +1,19 @@
-//! How long a test waits, and how it waits.
+//! Waits for a condition in a test, for a limited time.
 
 use std::time::{Duration, Instant};
 
-/// The longest that a test waits for a condition. It never says how fast anything is: a busy
-/// machine may take most of it.
+/// Longest time for which a test waits for a condition. It is long because a busy computer can be
+/// slow. It is no requirement on the speed of the program.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The time between two looks at a condition.
+/// Time between two checks of a condition that a test waits for.
 pub const LOOK: Duration = Duration::from_millis(1);
 
-/// Looks at `found` every millisecond until it gives something, and returns that. `what` names the
-/// condition.
+/// Calls `found` every millisecond until it returns a value, and returns that value. `what`
+/// describes the awaited condition for the panic message.
 ///
 /// # Panics
-/// After [`PATIENCE`], with `what`.
+/// If `found` returns no value within [`PATIENCE`].
 pub fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + PATIENCE;
     loop {
@@ -25,10 +25,11 @@ pub fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// Looks at `condition` every millisecond until it holds. `what` names it.
+/// Waits until `condition` returns true. It is checked every millisecond. `what` describes the
+/// condition for the panic message.
 ///
 /// # Panics
-/// After [`PATIENCE`], with `what`.
+/// If `condition` does not become true within [`PATIENCE`].
 pub fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
     until(what, || condition().then_some(()));
 }

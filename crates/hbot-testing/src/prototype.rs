@@ -1,29 +1,29 @@
-//! The prototype in simulation.
+//! The prototype: its geometry, its simulated rig, and its rig file with long time-outs.
 
 use hbot_config::RigConfig;
 use hbot_core::{Device, WheelSpec};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
-/// The prototype.
+/// Returns the geometry and inertia of the prototype, as described in `rigs/prototype.toml`.
 #[must_use]
 pub fn device() -> Device {
     RigConfig::prototype().rig.device
 }
 
-/// Its wheels.
+/// Returns the specifications of the prototype's two wheels.
 ///
 /// # Panics
-/// If the rig file has other than two.
+/// If the prototype's rig file does not have exactly two wheels.
 #[must_use]
 pub fn wheels() -> [WheelSpec; 2] {
     let wheels: Vec<WheelSpec> = device().wheels().iter().map(|wheel| *wheel.spec()).collect();
     wheels.try_into().expect("two wheels")
 }
 
-/// The prototype with wheels that `alter` changes.
+/// Returns the prototype with changed wheels: `alter` converts the specification of each wheel.
 ///
 /// # Panics
-/// If the device is then not legal.
+/// If no legal device has the changed wheels.
 #[must_use]
 pub fn device_with(alter: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     let device = device();
@@ -31,20 +31,21 @@ pub fn device_with(alter: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     Device::new(device.sphere_radius(), device.sphere_mass(), &wheels).expect("a legal device")
 }
 
-/// The wheels of the comparison task of the plant's methods (docs/simulator.md): a smaller radius
-/// and other inertias than the prototype's.
+/// Returns `wheel` with the radius and joint inertias that are used to compare hbot with other
+/// simulators (docs/simulator.md). They differ from those of the prototype.
 #[must_use]
 pub fn of_the_task(wheel: WheelSpec) -> WheelSpec {
     WheelSpec { radius: 0.0102, steer_inertia: 3.105_468_222_7e-5, drive_inertia: 3.5202e-6, ..wheel }
 }
 
-/// The simulated rig of `rigs/prototype.toml`, at rest.
+/// Creates a simulated rig from `rigs/prototype.toml`, at rest.
 #[must_use]
 pub fn simulated() -> SimulatedRig {
     simulated_as(&RigConfig::prototype(), |_| ())
 }
 
-/// The simulated rig of a rig file, with what `spoil` changes in it.
+/// Creates a simulated rig from a rig file. Before that, `spoil` can change the settings of the
+/// simulation, for example to make the rig imperfect.
 ///
 /// # Panics
 /// If the rig cannot be simulated.
@@ -55,21 +56,22 @@ pub fn simulated_as(rig: &RigConfig, spoil: impl FnOnce(&mut SimulatedConfig)) -
     SimulatedRig::new(&config).expect("it can be simulated")
 }
 
-/// The prototype with a watchdog of 1 s and a time-out of 1000 ticks, which a busy machine does not
-/// trip: the kernel moves a pseudo-terminal's bytes by a worker of ordinary priority, so other work
-/// can hold them up.
+/// Returns the prototype with a watchdog of 1 s and a time-out of 1000 ticks, so that tests on a
+/// busy computer cause no fault. The kernel moves the bytes of a pseudo-terminal with ordinary
+/// priority, so other work can delay them.
 ///
 /// # Panics
-/// If the rig is not legal.
+/// If the rig file is not legal.
 #[must_use]
 pub fn patient() -> RigConfig {
     RigConfig::from_toml(&patient_file(), "patient.toml").expect("a legal rig")
 }
 
-/// The rig file of [`patient`].
+/// Returns the text of the rig file that [`patient`] reads: `rigs/prototype.toml` with a longer
+/// time-out and watchdog.
 ///
 /// # Panics
-/// If `rigs/prototype.toml` writes its time-out in other words.
+/// If `rigs/prototype.toml` does not contain the text `timeout_ticks = 20`, which is replaced.
 #[must_use]
 pub fn patient_file() -> String {
     let prototype = include_str!("../../../rigs/prototype.toml");

@@ -1,4 +1,4 @@
-//! A server in the test's own process.
+//! An hbot server that runs in the process of the test.
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -15,7 +15,8 @@ use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
-/// A server on `rig` that renders `scene` until it is stopped, and keeps no logs.
+/// Returns options for a server that runs `scene` on `rig`. It has no time limit, token or log
+/// folder.
 #[must_use]
 pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
     ServerOptions {
@@ -35,11 +36,11 @@ fn runtime() -> Runtime {
     Builder::new_current_thread().enable_all().build().expect("a runtime")
 }
 
-/// Serves on this thread until `over` of the server's address is done, or until its duration has
-/// passed.
+/// Runs a server on the current thread. `over` receives the server's address and returns a future.
+/// The server ends when this future completes, or after the duration in `options`.
 ///
 /// # Panics
-/// If the server does not start, or `over` panics.
+/// If the server does not start, or if the future panics.
 pub fn serve<F: Future<Output = ()> + Send + 'static>(
     options: ServerOptions,
     listen: SocketAddr,
@@ -57,23 +58,24 @@ pub fn serve<F: Future<Output = ()> + Send + 'static>(
     })
 }
 
-/// A recorder that records nothing and holds a loop in virtual time to `rate_hz` ticks a second of
-/// the clock.
+/// Returns a recorder that stores nothing, but sleeps in each tick. It slows a loop in virtual time
+/// to `rate_hz` ticks per second of real time.
 #[must_use]
 pub fn paced(rate_hz: u32) -> Recorder {
     let (begin, mut ticks) = (Instant::now(), 0);
     let period = Duration::from_secs(1) / rate_hz;
     Box::new(move |_, _, _| {
         ticks += 1;
-        // The next tick is due at a time, and not when something happens.
+        // Sleeps until the deadline of the next tick. There is no other condition to wait for.
         std::thread::sleep((begin + ticks * period).saturating_duration_since(Instant::now()));
     })
 }
 
-/// What `note` makes of each tick of a server in virtual time, which ends as [`serve`] says.
+/// Runs a server as [`serve`] does and calls `note` in each tick of its loop. Returns the values
+/// that `note` returned, one per tick.
 ///
 /// # Panics
-/// As [`serve`] does.
+/// If the server does not start, or if the future that ends it panics.
 pub fn recorded<T: Send + 'static, F: Future<Output = ()> + Send + 'static>(
     options: ServerOptions,
     note: impl Fn(&CompiledScene, &Inputs, &Outputs) -> T + Send + 'static,
@@ -87,25 +89,25 @@ pub fn recorded<T: Send + 'static, F: Future<Output = ()> + Send + 'static>(
     ticks.iter().collect()
 }
 
-/// The loopback address with a port that the system chooses.
+/// Returns the address 127.0.0.1 with port 0, for which the operating system chooses a free port.
 #[must_use]
 pub fn any_port() -> SocketAddr {
     ([127, 0, 0, 1], 0).into()
 }
 
-/// A server on a thread, stopped when it is dropped.
+/// A server that runs on its own thread. It stops when this value is dropped.
 pub struct TestServer {
-    /// Where it listens.
+    /// Address at which the server listens.
     pub address: SocketAddr,
     shutdown: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<Finished>>,
 }
 
 impl TestServer {
-    /// Starts a server that listens on `listen`.
+    /// Starts a server on a new thread and waits until it listens at the address `listen`.
     ///
     /// # Panics
-    /// If it does not start.
+    /// If the server does not start.
     #[must_use]
     pub fn start(options: ServerOptions, listen: SocketAddr) -> Self {
         let (shutdown, stopped) = oneshot::channel();
@@ -114,7 +116,7 @@ impl TestServer {
             serve(options, listen, move |address| {
                 ready.send(address).expect("the test waits");
                 async {
-                    // Dropped or sent to: either stops it.
+                    // Completes when the sender is dropped or sends, and so stops the server.
                     let _ = stopped.await;
                 }
             })
@@ -123,7 +125,7 @@ impl TestServer {
         Self { address, shutdown: Some(shutdown), thread: Some(thread) }
     }
 
-    /// Stops it and returns how it ended.
+    /// Stops the server and returns its result.
     ///
     /// # Panics
     /// If the server has panicked.

@@ -295,8 +295,8 @@ fn values_that_do_not_fit_each_other() {
     );
 }
 
-/// The least rig file with controllers that have ids, where `link` says this and each `{}` of `ids`
-/// is the table of a joint.
+/// Returns a short rig file for `protocol`. The text `ids[j]`, such as `controller = 1`, replaces
+/// `counts_per_turn` in the table of joint j.
 fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
     let mut text = LEAST.to_owned();
     for id in ids {

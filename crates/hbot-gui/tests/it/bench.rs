@@ -38,7 +38,8 @@ reference = [0.9950041652780258, 0.09983341664682815, 0, 0]
 hand = { stiffness = 50, damping = 1, amplitude = 0 }
 "#;
 
-/// A server in virtual time that no other test's disturbs.
+/// A server in virtual time for one test. It can hold a lock, so that no other test runs a server
+/// at the same time.
 pub(crate) struct AloneServer {
     pub(crate) address: SocketAddr,
     server: TestServer,

@@ -15,7 +15,7 @@ struct Display {
     _server: Running,
 }
 
-/// A process that ends with its test.
+/// A child process that is killed when this value is dropped, so that no process outlives its test.
 struct Running(Child);
 
 impl Display {

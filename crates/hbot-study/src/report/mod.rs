@@ -130,7 +130,8 @@ impl Report {
         self.plots.push((name.to_owned(), svg));
     }
 
-    /// A plot of lines over a plane.
+    /// Adds a line plot to the report. `name` is the name of its file, and `caption` is the text
+    /// below it.
     pub(crate) fn lines(&mut self, name: &str, caption: &str, lines: Lines) {
         self.plot(name, caption, lines.svg());
     }
@@ -140,9 +141,8 @@ impl Report {
         self.files.push((name.to_owned(), text));
     }
 
-    /// What the ids of a family mean.
-    ///
-    /// Takes its row of the report's table: `pattern | unit | meaning`.
+    /// Declares a family of figures: all figures whose ids fit one pattern. `row` is the family's
+    /// row in the report's table of ids: `pattern | unit | meaning`.
     pub(crate) fn family(&mut self, row: &'static str) {
         let mut cells = row.splitn(3, " | ");
         let (Some(pattern), Some(unit), Some(meaning)) = (cells.next(), cells.next(), cells.next()) else {
@@ -151,7 +151,8 @@ impl Report {
         self.meaning(Family { pattern, unit, meaning });
     }
 
-    /// The same, by its parts.
+    /// Adds a family of figures (pattern of their ids, unit and meaning) to the report's table of
+    /// ids.
     pub(crate) fn meaning(&mut self, family: Family) {
         self.families.push(family);
     }
@@ -177,7 +178,8 @@ impl Report {
         }
     }
 
-    /// A check that what is off by `worst` at worst is so by `bound` at most.
+    /// Adds a check to the report that passes if the largest error `worst` is not above `bound`.
+    /// `what` names the quantity.
     pub(crate) fn check_within(&mut self, what: &str, worst: f64, bound: f64) {
         self.check(format!("{what} within {bound}"), format!("{worst:.3} at worst"), worst <= bound);
     }
@@ -217,7 +219,7 @@ pub(crate) fn row<S: AsRef<str>>(cells: impl IntoIterator<Item = S>) -> Vec<Stri
     cells.into_iter().map(|cell| cell.as_ref().to_owned()).collect()
 }
 
-/// The head of a table, written as it will stand there.
+/// Returns the cells of a table's head. `cells` holds them in one text, separated by ` | `.
 pub(crate) fn head(cells: &str) -> Vec<String> {
     row(cells.split(" | "))
 }

@@ -52,7 +52,7 @@ fn ctrl_c_ends_a_study_at_once_with_nothing_half_written() {
     assert!(!out.exists());
 }
 
-/// The processor time of all threads of a process, s, by /proc.
+/// Returns the processor time that all threads of a process have used, s. It reads this from /proc.
 fn processor_time(process: u32) -> f64 {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("it runs");
     // After the name in parentheses, from the state on; Linux counts in hundredths for all

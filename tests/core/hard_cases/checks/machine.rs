@@ -53,8 +53,8 @@ pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
     CompiledScene::new(revision, &[Effect::new(0, revision as u32, Kind::Spring(spring))]).unwrap()
 }
 
-/// The controller of either width, for which reason it is not `Bench` of `tests/core/bench.rs`,
-/// whose sphere and whose prototype are in f64.
+/// The control law of the prototype, with encoder counts and rates that a check sets. It works with
+/// f32 and f64. `Bench` of `tests/core/bench.rs` has a moving sphere, but only in f64.
 pub struct ReadRig {
     pub controller: Controller,
     pub scene: CompiledScene,

@@ -79,9 +79,9 @@ impl Default for TestOptions {
     }
 }
 
-/// A service with its loop and its simulated rig. Not the server that other crates test with
-/// (`server` of hbot-testing): these tests set the service's private bounds, stop the loop at a
-/// tick, and reach into the simulated rig.
+/// A running service with its loop and its simulated rig, for tests inside this crate. Unlike
+/// `TestServer` of hbot-testing, it gives access to private parts: a test can set the service's
+/// private limits, stop the loop at a given tick, and change the simulated rig.
 struct TestService {
     address: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,

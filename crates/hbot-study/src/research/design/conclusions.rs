@@ -58,7 +58,8 @@ pub(super) fn tell(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     where_it_ends(report);
 }
 
-/// Where the prototype lies among the fronts, in words.
+/// Returns the report's sentences that compare the prototype with the best designs found for two,
+/// three and four wheels.
 fn place(fronts: &Fronts) -> String {
     let p = &fronts.prototype;
     let beaten: usize = [2, 3, 4].map(|wheels| fronts.dominating(wheels)).iter().sum();

@@ -151,13 +151,14 @@ fn explain_search(report: &mut Report, budget: [usize; 3]) {
     report.family("design_front_{wheels}w_volume_seed{seed} | 1 | the same of what one seed found; `half`: with half the evaluations");
 }
 
-/// The front of a number of wheels, and the searches that it comes from.
+/// The best designs found with one number of wheels (the Pareto front), and the searches that found
+/// them.
 struct Front {
     wheels: usize,
     evaluations: usize,
     runs: Vec<Search>,
     found: Vec<Found>,
-    /// The share of the box that each search beats.
+    /// For each search, the share of the volume of the cost box that its designs dominate.
     shares: Vec<f64>,
 }
 
@@ -180,12 +181,14 @@ impl Front {
         Ok(Self { wheels, evaluations, runs, found, shares })
     }
 
-    /// The share that a search had beaten with half of its evaluations.
+    /// Returns the share of the cost box that the search `run` dominated after half of its
+    /// evaluations. Compared with its final share, this shows whether the search has converged.
     fn half(&self, run: &Search) -> f64 {
         run.history.iter().rfind(|(n, _)| 2 * n <= self.evaluations).map_or(0.0, |(_, v)| *v)
     }
 
-    /// How far the searches' shares are apart, of the largest.
+    /// Returns the largest difference between the shares of the cost box that the searches
+    /// dominate, relative to the largest share.
     fn apart(&self) -> f64 {
         let most = self.shares.iter().copied().fold(0.0, f64::max);
         self.shares.iter().map(|share| (most - share) / most).fold(0.0, f64::max)
@@ -215,7 +218,7 @@ impl Front {
     }
 }
 
-/// The share of the box that designs beat.
+/// Returns the share of the volume of the cost box that the designs in `found` dominate.
 fn share(found: &[Found]) -> f64 {
     volume(found.iter().map(|found| found.measures.costs()), VOLUME_POINTS)
 }

@@ -86,7 +86,8 @@ pub(super) fn plots(report: &mut Report, fronts: &Fronts) {
     }
 }
 
-/// The designs of each number of wheels along two axes.
+/// Returns the points that a scatter plot shows of the best designs: for each number of wheels, the
+/// designs that are best in all four figures and those that are best in `x` and `y` alone.
 fn clouds(fronts: &Fronts, x: &Axis, y: &Axis) -> Vec<Cloud> {
     let mut clouds = Vec::new();
     for (colour, wheels) in WHEELS.into_iter().enumerate() {

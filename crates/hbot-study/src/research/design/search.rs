@@ -89,7 +89,8 @@ pub(super) fn search(
 }
 
 impl Search {
-    /// The point nearest to a sample of all dimensions, if it leaves room.
+    /// Returns the design on the search grid that is nearest to the sample `unit`, which has one
+    /// value from 0 to 1 per dimension. Returns `None` if the design has no room for its wheels.
     fn even(&mut self, parts: &Parts, wheels: usize, unit: Vec<f64>) -> Option<Point> {
         let point = Point::nearest(wheels, [unit[0], unit[1], unit[2], unit[3]]);
         self.without_room[1] += 1;
@@ -98,7 +99,8 @@ impl Search {
         room.then_some(point)
     }
 
-    /// A new point near the best so far; the first of those if there is none within some tries.
+    /// Returns a new design near the best ones found so far. It differs from those in `seen`, and
+    /// its wheels have room. If some tries find none, returns the first of the best designs.
     fn near(&self, parts: &Parts, wheels: usize, seen: &BTreeSet<Point>, rng: &mut Rng) -> Point {
         (0..TRIES)
             .map(|_| step(&self.archive, wheels, rng))
@@ -106,7 +108,8 @@ impl Search {
             .unwrap_or_else(|| self.archive.members[0].point)
     }
 
-    /// Takes designs that were measured; those that keep no margin are none.
+    /// Stores measured designs in the archive and in `volume`. `None` is a design that breaks a
+    /// margin. Such designs are only counted.
     fn take(&mut self, volume: &mut Volume, measured: Vec<Option<Found>>) {
         for found in measured {
             match found {

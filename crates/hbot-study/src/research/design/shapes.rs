@@ -118,7 +118,8 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
     tilts(context, report, parts)
 }
 
-/// The figures of the designs from `low` to `high`, relative to `base`.
+/// Measures designs in which one dimension varies from `low` to `high`. Returns one plot line per
+/// figure. Each figure is relative to that of the design measured in `base`.
 fn sweep(
     parts: &Parts,
     base: &Measures,

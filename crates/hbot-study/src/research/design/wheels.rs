@@ -145,7 +145,8 @@ fn tell(report: &mut Report, parts: &Parts, counts: &[Count]) {
     ));
 }
 
-/// The figures of so many wheels, and their row of the table.
+/// Reports the figures of the design with the number of wheels in `count`. Returns its row of the
+/// table.
 fn figures_of(report: &mut Report, parts: &Parts, count: &Count) -> Vec<String> {
     let (n, m) = (count.wheels, &count.measures);
     let stem = format!("design_wheels_{n}");

@@ -101,7 +101,8 @@ fn introduce(report: &mut Report) {
     report.family("bandwidth_gain_for_paper_inner{f}_per_s | 1/s | the K_O with which the linear loop has 5.5 Hz, over the corner of the rate loops (Hz)");
 }
 
-/// The figures of the stated configuration: about n1, n2 and n3, and with friction.
+/// Reports the bandwidths with the stated settings of the position loop. `measured` holds the
+/// bandwidths about n1, n2 and n3, and the one with friction, Hz.
 fn stated(report: &mut Report, measured: &[f64]) {
     let predicted = linear_bandwidth(&STATED);
     report.figure("bandwidth_hz".to_owned(), measured[0]).note("predicted", predicted).note("paper", PAPER);
@@ -111,7 +112,8 @@ fn stated(report: &mut Report, measured: &[f64]) {
     report.figure("bandwidth_friction_hz".to_owned(), measured[3]);
 }
 
-/// `over_gain`: how far the linear loop is off at worst.
+/// Adds the checks of the measured bandwidths to the report. `over_gain` is the largest relative
+/// difference between the bandwidth for a small sine and that of the linear loop.
 fn checks(report: &mut Report, over_gain: f64, measured: &[f64]) {
     report.check_within("the bandwidth of a small sine is that of the linear loop", over_gain, WITHIN);
     let off = (measured[0] - PAPER).abs();
@@ -150,7 +152,8 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     Ok(())
 }
 
-/// The plots of size and phase. `found`: those of each case in turn, at each period in ticks.
+/// Plots gain and phase of the position loop over frequency. `found` holds both for each case in
+/// `names`, and for each case at each period in `ticks`.
 fn draw(report: &mut Report, names: &[&str], ticks: &[u32], found: &[[f64; 2]]) {
     let hertz = |ticks: u32| 1.0e3 / f64::from(ticks);
     let decibel = |size: f64| 20.0 * libm::log10(size);

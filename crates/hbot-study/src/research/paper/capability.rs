@@ -188,8 +188,9 @@ fn introduce(report: &mut Report, grip: f64) {
     report.family("{limit}_torque_{axis}_nm | N m | what the rig can give whatever its posture: the least with all four motors, contacts free, beside the paper's table II");
 }
 
-/// The table of all motors, contacts and rows. Returns of each row the least of all postures with
-/// four motors and the medians with three.
+/// Reports the torques that the prototype can give over all postures, with four and with three
+/// motors, and with and without a friction limit. Returns, for each row of table II, the smallest
+/// torques with four motors and the median torques with three, without the friction limit.
 fn over_torus(
     context: &Context,
     report: &mut Report,
@@ -230,7 +231,8 @@ fn over_torus(
     Ok(kept)
 }
 
-/// The figures of a torque about an axis, and their row of the table. `contact`: free, or grip.
+/// Reports statistics of the torque about one axis, over all postures. Returns their row of the
+/// table. `contact` is `free`, or `grip` if friction limits the contact forces.
 fn tell(
     report: &mut Report,
     motors: &Motors,

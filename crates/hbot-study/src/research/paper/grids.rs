@@ -62,7 +62,8 @@ pub(super) fn study(
     Ok(printed)
 }
 
-/// The rows and lines of the grids that have been refined.
+/// Table rows and plot lines that show how an average converges as its grid of orientations or
+/// postures becomes finer.
 struct Settled {
     rows: Vec<Vec<String>>,
     lines: Vec<Series>,
@@ -80,13 +81,15 @@ impl Settled {
     }
 }
 
-/// How many nodes there are, and GCI of the three motors over them.
+/// Returns the number of `samples`, and the global conditioning index (GCI) of the paper's three
+/// motors averaged over them.
 fn spectral(rig: &IndexedDevice, samples: &[(Quat, f64)]) -> (usize, f64) {
     (samples.len(), rig.over_turns(samples, START, &[THREE])[0].spectral)
 }
 
-/// The paper's grid, as printed and with its weight: the means of the finest as printed, and how
-/// far GCI moves without the weight.
+/// Computes the global conditioning index (GCI) on the paper's grid of equal steps, as printed and
+/// with the weight that the printed sum lacks. Returns the averages on the finest grid as printed,
+/// and how much its GCI exceeds the weighted one.
 fn equal_steps(
     context: &Context,
     report: &mut Report,

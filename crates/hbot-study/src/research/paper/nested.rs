@@ -111,8 +111,9 @@ fn families(report: &mut Report) {
     report.family("nested_example_least_index | 1 | least spectral index, one drive and two steers, of the design that is named");
 }
 
-/// Random designs away from the border, and of each whether it is never singular with one drive and
-/// two steers, and with two drives and one steer.
+/// Returns `count` random designs that are not close to the limit of the nested-circles condition.
+/// For each, two flags say whether it is never singular: with one drive and two steers, and with
+/// two drives and one steer.
 fn tried(count: usize, cells: usize) -> (Vec<Design>, Vec<[bool; 2]>) {
     let mut rng = Rng(44);
     let mut designs = Vec::new();
@@ -130,7 +131,8 @@ fn tried(count: usize, cells: usize) -> (Vec<Design>, Vec<[bool; 2]>) {
     (designs, found)
 }
 
-/// The least spectral index of the design that is named.
+/// Returns the smallest spectral index over all postures of an example design that needs no fourth
+/// motor. Its cone angles are 10 and 45 degrees, and its steering axes are 15 degrees apart.
 fn example() -> f64 {
     let example = Design { cones: [10.0_f64, 45.0].map(f64::to_radians), between: 15.0_f64.to_radians() };
     let device = RigConfig::prototype().rig.device;

@@ -121,8 +121,8 @@ pub(super) fn study(
     Ok(())
 }
 
-/// The id of a reading (none for those of other sections), its name, and GCI by both norms, if it
-/// has them, with GMI.
+/// One reading of the paper's definitions: its id, its name, GCI by the spectral and the Frobenius
+/// norm (if defined), and GMI. The id is empty if another section reports the values.
 type Reading = (&'static str, &'static str, (Option<[f64; 2]>, f64));
 
 fn tell(report: &mut Report, all: &[Reading], literal_gci: f64) {

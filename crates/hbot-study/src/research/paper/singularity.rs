@@ -89,8 +89,9 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     draw_maps(report, device);
 }
 
-/// The least spectral index of each choice of motors, and the part of the torus where the paper's
-/// three are weak.
+/// Reports how well each choice of motors can drive the sphere. Returns the smallest spectral index
+/// of each choice, and the share of all steer angles at which the paper's three motors have an
+/// index below 0.1.
 fn actuation(report: &mut Report, device: &Device) -> (Vec<f64>, f64) {
     let mut table =
         vec![row(["motors", "least spectral index", "below 0.05 on", "below 0.1 on", "below 0.2 on"])];
@@ -117,7 +118,7 @@ fn actuation(report: &mut Report, device: &Device) -> (Vec<f64>, f64) {
     (least, weak)
 }
 
-/// Maps of the margins over the torus.
+/// Plots the margins to singularity as maps over all steer angles of the two wheels.
 fn draw_maps(report: &mut Report, device: &Device) {
     let map = |title: &str, value: &(dyn Fn([f64; 2]) -> f64 + Sync), range, lines| Map {
         title: title.to_owned(),
@@ -220,7 +221,8 @@ fn conditions(context: &Context, report: &mut Report) {
     );
 }
 
-/// Steering angles at which the paper's three motors are singular.
+/// Returns two steer angles at which the device with the paper's three motors is singular, rad. The
+/// first angle is fixed, and the second is found by bisection.
 fn singular(device: &Device) -> [f64; 2] {
     // c3_1 . c2_2 = 0, found along th_2 by section between signs.
     let th_1 = 0.4;

@@ -180,7 +180,8 @@ fn draw(report: &mut Report, motion: &TrueMotion, lines: Vec<Series>) {
     );
 }
 
-/// What each path makes of the readings whose errors are told apart.
+/// Returns, for each path between readings, the sphere's orientations if the joints move exactly
+/// along that path. It uses exact readings at the rate [`PARTS_AT`].
 fn followed_by_all(rig: &Rig, reads: &[Read]) -> Vec<Vec<[f64; 4]>> {
     let at = RATES.iter().zip(reads).find(|(hz, _)| **hz == PARTS_AT);
     let Some((_, at)) = at else { unreachable!("it is one of the rates") };

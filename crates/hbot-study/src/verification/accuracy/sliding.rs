@@ -118,7 +118,8 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
     Ok(())
 }
 
-/// `slip`: the most that the contacts slip, m/s.
+/// Writes the introduction of the section about sliding contacts. `slip` is the largest slip in the
+/// task, m/s, and `floor` is the error of the reference solution, rad.
 fn introduce(report: &mut Report, slip: f64, floor: f64) {
     let finest = STEPS_US[STEPS_US.len() - 1];
     report.say(&format!(

@@ -112,7 +112,8 @@ fn introduce(report: &mut Report) {
     report.family("spring_{law}_{width}_ns | ns | one torque");
 }
 
-/// An exact law errs by rounding; a form of first order by what is of the next order.
+/// Adds the check of one form of the spring law to the report. An exact form must be correct to 64
+/// roundings. The relative error of an approximate form, in f64, must grow linearly with the angle.
 fn check(report: &mut Report, name: &str, width: &str, errors: [f64; ANGLES.len()]) {
     if name.ends_with("exact") {
         let worst = errors.into_iter().fold(0.0, f64::max);

@@ -197,8 +197,8 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
     Ok(())
 }
 
-/// The figures of an estimate, and their row of the table. `plain`: the time with the controllers'
-/// own rates.
+/// Reports the figures of one method that estimates joint rates. Returns its row of the table.
+/// `plain` is the computing time of a tick that uses the motor controllers' rates instead.
 fn figures(
     report: &mut Report,
     [encoder, name]: [&str; 2],

@@ -145,8 +145,9 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
 
 type Added<'a> = &'a dyn Fn(&Cost) -> Option<f64>;
 
-/// Table and plots of each alone. Returns what is left of it afterwards: parts of a tick's
-/// instructions and least time.
+/// Reports the cost per tick of each effect and phenomenon alone. Returns the largest cost that
+/// remains after one is removed, in instructions and in shortest time. Both values are relative to
+/// a whole tick.
 fn alone_table(
     report: &mut Report,
     none: &Cost,
@@ -196,7 +197,8 @@ fn alone_table(
     (left, left_ns)
 }
 
-/// The plots of times, and of instructions if they were counted.
+/// Plots the time per tick that each effect and phenomenon adds. Also plots the added instructions,
+/// if they were counted.
 fn all_plots(report: &mut Report, times: &[Bar], instructions: Vec<(String, f64)>) {
     plots(report, "ns", "Time", times);
     if !instructions.is_empty() {

@@ -95,8 +95,10 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
     Ok(())
 }
 
-/// The stiffness at which an axis first buzzes, and what of friction and damping makes it passive,
-/// N m/rad.
+/// Measured and predicted behaviour of an axis with one combination of damping, friction and
+/// encoder step. `measured` is the lowest stiffness at which it does not come to rest, N m/rad.
+/// `viscous` and `dry` are the stiffnesses up to which damping and friction make it passive, N
+/// m/rad.
 struct Buzz {
     own: f64,
     coulomb: f64,
@@ -119,7 +121,8 @@ fn measure(context: &Context, inertia: f64) -> Result<Vec<Buzz>, Interrupted> {
     Ok(found)
 }
 
-/// Of the least damped axis, over friction.
+/// Returns the lines of a plot over friction for the axis with the least damping: the stiffness at
+/// which it first buzzes, and the stiffness up to which it is passive.
 fn lines(found: &[Buzz]) -> Vec<Series> {
     let of = |step: f64, value: fn(&Buzz) -> f64| {
         let drawn = found.iter().filter(|buzz| buzz.own == OWN[0] && buzz.step == step);

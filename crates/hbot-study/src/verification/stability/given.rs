@@ -11,7 +11,8 @@ use super::whole::Loop;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Stiffnesses at which energy is told, over the border.
+/// Stiffnesses at which the energy after a tap is measured, relative to the stability limit of the
+/// linear theory.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
 
 pub(super) fn study(
@@ -69,12 +70,14 @@ fn introduce(report: &mut Report, allowance: f64) {
     report.family("energy_given_{tenths}_tenths_{guard} | J | the most energy that the motors gave out after a tap, at so many tenths of the linear border, passivity stage on or off; `bound`: that with the stage");
 }
 
-/// A tap without the stage and with it.
+/// The energy that the motors give after a tap on the sphere, without and with the passivity stage,
+/// for one stiffness.
 struct Given {
-    /// The stiffness over the linear border.
+    /// Stiffness relative to the stability limit of the linear theory.
     times: f64,
     stiffness: f64,
-    /// The energy that the stage lets out, J.
+    /// Largest energy that the motors may give out with the passivity stage on, J: the stage's
+    /// allowance, and what the spring leaks in one cycle before the stage acts.
     bound: f64,
     tapped: [Tapped; 2],
 }

@@ -67,7 +67,8 @@ impl Setting {
         self.own / (self.period() * (0.5 + f64::from(self.delay)))
     }
 
-    /// Without friction, and with counts as fine as the prototype's.
+    /// Returns whether the setting has no friction and encoders as fine as the prototype's. Only
+    /// such settings are checked against the limit of the linear theory.
     fn is_plain(&self) -> bool {
         self.step == 1 && self.coulomb == 0.0
     }
@@ -246,11 +247,12 @@ fn introduce(report: &mut Report, count: f64) {
     report.family("border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard} | N m/rad | stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there");
 }
 
-/// The borders of a setting: without the stage and with it, nothing where the search ended before.
+/// The stability limits measured in one setting, in N m/rad: without and with the passivity stage.
+/// A limit is `None` if the search ended before it was found.
 struct Guarded {
     setting: Setting,
     found: [Option<f64>; 2],
-    /// The sphere's turn of an encoder's step, rad.
+    /// Angle by which the sphere turns in one step of the encoder, rad.
     step: f64,
 }
 
@@ -270,7 +272,8 @@ impl Guarded {
         self.measured(guard) / self.setting.border()
     }
 
-    /// The row of a table over `x`.
+    /// Returns the table row of this setting. `x` is the value of the property that the table
+    /// varies.
     fn row(&self, x: f64) -> Vec<String> {
         let [off, on] = self.found.map(|found| if found.is_none() { "more than " } else { "" });
         let (border, dry) = (self.setting.border(), 2.0 * self.setting.coulomb / self.step);
@@ -298,7 +301,7 @@ impl Guarded {
     }
 }
 
-/// Figures, table and plot of a sweep.
+/// Reports one sweep, in which one property of the setting varies: its figures, a table and a plot.
 fn tell(report: &mut Report, sweep: &Sweep, measured: &[Guarded]) {
     let head = ["off, N m/rad", "on, N m/rad", "linear border", "2 c/d", "off/border", "on/border"];
     let mut table = vec![row([sweep.x].into_iter().chain(head))];

@@ -73,7 +73,8 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
     Ok(())
 }
 
-/// The borders of all combinations.
+/// Simulates all combinations of delay, damping and loop rate. Returns the stability limit of each,
+/// measured and predicted.
 fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> {
     let mut found = Vec::new();
     for delay in DELAYS {
@@ -93,7 +94,8 @@ fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> 
     Ok(found)
 }
 
-/// The borders of the most damped axis on an undamped wall over the loop's rate.
+/// Returns the lines of a plot over the loop's rate: the stability limit of the most damped axis on
+/// an undamped wall, simulated and predicted, for each delay.
 fn lines(found: &[Border]) -> Vec<Series> {
     let of = |delay: usize, value: fn(&Border) -> f64| {
         let drawn = |b: &&Border| b.delay == delay && b.own == OWN[2] && b.damping == DAMPING[0];

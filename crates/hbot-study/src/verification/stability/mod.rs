@@ -49,7 +49,8 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
-/// A border of one axis: where it was found, and where the literature has it.
+/// Stability limit of a virtual wall on one axis, as a stiffness in N m/rad: `measured` in
+/// simulation and `predicted` by the literature.
 struct Border {
     id: String,
     rate: u32,
@@ -65,8 +66,8 @@ fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
     report.figure(id, measured).note("measured", measured).note("predicted", predicted);
 }
 
-/// The figures of all borders, a table of those at 1 kHz, and how far the prediction is off at
-/// worst.
+/// Reports all stability limits as figures, and those at 1 kHz as a table. Returns the largest
+/// relative difference between measured and predicted limits.
 fn borders(report: &mut Report, borders: &[Border]) -> f64 {
     let mut table = vec![row(["Hz", "D", "b", "B", "measured, N m/rad", "predicted", "ratio"])];
     let mut worst = 0.0_f64;

@@ -85,7 +85,8 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     Ok(())
 }
 
-/// What sines of frequencies up to Nyquist's ask of the device, each with its phase a tick.
+/// Returns the damping that a device needs to stay passive at a virtual wall, for sinusoidal
+/// motions of frequencies up to Nyquist's. Each frequency is given as its phase per tick, rad.
 fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interrupted> {
     (0..SINES)
         // The frequencies are dense near both ends, where the worst ones are.
@@ -95,7 +96,8 @@ fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interr
         .collect()
 }
 
-/// The stiffness at which the first sine draws energy.
+/// Returns the largest stiffness at which no sinusoidal motion draws energy from the wall, measured
+/// and predicted. `needs` holds the damping that each frequency requires.
 fn measured(needs: &[(f64, [f64; 2])], delay: usize, rate: u32, own: f64, damping: f64) -> Border {
     let period = 1.0 / f64::from(rate);
     // b >= K h s + B d must hold for every sine.

@@ -27,8 +27,9 @@ pub(crate) struct Wall {
 const LONGEST: usize = 8;
 
 impl Wall {
-    /// A wall of no stiffness and no damping, read exactly and without delay, on an axis without
-    /// friction.
+    /// Creates an axis with the given inertia (kg m²), viscous damping (N m s/rad) and loop period
+    /// (s). It has no friction or delay, its angle is measured exactly, and its virtual wall has no
+    /// stiffness or damping.
     pub(crate) fn of(inertia: f64, own: f64, period: f64) -> Self {
         Self { inertia, own, coulomb: 0.0, step: 0.0, period, delay: 0, stiffness: 0.0, damping: 0.0 }
     }

@@ -13,13 +13,14 @@ fn wheels(count: &str, column: &str) -> String {
     whole_cell(REPORT, "Two, three and four of the prototype's wheels", &[count], column)
 }
 
-/// A figure of the page in the report's unit: the page has inertias in g m², the report in kg m².
+/// Converts a figure from the page's unit to the report's unit. They differ only for inertias: g m²
+/// on the page and kg m² in the report.
 fn in_report_unit(column: &str, figure: &str) -> String {
     if column == "inertia, g m²" { format!("{figure}e-3") } else { figure.to_owned() }
 }
 
-/// Compares the rows of the page's table that has the column `mark`; `look_up` gives the report's
-/// figure of a row and a column.
+/// Checks the page's table that has a column named `mark` and `count` rows. Each cell must agree
+/// with the report's figure, which `look_up` returns for a row and a column.
 fn compare(mark: &str, count: usize, look_up: impl Fn(&str, &str) -> String) {
     let rows: Vec<_> = rows(PAGE).into_iter().filter(|(head, _)| head.contains(&mark)).collect();
     assert_eq!(rows.len(), count, "rows of the table with {mark:?}");

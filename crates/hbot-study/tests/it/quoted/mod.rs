@@ -11,8 +11,9 @@ mod paper;
 mod stability;
 mod velocity;
 
-/// The cell of the report's section `section` in the row that begins with `row` and the column
-/// `column`.
+/// Returns a cell of a report's table. `section` is the heading above the table, `row` holds the
+/// first cells of the row, and `column` is the head of the column. Panics unless exactly one cell
+/// fits.
 fn whole_cell(report: &str, section: &str, row: &[&str], column: &str) -> String {
     let body = report.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
     let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
@@ -26,17 +27,19 @@ fn whole_cell(report: &str, section: &str, row: &[&str], column: &str) -> String
     found[0].to_owned()
 }
 
-/// The same without quartiles and remarks: its first word.
+/// Returns the first word of a cell of a report's table: a figure without its quartiles and
+/// remarks.
 fn cell(report: &str, section: &str, row: &[&str], column: &str) -> String {
     whole_cell(report, section, row, column).split(' ').next().unwrap_or_default().to_owned()
 }
 
-/// What was found by the check `what` of a report.
+/// Returns the result that a report states for the check named `what`.
 fn check(report: &str, what: &str) -> String {
     whole_cell(report, "Checks", &[what], "found")
 }
 
-/// The rows of all tables of a text, each with its table's head.
+/// Returns the rows of all Markdown tables in `text`. Each row is given as the head of its table
+/// and its own cells.
 fn rows(text: &str) -> Vec<(Vec<&str>, Vec<&str>)> {
     let mut head: Vec<&str> = Vec::new();
     let mut rows = Vec::new();
@@ -57,25 +60,26 @@ fn rows(text: &str) -> Vec<(Vec<&str>, Vec<&str>)> {
     rows
 }
 
-/// `text` with each `{}` in its turn replaced by a figure.
+/// Returns `text` with each `{}` replaced by the next entry of `figures`.
 fn filled(text: &str, figures: &[String]) -> String {
     assert_eq!(text.matches("{}").count(), figures.len(), "{text}");
     figures.iter().fold(text.to_owned(), |text, figure| text.replacen("{}", figure, 1))
 }
 
-/// The number that a cell begins with.
+/// Returns the number at the start of a table cell. Panics if the first word is not a number.
 fn number(cell: &str) -> f64 {
     let word = cell.split(' ').next().unwrap_or_default();
     word.parse().unwrap_or_else(|_| panic!("no number: {cell:?}"))
 }
 
-/// A figure times `scale`, with so many decimals.
+/// Multiplies the number at the start of a table cell by `scale`, and returns it rounded to the
+/// given number of decimals.
 fn rounded(cell: &str, scale: f64, decimals: usize) -> String {
     format!("{:.decimals$}", number(cell) * scale)
 }
 
-/// Whether two decimal numbers can be roundings of one number: each stands for half a unit of its
-/// last digit to either side.
+/// Returns whether two decimal numbers can be roundings of one number. Each can differ from it by
+/// half a unit of its own last digit.
 fn agree(a: &str, b: &str) -> bool {
     let half = |text: &str| {
         let (digits, exponent) = text.split_once('e').unwrap_or((text, "0"));
@@ -85,9 +89,10 @@ fn agree(a: &str, b: &str) -> bool {
     (number(a) - number(b)).abs() <= (half(a) + half(b)) * (1.0 + 1e-9)
 }
 
-/// The words of `text`, one space between them, without what is `said`.
+/// Removes each expected text in `said` from `text`, and returns the rest with single spaces
+/// between words. A test then checks that the rest contains no other figure.
 ///
-/// Panics if something that is said does not stand in it.
+/// Panics if `text` does not contain an expected text.
 fn left_over(page: &str, text: &str, said: impl IntoIterator<Item = String>) -> String {
     let mut text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     for said in said {
@@ -97,7 +102,7 @@ fn left_over(page: &str, text: &str, said: impl IntoIterator<Item = String>) -> 
     text
 }
 
-/// Numbers with a decimal point or an exponent, such as 2.0e-6.
+/// Returns the numbers in `text` that have a decimal point or a negative exponent, such as 2.0e-6.
 fn numbers(text: &str) -> Vec<&str> {
     text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '.' || c == '-'))
         .map(|word| word.trim_end_matches('.'))

@@ -9,7 +9,7 @@ const REPORT: &str = include_str!("../../../../../docs/paper/report.md");
 const THREE: &str = "no drive 2 (the paper's three)";
 const AXES: [&str; 3] = ["n1", "n2", "n3"];
 
-/// A figure of the report with so many decimals.
+/// Returns a figure from a table of the report, rounded to the given number of decimals.
 fn figure(section: &str, row: &[&str], column: &str, decimals: usize) -> String {
     rounded(&cell(REPORT, section, row, column), 1.0, decimals)
 }
@@ -120,7 +120,8 @@ fn simulated() -> Vec<String> {
     ]
 }
 
-/// The paper's own figures, and bounds of the study's by choice.
+/// Parts of the page with numbers that the report does not compute: figures of the paper, and
+/// limits that the study chooses.
 const OF_THE_PAPER: [&str; 5] = [
     "GCI 0.41 is nearest",
     "No reading of GMI that was tried gives 0.5",

@@ -7,7 +7,7 @@ const PAGE: &str = include_str!("../../../../../docs/stability.md");
 const HARD_CASES: &str = include_str!("../../../../../docs/hard-cases.md");
 const REPORT: &str = include_str!("../../../../../docs/stability/report.md");
 
-/// The worst of a check as percents with so many decimals.
+/// Returns the largest error of a check of the report, in percent with one decimal.
 fn percent(what: &str) -> String {
     rounded(&check(REPORT, what), 100.0, 1)
 }
@@ -66,8 +66,8 @@ fn stage() -> Vec<String> {
     ]
 }
 
-/// The largest deviation of |q| from 1 and the most that the energy grew within a day, as the
-/// checks have them.
+/// Returns two results from the report's checks of a simulated day: the largest deviation of |q|
+/// from 1, and the largest growth of the energy.
 fn day() -> [String; 2] {
     [
         check(REPORT, "a day: the quaternion is unit to 1e-12"),
@@ -87,8 +87,8 @@ fn whole_day() -> Vec<String> {
     ]
 }
 
-/// Numbers that are no figures of the report: choices of the study, and what `hbot rig check` says
-/// of the prototype.
+/// Parts of the page with numbers that are not figures of the report: choices of the study, and a
+/// result of `hbot rig check` for the prototype.
 const OTHERS: [&str; 5] = [
     "let go at 0.05 rad",
     "6.7 N m/rad for each 0.01 N m s/rad of damping",

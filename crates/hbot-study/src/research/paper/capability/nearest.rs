@@ -9,9 +9,11 @@ use crate::research::paper::comparison::Comparison;
 use crate::research::paper::literal;
 use crate::research::paper::torus::{self, FOUR, Motors, THREE, posture};
 
-/// How near any posture comes to table II, by several meanings of "mapped to the end-effector".
+/// Searches for the postures whose torques are nearest to table II of the paper, for several
+/// meanings of "mapped to the end-effector".
 ///
-/// `found`: of each row, the least of all postures with four motors and the medians with three.
+/// `found` holds, for each row of the table, the smallest torques over all postures with four
+/// motors and the median torques with three.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -50,11 +52,13 @@ pub(super) fn study(
     compare(comparison, found, known);
 }
 
-/// The id and the name of a mapping, and the posture that is nearest to the peak row, to the
-/// continuous row and to both, with the factor by which it misses.
+/// Id and name of a mapping from motor torques to torques on the sphere, and three search results:
+/// the posture nearest to the paper's peak torques, to its continuous torques, and to both. Each
+/// posture has the factor by which it differs from the paper.
 type Nearest = (&'static str, &'static str, [([f64; 2], f64); 3]);
 
-/// The nearest posture by each mapping, sought from so many cells a turn.
+/// Returns, for each mapping from motor torques to torques on the sphere, the postures whose
+/// torques are nearest to table II. The search begins on a grid with `cells` steer angles per turn.
 fn nearest(rig: &GrippedDevice, cells: usize) -> [Nearest; 4] {
     let ours = |th: [f64; 2]| posture(&rig.device, th).rows().to_vec();
     let printed = |th: [f64; 2]| literal::rows(&rig.device, th).to_vec();
@@ -84,7 +88,8 @@ fn nearest(rig: &GrippedDevice, cells: usize) -> [Nearest; 4] {
     })
 }
 
-/// The rows of the comparison. `known`: the factors by which the nearest postures miss table II.
+/// Adds the rows about table II to the comparison with the paper. `known` holds the factors by
+/// which the nearest postures differ from the peak row, the continuous row, and both.
 fn compare(comparison: &mut Comparison, found: &[[[f64; 3]; 2]; 2], known: [f64; 3]) {
     for (k, limit) in ROWS.iter().enumerate() {
         let paper = limit.paper.map(|torque| torque.to_string()).join(", ");
