@@ -1,4 +1,4 @@
-//! The bus of a line of moteus servos.
+//! Sends the loop's commands to the moteus servos of one line, and makes readings of their answers.
 
 use std::f64::consts::TAU;
 
@@ -12,37 +12,45 @@ use super::text::{self, BREAK, Inbox, LONGEST, Said};
 use crate::bus::{BusCommand, Expected, ExpectedJoint, Heard, JointReading, MotorBus, Obedience, Reading};
 use crate::line::Line;
 
-/// Steps of a position or velocity in a turn.
+/// A servo reports positions in steps of 1e-5 turns and velocities in steps of 1e-5 turns per
+/// second. This is the number of steps in one turn.
 const STEPS: i64 = 100_000;
-/// An idle servo further from 0 than this has whole turns taken off its position, which is a 32-bit
-/// float in the servo and coarsens: steps of 1e-5 turns end at 168 turns.
+/// Largest position of a servo whose motor is off, in steps: 100 turns. Beyond it the driver asks
+/// the servo to subtract whole turns. A servo stores its position as a 32-bit float, which no
+/// longer resolves steps of 1e-5 turns above 168 turns.
 const FAR: i32 = 100 * STEPS as i32;
-/// Positions end at 21474 turns. A servo further than this is a fault.
+/// Largest position of any servo, in steps: 20,000 turns. A servo beyond it is in a fault, because
+/// a position that is sent as a 32-bit integer saturates at 21,474 turns.
 const TOO_FAR: i32 = 20_000 * STEPS as i32;
-/// An idle servo is asked this often to take turns off, ticks.
+/// Ticks between two requests to a servo to subtract whole turns from its position.
 const EVERY: u32 = 100;
-/// Of a servo that has got power anew the zero counts as lost for this long after, readings.
+/// Number of readings with the motor off after which a servo that has restarted counts as usable
+/// again. Until then its zero counts as lost.
 const MET_AGAIN: u32 = 100;
-/// By how much the time since power-on may seem to jump back in a run, ms: answers are late by
-/// less.
+/// Tolerance for the time at which a servo got power, as computed from its answers, ms. A later
+/// time means that the servo has restarted. The delay of an answer is shorter than this.
 const SLACK_MS: i64 = 500;
-/// An answer older than this is none to a command of this bus, ticks.
+/// Largest age of an answer, in ticks. An older answer belongs to none of this bus's commands.
 const OLDEST: u32 = 1000;
-/// Readings in which a servo may prepare to operate (modes 2 to 4) without having disobeyed.
+/// Number of readings in a row in which a servo can stay in modes 2 to 4, in which it prepares to
+/// run its motor. After that it has disobeyed the command to switch on.
 const ENABLING: u32 = 100;
-/// A board at this temperature is too hot whatever its own limit, degrees Celsius.
+/// Board temperature above which a servo counts as too hot, in degrees Celsius. It applies in
+/// addition to the limit that is set in the servo.
 const TOO_HOT: i8 = 120;
 
-/// Modes of a servo.
+/// The modes that a servo reports in register 0x000: in a fault, preparing to run its motor, and
+/// stopped because its watchdog expired.
 const FAULT: i8 = 1;
 const ENABLING_MODES: std::ops::RangeInclusive<i8> = 2..=4;
 const TIMEOUT: i8 = 11;
 
-/// A line of servos.
+/// The moteus servos of one line, as the loop sees them.
 pub(super) struct MoteusBus {
     line: Box<dyn Line>,
     servos: Vec<Servo>,
-    /// What is read of the line; its dialect is that of the meeting.
+    /// Assembles the bytes received into lines. It expects the dialect that was found when the
+    /// servos were met.
     inbox: Inbox,
     expected: Expected,
     received: [u8; 4096],
@@ -50,11 +58,11 @@ pub(super) struct MoteusBus {
     format: PositionFormat,
     query: QueryFormat,
     obedience: Obedience,
-    /// The last command: its tick, watchdog time and when it was sent.
+    /// The last command sent, or `None` before the first one.
     last: Option<Sent>,
-    /// The oldest of the newest answers of all servos, as the last reading had it.
+    /// The tick of the command that the last reading answers.
     answered: Option<u32>,
-    /// The line took only a part of the last command.
+    /// True if the line accepted only a part of the last command.
     cut: bool,
 }
 
@@ -65,29 +73,31 @@ struct Sent {
     now_ns: u64,
 }
 
-/// One servo.
+/// One servo, and what its answers have shown of it.
 struct Servo {
     id: u8,
     gear: f64,
     counts_per_turn: i64,
-    /// The most that its output may give, N m.
+    /// Largest torque that the servo can apply at its output shaft, N m.
     most: f32,
-    /// The newest command that it has answered.
+    /// Tick of the newest command that the servo has answered.
     answered: Option<u32>,
     reading: JointReading,
-    /// Its position, steps, and the whole turns that were taken off it.
+    /// The position that the servo last reported, in steps of 1e-5 turns.
     position: i32,
     turns_off: i64,
-    /// It was asked to take turns off, and has not done so yet.
+    /// True if the servo was asked to subtract whole turns from its position and has not done so
+    /// yet.
     rezeroing: bool,
-    /// It is off.
+    /// True if the servo reported its motor as off.
     off: bool,
-    /// Readings in a row in which it prepared to operate.
+    /// Number of readings in a row in which the servo prepared to run its motor.
     enabling: u32,
-    /// When it got power, ms of the loop; and how its zero is known.
+    /// Time at which the servo got power, ms on the loop's clock. Negative if it got power before
+    /// the loop started.
     powered_ms: Option<i64>,
     home: i8,
-    /// Readings until its zero no longer counts as lost.
+    /// Number of readings for which the servo's zero still counts as lost.
     lost: u32,
 }
 
@@ -97,7 +107,8 @@ impl Servo {
             id: joint.id,
             gear: joint.gear,
             counts_per_turn: i64::from(joint.counts_per_turn),
-            // A little more than the peak, so that the peak itself is not at the limit.
+            // 5 % above the peak, so that a command of exactly the peak does not reach the servo's
+            // limit.
             most: (1.05 * joint.peak / joint.gear) as f32,
             answered: None,
             reading: JointReading::default(),
@@ -112,7 +123,9 @@ impl Servo {
         }
     }
 
-    /// Takes a state in that answers the command of `answers`, sent `sent_ms` after the start.
+    /// Stores the state that a servo reported in its answer to the command of tick `answers`.
+    /// `sent_ms` is the time on the loop's clock against which the servo's time since power-on is
+    /// compared. Returns `None` if the state lacks a value that this driver needs.
     fn take(&mut self, state: &State, answers: u32, sent_ms: i64) -> Option<()> {
         let uptime_ms = i64::from(state.uptime_ms? as u32);
         let (mode, home) = (state.mode?, state.home?);
@@ -130,7 +143,10 @@ impl Servo {
         Some(())
     }
 
-    /// Sees when the servo got power, and how its zero is known.
+    /// Detects a restart of the servo. `powered_ms` is the time at which the servo got power, as
+    /// computed from its newest answer, and `home` is its home state, which tells how its zero is
+    /// known. A later time or a lower home state means that the servo has restarted and lost its
+    /// zero.
     fn look_for_reboot(&mut self, powered_ms: i64, home: i8) {
         let before = *self.powered_ms.get_or_insert(powered_ms);
         if powered_ms > before + SLACK_MS || home < self.home {
@@ -138,13 +154,15 @@ impl Servo {
             (self.turns_off, self.rezeroing) = (0, false);
         } else {
             self.lost = self.lost.saturating_sub(u32::from(self.off));
-            // Its clock is not the host's.
+            // The clocks of the servo and of the host drift apart, so the stored time follows
+            // slowly.
             self.powered_ms = Some(powered_ms.min(before + 1));
         }
         self.home = home;
     }
 
-    /// Follows the position, from which whole turns may have been taken off.
+    /// Computes the encoder count from the position that the servo reported. If the servo has
+    /// subtracted whole turns from its position since, they are added to the count again.
     fn follow(&mut self, position: i32) {
         if self.rezeroing && position.abs() < STEPS as i32 {
             let taken = i64::from(self.position) - i64::from(position);
@@ -153,7 +171,7 @@ impl Servo {
         }
         self.position = position;
         let steps = i64::from(position) + self.turns_off * STEPS;
-        // At most 2^31 turns of at most 2^30 counts: 96 bits, of which a count keeps the low 32.
+        // Up to 2^31 turns of up to 2^30 counts need 96 bits. The count keeps the low 32 bits.
         let counts = (i128::from(steps) * i128::from(self.counts_per_turn)).div_euclid(i128::from(STEPS));
         self.reading.count = counts as i32;
     }
@@ -178,11 +196,12 @@ impl MoteusBus {
         }
     }
 
-    /// Takes what a line says.
+    /// Handles one line of text from the servos or the adapter: stores a state, or counts a damaged
+    /// or foreign frame in `heard`.
     fn take(&mut self, said: Said, heard: &mut Heard) {
         let frame = match said {
             Said::Taken => return,
-            // A command was damaged on its way.
+            // The adapter or servo refused a command, so the command was damaged on its way.
             Said::Refused | Said::Damaged => {
                 heard.damaged = heard.damaged.saturating_add(1);
                 return;
@@ -207,14 +226,17 @@ impl MoteusBus {
         };
         heard.complaints = heard.complaints.or(complaints(&state, servo, answers, &self.obedience));
         let newer = servo.answered.is_none_or(|last| answers.wrapping_sub(last) as i32 > 0);
-        // The time of the last command stands in for that of the one answered: a late answer makes
-        // the servo seem younger by its delay, which is within the slack.
+        // The time of the last command stands in for the time of the command that was answered. A
+        // late answer makes the servo seem to have got power later, by its delay, which `SLACK_MS`
+        // tolerates.
         if newer && servo.take(&state, answers, (sent.now_ns / 1_000_000) as i64).is_none() {
             heard.damaged = heard.damaged.saturating_add(1);
         }
     }
 
-    /// The reading of all servos, as old as the oldest answer, where that is newer than before.
+    /// Returns the newest state of all servos together. Its age is that of the oldest answer among
+    /// them. Returns `None` if a servo has not answered yet, or if this age has not changed since
+    /// the last reading.
     fn reading(&mut self) -> Option<Reading> {
         let age = |answers: u32| self.last.map_or(0, |sent| sent.tick.wrapping_sub(answers));
         let all = self.servos.iter().map(|servo| servo.answered);
@@ -236,10 +258,10 @@ impl MotorBus for MoteusBus {
         let mut heard = Heard::default();
         if let Some(renewed) = self.line.renewed() {
             (heard.reopened, heard.zeros_lost) = (true, renewed.rebooted);
-            // The thread that reopens lines has met these servos already.
+            // The thread that reopened the line has already met these servos.
             self.inbox = Inbox::new(super::dialect(&self.expected));
-            // It has also switched them off, so the commands of before say nothing about their
-            // modes.
+            // That thread has also switched the motors off, so earlier commands do not tell which
+            // modes to expect.
             (self.cut, self.obedience) = (false, Obedience::default());
             for servo in &mut self.servos {
                 (servo.powered_ms, servo.lost) = (None, 0);
@@ -248,7 +270,7 @@ impl MotorBus for MoteusBus {
                 }
             }
         }
-        // At most 4 x 4096 bytes; the rest waits for the next tick.
+        // Reads at most 4 x 4096 bytes. The rest waits for the next tick.
         for _ in 0..4 {
             let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
             for at in 0..n {
@@ -299,8 +321,9 @@ impl MotorBus for MoteusBus {
     }
 }
 
-/// What a state complains of. It is the servo's before the command that it answers, so it agrees
-/// with the command of the tick before.
+/// Returns the complaints that follow from a servo's state. `answers` is the tick of the command
+/// that the servo answered. The state is from before the servo carried out this command, so it is
+/// compared with the command of the tick before.
 fn complaints(state: &State, servo: &Servo, answers: u32, obedience: &Obedience) -> Complaints {
     let mode = state.mode.unwrap_or(0);
     let fault = state.fault.unwrap_or(0);
@@ -311,7 +334,7 @@ fn complaints(state: &State, servo: &Servo, answers: u32, obedience: &Obedience)
         fault: mode == FAULT
             || state.position.is_some_and(|at| at.unsigned_abs() > TOO_FAR as u32 && at != i32::MIN),
         watchdog: mode == TIMEOUT,
-        // Limits, not faults: the motor gives less than it is asked for.
+        // These codes are limits and not faults: the motor gives less torque than commanded.
         overcurrent: on && matches!(fault, 96..=99 | 102),
         overtemperature: on && matches!(fault, 100 | 101) || state.temperature.is_some_and(|t| t > TOO_HOT),
         disobeyed: obedience.is_broken(answers.wrapping_sub(1), on, explained),

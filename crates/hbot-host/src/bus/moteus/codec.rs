@@ -1,6 +1,6 @@
-//! Frames to the servos and what their answers say. Commands are made by the vendor's crate.
-//! Answers are read here, because its parser shifts a number too far, and panics, where a damaged
-//! answer holds an integer of more than three bytes.
+//! Encodes the frames to the servos and decodes their answers. The vendor's crate encodes the
+//! commands. Answers are decoded here, because the vendor's parser panics (it shifts a number too
+//! far) if a damaged answer holds an integer of more than three bytes.
 
 use moteus_protocol::command::{OutputNearestCommand, PositionCommand, PositionFormat, StopCommand};
 use moteus_protocol::query::QueryFormat;
@@ -11,22 +11,24 @@ use moteus_protocol::{
 
 use super::BROADCAST;
 
-/// Bits of the tick that the watchdog time of a command carries.
+/// Mask of the low bits of the tick. A command carries them in the mantissa of its watchdog time.
 const TICK_BITS: u32 = 0xfff;
-/// The registers that hold how long a command lasts, and the time since power-on in ms.
+/// Registers of a servo: the watchdog time of a command, in s, and the time since power-on, in ms.
 const WATCHDOG: u16 = 0x027;
 const UPTIME: u16 = 0x070;
 
-/// The watchdog time of the command of `tick`, s: the lowest 12 bits of its mantissa carry the
-/// tick. It is within 0.05 % of the time asked for.
+/// Returns the watchdog time to send with the command of `tick`, in s. The lowest 12 bits of its
+/// mantissa are the lowest bits of the tick, so that an answer shows which command it belongs to.
+/// This changes the time by less than 0.05 %.
 #[must_use]
 pub(super) fn stamp(watchdog_ms: u16, tick: u32) -> f32 {
     let time = f32::from(watchdog_ms) * 1e-3;
     f32::from_bits(time.to_bits() & !TICK_BITS | tick & TICK_BITS)
 }
 
-/// The newest tick not after `last` whose command may have had this watchdog time. `None` where no
-/// command for `watchdog_ms` has it.
+/// Returns the tick of the command whose watchdog time an answer has returned as `echo`. It is the
+/// newest possible tick that is not after `last`. Returns `None` if no command with a watchdog time
+/// of `watchdog_ms` has this value.
 #[must_use]
 pub(super) fn stamped(echo: f32, watchdog_ms: u16, last: u32) -> Option<u32> {
     let bits = echo.to_bits();
@@ -34,7 +36,7 @@ pub(super) fn stamped(echo: f32, watchdog_ms: u16, last: u32) -> Option<u32> {
     right.then(|| last.wrapping_sub(last.wrapping_sub(bits) & TICK_BITS))
 }
 
-/// A frame to the servo `id` that asks for an answer, or does not.
+/// Returns an empty frame to the servo `id`. If `answered` is true, the frame asks for an answer.
 #[must_use]
 pub(super) fn frame_to(id: u8, answered: bool) -> CanFdFrame {
     let mut frame = CanFdFrame::new();
@@ -42,7 +44,8 @@ pub(super) fn frame_to(id: u8, answered: bool) -> CanFdFrame {
     frame
 }
 
-/// The resolutions of a torque command: what is 0 or none takes a byte.
+/// Returns the number formats of a torque command. Values that are always 0 or NaN are sent as one
+/// byte.
 #[must_use]
 pub(super) fn torque_format() -> PositionFormat {
     let mut format = PositionFormat::default();
@@ -53,7 +56,8 @@ pub(super) fn torque_format() -> PositionFormat {
     format
 }
 
-/// What each command asks the servo to report: the answer has 32 bytes, a length of CAN-FD.
+/// Returns the query that each command contains: the registers that the servo must report. The
+/// answer has 32 bytes, which is a valid length of a CAN-FD frame.
 #[must_use]
 pub(super) fn state_query() -> QueryFormat {
     let mut query = QueryFormat::default();
@@ -65,8 +69,9 @@ pub(super) fn state_query() -> QueryFormat {
     query
 }
 
-/// A frame that has the servo give `torque` (N m at its output) alone, within `most`, for
-/// `watchdog` s.
+/// Returns a frame that commands the servo to apply `torque` and nothing else. `torque` is in N m
+/// at the servo's output, `most` is the largest torque allowed, and `watchdog` is how long the
+/// command holds, in s.
 #[must_use]
 pub(super) fn torque_frame(
     id: u8,
@@ -88,7 +93,8 @@ pub(super) fn torque_frame(
     frame
 }
 
-/// A frame that switches the motor off; the watchdog time is there for the tick that it carries.
+/// Returns a frame that switches the motor off. It includes a watchdog time only because this time
+/// carries the tick.
 #[must_use]
 pub(super) fn stop_frame(id: u8, watchdog: f32) -> CanFdFrame {
     let mut frame = frame_to(id, true);
@@ -97,7 +103,7 @@ pub(super) fn stop_frame(id: u8, watchdog: f32) -> CanFdFrame {
     frame
 }
 
-/// Appends a watchdog time. Without a mode in its frame it commands nothing.
+/// Appends a watchdog time to a frame. In a frame that sets no mode, it commands nothing.
 pub(super) fn write_watchdog(frame: &mut CanFdFrame, watchdog: f32) {
     let mut data = WriteCanData::new(frame);
     data.write_u8(WRITE_FLOAT | 1);
@@ -105,13 +111,13 @@ pub(super) fn write_watchdog(frame: &mut CanFdFrame, watchdog: f32) {
     data.write_f32(watchdog);
 }
 
-/// Appends what takes whole turns off the position: it becomes the one nearest to 0 with the rotor
-/// where it is.
+/// Appends a request to subtract whole turns from the servo's position. The rotor does not move,
+/// and its position becomes the possible value nearest to 0.
 pub(super) fn write_nearest_zero(frame: &mut CanFdFrame) {
     OutputNearestCommand::new(0.0).serialize(frame);
 }
 
-/// A frame that switches all motors of a line off and asks nobody for an answer.
+/// Returns a frame that switches off all motors of a line. No servo answers it.
 #[must_use]
 pub(super) fn stop_all() -> CanFdFrame {
     let mut frame = frame_to(BROADCAST, false);
@@ -119,40 +125,42 @@ pub(super) fn stop_all() -> CanFdFrame {
     frame
 }
 
-/// What a servo reports.
+/// The state that a servo reports. A field is `None` if the answer does not contain it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct State {
     pub(super) mode: Option<i8>,
-    /// Steps of 1e-5 turns; the least is none.
+    /// Position in steps of 1e-5 turns. `i32::MIN` means that the servo has no valid position.
     pub(super) position: Option<i32>,
-    /// Steps of 1e-5 turns a second; the least is none.
+    /// Velocity in steps of 1e-5 turns per second. `i32::MIN` means that the servo has no valid
+    /// velocity.
     pub(super) velocity: Option<i32>,
     pub(super) home: Option<i8>,
-    /// Half volts.
+    /// Supply voltage in steps of 0.5 V.
     pub(super) voltage: Option<i8>,
-    /// Degrees Celsius; the least is none.
+    /// Temperature in degrees Celsius. `i8::MIN` means that the servo has no valid temperature.
     pub(super) temperature: Option<i8>,
     pub(super) fault: Option<i8>,
-    /// The watchdog time of the command that is answered, s.
+    /// The watchdog time of the command that this state answers, in s.
     pub(super) watchdog: Option<f32>,
     /// Time since power-on, ms.
     pub(super) uptime_ms: Option<i32>,
     pub(super) model: Option<i32>,
     pub(super) firmware: Option<i32>,
     pub(super) register_map: Option<i32>,
-    /// The first register that the servo could not read or write.
+    /// The first register that the servo could not read or write, if any.
     pub(super) refused: Option<u16>,
 }
 
-/// The servo that a frame is from, if it is an answer to this program.
+/// Returns the id of the servo that sent a frame, or `None` if the frame is not an answer to this
+/// program.
 #[must_use]
 pub(super) fn sender(frame: &CanFdFrame) -> Option<u8> {
-    // The bit that marks an extended frame is none of the id.
+    // Bit 31 marks an extended frame and is not part of the id.
     let (source, destination, prefix) = parse_arbitration_id(frame.arbitration_id & 0x1fff_ffff);
     (destination == 0 && prefix == 0 && source > 0).then_some(source as u8)
 }
 
-/// What an answer says. `None` where it is malformed.
+/// Decodes the data of an answer. Returns `None` if the data is malformed.
 #[must_use]
 pub(super) fn state(data: &[u8]) -> Option<State> {
     let mut state = State::default();
@@ -181,7 +189,9 @@ pub(super) fn state(data: &[u8]) -> Option<State> {
     Some(state)
 }
 
-/// Takes the value of a register. One in another type than it is asked for in is none.
+/// Reads the value of one register from `rest` and stores it in `state`. `kind` is the type of the
+/// value: 0 to 3 for int8, int16, int32 and float. A value of a type that the driver did not ask
+/// for is dropped. Returns `None` if the data ends too early.
 fn take(state: &mut State, register: u16, kind: u8, rest: &mut Rest<'_>) -> Option<()> {
     let whole = match kind {
         0 => i32::from(rest.byte()? as i8),
@@ -208,7 +218,7 @@ fn take(state: &mut State, register: u16, kind: u8, rest: &mut Rest<'_>) -> Opti
     Some(())
 }
 
-/// What of an answer is still to be read.
+/// The part of an answer that has not been decoded yet.
 struct Rest<'a>(&'a [u8]);
 
 impl Rest<'_> {
@@ -224,7 +234,8 @@ impl Rest<'_> {
         Some(*taken)
     }
 
-    /// A number of one or two bytes, which all registers have.
+    /// Reads a register number, which has one or two bytes. Returns `None` if it is longer or
+    /// incomplete.
     fn register(&mut self) -> Option<u16> {
         let low = self.byte()?;
         if low & 0x80 == 0 {

@@ -1,5 +1,5 @@
-//! Whether the servos on a line are those of the rig, and set up so that torque may be asked of
-//! them.
+//! Checks that the servos on a line are those of the rig file, and that their settings allow torque
+//! commands.
 
 use super::REGISTER_MAP;
 use super::codec;
@@ -8,16 +8,16 @@ use crate::bus::{Expected, Found, MeetError, Remedy};
 use crate::line::Line;
 use hbot_config::rig::Protocol as Name;
 
-/// What a setting of a servo must be.
+/// The required value of one setting of a servo.
 struct Must {
     name: &'static str,
-    /// What is written in the command that mends it.
+    /// The value as it is written in the command that corrects the setting.
     value: &'static str,
     is: fn(f64) -> bool,
     why: &'static str,
 }
 
-/// All settings that matter.
+/// All settings that must have a certain value before torque is commanded.
 const SETTINGS: [Must; 4] = [
     Must {
         name: "servo.timeout_mode",
@@ -45,8 +45,8 @@ const SETTINGS: [Must; 4] = [
     },
 ];
 
-/// Meets the servos: they are those of the rig, each once, and set up as they must be. Their motors
-/// are off afterwards.
+/// Checks that each servo of the rig file answers on the line exactly once, that no other servo
+/// answers, and that all settings are right. Switches all motors off.
 pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
     let counts = Name::Moteus.counts_per_turn().unwrap_or_default();
     if let Some(at) = expected.first_wrong_counts((0..expected.joints()).map(|_| counts)) {
@@ -72,7 +72,7 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
     Ok(())
 }
 
-/// All servos on a line, as they are. Changes nothing.
+/// Lists all servos on a line with their settings. Changes nothing.
 pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
     found(&mut Talk::open(line, expected)?)
 }
@@ -91,7 +91,7 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
                 command: format!("update the firmware: python3 -m moteus.moteus_tool -t {id} --flash FILE"),
             });
         } else if !twice {
-            // Two of one id answer together: their settings cannot be told apart.
+            // Two servos with one id answer at once, so their settings cannot be told apart.
             for must in &SETTINGS {
                 let said = talk.setting(*id, must.name)?;
                 if !said.parse().is_ok_and(must.is) {
@@ -113,7 +113,7 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
 }
 
 fn model(number: i32) -> String {
-    // The family stands in the upper byte.
+    // The upper byte of the model number is the family.
     let name = ["r4", "n1", "c1", "x1"].get(usize::try_from(number >> 8).unwrap_or(usize::MAX));
     format!("moteus {} (model {number:#06x})", name.unwrap_or(&"of another family"))
 }
@@ -128,7 +128,8 @@ fn mend(port: &str, id: u8, must: &Must, said: &str) -> Remedy {
     }
 }
 
-/// Why the servos that are there are not those of the ids.
+/// Returns an error text if the servos found are not those of `ids`, the rig file's ids: one is
+/// missing, one is extra, or two have one id. Returns `None` if they match.
 fn crowd(found: &[Found], ids: &[u8]) -> Option<String> {
     let listed = |ids: &[u8]| ids.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
     let there: Vec<u8> = found.iter().map(|it| it.id).collect();
@@ -156,12 +157,12 @@ fn crowd(found: &[Found], ids: &[u8]) -> Option<String> {
     })
 }
 
-/// Checks that a servo sends the watchdog time of a command back as it came, and notes since when
-/// it has had power.
+/// Checks that a servo returns the watchdog time of a command bit for bit, because the driver uses
+/// it to number commands. Also stores the time at which the servo got power.
 fn echoes(talk: &mut Talk<'_>, id: u8, at: usize) -> Result<(), MeetError> {
     let watchdog = codec::stamp(20, 0xabc);
     let mut frame = codec::frame_to(id, true);
-    // Without a mode in its frame it commands nothing.
+    // Because this frame sets no mode, it commands nothing.
     codec::write_watchdog(&mut frame, watchdog);
     codec::state_query().serialize(&mut frame);
     let state = talk.state(id, &frame)?;

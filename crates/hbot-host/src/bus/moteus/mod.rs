@@ -31,20 +31,20 @@ use self::bus::MoteusBus;
 use self::talk::Talk;
 use self::text::{BREAK, Dialect};
 
-/// The destination that all servos hear.
+/// The destination id that all servos accept.
 const BROADCAST: u8 = 0x7f;
-/// The version of the register map that this driver knows.
+/// The version of the vendor's register map that this driver supports.
 const REGISTER_MAP: i32 = 5;
-/// Bytes of the longest command and of its answer on the CAN bus.
+/// Data bytes of the longest command and of its answer on the CAN bus.
 const COMMAND_BYTES: usize = 48;
 const ANSWER_BYTES: usize = 32;
 
-/// The notes of an [`Expected`]: the dialect of the line, then when each servo got power, ms of the
-/// clock.
+/// Which note of an [`Expected`] holds what: first the dialect of the line, then for each servo the
+/// time at which it got power, in ms on the system's clock.
 const DIALECT: usize = 0;
 const POWERED: usize = 1;
 
-/// The protocol of moteus servos.
+/// The driver for moteus servos.
 #[derive(Debug, Clone, Copy)]
 pub struct Moteus;
 
@@ -75,7 +75,8 @@ impl Protocol for Moteus {
     }
 
     fn traffic(&self, joints: usize) -> Traffic {
-        // A line: id, data, flags, checksum and end; `OK` with its checksum before each answer.
+        // A command line has the id, data, flags, checksum and end. Before each answer, `OK`
+        // arrives with its checksum.
         let (command, answer) = (22 + 2 * COMMAND_BYTES, 8 + 28 + 2 * ANSWER_BYTES);
         let frames = |answers_long, stuffed| {
             can_fd_ns(COMMAND_BYTES as u64, true, stuffed)
@@ -83,7 +84,7 @@ impl Protocol for Moteus {
         };
         let bus = BusTraffic {
             name: "CAN-FD at 1 and 5 Mbit/s",
-            // Servos up to id 7 answer with short ids.
+            // Servos with ids up to 7 answer with short ids.
             least_ns: joints as u64 * frames(false, false),
             most_ns: joints as u64 * frames(true, true),
         };
@@ -91,7 +92,7 @@ impl Protocol for Moteus {
     }
 }
 
-/// The dialect of the line as [`Talk::open`] has found it.
+/// Returns the dialect that [`Talk::open`] has found on the line.
 fn dialect(expected: &Expected) -> Dialect {
     match expected.note(DIALECT).load(Ordering::Relaxed) {
         0 => Dialect::Fdcanusb,

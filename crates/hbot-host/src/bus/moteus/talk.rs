@@ -1,4 +1,5 @@
-//! Questions to the servos and their answers, outside the loop: it waits.
+//! Sends questions to the servos and waits for the answers. It blocks, so it is used outside the
+//! loop only.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -13,18 +14,21 @@ use super::{BROADCAST, DIALECT, POWERED};
 use crate::bus::{Expected, MeetError, converse};
 use crate::line::Line;
 
-/// Silence after which nobody else answers a question to all.
+/// Silence on the line after which all servos count as having answered a question that was sent to
+/// all of them.
 const QUIET: Duration = Duration::from_millis(30);
-/// The channel of the console, and how much of it an answer carries.
+/// The channel number of a servo's text console, and the largest number of console bytes in one
+/// answer.
 const CONSOLE: u8 = 1;
 const CONSOLE_BYTES: u8 = 48;
-/// How often a setting is asked for, and how often its answer is looked for.
+/// How many times the driver asks for a setting, and how many times it polls for each answer.
 const ASKED: u32 = 3;
 const LOOKED: u32 = 50;
-/// Clocks of servo and host, and the time that an answer takes, differ by less than this, ms.
+/// Tolerance for the time at which a servo got power, ms. It covers the drift between the clocks of
+/// servo and host, and the delay of an answer.
 const SLACK_MS: i64 = 2000;
 
-/// A conversation on a line whose dialect is known.
+/// Exchanges frames with the servos of a line whose dialect is known.
 pub(super) struct Talk<'a> {
     line: &'a mut dyn Line,
     expected: &'a Expected,
@@ -32,8 +36,8 @@ pub(super) struct Talk<'a> {
 }
 
 impl<'a> Talk<'a> {
-    /// Finds out which dialect the line speaks: a line that means nothing is refused by an adapter
-    /// without, and by a UART with a checksum.
+    /// Finds out which dialect the line uses. It sends a line that is not a command: an adapter
+    /// refuses it without a checksum, a UART with a checksum.
     pub(super) fn open(line: &'a mut dyn Line, expected: &'a Expected) -> Result<Self, MeetError> {
         let mut inbox = Inbox::new(Dialect::Fdcanusb);
         let checked = converse(line, expected, BREAK, |bytes| {
@@ -49,14 +53,16 @@ impl<'a> Talk<'a> {
         MeetError::Line { port: self.expected.port().to_owned(), error }
     }
 
-    /// The bytes of a frame's line, after the end of what may be half on its way.
+    /// Returns the line of text for a frame. It begins with bytes that end any half line sent
+    /// before.
     fn line_of(&self, frame: &CanFdFrame) -> Vec<u8> {
         let mut bytes = BREAK.to_vec();
         text::push(&mut bytes, frame, self.dialect);
         bytes
     }
 
-    /// Writes a frame until `find` finds what it looks for in the answer of servo `id`.
+    /// Sends a frame repeatedly until servo `id` answers and `find` returns a value for the
+    /// answer's data. Fails if no such answer arrives.
     fn ask<T>(
         &mut self,
         id: u8,
@@ -77,12 +83,13 @@ impl<'a> Talk<'a> {
         })
     }
 
-    /// What the servo `id` says to a query.
+    /// Sends a query and returns the state that servo `id` answers.
     pub(super) fn state(&mut self, id: u8, frame: &CanFdFrame) -> Result<State, MeetError> {
         self.ask(id, frame, codec::state)
     }
 
-    /// The states of all servos that answer, each as often as it does.
+    /// Returns the states of all servos that answer, sorted by id. Two servos with one id appear
+    /// twice.
     pub(super) fn everybody(&mut self) -> Result<Vec<(u8, State)>, MeetError> {
         let mut frame = codec::frame_to(BROADCAST, true);
         identity().serialize(&mut frame);
@@ -107,10 +114,10 @@ impl<'a> Talk<'a> {
         Ok(found)
     }
 
-    /// The value of a setting of servo `id`, in the words of its console.
+    /// Returns the value of a setting of servo `id`, as the text that its console prints.
     pub(super) fn setting(&mut self, id: u8, name: &str) -> Result<String, MeetError> {
         for _ in 0..ASKED {
-            // What somebody else has asked for before.
+            // Discard the answers to earlier questions, possibly of other programs.
             for _ in 0..LOOKED {
                 if self.poll(id)?.is_empty() {
                     break;
@@ -131,21 +138,21 @@ impl<'a> Talk<'a> {
         Err(MeetError::Setting { port: self.expected.port().to_owned(), reason })
     }
 
-    /// What the console of servo `id` has to say.
+    /// Returns the bytes that the console of servo `id` has waiting. Empty if there are none.
     fn poll(&mut self, id: u8) -> Result<Vec<u8>, MeetError> {
         let mut frame = codec::frame_to(id, true);
         frame.size = write_client_poll(CONSOLE, CONSOLE_BYTES, &mut frame.data);
         self.ask(id, &frame, stream)
     }
 
-    /// Switches all motors of the line off.
+    /// Switches off all motors of the line, without waiting for answers.
     pub(super) fn stop(&mut self) -> Result<(), MeetError> {
         let bytes = self.line_of(&codec::stop_all());
         self.line.write(0, &bytes).map(drop).map_err(|error| self.failed(error))
     }
 
-    /// Switches all motors of the rig off, each with its answer. Returns whether any servo has lost
-    /// power since [`note_power`](Self::note_power).
+    /// Switches off all motors of the rig and waits for each servo's answer. Returns whether any
+    /// servo has lost power since [`note_power`](Self::note_power).
     pub(super) fn switch_off(&mut self) -> Result<bool, MeetError> {
         self.stop()?;
         let mut lost = false;
@@ -160,7 +167,7 @@ impl<'a> Talk<'a> {
         Ok(lost)
     }
 
-    /// Remembers when a servo got power.
+    /// Stores the time at which a servo got power, so that a later restart can be detected.
     pub(super) fn note_power(&self, at: usize, uptime_ms: i32) {
         self.expected.note(POWERED + at).store(powered(uptime_ms), Ordering::Relaxed);
     }
@@ -170,10 +177,11 @@ impl<'a> Talk<'a> {
     }
 }
 
-/// What to look at where a servo is silent.
+/// Advice in the error message for a servo that does not answer.
 const HELP: &str = "check its power, its id and the wiring of the bus";
 
-/// What tells who a servo is.
+/// Returns a query for the registers that identify a servo: home state, time since power-on, model,
+/// firmware and register map.
 fn identity() -> QueryFormat {
     let mut query = QueryFormat::default();
     (query.position, query.velocity) = (Resolution::Ignore, Resolution::Ignore);
@@ -185,7 +193,7 @@ fn identity() -> QueryFormat {
     query
 }
 
-/// The data of a frame from servo `id`.
+/// Returns the data of a frame if it came from servo `id`.
 fn from(said: &Said, id: u8) -> Option<&[u8]> {
     match said {
         Said::Frame(frame) if codec::sender(frame) == Some(id) => Some(frame.payload()),
@@ -197,7 +205,8 @@ fn stream(data: &[u8]) -> Option<Vec<u8>> {
     parse_server_to_client(data, CONSOLE).map(<[u8]>::to_vec)
 }
 
-/// When a servo got power, ms of the clock of the system since it started.
+/// Returns the time at which a servo got power, in ms on the system's clock since the system
+/// started.
 fn powered(uptime_ms: i32) -> i64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
     now.tv_sec * 1000 + now.tv_nsec / 1_000_000 - i64::from(uptime_ms as u32)

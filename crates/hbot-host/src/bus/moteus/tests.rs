@@ -1,5 +1,5 @@
-//! The driver against vectors of the vendor's own software, and what the conformance suite cannot
-//! see.
+//! Compares the driver with vectors from the vendor's own software, and tests what the conformance
+//! suite cannot see.
 
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,7 +20,8 @@ use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol as _};
 use crate::layout::Layout;
 use crate::line::{Line, Memory, SimulatorCall};
 
-/// Made by tests/vendor/make_moteus_vectors.py with the vendor's Python library.
+/// Returns a list of test vectors that tests/vendor/make_moteus_vectors.py has written with the
+/// vendor's Python library.
 fn vectors(name: &str) -> Vec<Value> {
     let text = include_str!("../../../../../tests/vendor/moteus.json");
     let all: Value = serde_json::from_str(text).expect("the script writes JSON");
@@ -33,7 +34,7 @@ fn single(value: &Value) -> f32 {
     f32::from_bits(value.as_u64().expect("bits") as u32)
 }
 
-/// The lines of a frame in both dialects.
+/// Returns the lines of text for a frame in both dialects.
 fn lines(frame: &moteus_protocol::CanFdFrame) -> [String; 2] {
     [Dialect::Fdcanusb, Dialect::Uart].map(|dialect| {
         let mut line = Vec::new();
@@ -70,7 +71,7 @@ fn strings(value: &Value) -> Vec<String> {
     value.as_array().expect("a list").iter().map(|line| line.as_str().expect("text").to_owned()).collect()
 }
 
-/// What a line says, taken byte by byte.
+/// Passes a line through an [`Inbox`] byte by byte and returns its content.
 fn said(line: &str, dialect: Dialect) -> Said {
     let mut inbox = Inbox::new(dialect);
     let mut said: Vec<_> = line.bytes().chain(*b"\r\n").filter_map(|byte| inbox.take(byte)).collect();
@@ -94,7 +95,8 @@ fn answers_say_what_the_vendor_s_decoder_reads() {
         let words = words.map(|it| it.map(i64::from));
         assert_eq!(words, ["0x001", "0x002", "0x070", "0x100", "0x102"].map(raw), "{line}");
         assert_eq!(state.watchdog.map(|time| i64::from(time.to_bits())), raw("0x027"));
-        // Turns are steps of 1e-5; the least integer is none.
+        // Positions are in steps of 1e-5 turns, and the lowest integer means that there is no
+        // value.
         let turns = state.position.filter(|at| *at != i32::MIN).map(|at| f64::from(at) * 1e-5);
         let theirs = vector["turns"].as_f64();
         assert_eq!(turns.is_some(), theirs.is_some(), "{line}");
@@ -148,15 +150,15 @@ fn a_malformed_answer_is_none_and_does_not_panic() {
     assert_eq!(codec::state(&[]), Some(codec::State::default()));
 }
 
-/// Four virtual servos on a line, and the bus on it.
+/// Four simulated servos on a line, and the bus that drives them.
 struct Bench {
     bus: Box<dyn MotorBus>,
     calls: Sender<SimulatorCall>,
     tick: u32,
 }
 
-/// The prototype with virtual servos, the line to them, and what is done with them between two
-/// ticks.
+/// Returns the prototype rig with moteus servos, a line to simulated servos, and a channel for
+/// calls that change the simulated rig between two ticks.
 fn rig_and_line() -> (RigConfig, Memory, Sender<SimulatorCall>) {
     let text = include_str!("../../../../../rigs/prototype-moteus.toml");
     let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
@@ -173,7 +175,7 @@ impl Bench {
         Self { bus: Moteus.bus(Box::new(line), expected), calls, tick: 1 }
     }
 
-    /// Has `call` done before the next command.
+    /// Makes the line run `call` on the simulated rig before the next command.
     fn post(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) {
         self.calls.send(Box::new(call)).expect("the line is there");
     }
@@ -190,7 +192,8 @@ impl Bench {
         heard
     }
 
-    /// What is heard in this many ticks: all complaints, and how many readings.
+    /// Runs `n` ticks. Returns all complaints together, the number of readings, and whether any
+    /// zero was lost.
     fn ticks(&mut self, n: u32, enable: bool) -> (Complaints, u32, bool) {
         (0..n).fold((Complaints::default(), 0, false), |(complaints, readings, lost), _| {
             let heard = self.tick(enable);
@@ -257,27 +260,27 @@ fn a_limit_is_no_fault() {
     assert_eq!(bench.ticks(20, false).0, Complaints::default());
 }
 
-/// A drive joint goes far while its motor is off: whole turns are taken off its position, and no
-/// count is lost.
+/// While its motor is off, a drive joint turns by 255 turns of the motor. The servo subtracts whole
+/// turns from its position, and the encoder count goes on without a jump.
 #[test]
 fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     let mut bench = Bench::new();
     bench.ticks(5, false);
     let mut last = None;
     for step in 0..600 {
-        // A turn of the wheel in 40 ticks: 17 of the motor, 255 in all.
+        // The wheel turns once in 40 ticks: 17 turns of the motor, 255 turns in all.
         let angle = f64::from(step) * 2.0 * std::f64::consts::PI / 40.0;
         bench.post(move |rig| rig.set_state(PlantState { drive: [angle; 8], ..PlantState::default() }));
         let heard = bench.tick(false);
         let counts = heard.reading.expect("they answer").joints.map(|joint| joint.count);
         if let Some(last) = last.replace(counts) {
             let moved = counts[1].wrapping_sub(last[1]);
-            // 17/40 turns of 131072 counts.
+            // Each tick adds 17/40 turns of 131072 counts.
             assert!(step < 3 || (moved - 55705).abs() <= 2, "{moved} counts in tick {step}");
         }
     }
     bench.ticks(200, false);
-    // The servo's own position stays within 100 turns.
+    // The servo's own position must stay within 100 turns.
     let (speaker, hears) = channel();
     let (mut frame, mut question) = (codec::frame_to(2, true), Vec::new());
     codec::state_query().serialize(&mut frame);
@@ -295,7 +298,7 @@ fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     assert!(position.abs() < 10_000_000, "{position} steps of 1e-5 turns");
 }
 
-/// A line that has the answers of each tick ready, and keeps nothing.
+/// A line that returns prepared answers, one for each tick, and drops what is written.
 struct Canned {
     answers: Vec<Vec<u8>>,
     next: usize,
@@ -303,7 +306,7 @@ struct Canned {
 
 impl Line for Canned {
     fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
-        // The first is read before the first command: nothing has come yet.
+        // The first read comes before the first command, so there is no answer yet.
         let answer = self.next.checked_sub(1).and_then(|at| self.answers.get(at));
         self.next += 1;
         let answer = answer.map_or(&[][..], |answer| answer);
@@ -316,7 +319,7 @@ impl Line for Canned {
     }
 }
 
-/// A line to virtual servos that notes what they answer.
+/// A line to simulated servos that records their answers.
 struct Noted(Memory, Arc<Mutex<Vec<Vec<u8>>>>);
 
 impl Line for Noted {
@@ -352,8 +355,8 @@ fn a_tick_allocates_nothing() {
     assert_eq!((allocated.count_total, readings), (0, TICKS - 1));
 }
 
-/// A bare end of line would have half a command obeyed: a mode without torque and gains is position
-/// mode.
+/// After a command that was cut short at any byte, the servo stays in mode 0. With a bare end of
+/// line it would obey the part: a mode without torque and gains is position mode.
 #[test]
 fn half_a_command_is_never_obeyed() {
     for (checksums, dialect) in [(false, Dialect::Fdcanusb), (true, Dialect::Uart)] {

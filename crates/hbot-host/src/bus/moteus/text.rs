@@ -1,29 +1,30 @@
-//! The lines of text that frames travel in: those of an fdcanusb adapter, or of a UART with
-//! checksums.
+//! The lines of text that carry CAN frames to and from the servos, in two dialects: that of an
+//! fdcanusb adapter, and that of a UART, with checksums.
 
 use moteus_protocol::CanFdFrame;
 use moteus_protocol::fdcanusb::{
     EncodeOptions, Line as Content, MAX_LINE_LENGTH, encode_can_send, parse_line, strip_checksum,
 };
 
-/// Ends a line of which only a part has been taken, so that it is refused: neither data nor flags
-/// have this letter. A bare end of line would have the part obeyed, and a mode without its torque
-/// is position mode.
+/// Bytes that end a line of which only a part was sent, so that the adapter or servo refuses the
+/// line. No valid command contains the letter `x`. A bare end of line would make the servo obey the
+/// part, and a part that sets the mode but no torque switches to position mode.
 pub(super) const BREAK: &[u8] = b"x\n";
-/// The longest line, with its end.
+/// Length of the longest line including its end, in bytes.
 pub(super) const LONGEST: usize = MAX_LINE_LENGTH;
 
-/// Which of the two dialects a line speaks.
+/// The two dialects that a line to moteus servos can use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Dialect {
-    /// An fdcanusb adapter: no checksums, it refuses them.
+    /// The dialect of an fdcanusb adapter, which refuses checksums.
     #[default]
     Fdcanusb,
-    /// The UART of a moteus: each line ends with a CRC-8.
+    /// The dialect of a servo's own UART. Each line ends with a CRC-8.
     Uart,
 }
 
-/// Appends the line of `frame` to `out`, which has room for it.
+/// Appends the line of text that carries `frame` to `out`. The caller must reserve the space, so
+/// that the loop does not allocate memory.
 pub(super) fn push(out: &mut Vec<u8>, frame: &CanFdFrame, dialect: Dialect) {
     let options = EncodeOptions { checksum: dialect == Dialect::Uart, ..EncodeOptions::default() };
     let mut line = [0; LONGEST];
@@ -32,26 +33,26 @@ pub(super) fn push(out: &mut Vec<u8>, frame: &CanFdFrame, dialect: Dialect) {
     out.extend_from_slice(&line[..length]);
 }
 
-/// What a line says.
+/// The content of one line of text from an adapter or a servo.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Said {
-    /// A frame from a servo.
+    /// A CAN frame from a servo.
     Frame(CanFdFrame),
-    /// A line has been taken.
+    /// The adapter or servo has accepted a command (`OK`).
     Taken,
-    /// A line has been refused.
+    /// The adapter or servo has refused a command (`ERR`).
     Refused,
-    /// It is damaged, or of another protocol.
+    /// A damaged line, or text of another protocol.
     Damaged,
 }
 
-/// Collects bytes to lines. Does not allocate.
+/// Assembles received bytes into lines. Does not allocate memory.
 #[derive(Debug, Clone)]
 pub(super) struct Inbox {
     line: [u8; LONGEST],
     length: usize,
     too_long: bool,
-    /// Checksums are required: a line without one is damaged.
+    /// True if each line must have a checksum. A line without one is then damaged.
     required: bool,
 }
 
@@ -60,8 +61,8 @@ impl Inbox {
         Self { line: [0; LONGEST], length: 0, too_long: false, required: dialect == Dialect::Uart }
     }
 
-    /// Takes a byte. Where it ends a line that is not empty: what that says, and whether it has a
-    /// valid checksum.
+    /// Adds one received byte. If the byte ends a line that is not empty, returns the content of
+    /// the line and whether the line has a valid checksum.
     pub(super) fn take(&mut self, byte: u8) -> Option<(Said, bool)> {
         if byte != b'\n' && byte != b'\r' {
             match self.line.get_mut(self.length) {
@@ -85,7 +86,7 @@ impl Inbox {
 fn understood(content: &[u8]) -> Said {
     match parse_line(content) {
         Content::Rcv(frame) => Said::Frame(frame),
-        // Words that merely begin alike are damaged ones.
+        // A line that only begins with `OK` is damaged.
         Content::Ok if content == b"OK" => Said::Taken,
         Content::Err(_) => Said::Refused,
         Content::Ok | Content::Other(_) => Said::Damaged,
