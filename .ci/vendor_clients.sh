@@ -11,10 +11,14 @@ folder=$(mktemp -d)
 served=
 trap 'exec 3>&- || true; [ -z "$served" ] || wait "$served" || true; rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet moteus==1.1.1
+"$folder/venv/bin/pip" install --quiet moteus==1.1.1 cantools==45.1.0 python-can==4.6.1 pyserial==3.5
+# Of this one the DBC alone is used: its own dependencies are not needed.
+"$folder/venv/bin/pip" install --quiet --no-deps odrive-can==2.1.0
 
 "$folder/venv/bin/python" tests/vendor/make_moteus_vectors.py >"$folder/moteus.json"
 cmp "$folder/moteus.json" tests/vendor/moteus.json
+"$folder/venv/bin/python" tests/vendor/make_odrive_vectors.py >"$folder/odrive.json"
+cmp "$folder/odrive.json" tests/vendor/odrive.json
 
 # Serves virtual controllers that speak $1 and has the client $2 drive them.
 drive() {
@@ -34,3 +38,4 @@ drive() {
 }
 
 drive moteus tests/vendor/moteus_client.py
+drive odrive tests/vendor/odrive_client.py

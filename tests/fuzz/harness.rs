@@ -7,7 +7,8 @@ use std::sync::LazyLock;
 use hbot_api::{Encoding, MAX_REQUEST_BYTES, Request, Splitter};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_host::bus::moteus::Moteus;
-use hbot_host::bus::{BusCommand, Expected, Protocol as _, Reading};
+use hbot_host::bus::odrive::Odrive;
+use hbot_host::bus::{BusCommand, Expected, Protocol, Reading};
 use hbot_host::layout::Layout;
 use hbot_host::line::Line;
 use hbot_link::{Decoder, FromController, Message, ToController, encode};
@@ -83,17 +84,16 @@ impl Line for Piecemeal {
     }
 }
 
-/// What a bus of moteus servos hears of some bytes that arrive in pieces of `piece`: damaged and
-/// foreign frames, and the last reading.
-fn heard(bytes: &[u8], piece: usize) -> (u32, u32, Option<Reading>) {
-    static RIG: LazyLock<RigConfig> = LazyLock::new(|| {
-        let text = include_str!("../../rigs/prototype-moteus.toml");
-        RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("it is legal")
-    });
-    let expected = Expected::new("fuzz", &RIG.rig, &Layout::of(&RIG), 0);
-    let mut bus = Moteus.bus(Box::new(Piecemeal { bytes: bytes.to_vec(), at: 0, piece }), expected);
-    // Answers to this command are readings: the vectors of the corpus carry the lowest bits of its
-    // tick.
+/// What a bus hears of some bytes that arrive in pieces of `piece`: damaged and foreign frames, and the last reading.
+fn heard(
+    protocol: &dyn Protocol,
+    rig: &RigConfig,
+    bytes: &[u8],
+    piece: usize,
+) -> (u32, u32, Option<Reading>) {
+    let expected = Expected::new("fuzz", &rig.rig, &Layout::of(rig), 0);
+    let mut bus = protocol.bus(Box::new(Piecemeal { bytes: bytes.to_vec(), at: 0, piece }), expected);
+    // Answers to this command are readings: the vectors of the corpus carry the lowest bits of its tick.
     let tick = 0x1000;
     assert!(bus.command(0, &BusCommand { tick, enable: true, watchdog_ms: 20, torque: Default::default() }));
     let (mut damaged, mut foreign, mut reading) = (0, 0, None);
@@ -108,11 +108,30 @@ fn heard(bytes: &[u8], piece: usize) -> (u32, u32, Option<Reading>) {
 /// Lines from moteus servos: the same in whatever pieces they come, and no more than there are ends
 /// of lines.
 pub(crate) fn moteus_answers(bytes: &[u8]) {
-    let (whole, pieces) = (heard(bytes, 4096), heard(bytes, 7));
+    static RIG: LazyLock<RigConfig> = LazyLock::new(|| {
+        let text = include_str!("../../rigs/prototype-moteus.toml");
+        RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("it is legal")
+    });
+    let (whole, pieces) = (heard(&Moteus, &RIG, bytes, 4096), heard(&Moteus, &RIG, bytes, 7));
     assert_eq!((whole.0, whole.1), (pieces.0, pieces.1));
     assert_eq!(whole.2.is_some(), pieces.2.is_some());
     let ends = bytes.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count();
     assert!((whole.0 + whole.1) as usize <= ends, "{whole:?} of {ends} lines");
+    if let Some(reading) = whole.2 {
+        assert!(reading.answers <= 0x1000 && reading.joints.iter().all(|joint| joint.rate.is_finite()));
+    }
+}
+
+/// Lines from ODrives' adapter: the same in whatever pieces they come, and no more than there are bytes.
+pub(crate) fn odrive_messages(bytes: &[u8]) {
+    static RIG: LazyLock<RigConfig> = LazyLock::new(|| {
+        let text = include_str!("../../rigs/prototype-odrive.toml");
+        RigConfig::from_toml(text, "rigs/prototype-odrive.toml").expect("it is legal")
+    });
+    let (whole, pieces) = (heard(&Odrive, &RIG, bytes, 4096), heard(&Odrive, &RIG, bytes, 7));
+    assert_eq!((whole.0, whole.1), (pieces.0, pieces.1));
+    assert_eq!(whole.2.is_some(), pieces.2.is_some());
+    assert!((whole.0 + whole.1) as usize <= bytes.len(), "{whole:?} of {} bytes", bytes.len());
     if let Some(reading) = whole.2 {
         assert!(reading.answers <= 0x1000 && reading.joints.iter().all(|joint| joint.rate.is_finite()));
     }
@@ -189,10 +208,11 @@ pub(crate) struct Target {
 }
 
 /// All decoders under test.
-pub(crate) const TARGETS: [Target; 7] = [
+pub(crate) const TARGETS: [Target; 8] = [
     Target { name: "link_from_controller", check: link_from_controller },
     Target { name: "link_to_controller", check: link_to_controller },
     Target { name: "moteus_answers", check: moteus_answers },
+    Target { name: "odrive_messages", check: odrive_messages },
     Target { name: "api_json", check: api_json },
     Target { name: "api_msgpack", check: api_msgpack },
     Target { name: "rig_file", check: rig_file },

@@ -114,6 +114,11 @@ fn answers_of_moteus_servos() {
 }
 
 #[test]
+fn messages_of_odrives() {
+    run("odrive_messages");
+}
+
+#[test]
 fn lines_of_json() {
     run("api_json");
 }

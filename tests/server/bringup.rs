@@ -30,6 +30,35 @@ fn the_doctor_tells_programs_what_it_found_and_the_exit_code_follows() {
 
 /// The prototype with moteus servos.
 const MOTEUS: &str = "rigs/prototype-moteus.toml";
+/// The prototype with ODrives.
+const ODRIVE: &str = "rigs/prototype-odrive.toml";
+
+#[test]
+fn odrives_are_listed_and_pass_their_test_and_calibration() {
+    let axes = run(&["rig", "scan", "--rig", ODRIVE]).success();
+    axes.stdout(contains("sim: 4 answer").and(contains("  3: ODrive")).and(contains("24.0 V")));
+    run(&["rig", "test", "--rig", ODRIVE, "--joint", "2", "--torque", "0.002"])
+        .success()
+        .stdout(contains("drive of wheel A"));
+    run(&["rig", "calibrate", "--rig", ODRIVE, "--seconds", "10"])
+        .success()
+        .stdout(contains("steering zero off by"));
+}
+
+#[test]
+fn four_odrives_on_one_bus_are_too_many_and_two_fit() {
+    let check = |text: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("rig.toml");
+        std::fs::write(&path, text).expect("written");
+        run(&["rig", "check", path.to_str().expect("UTF-8")])
+    };
+    let two = include_str!("../../rigs/prototype-odrive.toml")
+        .replace("port = \"sim\" ", "port = [\"/dev/ttyACM0\", \"/dev/ttyACM1\"] ");
+    check(&two).success().stdout(contains("line /dev/ttyACM1, 1000 Hz, 2 joints").and(contains("fits")));
+    let one = two.replace(", \"/dev/ttyACM1\"]", "]").replace("port = 1", "port = 0");
+    check(&one).failure().stdout(contains("does not fit").and(contains("2 lines")));
+}
 
 #[test]
 fn a_scan_lists_the_controllers_of_a_line_whatever_they_speak() {

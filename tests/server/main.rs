@@ -7,6 +7,7 @@ mod design;
 mod drivers;
 mod last_word;
 mod log;
+mod odrive;
 mod output;
 mod pages;
 mod phenomena;

@@ -31,13 +31,12 @@ const SCENE: &str = r#"
 "#;
 const SECONDS: u64 = 5;
 
-/// All ticks of a server in virtual time on the prototype whose controllers speak `protocol`.
-/// Encoders are as fine on all.
-fn felt(protocol: Protocol) -> Vec<Tick> {
+/// All ticks of a server in virtual time on the prototype whose controllers speak `protocol`, with
+/// encoders as fine as those of `other`.
+pub(crate) fn felt(protocol: Protocol, other: Protocol) -> Vec<Tick> {
     let mut rig = RigConfig::prototype();
     rig.link.protocol = protocol;
-    let counts = Protocol::Moteus.counts_per_turn().expect("it reports turns");
-    let counts = protocol.counts_per_turn().unwrap_or(counts);
+    let counts = other.counts_per_turn().expect("it reports turns");
     let all = |joints: &mut [hbot_core::rig::Joint]| {
         joints.iter_mut().for_each(|joint| joint.counts_per_turn = counts);
     };
@@ -77,7 +76,8 @@ fn mode(servos: &PtyRig, id: u8) -> u8 {
 }
 
 /// A scene that pushes always.
-const PUSH: &str = "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
+pub(crate) const PUSH: &str =
+    "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
 
 /// Has the server push.
 fn push(client: &mut JsonLines, servos: &PtyRig) {
@@ -156,7 +156,7 @@ fn a_line_of_moteus_servos_that_is_back_pushes_only_when_asked_anew() {
 }
 
 /// The largest difference of a torque at a joint, and the largest torque, N m.
-fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
+pub(crate) fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
     let (mut most, mut largest) = (0.0_f64, 0.0_f64);
     for (tick, other) in ticks.iter().zip(others) {
         for joint in 0..MAX_JOINTS {
@@ -169,7 +169,7 @@ fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
 
 #[test]
 fn a_spring_feels_the_same_over_moteus_as_over_hbot_s_own_link() {
-    let (own, moteus) = (felt(Protocol::Hbot), felt(Protocol::Moteus));
+    let (own, moteus) = (felt(Protocol::Hbot, Protocol::Moteus), felt(Protocol::Moteus, Protocol::Moteus));
     assert!(own.len() >= 5000 && moteus.len() >= 5000, "{} and {} ticks", own.len(), moteus.len());
     for ticks in [&own, &moteus] {
         let active = ticks.iter().filter(|tick| tick.outputs.drive.enable).count();

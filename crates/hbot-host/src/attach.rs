@@ -78,7 +78,7 @@ pub(crate) fn simulated(
     phenomena: Phenomena,
     time: Time,
 ) -> Result<(Box<dyn MotorBus>, Simulator), AttachError> {
-    let simulated = simulated_rig(rig, Phenomena { link: None, ..phenomena })?;
+    let simulated = simulated_rig(rig, Phenomena { link: None, hand: None, ..phenomena })?;
     let (line, place): (Box<dyn Line>, _) = match time {
         Time::Virtual => {
             let (calls, inbox) = mpsc::channel();
@@ -92,10 +92,14 @@ pub(crate) fn simulated(
     };
     let bus = met(rig, layout, line)?;
     let simulator = Simulator(place);
-    if phenomena.link.is_some() {
+    let Phenomena { link, hand, .. } = phenomena;
+    if link.is_some() || hand.is_some() {
         // The line is impaired only after the controllers have been checked, because that check
         // uses a separate time.
-        simulator.post(Box::new(move |rig| rig.set_link(phenomena.link)));
+        simulator.post(Box::new(move |rig| {
+            rig.set_link(link);
+            rig.set_hand(hand);
+        }));
     }
     Ok((bus, simulator))
 }

@@ -8,7 +8,7 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Protocol as Name;
 use hbot_core::Rig;
 use hbot_core::rig::RigParts;
-use hbot_host::bus::{Expected, Protocol, hbot::HbotLink, moteus::Moteus};
+use hbot_host::bus::{Expected, Protocol, hbot::HbotLink, moteus::Moteus, odrive::Odrive};
 use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
 use hbot_host::layout::Layout;
 use hbot_sim::controller::{InjectedFault, Line};
@@ -35,6 +35,17 @@ impl Simulated {
     /// moteus servos behind an adapter, which has no checksums.
     fn moteus_on_fdcanusb() -> Box<dyn Controllers> {
         Self::boxed(with_counts(Name::Moteus), Line { protocol: Name::Moteus, checksums: false })
+    }
+
+    /// ODrives with the watchdog time of the suite.
+    fn odrive() -> Box<dyn Controllers> {
+        let config =
+            SimulatedConfig { line: Name::Odrive.into(), ..SimulatedConfig::new(&with_counts(Name::Odrive)) };
+        let mut rig = SimulatedRig::new(&config).expect("the prototype can be simulated");
+        for joint in 0..4 {
+            assert!(rig.controllers_mut().set(joint, "config.watchdog_timeout", 0.02));
+        }
+        Box::new(Self(rig))
     }
 
     fn boxed(rig: Rig, line: Line) -> Box<dyn Controllers> {
@@ -101,6 +112,11 @@ fn moteus_conforms_on_a_uart() {
 #[test]
 fn moteus_conforms_on_an_adapter() {
     assert_conforms(&with_ids(&Moteus, Name::Moteus, Simulated::moteus_on_fdcanusb));
+}
+
+#[test]
+fn odrive_conforms() {
+    assert_conforms(&with_ids(&Odrive, Name::Odrive, Simulated::odrive));
 }
 
 #[test]

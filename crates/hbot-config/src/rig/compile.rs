@@ -245,10 +245,6 @@ fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LinkConfi
         settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
         settings::Ports::Several(names) => Port::Devices(names.clone()),
     };
-    if file.link.protocol == Protocol::Odrive {
-        let message = format!("this version has no driver for {:?}", file.link.protocol.name());
-        report.push("link.protocol", message, "\"hbot\", \"moteus\"".to_owned());
-    }
     let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
     let rate_hz = file.r#loop.rate_hz;

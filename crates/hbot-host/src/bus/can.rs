@@ -18,9 +18,24 @@ pub(super) const fn can_fd_ns(bytes: u64, long_id: bool, stuffed: bool) -> u64 {
     1000 * (head + slow + TAIL) + 200 * (data + fast + check)
 }
 
+/// The time that a frame of classical CAN with an id of 11 bits and `bytes` data bytes takes at 1
+/// Mbit/s, ns: with the most stuff bits where `stuffed`.
+pub(super) const fn can_ns(bytes: u64, stuffed: bool) -> u64 {
+    // Start, id, flags, length, data, CRC can have stuff bits; its delimiter, acknowledgement, end
+    // and pause cannot.
+    let head = 34 + 8 * bytes;
+    let stuff = if stuffed { (head - 1) / 4 } else { 0 };
+    1000 * (head + stuff + 13)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_classical_frame_takes_111_to_135_bits() {
+        assert_eq!((can_ns(8, false), can_ns(8, true)), (111_000, 135_000));
+    }
 
     #[test]
     fn a_frame_takes_its_bits() {

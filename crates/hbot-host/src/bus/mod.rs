@@ -6,14 +6,16 @@
 //! `docs/drivers.md` explains how to write a driver, and [`conformance`](crate::conformance) tests
 //! it.
 //!
-//! A bus knows neither the rig nor its geometry. It numbers its joints from 0 in their order on the
-//! line. [`Layout`](crate::layout::Layout) maps them to the joints of the rig.
+//! A bus knows neither the rig nor its geometry. It counts its joints from 0 in the order in which
+//! they stand on the line; [`Layout`](crate::layout::Layout) knows which joint of the rig each one
+//! is.
 
 mod can;
 pub mod hbot;
 mod meet;
 pub mod moteus;
 mod obedience;
+pub mod odrive;
 
 use std::fmt;
 
@@ -131,6 +133,28 @@ pub trait Protocol: fmt::Debug + Send + Sync {
 
     /// Returns the largest traffic that one tick causes on a line with `joints` joints.
     fn traffic(&self, joints: usize) -> Traffic;
+
+    /// When controllers say what they say. The default: all of it in the answer to each command.
+    fn reports(&self) -> Reports {
+        Reports::default()
+    }
+}
+
+/// When the controllers of a protocol say what they say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reports {
+    /// Readings come by themselves. The age of one counts from its arrival: nobody can tell how
+    /// long it was on its way.
+    pub unasked: bool,
+    /// How long after a change the controllers have said that motors are on or off, or that there
+    /// is a fault, ms.
+    pub status_ms: u32,
+}
+
+impl Default for Reports {
+    fn default() -> Self {
+        Self { unasked: false, status_ms: 1 }
+    }
 }
 
 /// The largest traffic that one tick causes on a line.
@@ -140,8 +164,8 @@ pub struct Traffic {
     pub commands: usize,
     /// Bytes from the controllers to the host.
     pub feedback: usize,
-    /// Time that the controllers need in addition to the transmission time of the bytes, µs. The
-    /// command `rig check` adds it to the time of the feedback.
+    /// Time that the controllers need beyond that of the bytes, us. `rig check` adds it to the time
+    /// of the feedback.
     pub turnaround_us: u32,
     /// What it costs on the bus behind an adapter, if there is one.
     pub bus: Option<BusTraffic>,
@@ -164,8 +188,6 @@ pub fn driver(protocol: config::Protocol) -> &'static dyn Protocol {
     match protocol {
         config::Protocol::Hbot => &hbot::HbotLink,
         config::Protocol::Moteus => &moteus::Moteus,
-        other @ config::Protocol::Odrive => {
-            unreachable!("a rig file that names {} is refused", other.name())
-        }
+        config::Protocol::Odrive => &odrive::Odrive,
     }
 }

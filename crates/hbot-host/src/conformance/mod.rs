@@ -2,9 +2,8 @@
 //! driver.
 //!
 //! The suite needs the driver's [`Protocol`] and virtual [`Controllers`] that speak it. It stands
-//! between the two and loses, delays, duplicates, cuts and corrupts bytes. It also lets the line
-//! disappear and come back. It then checks what the bus reports and what the motors do. See
-//! `docs/drivers.md`.
+//! between the two: it loses, delays, doubles, cuts and garbles bytes, lets the line vanish and
+//! come back, and looks at what the bus says and what the motors do. See `docs/drivers.md`.
 //!
 //! ```
 //! use hbot_host::conformance::{CASES, Subject};
@@ -21,7 +20,7 @@
 mod cases;
 mod wire;
 
-use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol};
+use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol, Reports};
 use crate::line::Renewed;
 use hbot_core::MAX_JOINTS;
 
@@ -30,8 +29,8 @@ use self::wire::{Tap, Wire};
 
 /// Virtual motor controllers at the far end of a line, against which the suite tests a driver.
 pub trait Controllers: Send {
-    /// Processes `bytes` that arrive at `now_ns`, and appends all answers to `answer` without
-    /// delay.
+    /// Takes in `bytes` at `now_ns` and appends its answers to `answer`, all at once, after what
+    /// they have said unasked until then. It is also called without any bytes.
     fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
 
     /// Returns the torque that each motor gives at `now_ns`, N m, in the order of the bus and with
@@ -95,6 +94,7 @@ struct Bench {
     torque: [f64; MAX_JOINTS],
     joints: usize,
     tick: u32,
+    reports: Reports,
 }
 
 impl Bench {
@@ -103,10 +103,12 @@ impl Bench {
         let (mut wire, tap) = Wire::new((subject.controllers)());
         let met = subject.protocol.meet(&mut wire, &subject.expected);
         met.map_err(|error| format!("meeting good controllers: {error}"))?;
+        tap.begin();
         let mut torque = [0.0; MAX_JOINTS];
         torque[..subject.torque.len()].copy_from_slice(&subject.torque);
         let bus = subject.protocol.bus(Box::new(wire), subject.expected.clone());
-        Ok(Self { bus, tap, torque, joints: subject.torque.len(), tick: 1 })
+        let (joints, reports) = (subject.torque.len(), subject.protocol.reports());
+        Ok(Self { bus, tap, torque, joints, tick: 1, reports })
     }
 
     /// Creates a bus and commands torque for 20 ticks, so that its motors are on.
@@ -145,7 +147,7 @@ impl Bench {
 
     /// Returns the torque that each virtual motor gives now, N m.
     fn motors(&self) -> Vec<f64> {
-        self.tap.controllers(|controllers| controllers.torque(self.now_ns()))
+        self.tap.torque(self.now_ns())
     }
 
     /// Checks that the motors give the commanded torque, or none if `on` is false.

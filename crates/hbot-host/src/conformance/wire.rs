@@ -35,6 +35,12 @@ pub(super) struct Middle {
     pub(super) renewed: Option<Renewed>,
     /// If set, collects the bytes that the bus writes, instead of passing them to the controllers.
     pub(super) diverted: Option<Vec<u8>>,
+    /// The controllers' time when that of the host began anew, ns: the meeting has its own.
+    base_ns: u64,
+    /// What the host's time was last, ns.
+    last_ns: u64,
+    /// Before the first tick: what is said can be read at once.
+    meeting: bool,
 }
 
 impl Wire {
@@ -47,6 +53,9 @@ impl Wire {
             gone: false,
             renewed: None,
             diverted: None,
+            base_ns: 0,
+            last_ns: 0,
+            meeting: true,
         }));
         (Self(Arc::clone(&middle)), Tap(middle))
     }
@@ -55,6 +64,7 @@ impl Wire {
 impl Tap {
     /// Another end of the line for the host, as the thread that reopens it has.
     pub(super) fn wire(&self) -> Wire {
+        held(&self.0).meeting = true;
         Wire(Arc::clone(&self.0))
     }
 
@@ -65,6 +75,20 @@ impl Tap {
 
     pub(super) fn controllers<T>(&self, with: impl FnOnce(&mut dyn Controllers) -> T) -> T {
         with(held(&self.0).controllers.as_mut())
+    }
+
+    /// The meeting is over: the time of the bus begins.
+    pub(super) fn begin(&self) {
+        let middle = &mut *held(&self.0);
+        middle.meeting = false;
+        middle.pieces.clear();
+    }
+
+    /// The torque of the motors, N m.
+    pub(super) fn torque(&self, now_ns: u64) -> Vec<f64> {
+        let middle = &mut *held(&self.0);
+        let now_ns = middle.time(now_ns);
+        middle.controllers.torque(now_ns)
     }
 
     /// Sends bytes to the bus, which reads them in the next tick.
@@ -89,17 +113,27 @@ fn held(middle: &Mutex<Middle>) -> MutexGuard<'_, Middle> {
 }
 
 impl Middle {
+    /// The controllers' time at the host's time, ns.
+    fn time(&mut self, now_ns: u64) -> u64 {
+        if now_ns < self.last_ns {
+            self.base_ns += self.last_ns;
+        }
+        self.last_ns = now_ns;
+        self.base_ns + now_ns
+    }
+
     fn reach(&mut self, now_ns: u64, bytes: &[u8]) {
         let mut answer = Vec::new();
-        self.controllers.hear(now_ns, bytes, &mut answer);
+        let time_ns = self.time(now_ns);
+        self.controllers.hear(time_ns, bytes, &mut answer);
         if answer.is_empty() {
             return;
         }
+        // The next tick is the first that can read it.
+        let due = |later: u32| now_ns + u64::from(1 + later) * PERIOD_NS;
         match &mut self.fate {
-            None => self.pieces.push((now_ns, answer)),
+            None => self.pieces.push((due(0), answer)),
             Some(fate) => {
-                // The next tick is the first one that can read it.
-                let due = |later: u32| now_ns + u64::from(1 + later) * PERIOD_NS;
                 self.pieces.extend(fate(answer).into_iter().map(|(later, piece)| (due(later), piece)));
             }
         }
@@ -112,8 +146,11 @@ impl Line for Wire {
         if middle.gone {
             return Err(io::ErrorKind::BrokenPipe.into());
         }
+        // What they say unasked.
+        middle.reach(now_ns, &[]);
+        let meeting = middle.meeting;
         let mut n = 0;
-        for (_, piece) in middle.pieces.iter_mut().filter(|(due_ns, _)| *due_ns <= now_ns) {
+        for (_, piece) in middle.pieces.iter_mut().filter(|(due_ns, _)| meeting || *due_ns <= now_ns) {
             let part = piece.len().min(buffer.len() - n);
             buffer[n..n + part].copy_from_slice(&piece[..part]);
             piece.drain(..part);
@@ -136,6 +173,8 @@ impl Line for Wire {
         }
         Ok(n)
     }
+
+    fn pause(&mut self) {}
 
     fn renewed(&mut self) -> Option<Renewed> {
         held(&self.0).renewed.take()

@@ -21,6 +21,11 @@ pub struct Memory {
     calls: Receiver<SimulatorCall>,
     inbox: Vec<u8>,
     read: usize,
+    /// The line's time when its owner's began anew, ns: a conversation before the first tick has
+    /// its own.
+    base_ns: u64,
+    /// What its owner's time was last, ns.
+    last_ns: u64,
 }
 
 impl Memory {
@@ -28,12 +33,22 @@ impl Memory {
     /// written.
     #[must_use]
     pub fn new(rig: SimulatedRig, calls: Receiver<SimulatorCall>) -> Self {
-        Self { rig, calls, inbox: Vec::with_capacity(INBOX), read: 0 }
+        Self { rig, calls, inbox: Vec::with_capacity(INBOX), read: 0, base_ns: 0, last_ns: 0 }
+    }
+
+    /// The time of the line at its owner's time, ns.
+    fn time(&mut self, now_ns: u64) -> u64 {
+        if now_ns < self.last_ns {
+            self.base_ns += self.last_ns;
+        }
+        self.last_ns = now_ns;
+        self.base_ns + now_ns
     }
 }
 
 impl Line for Memory {
     fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        let now_ns = self.time(now_ns);
         // Fetches bytes that an impaired line has delayed and that are due before this tick.
         if self.rig.next_arrival_ns().is_some_and(|at_ns| at_ns < now_ns) {
             self.rig.deliver(now_ns, &mut self.inbox);
@@ -53,7 +68,10 @@ impl Line for Memory {
         for call in self.calls.try_iter() {
             call(&mut self.rig);
         }
+        let now_ns = self.time(now_ns);
         self.rig.receive(now_ns, bytes, &mut self.inbox);
         Ok(bytes.len())
     }
+
+    fn pause(&mut self) {}
 }

@@ -9,8 +9,8 @@ use std::io;
 
 pub use self::memory::{Memory, SimulatorCall};
 
-/// A stream of bytes to and from motor controllers. `now_ns` is the time since the start of the
-/// loop; only simulated lines use it.
+/// Bytes to and from motor controllers. `now_ns` is the time since the start of the loop; a real
+/// line has no use for it.
 pub trait Line: Send {
     /// Reads the bytes that have arrived into `buffer` and returns their number, 0 if there are
     /// none. Never waits.
@@ -29,6 +29,12 @@ pub trait Line: Send {
     /// waits.
     fn renewed(&mut self) -> Option<Renewed> {
         None
+    }
+
+    /// Lets a millisecond pass, outside the loop. A line in memory, whose time is `now_ns`, does
+    /// not wait.
+    fn pause(&mut self) {
+        std::thread::sleep(std::time::Duration::from_millis(1));
     }
 
     /// Informs the line that its motors are off and that nothing more is written. This call can

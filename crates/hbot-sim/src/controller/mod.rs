@@ -6,6 +6,7 @@
 //! | `joints` (`joint`, `disc`, `motors`) | what all protocols stand on: encoders that count, motors that push |
 //! | [`hbot`] | the firmware of docs/link.md |
 //! | `moteus` | moteus servos behind an fdcanusb or a UART |
+//! | `odrive` | ODrives behind an adapter that speaks slcan |
 //!
 //! They know time in nanoseconds as they are told it, the true joint angles and rates, and the
 //! bytes of their line; they know nothing of the sphere. Encoders are exact but for the floor to a
@@ -18,6 +19,7 @@ mod joint;
 mod joints;
 mod moteus;
 mod motors;
+mod odrive;
 
 use hbot_config::rig::Protocol;
 use hbot_core::device::MAX_JOINTS;
@@ -115,6 +117,7 @@ trait Speaks {
 enum Firmware {
     Hbot(Box<hbot::Hbot>),
     Moteus(Box<moteus::Moteus>),
+    Odrive(Box<odrive::Odrive>),
 }
 
 impl Firmware {
@@ -126,7 +129,7 @@ impl Firmware {
                 let servos = moteus::Moteus::new(first_id, line.checksums, joints, angles);
                 Some(Self::Moteus(Box::new(servos)))
             }
-            Protocol::Odrive => None,
+            Protocol::Odrive => Some(Self::Odrive(Box::new(odrive::Odrive::new(joints)))),
         }
     }
 
@@ -134,6 +137,7 @@ impl Firmware {
         match self {
             Self::Hbot(it) => it.as_ref(),
             Self::Moteus(it) => it.as_ref(),
+            Self::Odrive(it) => it.as_ref(),
         }
     }
 
@@ -141,6 +145,7 @@ impl Firmware {
         match self {
             Self::Hbot(it) => it.as_mut(),
             Self::Moteus(it) => it.as_mut(),
+            Self::Odrive(it) => it.as_mut(),
         }
     }
 }
@@ -293,6 +298,7 @@ impl SimulatedControllers {
     pub fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
         match &mut self.firmware {
             Firmware::Hbot(_) => false,
+            Firmware::Odrive(axes) => axes.set(joint, name, value),
             Firmware::Moteus(servos) => servos.set(joint, name, value),
         }
     }
@@ -301,6 +307,7 @@ impl SimulatedControllers {
     pub fn set_id(&mut self, joint: usize, id: u8) {
         match &mut self.firmware {
             Firmware::Hbot(_) => {}
+            Firmware::Odrive(axes) => axes.set_id(joint, id),
             Firmware::Moteus(servos) => servos.set_id(joint, id),
         }
     }

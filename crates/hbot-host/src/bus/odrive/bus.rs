@@ -1,0 +1,155 @@
+//! The bus: positions come by themselves, torques go out in every tick.
+
+use hbot_core::MAX_JOINTS;
+
+use super::axis::{Axis, Order};
+use super::message::{Command, Question, decode};
+use super::slcan::{Decoder, Word};
+use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading};
+use crate::line::Line;
+
+/// One axis is asked for one value this often, ticks.
+const ASK_EVERY: u32 = 50;
+/// What the axes are asked for in turns.
+const QUESTIONS: [Question; 2] = [Question::Temperature, Question::Current];
+/// Room for the commands of a tick, bytes.
+const OUTBOX: usize = 4096;
+/// Bytes that are read at once.
+const INBOX: usize = 4096;
+
+/// One line of ODrives.
+pub(super) struct OdriveBus {
+    line: Box<dyn Line>,
+    /// In the order of their ids.
+    axes: Vec<Axis>,
+    decoder: Decoder,
+    inbox: [u8; INBOX],
+    outbox: Vec<u8>,
+    order: Order,
+    /// No command has gone out yet.
+    fresh: bool,
+    /// The line took only a part of the last command.
+    cut: bool,
+    /// The tick that the last reading answers.
+    answered: Option<u32>,
+}
+
+impl OdriveBus {
+    /// The bus on a line whose axes have been met.
+    pub(super) fn new(line: Box<dyn Line>, expected: &Expected) -> Self {
+        let joints = (0..expected.joints()).filter_map(|at| expected.joint(at));
+        let axes = joints.map(|joint| Axis::new(joint.id, joint.gear)).collect();
+        Self {
+            line,
+            axes,
+            decoder: Decoder::default(),
+            inbox: [0; INBOX],
+            outbox: Vec::with_capacity(OUTBOX),
+            order: Order::default(),
+            fresh: true,
+            cut: false,
+            answered: None,
+        }
+    }
+
+    /// Takes in bytes that have come before the command of `tick`.
+    fn take(&mut self, now_ns: u64, tick: u32, n: usize, heard: &mut Heard) {
+        let Self { decoder, inbox, axes, order, .. } = self;
+        for word in inbox[..n].iter().filter_map(|byte| decoder.push(*byte)) {
+            match word {
+                Ok(Word::Frame(frame)) => {
+                    let id = (frame.id >> 5) as u8;
+                    match axes.iter_mut().find(|axis| axis.id == id && !frame.extended) {
+                        Some(axis) => {
+                            if let Some((_, message)) = decode(&frame) {
+                                axis.hear(now_ns, tick, *order, &message);
+                            }
+                        }
+                        None => heard.foreign += 1,
+                    }
+                }
+                Ok(Word::Taken) => {}
+                // The adapter has refused a command, or its line is damaged.
+                Ok(Word::Refused) | Err(_) => heard.damaged = heard.damaged.saturating_add(1),
+            }
+        }
+    }
+
+    /// The reading of all axes, if there is a newer one of each: as old as the oldest of them.
+    fn reading(&mut self, tick: u32) -> Option<Reading> {
+        if self.fresh {
+            return None;
+        }
+        let age = |answers: u32| tick.wrapping_sub(answers);
+        let oldest = self.axes.iter().try_fold(0, |oldest, axis| Some(age(axis.answers?).max(oldest)))?;
+        let answers = tick.wrapping_sub(oldest);
+        if self.answered.is_some_and(|last| answers.wrapping_sub(last) as i32 <= 0) {
+            return None;
+        }
+        self.answered = Some(answers);
+        let mut joints = [JointReading::default(); MAX_JOINTS];
+        for (joint, axis) in joints.iter_mut().zip(&self.axes) {
+            *joint = JointReading { count: axis.count(), rate: axis.rate(), index_seen: false };
+        }
+        Some(Reading { answers, joints })
+    }
+}
+
+impl MotorBus for OdriveBus {
+    fn receive(&mut self, now_ns: u64, tick: u32) -> Heard {
+        let mut heard = Heard::default();
+        if let Some(renewed) = self.line.renewed() {
+            (heard.reopened, heard.zeros_lost) = (true, renewed.rebooted);
+            (self.decoder, self.cut, self.fresh) = (Decoder::default(), false, true);
+            self.axes.iter_mut().for_each(Axis::met_again);
+        }
+        // At most 4 x 4096 bytes; the rest waits for the next tick.
+        for _ in 0..4 {
+            let n = self.line.read(now_ns, &mut self.inbox).unwrap_or(0);
+            self.take(now_ns, tick, n, &mut heard);
+            if n < self.inbox.len() {
+                break;
+            }
+        }
+        for axis in &self.axes {
+            heard.zeros_lost |= axis.is_lost();
+            heard.complaints = heard.complaints.or(axis.complaints(tick, self.order));
+        }
+        heard.reading = self.reading(tick);
+        heard
+    }
+
+    fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool {
+        let BusCommand { tick, enable, torque, .. } = *command;
+        if self.fresh || enable != self.order.on {
+            self.order = Order { on: enable, since: tick };
+        }
+        if std::mem::take(&mut self.fresh) {
+            self.axes.iter_mut().for_each(|axis| axis.excuse(tick));
+        }
+        self.outbox.clear();
+        if self.cut {
+            // Ends the half line that the adapter has.
+            self.outbox.push(b'\r');
+        }
+        for (axis, torque) in self.axes.iter_mut().zip(torque) {
+            axis.command(tick, self.order, torque, &mut self.outbox);
+        }
+        if tick.is_multiple_of(ASK_EVERY) && !self.axes.is_empty() {
+            let turn = (tick / ASK_EVERY) as usize;
+            let axis = &self.axes[turn % self.axes.len()];
+            // An axis whose watchdog is to expire hears nothing.
+            if !axis.is_lost() {
+                let question = QUESTIONS[turn / self.axes.len() % QUESTIONS.len()];
+                Command::Ask(question).write(axis.id, &mut self.outbox);
+            }
+        }
+        let taken = self.line.write(now_ns, &self.outbox);
+        self.cut = !taken.is_ok_and(|written| written == self.outbox.len());
+        !self.cut
+    }
+
+    fn release(&mut self) {
+        self.line.release();
+    }
+}

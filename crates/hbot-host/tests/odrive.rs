@@ -1,0 +1,240 @@
+//! The driver for ODrives on virtual ones, in what the conformance suite does not look at.
+
+use std::sync::mpsc::{Sender, channel};
+
+use hbot_config::RigConfig;
+use hbot_config::rig::Protocol as Name;
+use hbot_core::MAX_JOINTS;
+use hbot_host::bus::odrive::Odrive;
+use hbot_host::bus::{BusCommand, Expected, Heard, MotorBus, Protocol};
+use hbot_host::layout::Layout;
+use hbot_host::line::{Memory, SimulatorCall};
+use hbot_sim::controller::InjectedFault;
+use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+
+const RIG: &str = include_str!("../../../rigs/prototype-odrive.toml");
+const COUNTS: i32 = 1 << 21;
+
+/// The line of the rig file's axes after `change`.
+fn line(change: impl FnOnce(&mut SimulatedRig)) -> (Memory, Sender<SimulatorCall>, Expected) {
+    let rig = RigConfig::from_toml(RIG, "rigs/prototype-odrive.toml").expect("it is legal");
+    let config = SimulatedConfig { line: Name::Odrive.into(), ..SimulatedConfig::new(&rig.rig) };
+    let mut simulated = SimulatedRig::new(&config).expect("it can be simulated");
+    change(&mut simulated);
+    let (calls, inbox) = channel();
+    (Memory::new(simulated, inbox), calls, Expected::new("test", &rig.rig, &Layout::of(&rig), 0))
+}
+
+/// What meeting the axes says after `change`.
+fn refusal(change: impl FnOnce(&mut SimulatedRig)) -> String {
+    let (mut line, _, expected) = line(change);
+    Odrive.meet(&mut line, &expected).map_or_else(|error| error.to_string(), |()| "met".to_owned())
+}
+
+fn set(rig: &mut SimulatedRig, joint: usize, name: &str, value: f64) {
+    assert!(rig.controllers_mut().set(joint, name, value), "{name}");
+}
+
+#[test]
+fn axes_that_may_not_be_asked_for_torque_are_refused_with_the_command_that_mends_it() {
+    assert_eq!(refusal(|_| ()), "met");
+    for (name, value, words) in [
+        ("config.enable_watchdog", 0.0, "odrv0.axis0.config.enable_watchdog = True"),
+        ("config.watchdog_timeout", 0.5, "odrv0.axis0.config.watchdog_timeout = 0.02"),
+        ("config.can.encoder_msg_rate_ms", 10.0, "odrv0.axis0.config.can.encoder_msg_rate_ms = 1"),
+        ("config.can.encoder_msg_rate_ms", 0.0, "odrv0.axis0.config.can.encoder_msg_rate_ms = 1"),
+        ("config.can.heartbeat_msg_rate_ms", 100.0, "odrv0.axis0.config.can.heartbeat_msg_rate_ms = 10"),
+        ("fw_version_minor", 5.0, "odrivetool dfu"),
+    ] {
+        let said = refusal(|rig| set(rig, 2, name, value));
+        assert!(
+            said.contains(words) && said.contains("ODrive 2 (wheel[1].steer)"),
+            "{name} = {value}: {said}"
+        );
+    }
+    let said = refusal(|rig| rig.inject(InjectedFault::DeafOne { joint: 1, on: true }));
+    assert!(said.contains("no answer from ODrive 1 (wheel[0].drive); the ids 0, 2, 3 were heard"), "{said}");
+    let said = refusal(|rig| rig.controllers_mut().set_id(1, 2));
+    assert!(said.contains("two ODrives have the id 2"), "{said}");
+    let (mut line, _, expected) = line(|_| ());
+    let said = Odrive.meet(&mut line, &expected.without_last()).expect_err("there are four").to_string();
+    assert!(
+        said.contains("ODrives of id 3 are on the line and not in the rig file, which has 0, 1, 2"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_scan_names_each_wrong_setting_and_its_remedy_and_changes_nothing() {
+    let scan = |line: &mut Memory, expected: &Expected| Odrive.scan(line, expected).expect("they answer");
+    let (mut line, _, expected) = line(|rig| {
+        set(rig, 0, "config.enable_watchdog", 0.0);
+        set(rig, 1, "config.can.heartbeat_msg_rate_ms", 100.0);
+        set(rig, 3, "config.can.encoder_msg_rate_ms", 10.0);
+    });
+    for _ in 0..2 {
+        let found = scan(&mut line, &expected);
+        let remedies: Vec<_> =
+            found.iter().map(|it| it.remedies.iter().map(|r| r.command.as_str()).collect()).collect();
+        let remedies: Vec<Vec<&str>> = remedies;
+        assert_eq!(
+            found.iter().map(|it| (it.id, it.supply_v)).collect::<Vec<_>>(),
+            (0..4).map(|id| (id, Some(24.0))).collect::<Vec<_>>()
+        );
+        assert!(
+            remedies[0][..] == [remedies[0][0]] && remedies[0][0].contains("enable_watchdog = True"),
+            "{remedies:?}"
+        );
+        assert!(
+            remedies[1][..] == [remedies[1][0]] && remedies[1][0].contains("heartbeat_msg_rate_ms = 10"),
+            "{remedies:?}"
+        );
+        assert!(remedies[2].is_empty(), "{remedies:?}");
+        assert!(
+            remedies[3][..] == [remedies[3][0]] && remedies[3][0].contains("encoder_msg_rate_ms = 1"),
+            "{remedies:?}"
+        );
+    }
+}
+
+#[test]
+fn a_scan_lists_two_of_one_id_twice_and_strangers_too() {
+    let (mut line, _, expected) = line(|rig| {
+        rig.controllers_mut().set_id(1, 2);
+        rig.controllers_mut().set_id(3, 40);
+    });
+    let found = Odrive.scan(&mut line, &expected).expect("they answer");
+    assert_eq!(found.iter().map(|it| it.id).collect::<Vec<_>>(), [0, 2, 2, 40]);
+}
+
+/// A bus whose axes have been met, a millisecond at a time.
+struct Bench {
+    bus: Box<dyn MotorBus>,
+    calls: Sender<SimulatorCall>,
+    tick: u32,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let (mut line, calls, expected) = line(|_| ());
+        Odrive.meet(&mut line, &expected).expect("they are good");
+        Self { bus: Odrive.bus(Box::new(line), expected), calls, tick: 0 }
+    }
+
+    fn tick(&mut self, enable: bool) -> Heard {
+        let now_ns = u64::from(self.tick) * 1_000_000;
+        let heard = self.bus.receive(now_ns, self.tick);
+        let command = BusCommand { tick: self.tick, enable, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
+        assert!(self.bus.command(now_ns, &command));
+        self.tick += 1;
+        heard
+    }
+
+    /// Ticks until `right`, at most two seconds.
+    fn until(&mut self, enable: bool, what: &str, right: impl Fn(&Heard) -> bool) -> Heard {
+        let mut heard = self.tick(enable);
+        for _ in 0..2000 {
+            if right(&heard) {
+                return heard;
+            }
+            heard = self.tick(enable);
+        }
+        panic!("{what}: {heard:?}")
+    }
+
+    fn inject(&self, fault: InjectedFault) {
+        let call: SimulatorCall = Box::new(move |rig| rig.inject(fault));
+        self.calls.send(call).expect("the line is there");
+    }
+}
+
+fn good(heard: &Heard) -> bool {
+    heard.reading.is_some() && heard.complaints == Default::default() && !heard.zeros_lost
+}
+
+#[test]
+fn positions_are_set_back_while_motors_are_off_and_counts_go_on() {
+    let mut bench = Bench::new();
+    bench.until(true, "on", good);
+    let mut before = 0;
+    // A hand turns the first joint by 60 turns, a tenth of a turn a tick; the rates that it says
+    // are 0.
+    for k in 1..=600 {
+        bench.inject(InjectedFault::Slipped { joint: 0, angle: std::f64::consts::TAU * f64::from(k) / 10.0 });
+        let heard = bench.tick(true);
+        assert!(!heard.zeros_lost, "{heard:?}");
+        if let Some(reading) = heard.reading {
+            assert!((reading.joints[0].count - before).abs() <= COUNTS / 5, "{k}");
+            before = reading.joints[0].count;
+        }
+    }
+    let turns = |heard: &Heard| f64::from(heard.reading.expect("good").joints[0].count) / f64::from(COUNTS);
+    for _ in 0..400 {
+        let heard = bench.until(false, "off", good);
+        // An f32 of 64 turns has steps of 2^-18 turns.
+        assert!((turns(&heard) - 60.0).abs() < 1.0 / f64::from(1 << 18) + 0.2, "{}", turns(&heard));
+    }
+    // The axis itself is near its mark again: a restart shows, after which its encoder counts from
+    // 0.
+    bench.inject(InjectedFault::Slipped { joint: 0, angle: 0.0 });
+    bench.inject(InjectedFault::RebootOne(0));
+    bench.until(false, "a restart is seen", |heard| heard.zeros_lost);
+    let heard = bench.until(false, "it is met again", good);
+    assert!(turns(&heard).abs() < 1e-3, "it counts from where it has started: {}", turns(&heard));
+}
+
+#[test]
+fn one_axis_that_restarts_while_it_pushes_is_a_lost_zero_until_its_watchdog_has_shown_again() {
+    let mut bench = Bench::new();
+    bench.until(true, "on", good);
+    for _ in 0..50 {
+        bench.tick(true);
+    }
+    bench.inject(InjectedFault::RebootOne(2));
+    bench.until(true, "a restart is seen", |heard| heard.zeros_lost);
+    bench.until(false, "it is met again", good);
+    // Without a watchdog it stays out.
+    let call: SimulatorCall = Box::new(|rig| set(rig, 2, "config.enable_watchdog", 0.0));
+    bench.calls.send(call).expect("the line is there");
+    bench.inject(InjectedFault::RebootOne(2));
+    bench.until(false, "a restart is seen", |heard| heard.zeros_lost);
+    for _ in 0..1500 {
+        assert!(bench.tick(false).zeros_lost);
+    }
+}
+
+#[test]
+fn a_silent_axis_ends_readings_and_a_failing_one_is_a_fault() {
+    let mut bench = Bench::new();
+    bench.until(true, "on", good);
+    bench.inject(InjectedFault::DeafOne { joint: 3, on: true });
+    bench.tick(true);
+    bench.tick(true);
+    for _ in 0..100 {
+        assert!(bench.tick(true).reading.is_none());
+    }
+    bench.inject(InjectedFault::DeafOne { joint: 3, on: false });
+    bench.until(false, "it is back", |heard| heard.reading.is_some());
+    bench.until(false, "its watchdog had expired", good);
+    bench.inject(InjectedFault::FailedOne { joint: 1, on: true });
+    bench.until(false, "it fails", |heard| heard.complaints.fault);
+    bench.inject(InjectedFault::FailedOne { joint: 1, on: false });
+    bench.until(false, "its error is cleared while motors are off", good);
+}
+
+#[test]
+fn a_joint_that_has_turned_so_far_that_its_position_is_coarse_is_a_fault() {
+    let mut bench = Bench::new();
+    bench.until(true, "on", good);
+    let mut far = 0;
+    for k in 1..=3000 {
+        bench.inject(InjectedFault::Slipped { joint: 0, angle: std::f64::consts::TAU * 0.45 * f64::from(k) });
+        far = k;
+        if bench.tick(true).complaints.fault {
+            break;
+        }
+    }
+    // Steps of an f32 beyond 1024 turns are 2^-13 turns.
+    assert!((2270..=2290).contains(&far), "{}", 0.45 * f64::from(far));
+    bench.until(false, "set back", good);
+}

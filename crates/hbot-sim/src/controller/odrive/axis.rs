@@ -1,0 +1,271 @@
+//! One ODrive: its state, its errors, its watchdog, and the messages of CANSimple.
+
+use core::f64::consts::TAU;
+
+use super::super::joints::{Joints, Truth};
+
+/// The version that each says it has.
+const FIRMWARE: [u8; 3] = [0, 6, 10];
+/// A motor at rest in a room, degrees Celsius.
+const TEMPERATURE: f32 = 25.0;
+/// Too hot, degrees Celsius.
+const HOT: f32 = 155.0;
+/// Newton metres an ampere of the motors: only currents that are shown depend on it.
+const TORQUE_CONSTANT: f64 = 0.05;
+/// Volts of the supply.
+const SUPPLY: f32 = 24.0;
+
+const MS: u64 = 1_000_000;
+
+const IDLE: u8 = 1;
+const CLOSED_LOOP: u8 = 8;
+
+const DRV_FAULT: u32 = 1 << 5;
+const WATCHDOG_TIMER_EXPIRED: u32 = 1 << 24;
+const ESTOP_REQUESTED: u32 = 1 << 25;
+
+/// What the vendor's tools set, as far as it matters here.
+#[derive(Debug, Clone, Copy)]
+struct Settings {
+    enable_watchdog: bool,
+    /// ns.
+    watchdog_timeout: u64,
+    /// Time between two, ns; 0: none.
+    encoder_msg_rate: u64,
+    heartbeat_msg_rate: u64,
+    /// Minor version of the firmware.
+    firmware_minor: u8,
+}
+
+/// One axis.
+#[derive(Debug, Clone)]
+pub(super) struct Axis {
+    pub(super) id: u8,
+    settings: Settings,
+    state: u8,
+    error: u32,
+    disarm_reason: u32,
+    /// How the last change of state ended.
+    result: u8,
+    torque_mode: bool,
+    /// Of the motor, N m.
+    input_torque: f32,
+    /// When its watchdog expires, ns.
+    deadline: u64,
+    next_estimate: u64,
+    next_heartbeat: u64,
+    /// The last count seen, and what it is without a wrap.
+    count: i32,
+    total: i64,
+    /// Turns that are added to what the encoder counts.
+    offset: f64,
+    failed: bool,
+    /// It hears and says nothing.
+    pub(super) deaf: bool,
+}
+
+impl Axis {
+    /// The axis of joint `j` after power-on, set up as it must be.
+    pub(super) fn new(j: usize) -> Self {
+        let settings = Settings {
+            enable_watchdog: true,
+            watchdog_timeout: 50 * MS,
+            encoder_msg_rate: MS,
+            heartbeat_msg_rate: 10 * MS,
+            firmware_minor: FIRMWARE[1],
+        };
+        Self {
+            id: j as u8,
+            settings,
+            state: IDLE,
+            error: 0,
+            disarm_reason: 0,
+            result: 0,
+            torque_mode: false,
+            input_torque: 0.0,
+            deadline: settings.watchdog_timeout,
+            next_estimate: MS,
+            // One axis a millisecond.
+            next_heartbeat: (1 + j as u64) * MS,
+            count: 0,
+            total: 0,
+            offset: 0.0,
+            failed: false,
+            deaf: false,
+        }
+    }
+
+    /// Sets what the vendor's tools call `name`; false where there is none.
+    pub(super) fn set(&mut self, name: &str, value: f64) -> bool {
+        let ms = (value * MS as f64) as u64;
+        let settings = &mut self.settings;
+        match name {
+            "config.enable_watchdog" => settings.enable_watchdog = value != 0.0,
+            "config.watchdog_timeout" => settings.watchdog_timeout = (value * 1e9) as u64,
+            "config.can.encoder_msg_rate_ms" => settings.encoder_msg_rate = ms,
+            "config.can.heartbeat_msg_rate_ms" => settings.heartbeat_msg_rate = ms,
+            "fw_version_minor" => settings.firmware_minor = value as u8,
+            _ => return false,
+        }
+        true
+    }
+
+    /// Any message to it feeds its watchdog.
+    pub(super) fn feed(&mut self, now_ns: u64) {
+        self.deadline = now_ns + self.settings.watchdog_timeout;
+    }
+
+    fn is_on(&self) -> bool {
+        self.state == CLOSED_LOOP
+    }
+
+    /// Has the motor give what it must.
+    pub(super) fn push(&self, j: usize, joints: &mut Joints) {
+        let gear = joints.axes[j].joint.gear;
+        let torque = if self.is_on() && self.torque_mode { f64::from(self.input_torque) * gear } else { 0.0 };
+        let given = joints.within_peak(j, torque as f32);
+        joints.ask(j, given);
+    }
+
+    fn disarm(&mut self, error: u32) {
+        self.error |= error;
+        if self.is_on() {
+            (self.state, self.disarm_reason, self.result) = (IDLE, error, 3);
+        }
+    }
+
+    /// Turns of its encoder.
+    fn position(&mut self, j: usize, joints: &Joints, truth: &Truth<'_>) -> f64 {
+        let count = joints.count_at(j, truth);
+        self.total += i64::from(count.wrapping_sub(self.count));
+        self.count = count;
+        self.total as f64 / f64::from(joints.axes[j].joint.counts_per_turn) + self.offset
+    }
+
+    /// Takes in a message with bytes.
+    pub(super) fn hear(&mut self, j: usize, message: u16, bytes: &[u8], joints: &Joints, truth: &Truth<'_>) {
+        let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+        match (message, word(0)) {
+            (0x02, _) => self.disarm(ESTOP_REQUESTED),
+            (0x07, Some(state)) if state == u32::from(IDLE) => (self.state, self.result) = (IDLE, 0),
+            (0x07, Some(state)) if state == u32::from(CLOSED_LOOP) => {
+                if self.error == 0 {
+                    (self.state, self.result) = (CLOSED_LOOP, 0);
+                } else {
+                    self.result = 3;
+                }
+            }
+            (0x0b, Some(mode)) => self.torque_mode = mode == 1 && word(4) == Some(1),
+            (0x0e, Some(torque)) if f32::from_bits(torque).is_finite() => {
+                self.input_torque = f32::from_bits(torque)
+            }
+            (0x18, _) => self.error = if self.failed { DRV_FAULT } else { 0 },
+            (0x19, Some(position)) => {
+                let there = f64::from(f32::from_bits(position));
+                self.offset += there - self.position(j, joints, truth);
+            }
+            _ => {}
+        }
+    }
+
+    /// Says a message.
+    pub(super) fn say(&mut self, at: (usize, u16), joints: &Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {
+        let (j, message) = at;
+        let temperature = if joints.is_hot(j) || joints.derates(j) { HOT } else { TEMPERATURE };
+        let torque = if self.is_on() { f64::from(self.input_torque) } else { 0.0 };
+        let current = (torque / TORQUE_CONSTANT) as f32;
+        let (low, high) = match message {
+            0x00 => {
+                let [major, _, revision] = FIRMWARE;
+                let version = [major, self.settings.firmware_minor, revision, 0];
+                (u32::from_le_bytes([2, 4, 4, 58]), u32::from_le_bytes(version))
+            }
+            0x03 => (self.error, self.disarm_reason),
+            0x09 => {
+                let gear = joints.axes[j].joint.gear;
+                let velocity = f64::from(joints.rate_at(j, truth)) * gear / TAU;
+                ((self.position(j, joints, truth) as f32).to_bits(), (velocity as f32).to_bits())
+            }
+            0x14 => (current.to_bits(), current.to_bits()),
+            0x15 => (temperature.to_bits(), temperature.to_bits()),
+            0x17 => (SUPPLY.to_bits(), 0),
+            _ => return,
+        };
+        put(self.id, message, low, high, reply);
+    }
+
+    /// Does what is due by itself.
+    pub(super) fn pass(
+        &mut self,
+        at: (usize, u64),
+        joints: &mut Joints,
+        truth: &Truth<'_>,
+        reply: &mut Vec<u8>,
+    ) {
+        let (j, now_ns) = at;
+        if self.settings.enable_watchdog
+            && now_ns >= self.deadline
+            && self.error & WATCHDOG_TIMER_EXPIRED == 0
+        {
+            self.disarm(WATCHDOG_TIMER_EXPIRED);
+            self.push(j, joints);
+        }
+        let Settings { heartbeat_msg_rate, encoder_msg_rate, .. } = self.settings;
+        if heartbeat_msg_rate > 0 && now_ns >= self.next_heartbeat {
+            self.next_heartbeat = following(self.next_heartbeat, heartbeat_msg_rate, now_ns);
+            if !self.deaf {
+                let high = u32::from_le_bytes([self.state, self.result, 0, 0]);
+                put(self.id, 0x01, self.error, high, reply);
+            }
+        }
+        if encoder_msg_rate > 0 && now_ns >= self.next_estimate {
+            self.next_estimate = following(self.next_estimate, encoder_msg_rate, now_ns);
+            if !self.deaf {
+                self.say((j, 0x09), joints, truth, reply);
+            }
+        }
+    }
+
+    /// When it next says something by itself, ns.
+    pub(super) fn next_word_ns(&self) -> u64 {
+        let one = |period: u64, next: u64| if period == 0 { u64::MAX } else { next };
+        one(self.settings.heartbeat_msg_rate, self.next_heartbeat)
+            .min(one(self.settings.encoder_msg_rate, self.next_estimate))
+    }
+
+    /// When it next does something by itself, ns.
+    pub(super) fn next_ns(&self) -> u64 {
+        let runs = self.settings.enable_watchdog && self.error & WATCHDOG_TIMER_EXPIRED == 0;
+        self.next_word_ns().min(if runs { self.deadline } else { u64::MAX })
+    }
+
+    /// Power lost and back: what is not saved is forgotten.
+    pub(super) fn reboot(&mut self) {
+        (self.state, self.error, self.disarm_reason, self.result) = (IDLE, 0, 0, 0);
+        (self.torque_mode, self.input_torque, self.offset) = (false, 0.0, 0.0);
+        (self.count, self.total) = (0, 0);
+    }
+
+    /// Its power stage fails, or is whole again: the error stays until it is cleared.
+    pub(super) fn fail(&mut self, j: usize, on: bool, joints: &mut Joints) {
+        self.failed = on;
+        if on {
+            self.disarm(DRV_FAULT);
+            self.push(j, joints);
+        }
+    }
+}
+
+/// When something that is due every `period` is due next. After a jump of the clock it does not
+/// catch up.
+fn following(due_ns: u64, period: u64, now_ns: u64) -> u64 {
+    due_ns + period * (1 + (now_ns - due_ns) / period)
+}
+
+/// Puts a frame of two words on the line.
+fn put(id: u8, message: u16, low: u32, high: u32, reply: &mut Vec<u8>) {
+    use std::io::Write as _;
+    let id = u16::from(id) << 5 | message;
+    // Writing to memory does not fail.
+    let _ = write!(reply, "t{id:03X}8{:08X}{:08X}\r", low.swap_bytes(), high.swap_bytes());
+}
