@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `line` | text lines of an fdcanusb, with the checksums of a UART |
 //! | `registers` | subframes, and values as integers |
+//! | `command` | the registers of a command |
 //! | `servo` | modes, watchdog, faults, what each register reads |
 //! | `console` | the tunnelled console with the settings |
 //!
@@ -15,6 +16,7 @@
 //! alone acts; a servo is enabled at once; a watchdog that expires leaves no torque whatever
 //! `servo.timeout_mode` says; several servos may share a line with checksums.
 
+mod command;
 mod console;
 mod line;
 mod registers;

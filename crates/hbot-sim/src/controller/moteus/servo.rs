@@ -4,10 +4,13 @@ use core::f64::consts::TAU;
 
 use hbot_core::device::MAX_JOINTS;
 
+use super::command::{
+    COMMAND, COMMANDS, DEFAULTS, FEEDFORWARD, IGNORE_BOUNDS, MAPPINGS, MAX_TORQUE, WATCHDOG, mapping,
+};
 use super::console::Console;
 use super::registers::{
-    ACCELERATION, CURRENT, Mapping, NOT_WRITABLE, OUT_OF_RANGE, POSITION, POWER, PWM, Reader, Refusal,
-    TEMPERATURE, TIME, TORQUE, UNKNOWN, VELOCITY, VOLTAGE, Value, put, put_varuint,
+    CURRENT, NOT_WRITABLE, OUT_OF_RANGE, POSITION, POWER, Reader, Refusal, TEMPERATURE, TORQUE, UNKNOWN,
+    VELOCITY, VOLTAGE, Value, put, put_varuint,
 };
 use crate::controller::joints::{Joints, Truth};
 
@@ -24,37 +27,6 @@ const OUTSIDE_LIMIT: u8 = 39;
 const AT_MAX_CURRENT: u8 = 99;
 const AT_FET_TEMPERATURE: u8 = 100;
 const AT_MAX_TORQUE: u8 = 102;
-
-/// The registers of a command, from this one on.
-const COMMAND: u32 = 0x020;
-const COMMANDS: usize = 14;
-/// Of these: feedforward torque, largest torque, watchdog time, bounds that are ignored.
-const FEEDFORWARD: usize = 2;
-const MAX_TORQUE: usize = 5;
-const WATCHDOG: usize = 7;
-const IGNORE_BOUNDS: usize = 13;
-/// How the registers of a command are mapped.
-const MAPPINGS: [Mapping; COMMANDS] = [
-    POSITION,
-    VELOCITY,
-    TORQUE,
-    PWM,
-    PWM,
-    TORQUE,
-    POSITION,
-    TIME,
-    VELOCITY,
-    ACCELERATION,
-    VOLTAGE,
-    PWM,
-    CURRENT,
-    Mapping::Plain,
-];
-/// What they hold once a mode has been written.
-const DEFAULTS: [f32; COMMANDS] = {
-    let nan = f32::NAN;
-    [0.0, 0.0, 0.0, 1.0, 1.0, nan, nan, 0.0, nan, nan, nan, 1.0, nan, 0.0]
-};
 
 /// Torque constant, N m/A: what its current reads.
 const TORQUE_PER_AMPERE: f32 = 0.1;
@@ -352,16 +324,6 @@ impl Servo {
         };
         self.mode = POSITION_MODE;
         self.deadline = watchdog.map(|time| scene.now_ns.saturating_add((time.max(0.0) * 1.0e9) as u64));
-    }
-}
-
-/// How a register is mapped when it is written.
-fn mapping(register: u32) -> Mapping {
-    let at = register.checked_sub(COMMAND).map(|at| at as usize);
-    match (register, at.and_then(|at| MAPPINGS.get(at))) {
-        (0x130 | 0x131, _) => POSITION,
-        (_, Some(mapping)) => *mapping,
-        _ => Mapping::Plain,
     }
 }
 
