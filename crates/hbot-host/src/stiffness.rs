@@ -89,7 +89,7 @@ impl StiffnessBound {
 /// values are the square roots of the first primes. The ratio of any two of them is irrational, so
 /// the samples never repeat a pattern between two wheels.
 const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
-    1.414_213_562_373_095_1,
+    core::f64::consts::SQRT_2,
     1.732_050_807_568_877_2,
     2.236_067_977_499_79,
     2.645_751_311_064_590_7,
