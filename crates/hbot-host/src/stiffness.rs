@@ -99,7 +99,7 @@ const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     4.358_898_943_540_674,
 ];
 
-/// Returns postures at which the sphere's inertia is computed to find its smallest value. They
+/// Returns postures at which the apparent inertia is computed to find its smallest value. They
 /// cover all combinations of steer angles evenly. From one posture to the next, wheel i turns by
 /// `TURNS_PER_SAMPLE[i]` turns.
 fn postures(wheels: usize) -> impl Iterator<Item = PlantState> {
