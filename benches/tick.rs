@@ -89,8 +89,8 @@ macro_rules! width {
                 feedback
             }
 
-            /// Returns a function that runs one tick. Its controller is already in the mode
-            /// `active`, and its soft start is over.
+            /// Returns a function that runs one tick of a controller in the mode `active`, whose
+            /// soft start is already over.
             fn active(rig: Rig) -> impl FnMut() -> Outputs {
                 // The joint feedback above is not that of a turning sphere, so the wheels seem to
                 // slip. The slip limit is so wide that this is no fault.

@@ -26,7 +26,7 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 const TOOTH: f64 = 0.1;
 /// Stiffness of the torque that pushes the sphere back to the last tooth, N m/rad.
 const STIFFNESS: f64 = 8.0;
-/// Damping of this torque, N m s/rad.
+/// Damping of the torque that pushes the sphere back to the last tooth, N m s/rad.
 const DAMPING: f64 = 0.02;
 /// Number of ticks in a run. At 1 kHz they take 10 s.
 const TICKS: u64 = 10_000;

@@ -12,7 +12,7 @@ use crate::layout::Layout;
 use crate::motors::Motors;
 use crate::sample::Sample;
 
-/// The engine without its real-time thread, for tests and benches. The caller runs each tick.
+/// The engine without its real-time thread, for tests. A test runs each tick itself.
 pub(crate) struct TickBench {
     pub(crate) engine: Engine,
     pub(crate) end: ServiceEnd,

@@ -13,8 +13,8 @@ use serialport::{SerialPort as _, TTYPort};
 
 use crate::prototype::simulated_as;
 
-/// Time without a new command after which the line counts as silent. A busy computer delays bytes
-/// for less than this.
+/// Time without a new command after which the line counts as silent. It is long enough that delays
+/// on a busy computer do not count as silence.
 const SILENCE: Duration = Duration::from_millis(200);
 
 /// A simulated rig at the far end of a pseudo-terminal. It records the commands that it receives,

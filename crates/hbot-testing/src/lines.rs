@@ -77,7 +77,8 @@ impl JsonLines {
     /// Waits for the next line from the server and returns it as JSON.
     ///
     /// # Panics
-    /// If the server has closed the connection. Also as [`next_line`](Self::next_line) does.
+    /// If the server has closed the connection, if no line arrives within [`PATIENCE`], or if the
+    /// line is not JSON.
     pub fn line(&mut self) -> Value {
         self.next_line().expect("the connection stays")
     }

@@ -13,17 +13,18 @@ pub fn device() -> Device {
 /// Returns the specifications of the prototype's two wheels.
 ///
 /// # Panics
-/// If the prototype's rig file does not have exactly two wheels.
+/// If the prototype's rig file does not describe exactly two wheels.
 #[must_use]
 pub fn wheels() -> [WheelSpec; 2] {
     let wheels: Vec<WheelSpec> = device().wheels().iter().map(|wheel| *wheel.spec()).collect();
     wheels.try_into().expect("two wheels")
 }
 
-/// Returns the prototype with changed wheels: `alter` converts the specification of each wheel.
+/// Returns the prototype with changed wheels: `alter` returns the changed specification of each
+/// wheel.
 ///
 /// # Panics
-/// If no legal device has the changed wheels.
+/// If a device with the changed wheels is not legal.
 #[must_use]
 pub fn device_with(alter: impl Fn(WheelSpec) -> WheelSpec) -> Device {
     let device = device();

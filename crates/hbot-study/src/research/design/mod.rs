@@ -158,7 +158,8 @@ struct Front {
     evaluations: usize,
     runs: Vec<Search>,
     found: Vec<Found>,
-    /// For each search, the share of the volume of the cost box that its designs dominate.
+    /// Quality of the result of each search: the share of the volume of possible costs (`BOX`) that
+    /// its designs dominate.
     shares: Vec<f64>,
 }
 
@@ -181,14 +182,14 @@ impl Front {
         Ok(Self { wheels, evaluations, runs, found, shares })
     }
 
-    /// Returns the share of the cost box that the search `run` dominated after half of its
-    /// evaluations. Compared with its final share, this shows whether the search has converged.
+    /// Returns the share of the volume of possible costs that the search `run` dominated after half
+    /// of its evaluations. A share near the final one shows that the search has converged.
     fn half(&self, run: &Search) -> f64 {
         run.history.iter().rfind(|(n, _)| 2 * n <= self.evaluations).map_or(0.0, |(_, v)| *v)
     }
 
-    /// Returns the largest difference between the shares of the cost box that the searches
-    /// dominate, relative to the largest share.
+    /// Returns how much the results of the searches differ: the largest difference between their
+    /// shares of the dominated volume, relative to the largest share.
     fn apart(&self) -> f64 {
         let most = self.shares.iter().copied().fold(0.0, f64::max);
         self.shares.iter().map(|share| (most - share) / most).fold(0.0, f64::max)
@@ -218,7 +219,7 @@ impl Front {
     }
 }
 
-/// Returns the share of the volume of the cost box that the designs in `found` dominate.
+/// Returns the share of the volume of possible costs (`BOX`) that the designs in `found` dominate.
 fn share(found: &[Found]) -> f64 {
     volume(found.iter().map(|found| found.measures.costs()), VOLUME_POINTS)
 }

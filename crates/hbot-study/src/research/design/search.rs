@@ -89,8 +89,8 @@ pub(super) fn search(
 }
 
 impl Search {
-    /// Returns the design on the search grid that is nearest to the sample `unit`, which has one
-    /// value from 0 to 1 per dimension. Returns `None` if the design has no room for its wheels.
+    /// Returns the design that is nearest to the position `unit` in the space of dimensions, each
+    /// scaled to the range 0 to 1. Returns `None` if its dimensions leave no room for the wheels.
     fn even(&mut self, parts: &Parts, wheels: usize, unit: Vec<f64>) -> Option<Point> {
         let point = Point::nearest(wheels, [unit[0], unit[1], unit[2], unit[3]]);
         self.without_room[1] += 1;
@@ -99,8 +99,9 @@ impl Search {
         room.then_some(point)
     }
 
-    /// Returns a new design near the best ones found so far. It differs from those in `seen`, and
-    /// its wheels have room. If some tries find none, returns the first of the best designs.
+    /// Returns a new design that is similar to the best ones found so far, is not in `seen`, and
+    /// leaves room for the wheels. If several tries find none, returns the first of the best
+    /// designs.
     fn near(&self, parts: &Parts, wheels: usize, seen: &BTreeSet<Point>, rng: &mut Rng) -> Point {
         (0..TRIES)
             .map(|_| step(&self.archive, wheels, rng))
@@ -108,8 +109,8 @@ impl Search {
             .unwrap_or_else(|| self.archive.members[0].point)
     }
 
-    /// Stores measured designs in the archive and in `volume`. `None` is a design that breaks a
-    /// margin. Such designs are only counted.
+    /// Adds measured designs to the archive of the best ones. Designs that did not keep their
+    /// margins are `None`. They are only counted.
     fn take(&mut self, volume: &mut Volume, measured: Vec<Option<Found>>) {
         for found in measured {
             match found {

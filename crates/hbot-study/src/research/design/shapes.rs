@@ -119,7 +119,7 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
 }
 
 /// Measures designs in which one dimension varies from `low` to `high`. Returns one plot line per
-/// figure. Each figure is relative to that of the design measured in `base`.
+/// figure. The figures are divided by those of the design `base`.
 fn sweep(
     parts: &Parts,
     base: &Measures,

@@ -101,8 +101,8 @@ fn introduce(report: &mut Report) {
     report.family("bandwidth_gain_for_paper_inner{f}_per_s | 1/s | the K_O with which the linear loop has 5.5 Hz, over the corner of the rate loops (Hz)");
 }
 
-/// Reports the bandwidths with the stated settings of the position loop. `measured` holds the
-/// bandwidths about n1, n2 and n3, and the one with friction, Hz.
+/// Reports the bandwidth of the position loop with its standard settings. `measured` holds the
+/// bandwidth about n1, n2 and n3, and about n1 with friction, in Hz.
 fn stated(report: &mut Report, measured: &[f64]) {
     let predicted = linear_bandwidth(&STATED);
     report.figure("bandwidth_hz".to_owned(), measured[0]).note("predicted", predicted).note("paper", PAPER);
@@ -152,8 +152,8 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     Ok(())
 }
 
-/// Plots gain and phase of the position loop over frequency. `found` holds both for each case in
-/// `names`, and for each case at each period in `ticks`.
+/// Plots gain and phase of the position loop over frequency. `found` holds gain and phase for each
+/// case in `names`, one entry per sine period in `ticks`.
 fn draw(report: &mut Report, names: &[&str], ticks: &[u32], found: &[[f64; 2]]) {
     let hertz = |ticks: u32| 1.0e3 / f64::from(ticks);
     let decibel = |size: f64| 20.0 * libm::log10(size);

@@ -258,8 +258,8 @@ fn tell(
     cells
 }
 
-/// Checks that [`Rig::gripping`] and the core's capability agree if the friction of the contacts
-/// sets no limit.
+/// Checks that [`GrippedDevice::gripping`] and the core's function [`capability`] give the same
+/// torques if the friction of the contacts sets no limit.
 fn check(report: &mut Report, rig: &GrippedDevice) {
     let loose = GrippedDevice {
         grip: f64::INFINITY,

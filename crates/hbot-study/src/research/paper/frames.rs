@@ -217,9 +217,9 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
     );
 }
 
-/// Reports how two readings of eq. 1 differ: the literal one and hbot's. Each array has one value
-/// per reading: the angle between the contacts and the margin at steer angles of zero, and the
-/// smallest margin over all steer angles.
+/// Reports how two interpretations of eq. 1 differ: the literal one and hbot's. Each array has one
+/// value for each of them: the angle between the contacts and the margin at steer angles of zero,
+/// and the smallest margin over all steer angles.
 fn tell_readings(report: &mut Report, at_zero: [f64; 2], there: [f64; 2], over_all: [f64; 2]) {
     report.family("eq1_{reading}_contacts_apart_rad | rad | angle between the contact points of the prototype at steering angles of zero; {reading}: literal (A = N there) or ours (A takes n3 to l first)");
     report.family("eq1_{reading}_margin_{where} | 1 | sigma_min(Z)/R of the prototype; {reading} likewise; {where}: at_zero, or least over all steering angles");

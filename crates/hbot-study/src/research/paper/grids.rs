@@ -62,8 +62,8 @@ pub(super) fn study(
     Ok(printed)
 }
 
-/// Table rows and plot lines that show how an average converges as its grid of orientations or
-/// postures becomes finer.
+/// Table rows and plot lines that show how the global conditioning index (GCI) converges as the
+/// grid of orientations or postures becomes finer.
 struct Settled {
     rows: Vec<Vec<String>>,
     lines: Vec<Series>,
@@ -81,15 +81,15 @@ impl Settled {
     }
 }
 
-/// Returns the number of `samples`, and the global conditioning index (GCI) of the paper's three
-/// motors averaged over them.
+/// Returns the number of orientations in `samples`, and the global conditioning index (GCI) of the
+/// paper's three motors averaged over them.
 fn spectral(rig: &IndexedDevice, samples: &[(Quat, f64)]) -> (usize, f64) {
     (samples.len(), rig.over_turns(samples, START, &[THREE])[0].spectral)
 }
 
-/// Computes the global conditioning index (GCI) on the paper's grid of equal steps, as printed and
-/// with the weight that the printed sum lacks. Returns the averages on the finest grid as printed,
-/// and how much its GCI exceeds the weighted one.
+/// Computes the global conditioning index (GCI) on the paper's grid of equal steps, without a
+/// weight as printed in the paper, and with the weight sin theta. Returns the averages on the
+/// finest unweighted grid, and by how much its GCI exceeds the weighted one.
 fn equal_steps(
     context: &Context,
     report: &mut Report,

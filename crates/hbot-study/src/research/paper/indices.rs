@@ -169,8 +169,9 @@ fn introduce(report: &mut Report) {
     report.family("gmi_{motors}_{workspace} | 1 | global dynamic manipulability index, over the largest of the torus; {workspace} likewise");
 }
 
-/// Reports the global indices GCI and GMI of each choice of motors, averaged over both workspaces.
-/// `most` holds, for each choice, the largest dynamic manipulability, to which GMI is relative.
+/// Reports the global conditioning index (GCI) and the global manipulability index (GMI) of each
+/// choice of motors, over both workspaces. GMI is relative to the largest dynamic manipulability,
+/// which `most` holds for each choice.
 fn global(report: &mut Report, over_torus: &[Local], over_so3: &[Local], most: &[f64]) {
     let mut table = vec![head(
         "motors | GCI spectral, torus | SO(3) | GCI Frobenius, torus | SO(3) | GMI, torus | SO(3)",

@@ -121,8 +121,9 @@ pub(super) fn study(
     Ok(())
 }
 
-/// One reading of the paper's definitions: its id, its name, GCI by the spectral and the Frobenius
-/// norm (if defined), and GMI. The id is empty if another section reports the values.
+/// One interpretation of the paper's definitions: its id and name, the global conditioning index by
+/// the spectral and the Frobenius norm (if defined), and the global manipulability index. The id is
+/// empty if another section reports these values.
 type Reading = (&'static str, &'static str, (Option<[f64; 2]>, f64));
 
 fn tell(report: &mut Report, all: &[Reading], literal_gci: f64) {

@@ -89,8 +89,8 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     draw_maps(report, device);
 }
 
-/// Reports how well each choice of motors can drive the sphere. Returns the smallest spectral index
-/// of each choice, and the share of all steer angles at which the paper's three motors have an
+/// Reports how well each choice of motors can turn the sphere. Returns the smallest spectral index
+/// of each choice. Also returns the share of all postures at which the paper's three motors have an
 /// index below 0.1.
 fn actuation(report: &mut Report, device: &Device) -> (Vec<f64>, f64) {
     let mut table =

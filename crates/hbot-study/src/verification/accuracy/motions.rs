@@ -180,8 +180,8 @@ fn draw(report: &mut Report, motion: &TrueMotion, lines: Vec<Series>) {
     );
 }
 
-/// Returns, for each path between readings, the sphere's orientations if the joints move exactly
-/// along that path. It uses exact readings at the rate [`PARTS_AT`].
+/// Returns, for each path that joints can take between readings, the orientations of a sphere whose
+/// joints follow this path exactly. The readings have no encoder error and the rate [`PARTS_AT`].
 fn followed_by_all(rig: &Rig, reads: &[Read]) -> Vec<Vec<[f64; 4]>> {
     let at = RATES.iter().zip(reads).find(|(hz, _)| **hz == PARTS_AT);
     let Some((_, at)) = at else { unreachable!("it is one of the rates") };

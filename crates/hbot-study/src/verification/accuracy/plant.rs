@@ -74,7 +74,7 @@ fn reference(plant: &Plant, tolerance: f64, load: &impl Load) -> Vec<Quat> {
         .collect()
 }
 
-/// Returns the largest angle between two sequences of orientations, rad.
+/// Returns the largest angle between corresponding orientations of two sequences, rad.
 pub(super) fn apart(a: &[Quat], b: &[Quat]) -> f64 {
     a.iter().zip(b).map(|(a, b)| rotation::angle_between(*a, *b)).fold(0.0, f64::max)
 }

@@ -11,8 +11,8 @@ use super::whole::Loop;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Stiffnesses at which the energy after a tap is measured, relative to the stability limit of the
-/// linear theory.
+/// Stiffnesses of the spring for which the energy after a tap on the sphere is measured, relative
+/// to the stability limit of the linear theory.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
 
 pub(super) fn study(
@@ -70,10 +70,10 @@ fn introduce(report: &mut Report, allowance: f64) {
     report.family("energy_given_{tenths}_tenths_{guard} | J | the most energy that the motors gave out after a tap, at so many tenths of the linear border, passivity stage on or off; `bound`: that with the stage");
 }
 
-/// The energy that the motors give after a tap on the sphere, without and with the passivity stage,
-/// for one stiffness.
+/// The energy that the motors give out after a tap on the sphere, without and with the passivity
+/// stage, for a spring of one stiffness.
 struct Given {
-    /// Stiffness relative to the stability limit of the linear theory.
+    /// Stiffness of the spring relative to the stability limit of the linear theory.
     times: f64,
     stiffness: f64,
     /// Largest energy that the motors may give out with the passivity stage on, J: the stage's

@@ -67,8 +67,8 @@ impl Setting {
         self.own / (self.period() * (0.5 + f64::from(self.delay)))
     }
 
-    /// Returns whether the setting has no friction and encoders as fine as the prototype's. Only
-    /// such settings are checked against the limit of the linear theory.
+    /// Returns whether the rig has no friction and encoders as fine as the prototype's. Only such
+    /// rigs are checked against the limit of the linear theory.
     fn is_plain(&self) -> bool {
         self.step == 1 && self.coulomb == 0.0
     }
@@ -247,12 +247,13 @@ fn introduce(report: &mut Report, count: f64) {
     report.family("border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard} | N m/rad | stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there");
 }
 
-/// The stability limits measured in one setting, in N m/rad: without and with the passivity stage.
-/// A limit is `None` if the search ended before it was found.
+/// The largest stable stiffness of a spring on one rig, in N m/rad: without and with the passivity
+/// stage. It is `None` if the search ended before a spring was unstable.
 struct Guarded {
     setting: Setting,
     found: [Option<f64>; 2],
-    /// Angle by which the sphere turns in one step of the encoder, rad.
+    /// Angle by which the sphere turns while the encoder of the joint that moves it most advances
+    /// by one step, rad.
     step: f64,
 }
 
@@ -272,8 +273,8 @@ impl Guarded {
         self.measured(guard) / self.setting.border()
     }
 
-    /// Returns the table row of this setting. `x` is the value of the property that the table
-    /// varies.
+    /// Returns the table row of one measured rig. `x` is the value of the property that varies in
+    /// the table.
     fn row(&self, x: f64) -> Vec<String> {
         let [off, on] = self.found.map(|found| if found.is_none() { "more than " } else { "" });
         let (border, dry) = (self.setting.border(), 2.0 * self.setting.coulomb / self.step);
@@ -301,7 +302,8 @@ impl Guarded {
     }
 }
 
-/// Reports one sweep, in which one property of the setting varies: its figures, a table and a plot.
+/// Reports a sweep, in which one property of the rig varies: figures, a table and a plot of the
+/// largest stable stiffness.
 fn tell(report: &mut Report, sweep: &Sweep, measured: &[Guarded]) {
     let head = ["off, N m/rad", "on, N m/rad", "linear border", "2 c/d", "off/border", "on/border"];
     let mut table = vec![row([sweep.x].into_iter().chain(head))];

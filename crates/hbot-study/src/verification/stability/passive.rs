@@ -85,8 +85,9 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     Ok(())
 }
 
-/// Returns the damping that a device needs to stay passive at a virtual wall, for sinusoidal
-/// motions of frequencies up to Nyquist's. Each frequency is given as its phase per tick, rad.
+/// Returns the damping that a device needs so that no sinusoidal motion draws energy from a virtual
+/// wall. Each entry holds a frequency, as phase per tick in rad, and the damping it needs per unit
+/// of the wall's stiffness and of the wall's damping.
 fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interrupted> {
     (0..SINES)
         // The frequencies are dense near both ends, where the worst ones are.
@@ -96,8 +97,8 @@ fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interr
         .collect()
 }
 
-/// Returns the largest stiffness at which no sinusoidal motion draws energy from the wall, measured
-/// and predicted. `needs` holds the damping that each frequency requires.
+/// Returns the largest stiffness of a virtual wall at which no sinusoidal motion draws energy from
+/// it, measured and predicted. `needs` holds the damping that each frequency needs.
 fn measured(needs: &[(f64, [f64; 2])], delay: usize, rate: u32, own: f64, damping: f64) -> Border {
     let period = 1.0 / f64::from(rate);
     // b >= K h s + B d must hold for every sine.

@@ -13,14 +13,14 @@ fn wheels(count: &str, column: &str) -> String {
     whole_cell(REPORT, "Two, three and four of the prototype's wheels", &[count], column)
 }
 
-/// Converts a figure from the page's unit to the report's unit. They differ only for inertias: g m²
-/// on the page and kg m² in the report.
+/// Converts a figure in docs/design-study.md to the unit of the report. Only the units of inertias
+/// differ: g m² on the page and kg m² in the report.
 fn in_report_unit(column: &str, figure: &str) -> String {
     if column == "inertia, g m²" { format!("{figure}e-3") } else { figure.to_owned() }
 }
 
-/// Checks the page's table that has a column named `mark` and `count` rows. Each cell must agree
-/// with the report's figure, which `look_up` returns for a row and a column.
+/// Checks that a table in docs/design-study.md agrees with the report. The table has a column named
+/// `mark`, and `count` rows. `look_up` returns the report's figure for a row and a column.
 fn compare(mark: &str, count: usize, look_up: impl Fn(&str, &str) -> String) {
     let rows: Vec<_> = rows(PAGE).into_iter().filter(|(head, _)| head.contains(&mark)).collect();
     assert_eq!(rows.len(), count, "rows of the table with {mark:?}");

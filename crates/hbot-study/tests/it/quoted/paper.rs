@@ -120,7 +120,7 @@ fn simulated() -> Vec<String> {
     ]
 }
 
-/// Parts of the page with numbers that the report does not compute: figures of the paper, and
+/// Texts in docs/paper.md with numbers that the report does not compute: figures of the paper, and
 /// limits that the study chooses.
 const OF_THE_PAPER: [&str; 5] = [
     "GCI 0.41 is nearest",

@@ -7,7 +7,8 @@ const PAGE: &str = include_str!("../../../../../docs/stability.md");
 const HARD_CASES: &str = include_str!("../../../../../docs/hard-cases.md");
 const REPORT: &str = include_str!("../../../../../docs/stability/report.md");
 
-/// Returns the largest error of a check of the report, in percent with one decimal.
+/// Returns the largest error that the report states for the check named `what`, in percent with one
+/// decimal.
 fn percent(what: &str) -> String {
     rounded(&check(REPORT, what), 100.0, 1)
 }
@@ -87,8 +88,8 @@ fn whole_day() -> Vec<String> {
     ]
 }
 
-/// Parts of the page with numbers that are not figures of the report: choices of the study, and a
-/// result of `hbot rig check` for the prototype.
+/// Texts in docs/stability.md with numbers that are not figures of the report: choices of the
+/// study, and a result of `hbot rig check` for the prototype.
 const OTHERS: [&str; 5] = [
     "let go at 0.05 rad",
     "6.7 N m/rad for each 0.01 N m s/rad of damping",

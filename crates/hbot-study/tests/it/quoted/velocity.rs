@@ -6,8 +6,8 @@ use super::{agree, cell, rows};
 
 const PAGE: &str = include_str!("../../../../../docs/velocity.md");
 
-/// The words that introduce each table on the page, and the report's name for the encoders of that
-/// table.
+/// For each table in docs/velocity.md, the words that introduce it, and the name of its encoders in
+/// the report.
 const TABLES: [(&str, &str); 4] = [
     ("4096 x 4 counts a turn on all joints, before", "16384"),
     ("512 x 4 on all joints:", "2048"),
@@ -15,8 +15,8 @@ const TABLES: [(&str, &str); 4] = [
     ("64 x 4 on all joints:", "256"),
 ];
 
-/// Converts the page's name of a method that estimates joint rates to the report's name. For
-/// example, `low_pass` with 100 Hz becomes `low_pass_100hz`.
+/// Converts the name of a method that estimates joint rates from the form in docs/velocity.md to
+/// that in the report. For example, `low_pass` with 100 Hz becomes `low_pass_100hz`.
 fn method(page: &str) -> String {
     let (name, choice) = page.split_once(',').unwrap_or((page, ""));
     let name = name.trim_matches('`');
@@ -50,8 +50,8 @@ fn every_figure_of_the_tables_but_times_is_the_reports() {
     assert_eq!(seen, 4 * 9 * 5);
 }
 
-/// The page's noise of the raw difference about one axis is that of its tables divided by the
-/// square root of 3.
+/// In docs/velocity.md, the noise of the raw difference about one axis is that of the tables
+/// divided by the square root of 3.
 #[test]
 fn the_noise_about_one_axis_is_that_of_the_tables() {
     for (whole, axis) in [("0.0307", "0.018"), ("0.2642", "0.153")] {

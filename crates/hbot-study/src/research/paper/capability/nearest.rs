@@ -9,8 +9,8 @@ use crate::research::paper::comparison::Comparison;
 use crate::research::paper::literal;
 use crate::research::paper::torus::{self, FOUR, Motors, THREE, posture};
 
-/// Searches for the postures whose torques are nearest to table II of the paper, for several
-/// meanings of "mapped to the end-effector".
+/// Searches for the postures whose torques are nearest to table II of the paper. It does so for
+/// several meanings of "mapped to the end-effector".
 ///
 /// `found` holds, for each row of the table, the smallest torques over all postures with four
 /// motors and the median torques with three.
