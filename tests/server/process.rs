@@ -16,7 +16,7 @@ pub(crate) fn hbot() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot"))
 }
 
-/// The rig file of [`patient_file`] in a folder: its path.
+/// Writes the rig file of [`patient_file`] into `folder` and returns its path.
 pub(crate) fn patient_rig(folder: &std::path::Path) -> String {
     let path = folder.join("patient.toml");
     std::fs::write(&path, patient_file()).expect("written");

@@ -23,8 +23,9 @@ pub(crate) fn of<T: JsonSchema>() -> Value {
     schema
 }
 
-/// Replaces line breaks in all descriptions by spaces. Doc comments break lines for the editor;
-/// tool tips, tables and clients break them where they need to.
+/// Replaces the line breaks in all descriptions by spaces. Descriptions come from doc comments,
+/// which are broken into lines for the editor. Tool tips, tables and clients break lines
+/// themselves.
 fn unwrap_descriptions(schema: &mut Value) {
     match schema {
         Value::Object(map) => {

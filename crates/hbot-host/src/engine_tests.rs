@@ -18,7 +18,8 @@ use crate::tick_bench::{TickBench, on_time};
 
 const TICKS: u64 = 10_000;
 
-/// An engine in service: orders and scenes come in, samples go out.
+/// An engine with the inputs that it has in service: a test sends it commands and scenes and
+/// fetches its samples.
 struct Busy {
     bench: TickBench,
     scenes: Vec<Box<CompiledScene>>,

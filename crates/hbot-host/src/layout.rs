@@ -9,7 +9,7 @@ use hbot_core::MAX_JOINTS;
 /// ratios are not part of the layout, because the control law of hbot-core applies them.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// JointPlace of each joint, in the order steer, drive of each wheel.
+    /// The place of each joint on the motor buses, in the order steer, drive of each wheel.
     pub places: Vec<JointPlace>,
     /// Encoder counts that are added to the count of each joint, so that the sum is zero at the
     /// rig's zero.
@@ -21,10 +21,10 @@ pub struct Layout {
 pub struct JointPlace {
     /// Number of the bus that carries the joint, from 0.
     pub bus: usize,
-    /// JointPlace of the joint on that bus, from 0.
+    /// Index of the joint among the joints of its bus, from 0.
     pub at: usize,
-    /// The id of its controller on that bus. With hbot's own protocol, whose joints have none, its
-    /// place.
+    /// Id of the joint's controller on its bus. In hbot's own protocol joints have no ids, and the
+    /// index `at` is used.
     pub id: u8,
 }
 
@@ -51,7 +51,7 @@ impl Layout {
         Self { places: all().map(place).collect(), offsets }
     }
 
-    /// With the ids of a bus that begin at `first` and follow one another.
+    /// Returns the layout with new ids: on each bus they are consecutive and begin at `first`.
     #[must_use]
     pub fn numbered_from(mut self, first: u8) -> Self {
         for place in &mut self.places {
@@ -80,7 +80,8 @@ impl Layout {
         self.on(bus).map(|(joint, place)| (joint, place.at))
     }
 
-    /// The joints of the rig on one bus, each with where it stands.
+    /// Returns the joints of the rig on motor bus number `bus`: each joint's number in the rig, and
+    /// its place.
     pub fn on(&self, bus: usize) -> impl Iterator<Item = (usize, &JointPlace)> {
         self.places.iter().enumerate().filter(move |(_, place)| place.bus == bus)
     }

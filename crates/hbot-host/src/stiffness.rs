@@ -85,8 +85,8 @@ impl StiffnessBound {
     }
 }
 
-/// Turns by which the steer angle of each wheel advances from one sample posture to the next. They
-/// are the square roots of the first primes: no two of them are in a rational ratio, so no two
+/// Number of turns by which the steer angle of each wheel advances from one sample posture to the
+/// next. The values are square roots of primes. The ratio of any two is irrational, so no two
 /// wheels advance together.
 const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     1.414_213_562_373_095_1,
@@ -99,8 +99,8 @@ const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     4.358_898_943_540_674,
 ];
 
-/// Returns sample postures, which fill the space of steer angles evenly. The steer angle of wheel i
-/// advances by `TURNS_PER_SAMPLE[i]` from one sample to the next.
+/// Returns sample postures that fill the space of all steer angles evenly. From one sample to the
+/// next, the steer angle of wheel i advances by `TURNS_PER_SAMPLE[i]` turns.
 fn postures(wheels: usize) -> impl Iterator<Item = PlantState> {
     (0..SAMPLES).map(move |k| {
         let mut state = PlantState::default();
@@ -160,7 +160,8 @@ mod tests {
         assert!(rests(0.9 * border, 0.01) && !rests(1.1 * border, 0.01));
     }
 
-    /// Wheels that stood still, or that turned together, would hide postures with less inertia.
+    /// The sample postures fill the circle of every steer angle, and of every difference of two
+    /// steer angles. Otherwise, postures with a smaller inertia could be missed.
     #[test]
     fn the_sample_postures_turn_every_wheel_and_no_two_together() {
         let samples: Vec<PlantState> = postures(MAX_WHEELS).collect();

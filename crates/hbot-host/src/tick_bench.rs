@@ -1,4 +1,4 @@
-//! An engine that tests tick by hand, with the other end of its bridge.
+//! An engine whose ticks a test calls itself, with the service's end of its bridge.
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::Command;
@@ -12,26 +12,26 @@ use crate::layout::Layout;
 use crate::motors::Motors;
 use crate::sample::Sample;
 
-/// The engine, without the thread that ticks it in service.
+/// An engine for tests. In service a thread calls its ticks. Here the test calls them.
 pub(crate) struct TickBench {
     pub(crate) engine: Engine,
     pub(crate) end: ServiceEnd,
-    /// The next tick.
+    /// Number of the next tick.
     pub(crate) tick: u64,
 }
 
-/// A tick of a loop at 1 kHz, on time.
+/// Returns the timing of a tick that begins exactly at its deadline, in a loop at 1 kHz.
 pub(crate) fn on_time(tick: u64) -> TickTime {
     TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
-/// The default scene.
+/// Returns the default scene.
 pub(crate) fn default_scene() -> Box<CompiledScene> {
     Box::new(RunningScene::new().load(SceneFile::default_scene()))
 }
 
 impl TickBench {
-    /// A bench of `rig` that renders `scene`.
+    /// Creates an engine for `rig` that renders `scene`.
     pub(crate) fn new(
         rig: &RigConfig,
         buses: Vec<Box<dyn MotorBus>>,
@@ -50,7 +50,7 @@ impl TickBench {
         self.end.try_sample().expect("a sample a tick")
     }
 
-    /// The sample of the last of `n` ticks.
+    /// Runs `n` ticks and returns the sample of the last one.
     pub(crate) fn ticks(&mut self, n: u32) -> Sample {
         (1..n).for_each(|_| _ = self.tick());
         self.tick()

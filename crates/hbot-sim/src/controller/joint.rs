@@ -145,7 +145,7 @@ impl Axis {
         self.whole_count(angle, disc) as i32
     }
 
-    /// The count at a joint angle, rad: floor.
+    /// Returns the encoder count at a joint angle, rad, rounded down and not wrapped.
     pub(super) fn whole_count(&self, angle: f64, disc: Option<&Disc>) -> i64 {
         let turned = angle + self.slipped;
         let read = disc.map_or(turned, |disc| disc.reading(turned, self.joint.gear));
