@@ -1,4 +1,5 @@
-//! An engine whose ticks a test calls itself, with the service's end of its bridge.
+//! An engine for tests, which call its ticks themselves. It includes the service's end of the
+//! bridge to the engine.
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::Command;

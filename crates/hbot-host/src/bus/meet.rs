@@ -17,8 +17,8 @@ const TRIES: u32 = 10;
 /// How long the host waits for an answer to each question.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// Number of notes that a driver can store about one line: one for the line, and one for each
-/// joint.
+/// Number of values that a driver can store about the controllers of one line: one for the line,
+/// and one for each joint.
 const NOTES: usize = 1 + MAX_JOINTS;
 
 /// The reason why the controllers on a line were not accepted.

@@ -14,9 +14,9 @@ pub enum EncoderKind {
     /// this is the angle zero.
     #[default]
     Incremental,
-    /// The encoder has one index mark per turn of the joint. It starts as [`EncoderKind::Incremental`].
-    /// When the joint first passes an index mark, the zero moves to that mark, and
-    /// [`JointFlags::INDEX_SEEN`] is set.
+    /// The encoder has one index mark per turn of the joint. It starts as
+    /// [`EncoderKind::Incremental`]. When the joint first passes an index mark, the zero moves to
+    /// that mark, and [`JointFlags::INDEX_SEEN`] is set.
     Indexed,
     /// The encoder always reads zero at the joint angle zero.
     Absolute,

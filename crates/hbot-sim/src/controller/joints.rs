@@ -13,7 +13,7 @@ use crate::plant::JointTorques;
 
 const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
 
-/// The true state of the joints, as the simulated encoders measure it.
+/// The true angles and rates of the joints, from which simulated encoders compute their counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Truth<'a> {
     /// True angles of the joints, rad.

@@ -150,7 +150,8 @@ impl Firmware {
     }
 }
 
-/// The protocol that simulated controllers use, and the kind of line to them.
+/// How the simulated controllers of a line are connected: their protocol, and whether the line has
+/// checksums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Line {
     /// The protocol of the controllers.

@@ -32,7 +32,7 @@ use self::bus::MoteusBus;
 use self::talk::Talk;
 use self::text::{BREAK, Dialect};
 
-/// The destination id that all servos accept.
+/// The destination id of CAN frames that all servos accept.
 const BROADCAST: u8 = 0x7f;
 /// The version of the vendor's register map that this driver supports.
 const REGISTER_MAP: i32 = 5;
@@ -59,7 +59,8 @@ impl Protocol for Moteus {
     }
 
     fn off_bytes(&self, _: &Expected) -> Vec<u8> {
-        // Each dialect refuses lines of the other dialect, so both are sent.
+        // An adapter refuses lines with checksums and a UART lines without, so the frame is sent in
+        // both forms.
         let mut bytes = BREAK.to_vec();
         for dialect in [Dialect::Fdcanusb, Dialect::Uart] {
             text::push(&mut bytes, &codec::stop_all(), dialect);
@@ -93,7 +94,8 @@ impl Protocol for Moteus {
     }
 }
 
-/// Returns the dialect that [`Talk::open`] has found on the line.
+/// Returns whether lines of text to these servos have checksums ([`Dialect::Uart`]), as
+/// [`Talk::open`] has found out.
 fn dialect(expected: &Expected) -> Dialect {
     match expected.note(DIALECT).load(Ordering::Relaxed) {
         0 => Dialect::Fdcanusb,

@@ -34,7 +34,8 @@ fn single(value: &Value) -> f32 {
     f32::from_bits(value.as_u64().expect("bits") as u32)
 }
 
-/// Returns the lines of text for a frame in both dialects.
+/// Returns the line of text for a frame twice: as an fdcanusb adapter expects it, and as a UART
+/// does.
 fn lines(frame: &moteus_protocol::CanFdFrame) -> [String; 2] {
     [Dialect::Fdcanusb, Dialect::Uart].map(|dialect| {
         let mut line = Vec::new();

@@ -19,9 +19,9 @@ pub(super) struct CanFrame {
 /// What the adapter does with one received line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Asked {
-    /// Send this frame on the bus.
+    /// The line is valid: send this frame on the bus.
     Send(CanFrame),
-    /// Refuse the line and answer with this text.
+    /// The line is not valid: answer with this text.
     Refused(&'static str),
 }
 

@@ -26,7 +26,7 @@ use self::servo::{Scene, Servo};
 use super::joints::{Joints, Truth};
 use super::{InjectedFault, Speaks};
 
-/// The destination id that all servos accept.
+/// The destination id of CAN frames that all servos accept.
 const BROADCAST: u32 = 0x7f;
 /// The bit of a CAN id that asks for an answer.
 const ANSWER: u32 = 0x8000;

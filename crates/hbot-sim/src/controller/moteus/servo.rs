@@ -51,7 +51,8 @@ const MAPPINGS: [Mapping; COMMANDS] = [
     CURRENT,
     Mapping::Plain,
 ];
-/// Values that the command registers get when a mode is written.
+/// Values that the command registers get when the mode register is written, before the other writes
+/// of that frame.
 const DEFAULTS: [f32; COMMANDS] = {
     let nan = f32::NAN;
     [0.0, 0.0, 0.0, 1.0, 1.0, nan, nan, 0.0, nan, nan, nan, 1.0, nan, 0.0]
@@ -93,7 +94,8 @@ pub(super) struct Servo {
     torque: f32,
 }
 
-/// The time and the joint that a frame to a servo is applied to.
+/// The circumstances under which a servo handles a frame: the time, its joint, and the true joint
+/// angles and rates.
 pub(super) struct Scene<'a, 'b> {
     pub(super) now_ns: u64,
     pub(super) joint: usize,
@@ -173,7 +175,8 @@ impl Servo {
         joints.ask(joint, given);
     }
 
-    /// Carries out the subframes of a frame. If an answer is asked for, appends it to `answer`.
+    /// Handles the data of a CAN frame, which is a sequence of subframes: commands, queries and
+    /// console text. If the frame asks for an answer, appends it to `answer`.
     pub(super) fn hear(&mut self, scene: &mut Scene<'_, '_>, data: &[u8], answer: Option<&mut Vec<u8>>) {
         self.watch(scene.now_ns, scene.joint, scene.joints);
         self.subframes(scene, data, answer);
@@ -182,8 +185,8 @@ impl Servo {
         }
     }
 
-    /// Carries out the subframes of a frame in order. Returns `None` at the first malformed or
-    /// unknown one, and ignores the rest of the frame.
+    /// Handles the subframes of a frame in order. Returns `None` at the first malformed or unknown
+    /// one, and ignores the rest of the frame.
     fn subframes(
         &mut self,
         scene: &mut Scene<'_, '_>,
