@@ -112,7 +112,8 @@ fn on_the_lines<T>(
     done
 }
 
-/// Lists who answers on each line.
+/// Lists the controllers that answer on each line of the rig. The exit code shows whether they
+/// match the rig file.
 pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let mut good = true;

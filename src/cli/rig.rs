@@ -23,7 +23,7 @@ use super::{bringup, style};
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
 
-/// The share of a line or bus that its traffic may take.
+/// Largest share of the capacity of a line or bus that the loop's traffic can use.
 const MOST_LOAD: f64 = 0.9;
 
 /// The subcommands of `hbot rig`.
@@ -223,7 +223,8 @@ fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<boo
     Ok(fits)
 }
 
-/// Whether a line that carries this share of what it can is fast enough, and what to say of it.
+/// Returns whether a line is fast enough if `load` is the used share of its capacity, and the words
+/// that say so.
 fn verdict(config: &RigConfig, load: f64) -> (bool, String) {
     // The simulated port and USB accept bytes faster than the baud rate suggests.
     let simulated = config.link.port == Port::Sim;
@@ -236,7 +237,8 @@ fn verdict(config: &RigConfig, load: f64) -> (bool, String) {
     }
 }
 
-/// Whether the frames of a tick fit on the bus behind an adapter, and what does.
+/// Prints how long the frames of a tick take on the bus behind an adapter. If they do not fit,
+/// prints what to change. Returns whether they fit.
 fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
     let period_ns = config.rig.timing.period_ns as f64;
     let load = bus.most_ns as f64 / period_ns;

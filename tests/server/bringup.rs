@@ -28,7 +28,7 @@ fn the_doctor_tells_programs_what_it_found_and_the_exit_code_follows() {
     }
 }
 
-/// The prototype with moteus servos.
+/// The rig file of the prototype with moteus servos.
 const MOTEUS: &str = "rigs/prototype-moteus.toml";
 /// The prototype with ODrives.
 const ODRIVE: &str = "rigs/prototype-odrive.toml";

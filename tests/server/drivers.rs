@@ -58,7 +58,7 @@ impl Line for Cable {
     }
 }
 
-/// Starts a server that drives the simulated motors behind `cable`.
+/// Starts a server whose motors are those at the other end of `cable`.
 fn served(cable: &Cable) -> TestServer {
     let mut rig = patient();
     rig.link.port = Port::Devices(vec!["toy".to_owned()]);
@@ -66,8 +66,8 @@ fn served(cable: &Cable) -> TestServer {
     let mut line = cable.clone();
     Toy.meet(&mut line, &expected).expect("the motors answer");
     let bus = Toy.bus(Box::new(line), expected);
-    // In full, not by `options` of hbot-testing: docs/drivers.md shows it to those who write such a
-    // program.
+    // All options are set here, without `options` of hbot-testing, because docs/drivers.md shows
+    // this code to authors of drivers.
     let options = ServerOptions {
         rig,
         scene: SceneFile::default_scene(),

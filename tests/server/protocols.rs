@@ -1,5 +1,5 @@
-//! The same rig and scene over each protocol that a rig file may name: what a hand feels is the
-//! same.
+//! Tests that a rig and a scene produce the same torques with each protocol that a rig file can
+//! name.
 
 use std::time::Duration;
 
@@ -17,7 +17,8 @@ use crate::process::Process;
 use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::eventually;
 
-/// A hand that turns the sphere about against a spring of 0.5 N m/rad.
+/// A scene in which a simulated hand turns the sphere back and forth against a spring of 0.5 N
+/// m/rad.
 const SCENE: &str = r#"
     [[effect]]
     id = "spring"
@@ -44,7 +45,7 @@ pub(crate) fn felt(protocol: Protocol, other: Protocol) -> Vec<Tick> {
     run(rig, SCENE, Some(SECONDS), |_| std::future::pending())
 }
 
-/// Virtual moteus servos of `rig` behind a pseudo-terminal.
+/// Starts simulated moteus servos for `rig` behind a pseudo-terminal.
 fn servos(rig: &RigConfig) -> PtyRig {
     let line = Protocol::Moteus.into();
     let config = SimulatedConfig { line, ..SimulatedConfig::new(&rig.rig) };
@@ -52,13 +53,14 @@ fn servos(rig: &RigConfig) -> PtyRig {
     spawn_pty(simulated, PtyOptions::default()).expect("this test needs pseudo-terminals (/dev/ptmx)")
 }
 
-/// Whether any motor pushes.
+/// Returns whether any motor gives torque.
 fn pushes(servos: &PtyRig) -> bool {
     let torque = servos.call(|rig| *rig.joint_torque()).expect("they are there");
     torque.iter().any(|torque| *torque != 0.0)
 }
 
-/// The mode of servo `id`, asked past whatever is on the line.
+/// Returns the mode of servo `id`. The question goes directly to the simulated rig, so it does not
+/// disturb the server's line.
 fn mode(servos: &PtyRig, id: u8) -> u8 {
     let reply = servos.call(move |rig| {
         let (mut reply, mut line) =
@@ -75,21 +77,22 @@ fn mode(servos: &PtyRig, id: u8) -> u8 {
     u8::from_str_radix(&data.unwrap_or_else(|| panic!("{reply}"))[4..6], 16).expect("a mode")
 }
 
-/// A scene that pushes always.
+/// A scene with a constant torque.
 pub(crate) const PUSH: &str =
     "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
 
-/// Has the server push.
+/// Enables the motors through the server, and waits until they give torque.
 fn push(client: &mut JsonLines, servos: &PtyRig) {
     eventually("torque", || {
-        // A machine that stood still for 20 ms has made a deadline fault.
+        // A machine that stands still for 20 ms causes a deadline fault, which must be reset.
         client.ask(r#"{"id": 2, "op": "reset"}"#);
         client.ask(r#"{"id": 3, "op": "enable"}"#);
         pushes(servos)
     });
 }
 
-/// A watchdog would leave them in mode 11.
+/// After the server is killed or ends while its motors push, every servo is in mode 0 (stopped). A
+/// servo whose watchdog had stopped it would be in mode 11.
 #[test]
 fn a_server_that_is_killed_or_ended_leaves_every_moteus_servo_stopped() {
     let text = include_str!("../../rigs/prototype-moteus.toml");
@@ -117,13 +120,13 @@ fn a_server_that_is_killed_or_ended_leaves_every_moteus_servo_stopped() {
     }
 }
 
-/// The cable is pulled and put back while motors push; meanwhile the servos keep their power, or
-/// lose it.
+/// While motors push, the cable is unplugged and connected again. Meanwhile the servos keep or lose
+/// their power. In both cases they give torque only after the client enables them again.
 #[test]
 fn a_line_of_moteus_servos_that_is_back_pushes_only_when_asked_anew() {
     let text = include_str!("../../rigs/prototype-moteus.toml");
     let patient = text.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
-    // Servos that have lost power still know where they are.
+    // With an absolute zero, servos know their position even after a loss of power.
     let patient = patient.replace("zero = \"assume\"", "zero = \"absolute\"");
     let rig = RigConfig::from_toml(&patient, "patient.toml").expect("legal");
     for power_lost in [false, true] {
@@ -155,7 +158,8 @@ fn a_line_of_moteus_servos_that_is_back_pushes_only_when_asked_anew() {
     }
 }
 
-/// The largest difference of a torque at a joint, and the largest torque, N m.
+/// Returns the largest difference between two runs in any joint torque, and the largest joint
+/// torque, in N m.
 pub(crate) fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
     let (mut most, mut largest) = (0.0_f64, 0.0_f64);
     for (tick, other) in ticks.iter().zip(others) {
@@ -175,17 +179,19 @@ fn a_spring_feels_the_same_over_moteus_as_over_hbot_s_own_link() {
         let active = ticks.iter().filter(|tick| tick.outputs.drive.enable).count();
         assert!(active > 4900, "motors were on in {active} ticks");
         let age = ticks[1000..].iter().filter_map(|tick| tick.inputs.feedback.map(|f| f.sequence));
-        // The answer to the command of the tick before.
+        // Each reading answers the command of the tick before.
         assert!(age.zip(1000_u32..).all(|(answers, tick)| answers.wrapping_add(1) == tick), "ages");
     }
     let (most, largest) = apart(&own, &moteus);
     assert!(largest > 0.01, "the spring pushes: {largest} N m");
-    // What the spring makes of a step of a position, 1e-5 turns: 0.5 N m/rad times 6.3e-5 rad.
+    // One step of a servo's position is 1e-5 turns, 6.3e-5 rad. The spring of 0.5 N m/rad turns it
+    // into a torque of this size.
     assert!(most < 3e-5, "{most} N m apart");
 }
 
-/// What becomes of ten seconds on a line of moteus servos that loses and spoils this share of all
-/// lines each way: in how many ticks motors were on, and the cause of the fault at the end.
+/// Runs moteus servos for ten seconds on a line that loses a share of all lines of text in each
+/// direction, and damages an equal share. Returns the number of ticks in which motors were on, and
+/// the cause of the fault at the end, if any.
 fn on_a_bad_line(share: f64) -> (usize, Option<Cause>) {
     let mut rig = RigConfig::prototype();
     rig.link.protocol = Protocol::Moteus;
@@ -200,8 +206,9 @@ fn on_a_bad_line(share: f64) -> (usize, Option<Cause>) {
     (active, ticks.last().and_then(|tick| tick.outputs.state.cause))
 }
 
-/// Each servo has lines of its own, 12 in a tick of four with their answers; hbot's own link has
-/// two frames. So the share of damaged lines that rides through is smaller.
+/// If one in 400 lines of text is lost and one in 400 is damaged, the motors stay on. The limit is
+/// lower than on hbot's own link, because a tick of four servos needs 12 lines and hbot's link
+/// needs two frames.
 #[test]
 fn one_in_400_lines_lost_and_damaged_is_no_fault_on_moteus_servos() {
     let (active, cause) = on_a_bad_line(0.0025);

@@ -23,9 +23,9 @@ pub(crate) fn of<T: JsonSchema>() -> Value {
     schema
 }
 
-/// Replaces each line break in the schema's descriptions by a space. The descriptions come from doc
-/// comments, whose lines are wrapped for an editor. Programs that show them wrap the text to their
-/// own width.
+/// Replaces the line breaks in all descriptions by spaces. Descriptions come from doc comments,
+/// which are broken into lines for the editor. Tool tips, tables and clients break lines
+/// themselves.
 fn unwrap_descriptions(schema: &mut Value) {
     match schema {
         Value::Object(map) => {

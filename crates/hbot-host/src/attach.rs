@@ -104,7 +104,8 @@ pub(crate) fn simulated(
     Ok((bus, simulator))
 }
 
-/// The simulated rig of a rig file: its controllers speak what the file says.
+/// Creates the simulated rig that a rig file describes. Its controllers use the protocol that the
+/// file names.
 pub(crate) fn simulated_rig(
     rig: &RigConfig,
     phenomena: Phenomena,
@@ -114,7 +115,7 @@ pub(crate) fn simulated_rig(
 }
 
 /// Checks the simulated motor controllers at the far end of `line`, and returns the bus for them.
-/// They always use hbot's own protocol, whatever `link.protocol` in the rig file states.
+/// They use the protocol that the rig file names.
 pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,

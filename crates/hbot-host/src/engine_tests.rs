@@ -18,8 +18,8 @@ use crate::tick_bench::{TickBench, on_time};
 
 const TICKS: u64 = 10_000;
 
-/// An engine that is kept busy as in real use: a simulated service sends commands and new scenes to
-/// it and fetches its samples.
+/// An engine with the inputs that it has in service: a test sends it commands and scenes and
+/// fetches its samples.
 struct Busy {
     bench: TickBench,
     scenes: Vec<Box<CompiledScene>>,

@@ -51,7 +51,7 @@ pub enum HostError {
     /// The number of motor buses differs from the number of ports in the rig file.
     #[error("{given} motor buses were given, the rig file has joints on {ours}")]
     Buses {
-        /// Number of motor buses that the caller passed in [`HostOptions::buses`].
+        /// Number of motor buses given in [`HostOptions::buses`].
         given: usize,
         /// Number of buses in the rig file.
         ours: usize,

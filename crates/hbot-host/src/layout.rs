@@ -9,7 +9,7 @@ use hbot_core::MAX_JOINTS;
 /// ratios are not part of the layout, because the control law of hbot-core applies them.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// Bus and position of each joint of the rig. The order is steer, drive for each wheel in turn.
+    /// The place of each joint on the motor buses, in the order steer, drive of each wheel.
     pub places: Vec<JointPlace>,
     /// Encoder counts that are added to the count of each joint, so that the sum is zero at the
     /// rig's zero.
@@ -21,10 +21,10 @@ pub struct Layout {
 pub struct JointPlace {
     /// Number of the bus that carries the joint, from 0.
     pub bus: usize,
-    /// Position of the joint among the joints of its bus, counted from 0.
+    /// Index of the joint among the joints of its bus, from 0.
     pub at: usize,
-    /// Id of the motor controller on its bus. Joints that use hbot's own protocol have no ids. For
-    /// them this is the position of the joint on its bus.
+    /// Id of the joint's controller on its bus. In hbot's own protocol joints have no ids, and the
+    /// index `at` is used.
     pub id: u8,
 }
 
@@ -51,8 +51,7 @@ impl Layout {
         Self { places: all().map(place).collect(), offsets }
     }
 
-    /// Replaces the ids of the motor controllers by consecutive numbers. On each bus, the first
-    /// controller has the id `first`. Returns the changed layout.
+    /// Returns the layout with new ids: on each bus they are consecutive and begin at `first`.
     #[must_use]
     pub fn numbered_from(mut self, first: u8) -> Self {
         for place in &mut self.places {
@@ -81,8 +80,8 @@ impl Layout {
         self.on(bus).map(|(joint, place)| (joint, place.at))
     }
 
-    /// Returns the joints on the bus with the number `bus`. Each joint is given as its index in the
-    /// rig and its place on that bus.
+    /// Returns the joints of the rig on motor bus number `bus`: each joint's number in the rig, and
+    /// its place.
     pub fn on(&self, bus: usize) -> impl Iterator<Item = (usize, &JointPlace)> {
         self.places.iter().enumerate().filter(move |(_, place)| place.bus == bus)
     }

@@ -85,9 +85,9 @@ impl StiffnessBound {
     }
 }
 
-/// Turns by which each wheel's steer angle advances from one sampled posture to the next. The
-/// values are the square roots of the first primes. The ratio of any two of them is irrational, so
-/// the steer angles of two wheels never repeat the same combination.
+/// Number of turns by which the steer angle of each wheel advances from one sample posture to the
+/// next. The values are square roots of primes. The ratio of any two is irrational, so no two
+/// wheels advance together.
 const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     core::f64::consts::SQRT_2,
     1.732_050_807_568_877_2,
@@ -99,9 +99,8 @@ const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
     4.358_898_943_540_674,
 ];
 
-/// Returns postures at which the apparent inertia is computed to find its smallest value. They
-/// cover all combinations of steer angles evenly. From one posture to the next, wheel i turns by
-/// `TURNS_PER_SAMPLE[i]` turns.
+/// Returns sample postures that fill the space of all steer angles evenly. From one sample to the
+/// next, the steer angle of wheel i advances by `TURNS_PER_SAMPLE[i]` turns.
 fn postures(wheels: usize) -> impl Iterator<Item = PlantState> {
     (0..SAMPLES).map(move |k| {
         let mut state = PlantState::default();
@@ -161,9 +160,8 @@ mod tests {
         assert!(rests(0.9 * border, 0.01) && !rests(1.1 * border, 0.01));
     }
 
-    /// The sampled steer angles of each wheel leave no wide gap, and neither do the differences
-    /// between the angles of any two wheels. If a wheel stood still, or if two wheels turned
-    /// together, the samples would miss postures with less inertia.
+    /// The sample postures fill the circle of every steer angle, and of every difference of two
+    /// steer angles. Otherwise, postures with a smaller inertia could be missed.
     #[test]
     fn the_sample_postures_turn_every_wheel_and_no_two_together() {
         let samples: Vec<PlantState> = postures(MAX_WHEELS).collect();

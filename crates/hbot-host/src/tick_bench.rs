@@ -1,4 +1,5 @@
-//! An engine that tests tick by hand, with the other end of its bridge.
+//! An engine for tests, which call its ticks themselves. It includes the service's end of the
+//! bridge to the engine.
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::Command;
@@ -12,27 +13,26 @@ use crate::layout::Layout;
 use crate::motors::Motors;
 use crate::sample::Sample;
 
-/// The engine without its real-time thread, for tests. A test runs each tick itself.
+/// An engine for tests. In service a thread calls its ticks. Here the test calls them.
 pub(crate) struct TickBench {
     pub(crate) engine: Engine,
     pub(crate) end: ServiceEnd,
-    /// The next tick.
+    /// Number of the next tick.
     pub(crate) tick: u64,
 }
 
-/// Returns the timing of tick number `tick` in a 1 kHz loop in which every tick starts exactly at
-/// its deadline.
+/// Returns the timing of a tick that begins exactly at its deadline, in a loop at 1 kHz.
 pub(crate) fn on_time(tick: u64) -> TickTime {
     TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
-/// The default scene.
+/// Returns the default scene.
 pub(crate) fn default_scene() -> Box<CompiledScene> {
     Box::new(RunningScene::new().load(SceneFile::default_scene()))
 }
 
 impl TickBench {
-    /// Creates an engine for `rig` that renders `scene` and uses the given motor buses.
+    /// Creates an engine for `rig` that renders `scene`.
     pub(crate) fn new(
         rig: &RigConfig,
         buses: Vec<Box<dyn MotorBus>>,

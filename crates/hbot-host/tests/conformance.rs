@@ -27,12 +27,12 @@ impl Simulated {
         Self::boxed(RigConfig::prototype().rig, Line::from(Name::Hbot))
     }
 
-    /// moteus servos on a UART.
+    /// Simulated moteus servos on a UART, whose lines have checksums.
     fn moteus() -> Box<dyn Controllers> {
         Self::boxed(with_counts(Name::Moteus), Line::from(Name::Moteus))
     }
 
-    /// moteus servos behind an adapter, which has no checksums.
+    /// Simulated moteus servos behind an adapter, whose lines have no checksums.
     fn moteus_on_fdcanusb() -> Box<dyn Controllers> {
         Self::boxed(with_counts(Name::Moteus), Line { protocol: Name::Moteus, checksums: false })
     }
@@ -54,7 +54,8 @@ impl Simulated {
     }
 }
 
-/// The prototype with encoders as the driver of a protocol counts them.
+/// Returns the prototype rig with the counts per turn that the driver of `protocol` uses for its
+/// encoders.
 fn with_counts(protocol: Name) -> Rig {
     let counts = protocol.counts_per_turn().expect("it reports turns");
     let all = |parts: &mut RigParts| parts.joints.iter_mut().for_each(|joint| joint.counts_per_turn = counts);
@@ -92,7 +93,7 @@ fn the_hbot_link_conforms() {
     assert_conforms(&subject(&HbotLink, Simulated::hbot));
 }
 
-/// What a driver of controllers with ids is looked at with.
+/// Returns the test subject for a driver whose controllers have ids on a bus.
 fn with_ids(
     protocol: &'static dyn Protocol,
     name: Name,

@@ -1,10 +1,8 @@
-//! Virtual motor controllers of the prototype at the end of a pseudo-terminal, for other programs
-//! to drive: a vendor's own client, say. It prints the path to open and is there until its standard
-//! input ends.
+//! Runs simulated motor controllers of the prototype behind a pseudo-terminal, so that another
+//! program, such as a vendor's client, can control them. It prints the path of the pseudo-terminal
+//! and runs until its standard input ends.
 //!
-//! ```text
-//! cargo run -p hbot-sim --example virtual_controllers -- moteus
-//! ```
+//! ```text cargo run -p hbot-sim --example virtual_controllers -- moteus ```
 
 use std::io::{Write as _, stdin, stdout};
 
@@ -13,7 +11,7 @@ use hbot_config::rig::Protocol;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig as Simulated, SimulatedRig};
 
-/// The protocols that can be named.
+/// The protocols that the command line argument can name.
 const PROTOCOLS: [Protocol; 3] = [Protocol::Hbot, Protocol::Moteus, Protocol::Odrive];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -33,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .map_err(|error| error.to_string())?;
     println!("{}", pty.path().display());
     stdout().flush()?;
-    // Until the other program is done.
+    // Wait until the other program is done and closes the standard input.
     std::io::copy(&mut stdin(), &mut std::io::sink())?;
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! Impairs a simulated line: delays, loses and damages frames as a scene's [`Link`] asks.
 //!
-//! It works on frames (everything up to the byte that ends one in the protocol of the line), knows
-//! nothing of what is in them, and reorders nothing within a direction. A frame begun is kept until
-//! its end has come. Its memory is bounded and taken at the start: of a line that carries more than
-//! fits, frames are lost.
+//! A frame is everything up to the byte that ends one in the line's protocol. Its contents do not
+//! matter. Frames of one direction stay in order. A frame that is not complete is kept until its
+//! last byte arrives. Memory is allocated at the start only. If more frames are in flight than fit
+//! in it, frames are lost.
 
 use std::collections::VecDeque;
 
@@ -18,8 +18,8 @@ use crate::phenomena::Link;
 const FRAMES: usize = 1024;
 const BYTES: usize = 128 * 1024;
 
-/// The longest frame, with its end before it. What is longer without an end is no frame; it travels
-/// in pieces of this size.
+/// Length of the longest frame, with the end byte of the frame before it. Longer data without an
+/// end byte is not a frame and is sent in pieces of this size.
 pub(crate) const LONGEST: usize = MAX_FEEDBACK_FRAME + 1;
 
 /// Numbers of frames that were sent, lost and damaged in one direction of an impaired line, since
@@ -45,8 +45,7 @@ pub(crate) struct Impairment {
 }
 
 impl Impairment {
-    /// Creates the impairment of a simulated line from the settings in `link`. Each frame on the
-    /// line ends with the byte `end`.
+    /// Creates an impaired line with the parameters `link`. `end` is the byte that ends a frame.
     pub(crate) fn new(link: &Link, end: u8) -> Self {
         let mut line = Self {
             random: Rand64::new(0),
@@ -94,7 +93,7 @@ struct Frame {
 /// The parameters and the frames in flight of one direction of an impaired line.
 #[derive(Debug, Clone)]
 pub(crate) struct Lane {
-    /// The byte that marks the end of a frame.
+    /// The byte that ends a frame in the line's protocol.
     end: u8,
     latency_ns: u64,
     jitter_ns: f64,
@@ -157,7 +156,7 @@ impl Lane {
         for byte in bytes {
             self.begun[self.length] = *byte;
             self.length += 1;
-            // Ends alone are no frame: they belong to the next.
+            // End bytes alone are not a frame. They belong to the next frame.
             let end = self.end;
             let ends = *byte == end && self.begun[..self.length].iter().any(|byte| *byte != end);
             if ends || self.length == LONGEST {

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::{Api, Limits, Link, Loop, Protocol};
 
-/// Stands in for the counts a turn that a file leaves out by mistake.
+/// The number of counts per turn that stands in for a missing one, so that other mistakes in the
+/// file can still be reported.
 const MISSING_COUNTS: u32 = legal::COUNTS_PER_TURN.least as u32;
 
 /// The contents of a rig file.
@@ -98,16 +99,16 @@ pub(crate) struct Joint {
     #[serde(default)]
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
-    /// The controller of the joint on its serial line. Protocol `hbot`: its position there, from 0
-    /// to 15; its place in the order steer, drive of each wheel among the joints of its port where
-    /// absent. All joints of a port together name each position once. Protocols `moteus` (1 to 126)
-    /// and `odrive` (0 to 63): the controller's id on the bus; required.
+    /// Which motor controller has this joint. Protocol `hbot`: the position of the joint on its
+    /// line, from 0 to 15. The joints of a port must use each position once. Default: the order of
+    /// the file, steer before drive. Protocol `moteus`: the controller's id on the bus, 1 to 126,
+    /// required. Protocol `odrive`: the controller's id on the bus, 0 to 63, required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 126))]
     pub(crate) controller: Option<u32>,
     /// Encoder counts in one turn of the encoder (lines times 4), before the gear. Required with
-    /// protocol `hbot`. Absent with the others, which report turns: the driver counts 131072 a turn
-    /// with `moteus` and 2097152 with `odrive`.
+    /// protocol `hbot`. Must be absent with the other protocols, which report turns: the driver
+    /// counts 131072 per turn with `moteus` and 2097152 with `odrive`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::COUNTS_PER_TURN.least as u32, max = legal::COUNTS_PER_TURN.most as u32))]
     pub(crate) counts_per_turn: Option<u32>,
@@ -119,8 +120,8 @@ pub(crate) struct Joint {
     #[serde(default = "forwards")]
     #[schemars(extend("enum" = [1, -1]))]
     pub(crate) sign: i8,
-    /// How the zero of a steering angle becomes known; without meaning for a drive joint. `index`
-    /// with protocol `hbot` alone.
+    /// How the zero of a steering angle becomes known. Has no effect on a drive joint. `index` is
+    /// possible with protocol `hbot` only.
     #[serde(default = "unknown")]
     pub(crate) zero: core::Zero,
     /// Angle of the joint when its encoder reads zero, as measured by `hbot rig calibrate`. Has no

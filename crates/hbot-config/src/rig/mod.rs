@@ -41,9 +41,9 @@ pub struct RigConfig {
     /// Index of each joint's serial line. Each wheel has two joints in this list: steer, then
     /// drive.
     pub ports: Vec<usize>,
-    /// For each joint its controller on that line: those of one line differ. With hbot's own
-    /// protocol positions, a permutation of 0..n of the joints there; with the others ids on the
-    /// bus.
+    /// The motor controller of each joint on its serial line; no two joints of a line have the
+    /// same. With hbot's own protocol these are the positions of the joints on the line, from 0.
+    /// With other protocols they are ids on the bus.
     pub controllers: Vec<usize>,
     /// Angle of each joint when its encoder reads zero, rad.
     pub zero_offsets: Vec<f64>,
@@ -226,7 +226,8 @@ impl RigConfig {
         }
         let Document { tree, mut report } = document;
         validate(&SCHEMA, &tree, "", &mut report);
-        // Each wheel is checked even where other parts are not legal, so that all its mistakes are told at once.
+        // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
+        // are reported at once.
         let protocol = Protocol::deserialize(&tree["link"]["protocol"]).unwrap_or(Protocol::Hbot);
         for (i, wheel) in tree["wheel"].as_array().into_iter().flatten().enumerate() {
             let path = format!("wheel[{i}]");

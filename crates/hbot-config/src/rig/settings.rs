@@ -119,7 +119,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// Its name in a rig file.
+    /// Returns the name of the protocol in a rig file.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -129,22 +129,24 @@ impl Protocol {
         }
     }
 
-    /// The ids that its controllers may have on their bus. `None` where they have none: the joints
-    /// of a line are then numbered from 0 in the order of the frames.
+    /// Returns the ids that controllers with this protocol can have on their bus. Returns `None` if
+    /// they have no ids. The joints of a line then have positions from 0, in the order of the
+    /// values in a frame.
     #[must_use]
     pub const fn ids(self) -> Option<RangeInclusive<u32>> {
         match self {
             Self::Hbot => None,
-            // 127 is the id that all servos hear.
+            // 127 is the id that all servos accept.
             Self::Moteus => Some(1..=126),
             Self::Odrive => Some(0..=63),
         }
     }
 
-    /// The counts of a turn of the encoder where the protocol speaks of turns: the driver makes
-    /// counts of them. A power of two, no coarser than the protocol: moteus sends steps of 1e-5
-    /// turns, and ODrive an `f32`, which below 8 turns has steps of at most 2^-21 turns. `None`
-    /// where the controllers count themselves.
+    /// Returns how many counts the driver makes of one turn, if the protocol reports turns. Returns
+    /// `None` if the controllers report counts.
+    ///
+    /// The number is a power of two and at least as fine as the protocol. moteus reports steps of
+    /// 1e-5 turns. ODrive reports an `f32`, whose steps are at most 2^-21 turns below 8 turns.
     #[must_use]
     pub const fn counts_per_turn(self) -> Option<u32> {
         match self {

@@ -295,8 +295,9 @@ fn values_that_do_not_fit_each_other() {
     );
 }
 
-/// Returns a short rig file for `protocol`. The text `ids[j]`, such as `controller = 1`, replaces
-/// `counts_per_turn` in the table of joint j.
+/// Returns the shortest rig file whose controllers have ids. `protocol` is the value of
+/// `link.protocol`. `ids` has the keys of each joint that replace `counts_per_turn`, such as the
+/// id.
 fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
     let mut text = LEAST.to_owned();
     for id in ids {

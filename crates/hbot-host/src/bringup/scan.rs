@@ -1,4 +1,4 @@
-//! Who answers on the lines of a rig. Nothing is changed by looking.
+//! Lists the controllers on the lines of a rig. A scan changes nothing.
 
 use std::sync::mpsc;
 
@@ -11,23 +11,24 @@ use crate::layout::Layout;
 use crate::line::serial::Serial;
 use crate::line::{Line, Memory};
 
-/// A line and who answers on it.
+/// The controllers found on one line, compared with the rig file.
 #[derive(Debug)]
 pub struct Scanned {
-    /// The name of the port.
+    /// Name of the serial port.
     pub port: String,
-    /// Who answers, in the order of their ids.
+    /// All controllers that answered, in the order of their ids.
     pub found: Vec<Found>,
     /// Ids that more than one controller has.
     pub twice: Vec<u8>,
-    /// Ids of the rig file that nobody has.
+    /// Ids in the rig file for which no controller answered.
     pub missing: Vec<u8>,
-    /// Ids that are not in the rig file.
+    /// Ids of controllers that answered but are not in the rig file.
     pub others: Vec<u8>,
 }
 
 impl Scanned {
-    /// Whether the controllers are those of the rig file, each once, and set up as they must be.
+    /// Returns whether every controller of the rig file answered exactly once, no other controller
+    /// answered, and all settings are right.
     #[must_use]
     pub fn is_good(&self) -> bool {
         let crowd = [&self.twice, &self.missing, &self.others];
@@ -35,10 +36,10 @@ impl Scanned {
     }
 }
 
-/// Looks who answers on each line of `rig`.
+/// Lists the controllers that answer on each line of `rig`.
 ///
 /// # Errors
-/// A port does not open, or nobody answers on it.
+/// Fails if a port cannot be opened, or if no controller answers on it.
 pub fn scan(rig: &RigConfig) -> Result<Vec<Scanned>, AttachError> {
     let (layout, protocol) = (Layout::of(rig), driver(rig.link.protocol));
     let ports = match &rig.link.port {
@@ -49,7 +50,7 @@ pub fn scan(rig: &RigConfig) -> Result<Vec<Scanned>, AttachError> {
         let expected = Expected::new(port, &rig.rig, &layout, bus);
         let mut line: Box<dyn Line> = match &rig.link.port {
             Port::Sim => {
-                // Nothing is to be done with it from outside.
+                // No other thread changes this simulated rig, so its channel has no sender.
                 let (_, calls) = mpsc::channel();
                 Box::new(Memory::new(simulated_rig(rig, Default::default())?, calls))
             }
@@ -60,10 +61,10 @@ pub fn scan(rig: &RigConfig) -> Result<Vec<Scanned>, AttachError> {
     ports.iter().enumerate().map(one).collect()
 }
 
-/// Looks who answers on one line.
+/// Lists the controllers that answer on one line.
 ///
 /// # Errors
-/// Nobody answers.
+/// Fails if no controller answers.
 pub fn scan_line(
     protocol: &dyn Protocol,
     line: &mut dyn Line,
@@ -92,7 +93,8 @@ mod tests {
     use super::*;
     use crate::bus::moteus::Moteus;
 
-    /// What a look finds on a line of moteus servos after `change`.
+    /// Scans a line of simulated moteus servos after `change` was applied to them. Checks that the
+    /// driver accepts the servos exactly if the scan finds nothing wrong.
     fn looked(change: impl FnOnce(&mut SimulatedRig)) -> Result<Scanned, MeetError> {
         let text = include_str!("../../../../rigs/prototype-moteus.toml");
         let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
@@ -102,7 +104,7 @@ mod tests {
         let (_, calls) = mpsc::channel();
         let mut line = Memory::new(simulated, calls);
         let scanned = scan_line(&Moteus, &mut line, &expected);
-        // Whoever is refused by a look is refused at the start, for the same reason.
+        // A server refuses the same servos at its start, for the same reason.
         let met = Moteus.meet(&mut line, &expected);
         assert_eq!(met.is_ok(), scanned.as_ref().is_ok_and(Scanned::is_good), "{met:?} {scanned:?}");
         scanned

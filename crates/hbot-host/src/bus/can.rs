@@ -1,19 +1,23 @@
-//! How long frames take on a CAN bus (ISO 11898-1).
+//! Computes how long frames take on a CAN-FD bus (ISO 11898-1).
 
-/// Bits before the bit rate switches, with an id of 11 and of 29 bits: start, id, flags up to BRS.
+/// Number of bits at the start of a frame that are sent at the slow bit rate, for ids of 11 and of
+/// 29 bits: start bit, id, and control bits up to the bit rate switch.
 const HEAD: [u64; 2] = [17, 36];
-/// Bits after it has switched back: CRC delimiter, acknowledgement and its delimiter, end, pause.
+/// Number of bits at the end of a frame that are sent at the slow bit rate again: CRC delimiter,
+/// acknowledgement and its delimiter, end of frame, and the pause before the next frame.
 const TAIL: u64 = 13;
 
-/// The time that a CAN-FD frame of `bytes` data bytes takes at 1 Mbit/s, and 5 Mbit/s from the data
-/// on, ns: with an id of 29 bits where `long_id`, and the most stuff bits where `stuffed`.
+/// Returns the time that a CAN-FD frame with `bytes` data bytes takes, in ns. Bit rates are 1
+/// Mbit/s for the id and the end, and 5 Mbit/s for the data. `long_id` means an id of 29 bits
+/// instead of 11. `stuffed` adds the largest possible number of stuff bits.
 pub(super) const fn can_fd_ns(bytes: u64, long_id: bool, stuffed: bool) -> u64 {
     let head = HEAD[long_id as usize];
-    // ESI, length, data; then stuff count and CRC with a fixed stuff bit before every fourth bit.
+    // The fast part has the ESI bit, the length and the data. Then follow the stuff count and the
+    // CRC, with a fixed stuff bit before every fourth bit.
     let data = 1 + 4 + 8 * bytes;
     let crc = if bytes > 16 { 21 } else { 17 };
     let check = 4 + crc + 1 + (4 + crc) / 4;
-    // After five equal bits one is stuffed, which may begin the next five.
+    // A stuff bit follows five equal bits, and can itself begin the next five.
     let (slow, fast) = if stuffed { ((head - 1) / 4, data / 4) } else { (0, 0) };
     1000 * (head + slow + TAIL) + 200 * (data + fast + check)
 }
@@ -39,9 +43,9 @@ mod tests {
 
     #[test]
     fn a_frame_takes_its_bits() {
-        // No data, short id: 17 + 13 bits of 1 us, then 5 + 21 + 6 bits of 0.2 us.
+        // No data and a short id: 17 + 13 bits of 1 us, then 5 + 21 + 6 bits of 0.2 us.
         assert_eq!(can_fd_ns(0, false, false), 30_000 + 6_400);
-        // 64 bytes, long id, at most stuffed: 36 + 8 + 13 bits, then 517 + 129 + 25 + 7.
+        // 64 bytes, a long id and the most stuff bits: 36 + 8 + 13 bits, then 517 + 129 + 25 + 7.
         assert_eq!(can_fd_ns(64, true, true), 57_000 + 135_600);
     }
 }

@@ -267,7 +267,7 @@ fn framed(message: &ToController) -> Vec<u8> {
     frame
 }
 
-/// Has the controllers say who they are.
+/// Asks the controllers for their description, and returns it.
 fn describe(line: &mut dyn Line, expected: &Expected) -> Result<Description, MeetError> {
     ask(line, expected, &ToController::Describe, |message| match message {
         FromController::Description(description) => Some(description),

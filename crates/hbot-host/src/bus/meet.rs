@@ -17,7 +17,8 @@ const TRIES: u32 = 10;
 /// How long the host waits for an answer to each question.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// Notes of a driver: one for the line, and one for each joint.
+/// Number of values that a driver can store about the controllers of one line: one for the line,
+/// and one for each joint.
 const NOTES: usize = 1 + MAX_JOINTS;
 
 /// The reason why the controllers on a line were not accepted.
@@ -92,7 +93,7 @@ pub struct Expected {
     port: String,
     /// The expected joints, in their order on the bus.
     joints: Vec<ExpectedJoint>,
-    /// What a driver has learned of the controllers, for itself; all clones share it.
+    /// Numbers that the driver stores about the controllers. All clones of this value share them.
     notes: Arc<[AtomicI64; NOTES]>,
 }
 
@@ -101,14 +102,15 @@ pub struct Expected {
 pub struct ExpectedJoint {
     /// Number of the joint in the rig, from 0, in the order steer, drive of each wheel.
     pub number: usize,
-    /// The id of its controller on the bus: `controller` of the rig file, or its place on the
-    /// simulated line. Joints stand on a bus in the order of their ids.
+    /// Id of the joint's controller on the bus: the key `controller` of the rig file. On the
+    /// simulated line, ids follow the order of the joints. The joints of a bus are ordered by these
+    /// ids.
     pub id: u8,
     /// Encoder counts per turn of the encoder.
     pub counts_per_turn: u32,
     /// Gear ratio: turns of the encoder per turn of the joint.
     pub gear: f64,
-    /// The largest torque at the joint, N m; 0 where it has no motor.
+    /// Largest torque at the joint, N m. It is 0 for a joint without a motor.
     pub peak: f64,
 }
 
@@ -153,12 +155,12 @@ impl Expected {
         self.joints.get(at)
     }
 
-    /// A note of the driver's own about these controllers, from 0 to [`MAX_JOINTS`]; at first 0.
-    /// All clones share it: what [`meet`](super::Protocol::meet) writes, the bus and the thread
-    /// that reopens a line read.
+    /// Returns a number that the driver can store about these controllers. `at` is from 0 to
+    /// [`MAX_JOINTS`], and every note starts as 0. All clones share the notes, so the bus and the
+    /// thread that reopens a lost line can read what [`meet`](super::Protocol::meet) has stored.
     ///
     /// # Panics
-    /// Where `at` is larger.
+    /// Panics if `at` is greater than [`MAX_JOINTS`].
     #[must_use]
     pub fn note(&self, at: usize) -> &AtomicI64 {
         &self.notes[at]
@@ -207,29 +209,29 @@ impl Expected {
     }
 }
 
-/// A controller that answers on a line, as it is.
+/// A controller that answered on a line, with what it reports about itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// Its id on the bus, or its place on the line where it has none.
+    /// Id of the controller on the bus, or its place on the line if it has no id.
     pub id: u8,
-    /// What it is.
+    /// Name of the controller's model.
     pub model: String,
-    /// Its firmware and the version of the protocol that it speaks.
+    /// Version of the controller's firmware and of the protocol that it uses.
     pub firmware: String,
-    /// Its supply, V, if it says.
+    /// Supply voltage, V, if the controller reports it.
     pub supply_v: Option<f64>,
-    /// How its zero is known, if it says.
+    /// How the controller knows its zero, if it reports this.
     pub zero: Option<&'static str>,
-    /// What is not as it must be.
+    /// The settings of the controller that are wrong. Empty if all are right.
     pub remedies: Vec<Remedy>,
 }
 
-/// A setting that is not as it must be.
+/// A wrong setting of a controller, and how to correct it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Remedy {
     /// What is wrong, and why it matters.
     pub what: String,
-    /// The vendor's command that mends it.
+    /// The command of the vendor's tool that corrects the setting.
     pub command: String,
 }
 

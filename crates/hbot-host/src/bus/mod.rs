@@ -124,11 +124,11 @@ pub trait Protocol: fmt::Debug + Send + Sync {
     /// Returns the bus for a line. Call it after [`meet`](Self::meet) has succeeded.
     fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus>;
 
-    /// Lists the controllers that answer on a line, those of the rig and others, and what of their
-    /// settings is not as it must be. Changes nothing. May wait.
+    /// Lists all controllers that answer on a line, including any that are not in the rig file,
+    /// with the settings of each that are wrong. Changes nothing. This call can block.
     ///
     /// # Errors
-    /// Nobody answers.
+    /// Fails if no controller answers.
     fn scan(&self, line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError>;
 
     /// Returns the largest traffic that one tick causes on a line with `joints` joints.
@@ -167,18 +167,20 @@ pub struct Traffic {
     /// Time that the controllers need beyond that of the bytes, us. `rig check` adds it to the time
     /// of the feedback.
     pub turnaround_us: u32,
-    /// What it costs on the bus behind an adapter, if there is one.
+    /// The time that a tick takes on the CAN bus behind an adapter. `None` if the line has no such
+    /// bus.
     pub bus: Option<BusTraffic>,
 }
 
-/// What one tick costs on a bus that all controllers of a line share, both ways together.
+/// The time that the frames of one tick take on a bus that all controllers of a line share, for
+/// both directions together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BusTraffic {
-    /// The bus and its bit rates.
+    /// Name of the bus and its bit rates, for messages.
     pub name: &'static str,
-    /// The time that the frames take with the fewest and with the most stuff bits, ns.
+    /// Time that the frames take with the fewest stuff bits, ns.
     pub least_ns: u64,
-    /// See `least_ns`.
+    /// Time that the frames take with the most stuff bits, ns.
     pub most_ns: u64,
 }
 

@@ -62,7 +62,8 @@ impl Wire {
 }
 
 impl Tap {
-    /// Another end of the line for the host, as the thread that reopens it has.
+    /// Returns another end of the line for the host, like the one that the thread reopening a lost
+    /// line uses.
     pub(super) fn wire(&self) -> Wire {
         held(&self.0).meeting = true;
         Wire(Arc::clone(&self.0))

@@ -122,8 +122,8 @@ impl Line for Fake {
     }
 }
 
-/// Creates an engine for tests with one motor bus per line. It skips the handshake with the motor
-/// controllers, so that a test sees the first frame on each line.
+/// Returns an engine whose buses have not identified their controllers yet, so that a test sees the
+/// first frame on each line.
 fn bench(rig: &RigConfig, lines: Vec<impl Line + 'static>, layout: &Layout) -> TickBench {
     let bus = |(bus, line)| HbotLink.bus(Box::new(line), Expected::new("test", &rig.rig, layout, bus));
     TickBench::new(rig, lines.into_iter().enumerate().map(bus).collect(), layout, default_scene())

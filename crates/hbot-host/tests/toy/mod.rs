@@ -248,7 +248,7 @@ pub fn framed(text: &str) -> Vec<u8> {
     format!("\n{text} *{:02X}\n", checksum(text.as_bytes())).into_bytes()
 }
 
-/// The counts a turn of each joint, as the controllers say.
+/// Asks the controllers for the counts per turn of all joints, and returns them.
 fn counts(line: &mut dyn Line, expected: &Expected) -> Result<Vec<u32>, MeetError> {
     ask(line, expected, "D", |words| {
         // The first number is how many follow.

@@ -1,4 +1,4 @@
-//! The firmware of docs/link.md: one controller has all joints of the line.
+//! The simulated firmware of docs/link.md. One controller has all joints of the line.
 
 use hbot_core::device::MAX_JOINTS;
 use hbot_link::{
@@ -10,25 +10,26 @@ use super::joints::{Joints, Truth};
 use super::{InjectedFault, Speaks};
 use crate::plant::JointTorques;
 
-/// What the motors' sensors read, degrees Celsius.
+/// Temperature that the sensors of the motors report, in degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
 
-/// What its [`Description`] calls the firmware.
+/// The name of the firmware in its [`Description`].
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
-/// One controller for all joints.
+/// One motor controller that has all joints of a line.
 #[derive(Debug, Clone)]
 pub(super) struct Hbot {
     decoder: Decoder<ToController>,
-    /// Commanded and clamped, joint's sense, N m.
+    /// Commanded torque of each joint, limited to its peak, N m. It has the joint's sign.
     torque: JointTorques,
     enabled: bool,
     expired: bool,
     described: bool,
-    /// When the last valid command runs out, ns; none since power-up: `None`.
+    /// Time at which the last valid command expires, ns. `None` if no command has arrived since
+    /// power-up.
     deadline: Option<u64>,
     failed: bool,
-    /// It hears and answers nothing.
+    /// True if the controller receives and answers nothing.
     deaf: bool,
     refused: u64,
 }
@@ -59,8 +60,8 @@ impl Hbot {
         }
     }
 
-    /// Takes a command in at `now_ns` and answers it. A command that is not valid is not answered
-    /// and changes nothing.
+    /// Carries out a command that arrived at `now_ns` and returns the answer. Returns `None` for an
+    /// invalid command, which changes nothing.
     fn command(
         &mut self,
         now_ns: u64,
@@ -152,7 +153,7 @@ impl Speaks for Hbot {
             };
             if let Some(answer) = answer {
                 let mut frame = [0; MAX_FEEDBACK_FRAME];
-                // No message is longer than such a frame, so there is always one.
+                // The buffer is as long as the longest message, so this cannot fail.
                 if let Ok(length) = encode(&answer, &mut frame) {
                     reply.extend_from_slice(&frame[..length]);
                 }

@@ -14,9 +14,9 @@ pub enum EncoderKind {
     /// this is the angle zero.
     #[default]
     Incremental,
-    /// The encoder has one index mark per turn of the joint. It starts as [`EncoderKind::Incremental`].
-    /// When the joint first passes an index mark, the zero moves to that mark, and
-    /// [`JointFlags::INDEX_SEEN`] is set.
+    /// The encoder has one index mark per turn of the joint. It starts as
+    /// [`EncoderKind::Incremental`]. When the joint first passes an index mark, the zero moves to
+    /// that mark, and [`JointFlags::INDEX_SEEN`] is set.
     Indexed,
     /// The encoder always reads zero at the joint angle zero.
     Absolute,
@@ -145,7 +145,7 @@ impl Axis {
         self.whole_count(angle, disc) as i32
     }
 
-    /// The count at a joint angle, rad: floor.
+    /// Returns the encoder count at a joint angle, rad, rounded down and not wrapped.
     pub(super) fn whole_count(&self, angle: f64, disc: Option<&Disc>) -> i64 {
         let turned = angle + self.slipped;
         let read = disc.map_or(turned, |disc| disc.reading(turned, self.joint.gear));

@@ -1,4 +1,4 @@
-//! The joints as controllers of any protocol have them: encoders that count, motors that push.
+//! The encoders and motors of simulated joints, which the controllers of all protocols share.
 
 use core::ops::Range;
 
@@ -13,12 +13,12 @@ use crate::plant::JointTorques;
 
 const NO_TORQUE: JointTorques = [0.0; MAX_JOINTS];
 
-/// Where the joints truly are, and how they turn.
+/// The true angles and rates of the joints, from which simulated encoders compute their counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Truth<'a> {
-    /// Angles of the joints, rad.
+    /// True angles of the joints, rad.
     pub angles: &'a [f64; MAX_JOINTS],
-    /// Their rates, rad/s.
+    /// True rates of the joints, rad/s.
     pub rates: &'a [f64; MAX_JOINTS],
 }
 
@@ -29,7 +29,8 @@ pub(super) struct Joints {
     pub(super) axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
     motors: Option<Box<Motors>>,
-    /// What the motors are to give, joint's sense, N m: within the peak, and 0 where they are off.
+    /// Torque that each motor must give, N m, with the joint's sign. It is within the peak, and 0
+    /// if the motor is off.
     asked: JointTorques,
 }
 
@@ -54,7 +55,7 @@ impl Joints {
         Self { count: specs.len().min(MAX_JOINTS), axes, discs, motors: None, asked: NO_TORQUE }
     }
 
-    /// How many there are.
+    /// Returns the number of joints.
     pub(super) fn count(&self) -> usize {
         self.count
     }
@@ -77,7 +78,7 @@ impl Joints {
         });
     }
 
-    /// The torques that act at this moment, in the joints' own sense, N m.
+    /// Returns the torques that act at the joints now, N m, with the joints' signs.
     pub(super) fn torque(&self) -> &JointTorques {
         self.motors.as_ref().map_or(&self.asked, |motors| &motors.acting)
     }
@@ -89,48 +90,54 @@ impl Joints {
         }
     }
 
-    /// Lets the encoders see the joint angles, rad, so that an index passed is not missed.
+    /// Updates the encoders with the present joint angles, rad, so that a passed index mark is
+    /// detected.
     pub(super) fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         for (j, (axis, angle)) in self.axes[..self.count].iter_mut().zip(angles).enumerate() {
             axis.sense(*angle, disc(&self.discs, j));
         }
     }
 
-    /// What joint `j` gives if it is asked for `torque` in the controller's sense, N m: within its
-    /// peak, in the joint's own sense.
+    /// Returns the torque that the motor of joint `j` gives if `torque` is commanded, N m. `torque`
+    /// has the controller's sign, and the result has the joint's sign. The result is limited to the
+    /// motor's peak.
     pub(super) fn within_peak(&self, j: usize, torque: f32) -> f64 {
         let axis = &self.axes[j];
         let given = torque.clamp(-axis.peak, axis.peak);
         f64::from(if axis.joint.reversed { -given } else { given })
     }
 
-    /// Has the motor of joint `j` give `torque` (joint's sense, within the peak, N m).
+    /// Sets the torque that the motor of joint `j` gives, N m. It has the joint's sign and must be
+    /// within the motor's peak.
     pub(super) fn ask(&mut self, j: usize, torque: f64) {
         self.asked[j] = torque;
     }
 
-    /// The count of joint `j` where the truth is `truth`: floor, wrapped to 32 bits.
+    /// Returns the encoder count of joint `j`, rounded down and wrapped to 32 bits. `truth` has the
+    /// joint's true angle.
     pub(super) fn count_at(&self, j: usize, truth: &Truth<'_>) -> i32 {
         self.axes[j].count(truth.angles[j], disc(&self.discs, j))
     }
 
-    /// The turns of the encoder of joint `j`, in whole counts of it, where the truth is `truth`.
+    /// Returns the position of joint `j`'s encoder in turns, rounded down to a whole count.
+    /// `angles` are the true joint angles, rad.
     pub(super) fn turns_at(&self, j: usize, angles: &[f64; MAX_JOINTS]) -> f64 {
         let axis = &self.axes[j];
         axis.whole_count(angles[j], disc(&self.discs, j)) as f64 / f64::from(axis.joint.counts_per_turn)
     }
 
-    /// The rate of joint `j` in the controller's sense, rad/s of the joint.
+    /// Returns the rate of joint `j` that its controller measures, in rad/s of the joint, with the
+    /// controller's sign.
     pub(super) fn rate_at(&self, j: usize, truth: &Truth<'_>) -> f32 {
         self.axes[j].rate(truth.angles[j], truth.rates[j], disc(&self.discs, j))
     }
 
-    /// Whether joint `j` gives less than is asked of it because it is hot.
+    /// Returns whether the motor of joint `j` gives less torque than commanded because it is hot.
     pub(super) fn derates(&self, j: usize) -> bool {
         self.motors.as_ref().is_some_and(|motors| motors.derates(j, &self.axes[j], self.asked[j]))
     }
 
-    /// Whether joint `j` is made to be hot.
+    /// Returns whether a test has made joint `j` report that it is too hot.
     pub(super) fn is_hot(&self, j: usize) -> bool {
         self.axes[j].flags.contains(JointFlags::OVERTEMPERATURE)
     }
@@ -147,7 +154,8 @@ impl Joints {
         }
     }
 
-    /// Power lost and back at some joints: no torque, counts anew.
+    /// Simulates that the controllers of `joints` lose power and restart: the torque is 0, and the
+    /// counts start again.
     pub(super) fn reboot(&mut self, joints: Range<usize>, angles: &[f64; MAX_JOINTS]) {
         self.asked[joints.clone()].fill(0.0);
         for j in joints.clone() {
@@ -159,7 +167,7 @@ impl Joints {
     }
 }
 
-/// The disc of a joint's encoder, where encoders have errors.
+/// Returns the errors of joint `j`'s encoder, or `None` if encoders are exact.
 fn disc(discs: &Option<Box<[Disc; MAX_JOINTS]>>, j: usize) -> Option<&Disc> {
     discs.as_deref().map(|discs| &discs[j])
 }

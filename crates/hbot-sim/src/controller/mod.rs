@@ -1,17 +1,17 @@
-//! The virtual motor controllers of one line: what the firmware at its far end does, in each
-//! protocol that a rig file may name.
+//! The simulated motor controllers of one line. They do what the firmware of a real controller
+//! does, in each protocol that a rig file can name.
 //!
 //! | module | what it does |
 //! |---|---|
-//! | `joints` (`joint`, `disc`, `motors`) | what all protocols stand on: encoders that count, motors that push |
+//! | `joints` (`joint`, `disc`, `motors`) | encoders and motors, which all protocols share |
 //! | [`hbot`] | the firmware of docs/link.md |
 //! | `moteus` | moteus servos behind an fdcanusb or a UART |
 //! | `odrive` | ODrives behind an adapter that speaks slcan |
 //!
-//! They know time in nanoseconds as they are told it, the true joint angles and rates, and the
-//! bytes of their line; they know nothing of the sphere. Encoders are exact but for the floor to a
-//! count, and motors give what is asked of them, unless [`phenomena`] say otherwise. A firmware is
-//! one type that implements `Speaks`, and its arm in `Firmware`.
+//! Their inputs are the time in nanoseconds, the true joint angles and rates, and the bytes of
+//! their line. The sphere is not among their inputs. Encoders are exact except that counts are
+//! rounded down, and motors give the commanded torque, unless [`phenomena`] change this. To add a
+//! firmware, write a type that implements `Speaks`, and add its variant to `Firmware`.
 
 mod disc;
 pub mod hbot;
@@ -39,8 +39,8 @@ pub enum InjectedFault {
     /// `UNDESCRIBED` is set. Counts restart, except those of absolute encoders.
     /// Other [`InjectedFault`]s stay active.
     Reboot,
-    /// [`InjectedFault::Reboot`] of the controller of one joint. Where one controller has all joints, of
-    /// that.
+    /// Like [`InjectedFault::Reboot`], for the controller of one joint only. If one controller has
+    /// all joints, it reboots.
     RebootOne(usize),
     /// Switches the loss of all answers on or off. Commands still take effect, as if only the line
     /// back to the host were cut.
@@ -48,25 +48,26 @@ pub enum InjectedFault {
     /// Switches the loss of all commands and answers on or off, as if the line were cut in both
     /// directions.
     Deaf(bool),
-    /// Whether the controller of one joint hears and answers nothing. Where one controller has all
-    /// joints, none does.
+    /// Switches the loss of all commands and answers of one joint's controller on or off. If one
+    /// controller has all joints, this affects all of them.
     DeafOne {
-        /// Which joint.
+        /// Index of the joint.
         joint: usize,
-        /// Whether it is.
+        /// True if the controller receives and answers nothing.
         on: bool,
     },
-    /// Whether the controllers report a fault of their own and give no torque.
+    /// Switches a fault of the controllers on or off. During it they report the fault and give no
+    /// torque.
     Failed(bool),
-    /// [`InjectedFault::Failed`] of the controller of one joint. Where one controller has all joints, of
-    /// that.
+    /// Like [`InjectedFault::Failed`], for the controller of one joint only. If one controller has
+    /// all joints, this affects all of them.
     FailedOne {
-        /// Which joint.
+        /// Index of the joint.
         joint: usize,
-        /// Whether it has.
+        /// True if the controller has a fault.
         on: bool,
     },
-    /// Whether a joint reports that it is too hot; torque goes on.
+    /// Switches a joint's report that it is too hot on or off. Its torque does not change.
     Hot {
         /// Index of the joint.
         joint: usize,
@@ -82,9 +83,9 @@ pub enum InjectedFault {
     },
 }
 
-/// What firmware does, whatever it speaks.
+/// The interface of a simulated firmware, for any protocol.
 trait Speaks {
-    /// Takes in `bytes` at `now_ns` and appends its answers to `reply`.
+    /// Handles `bytes` that arrive at `now_ns` and appends the answers to `reply`.
     fn hear(
         &mut self,
         now_ns: u64,
@@ -94,25 +95,29 @@ trait Speaks {
         reply: &mut Vec<u8>,
     );
 
-    /// When it next does something by itself, ns: a watchdog expires, or it speaks unasked.
+    /// Returns the next time at which the firmware acts by itself, ns: a watchdog expires, or it
+    /// sends a message without being asked.
     fn next_ns(&self) -> Option<u64>;
 
-    /// When it next speaks unasked, ns. At that time [`next_ns`](Self::next_ns) is due.
+    /// Returns the next time at which the firmware sends a message without being asked, ns.
+    /// [`next_ns`](Self::next_ns) is never later than this time.
     fn next_word_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Does what is due by itself at `now_ns`. What it says unasked is appended to `reply`.
+    /// Does what the firmware does by itself at `now_ns`. Appends messages that it sends without
+    /// being asked to `reply`.
     fn pass(&mut self, now_ns: u64, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>);
 
-    /// Makes trouble, or ends it, at the joint angles `angles`, rad.
+    /// Switches a fault on or off. `angles` are the true joint angles, rad.
     fn inject(&mut self, fault: InjectedFault, joints: &mut Joints, angles: &[f64; MAX_JOINTS]);
 
-    /// How many frames were refused since power-up: damaged, or of no meaning.
+    /// Returns the number of received frames that were refused since power-up because they were
+    /// damaged or invalid.
     fn refused(&self) -> u64;
 }
 
-/// The firmware of one line.
+/// The firmware of the controllers on one line.
 #[derive(Debug, Clone)]
 enum Firmware {
     Hbot(Box<hbot::Hbot>),
@@ -150,13 +155,14 @@ impl Firmware {
     }
 }
 
-/// What controllers speak, and through what.
+/// How the simulated controllers of a line are connected: their protocol, and whether the line has
+/// checksums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Line {
-    /// What they speak.
+    /// The protocol of the controllers.
     pub protocol: Protocol,
-    /// Whether a moteus line has checksums: it is a UART, not an fdcanusb. Without meaning for
-    /// others.
+    /// True if a moteus line has checksums, as a UART has. False for an fdcanusb adapter. It has no
+    /// effect on other protocols.
     pub checksums: bool,
 }
 
@@ -166,7 +172,7 @@ impl From<Protocol> for Line {
     }
 }
 
-/// The byte that ends a frame of `protocol` on a serial line.
+/// Returns the byte that ends a frame of `protocol` on a serial line.
 #[must_use]
 pub const fn frame_end(protocol: Protocol) -> u8 {
     match protocol {
@@ -176,7 +182,7 @@ pub const fn frame_end(protocol: Protocol) -> u8 {
     }
 }
 
-/// The controllers of one line, for all joints.
+/// The simulated motor controllers of one line, with all joints.
 #[derive(Debug, Clone)]
 pub struct SimulatedControllers {
     joints: Joints,
@@ -234,20 +240,22 @@ impl SimulatedControllers {
         self.joints.drive(h, rates)
     }
 
-    /// When they next do something by themselves, ns: a watchdog expires, or one speaks unasked.
+    /// Returns the next time at which a controller acts by itself, ns: a watchdog expires, or the
+    /// controller sends a message without being asked.
     #[must_use]
     pub fn next_ns(&self) -> Option<u64> {
         self.firmware.speaks().next_ns()
     }
 
-    /// When one of them next speaks unasked, ns.
+    /// Returns the next time at which a controller sends a message without being asked, ns. Returns
+    /// `None` if none does.
     #[must_use]
     pub fn next_word_ns(&self) -> Option<u64> {
         self.firmware.speaks().next_word_ns()
     }
 
-    /// Has them do what is due by themselves at `now_ns`; what they say unasked is appended to
-    /// `reply`.
+    /// Lets the controllers do what they do by themselves at `now_ns`, such as an expired watchdog
+    /// that switches motors off. Appends messages that they send without being asked to `reply`.
     pub fn pass(&mut self, now_ns: u64, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let before = reply.len();
         self.firmware.speaks_mut().pass(now_ns, &mut self.joints, truth, reply);
@@ -262,8 +270,8 @@ impl SimulatedControllers {
         self.joints.sense(angles);
     }
 
-    /// Takes in bytes of the line at `now_ns`, with the truth of that instant, and appends the
-    /// answers to `reply`.
+    /// Passes bytes from the host to the controllers at `now_ns` and appends their answers to
+    /// `reply`. `truth` has the true joint angles and rates at that time.
     pub fn hear(&mut self, now_ns: u64, bytes: &[u8], truth: &Truth<'_>, reply: &mut Vec<u8>) {
         if self.deaf {
             return;
@@ -293,8 +301,9 @@ impl SimulatedControllers {
         }
     }
 
-    /// Sets a setting of the controller of one joint by the vendor's name, such as
-    /// `servo.timeout_mode` of a moteus. False where there is none of this name.
+    /// Changes a setting of the controller of one joint. `name` is the vendor's name of the
+    /// setting, such as `servo.timeout_mode` for a moteus. Returns false if there is no such
+    /// setting.
     pub fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
         match &mut self.firmware {
             Firmware::Hbot(_) => false,
@@ -303,7 +312,7 @@ impl SimulatedControllers {
         }
     }
 
-    /// Gives the controller of one joint another id on the bus, as a builder does by mistake.
+    /// Gives the controller of one joint another id on the bus, to simulate a builder's mistake.
     pub fn set_id(&mut self, joint: usize, id: u8) {
         match &mut self.firmware {
             Firmware::Hbot(_) => {}
@@ -312,7 +321,8 @@ impl SimulatedControllers {
         }
     }
 
-    /// How many frames were refused since power-up: damaged, or of no meaning.
+    /// Returns the number of received frames that were refused since power-up because they were
+    /// damaged or invalid.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.firmware.speaks().refused()

@@ -14,7 +14,7 @@ use crate::plant::{ImpossibleInertia, Method, PlantState};
 /// state and integration method.
 #[derive(Debug, Clone)]
 pub struct SimulatedConfig {
-    /// What its controllers speak, and through what.
+    /// Protocol of the motor controllers, and whether their line has checksums.
     pub line: Line,
     /// Geometry and masses.
     pub device: Device,

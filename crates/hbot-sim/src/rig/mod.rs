@@ -25,8 +25,8 @@ use crate::plant::{Dynamics, JointTorques, PlantState};
 /// kHz (`docs/simulator.md`).
 const MAX_NONSMOOTH_STEP_NS: u64 = 250_000;
 
-/// Room for what controllers say unasked between two looks of the host, bytes. Beyond half of it
-/// nothing more is kept.
+/// Size of the buffer for messages that controllers send without being asked, in bytes. While it is
+/// more than half full, further messages are dropped.
 const UNASKED: usize = 64 * 1024;
 
 /// A rig that is simulated in memory: the plant, the motor controllers, the line to them, and
@@ -44,7 +44,7 @@ pub struct SimulatedRig {
     controllers: SimulatedControllers,
     /// The byte that ends a frame on the line.
     frame_end: u8,
-    /// What controllers have said unasked and the host has not read yet.
+    /// Messages that controllers have sent without being asked and that the host has not read yet.
     unasked: Vec<u8>,
     max_step_ns: u64,
     max_jump_ns: u64,
@@ -95,9 +95,10 @@ impl SimulatedRig {
     /// Receives `bytes` that the host sent at `now_ns`, and appends to `reply` the answers that
     /// have reached the host by then.
     ///
-    /// The plant is first moved on to `now_ns` under the torques held so far; new ones act from when they arrive, which
-    /// on a line that is not impaired is now. Nothing is allocated where `reply` has room for what comes:
-    /// [`hbot_link::MAX_FEEDBACK_FRAME`] bytes a message on hbot's own link.
+    /// The plant is first simulated up to `now_ns` under the torques held so far. New torques act
+    /// from the time at which the bytes arrive, which is `now_ns` if the line is not impaired. No
+    /// memory is allocated if `reply` has enough room: [`hbot_link::MAX_FEEDBACK_FRAME`] bytes for
+    /// each message of hbot's own link.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -108,14 +109,13 @@ impl SimulatedRig {
         self.line = Some(line);
     }
 
-    /// Moves the plant on to `now_ns` and appends to `reply` what reached the host before then.
-    /// Only on an impaired line, or from controllers that speak unasked
-    /// ([`next_arrival_ns`](Self::next_arrival_ns)), there is any.
+    /// Simulates the plant up to `now_ns` and appends to `reply` everything that reached the host
+    /// before then.
     ///
-    /// Only an impaired line delivers such late answers (see
-    /// [`next_arrival_ns`](Self::next_arrival_ns)). Use this function if you first read and then
-    /// write at the same time, as a loop in virtual time does. An answer that is delayed by less
-    /// than a period is then read one tick later, as on a real line.
+    /// Only an impaired line, or a controller that sends messages without being asked, delivers
+    /// bytes in this way (see [`next_arrival_ns`](Self::next_arrival_ns)). Use this function if you
+    /// first read and then write at the same time, as a loop in virtual time does. An answer that
+    /// is delayed by less than a period is then read one tick later, as on a real line.
     pub fn deliver(&mut self, now_ns: u64, reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
         reply.append(&mut self.unasked);
@@ -124,8 +124,8 @@ impl SimulatedRig {
         }
     }
 
-    /// When the next frame arrives at either end of an impaired line, or a controller speaks
-    /// unasked, ns of the owner's clock.
+    /// Returns the next time at which a frame arrives at either end of an impaired line, or at
+    /// which a controller sends a message without being asked, in ns of the owner's clock.
     #[must_use]
     pub fn next_arrival_ns(&self) -> Option<u64> {
         if !self.unasked.is_empty() {
@@ -171,12 +171,12 @@ impl SimulatedRig {
         self.line = line;
     }
 
-    /// Moves the plant on to `now_ns`. What controllers say unasked meanwhile goes on `line` where
-    /// it is impaired.
+    /// Simulates the plant up to `now_ns`. Messages that controllers send meanwhile without being
+    /// asked go through `line` if it is impaired.
     fn move_to(&mut self, now_ns: u64, mut line: Option<&mut Impairment>) {
         let Some(passed) = now_ns.checked_sub(self.now_ns) else { return };
         let mut left = passed.min(self.max_jump_ns);
-        // Each pass takes what is due then away.
+        // Each pass handles what was due, so the loop ends.
         while let Some(due_ns) = self.controllers.next_ns().filter(|due_ns| *due_ns <= now_ns) {
             let held = due_ns.saturating_sub(self.now_ns).min(left);
             self.simulate(held);
@@ -188,7 +188,7 @@ impl SimulatedRig {
         self.now_ns = now_ns;
     }
 
-    /// Has the controllers do what is due by themselves now.
+    /// Lets the controllers do what is due now without a request, such as an expired watchdog.
     fn pass(&mut self, line: Option<&mut Impairment>) {
         let Self { dynamics, state, controllers, now_ns, unasked, .. } = self;
         let (angles, rates) = (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
@@ -198,7 +198,7 @@ impl SimulatedRig {
                 controllers.pass(*now_ns, &truth, &mut line.scratch);
                 line.answer(*now_ns);
             }
-            // Of a line that nobody reads bytes are lost.
+            // If the host does not read the line, further bytes are lost.
             None if unasked.len() > UNASKED / 2 => controllers.pass(*now_ns, &truth, &mut Vec::new()),
             None => controllers.pass(*now_ns, &truth, unasked),
         }
@@ -335,12 +335,12 @@ impl SimulatedRig {
         self.external = torque;
     }
 
-    /// The controllers, to change their settings and ids.
+    /// Returns the simulated motor controllers, so that a test can change their settings and ids.
     pub fn controllers_mut(&mut self) -> &mut SimulatedControllers {
         &mut self.controllers
     }
 
-    /// Makes trouble at the controllers, or ends it.
+    /// Switches a fault of the motor controllers on or off.
     pub fn inject(&mut self, fault: InjectedFault) {
         self.controllers.inject(fault, &self.dynamics.encoder_angles(&self.state));
     }

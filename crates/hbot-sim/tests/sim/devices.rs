@@ -43,9 +43,9 @@ pub(crate) fn brisk() -> PlantState {
     }
 }
 
-/// Returns the prototype with the joints as a motor controller sees them: steers with absolute
-/// encoders, and drives with a gear and a reversed motor. It differs from `rigs/prototype.toml`,
-/// which assumes every zero and reverses no motor.
+/// Returns the prototype as the tests of the controllers need it: absolute encoders on the steer
+/// joints, and a gear and a reversed motor on each drive joint. The rig of `rigs/prototype.toml`
+/// has none of these.
 pub(crate) fn rig() -> Rig {
     let steer = Joint { zero: Zero::Absolute, continuous: 0.073, ..Joint::new(16384, 0.93) };
     let drive = Joint {

@@ -24,11 +24,12 @@ const FAR: i32 = 100 * STEPS as i32;
 const TOO_FAR: i32 = 20_000 * STEPS as i32;
 /// Ticks between two requests to a servo to subtract whole turns from its position.
 const EVERY: u32 = 100;
-/// Number of readings with the motor off after which a servo that has restarted counts as usable
-/// again. Until then its zero counts as lost.
+/// After a servo has restarted, its zero counts as lost until this many readings have shown its
+/// motor off.
 const MET_AGAIN: u32 = 100;
-/// Tolerance for the time at which a servo got power, as computed from its answers, ms. A later
-/// time means that the servo has restarted. The delay of an answer is shorter than this.
+/// Tolerance for a computed time of power-on, ms. Time since power-on is compared with the loop's
+/// clock. If the power-on time computed from an answer is later than before by more than this, the
+/// servo has restarted. Late answers cause smaller differences.
 const SLACK_MS: i64 = 500;
 /// Largest age of an answer, in ticks. An older answer belongs to none of this bus's commands.
 const OLDEST: u32 = 1000;
@@ -49,8 +50,8 @@ const TIMEOUT: i8 = 11;
 pub(super) struct MoteusBus {
     line: Box<dyn Line>,
     servos: Vec<Servo>,
-    /// Assembles the bytes received into lines. It expects the dialect that was found when the
-    /// servos were met.
+    /// Assembles the received bytes into lines of text. Whether the lines have checksums was found
+    /// out when the servos were met.
     inbox: Inbox,
     expected: Expected,
     received: [u8; 4096],
@@ -124,8 +125,8 @@ impl Servo {
     }
 
     /// Stores the state that a servo reported in its answer to the command of tick `answers`.
-    /// `sent_ms` is the time on the loop's clock against which the servo's time since power-on is
-    /// compared. Returns `None` if the state lacks a value that this driver needs.
+    /// `sent_ms` is the time of the last command on the loop's clock, from which the servo's time
+    /// of power-on is computed. Returns `None` if the state lacks a value that this driver needs.
     fn take(&mut self, state: &State, answers: u32, sent_ms: i64) -> Option<()> {
         let uptime_ms = i64::from(state.uptime_ms? as u32);
         let (mode, home) = (state.mode?, state.home?);

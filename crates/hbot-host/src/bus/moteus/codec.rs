@@ -103,7 +103,8 @@ pub(super) fn stop_frame(id: u8, watchdog: f32) -> CanFdFrame {
     frame
 }
 
-/// Appends a watchdog time to a frame. In a frame that sets no mode, it commands nothing.
+/// Appends a watchdog time to a frame. If the frame sets no mode, the watchdog time has no effect
+/// on the servo.
 pub(super) fn write_watchdog(frame: &mut CanFdFrame, watchdog: f32) {
     let mut data = WriteCanData::new(frame);
     data.write_u8(WRITE_FLOAT | 1);

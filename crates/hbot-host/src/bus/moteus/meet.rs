@@ -162,7 +162,7 @@ fn crowd(found: &[Found], ids: &[u8]) -> Option<String> {
 fn echoes(talk: &mut Talk<'_>, id: u8, at: usize) -> Result<(), MeetError> {
     let watchdog = codec::stamp(20, 0xabc);
     let mut frame = codec::frame_to(id, true);
-    // Because this frame sets no mode, it commands nothing.
+    // This frame sets no mode, so the watchdog time has no effect on the servo.
     codec::write_watchdog(&mut frame, watchdog);
     codec::state_query().serialize(&mut frame);
     let state = talk.state(id, &frame)?;

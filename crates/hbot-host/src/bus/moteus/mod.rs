@@ -1,17 +1,18 @@
-//! moteus servos (mjbots), behind an fdcanusb adapter or on a UART (docs/controllers.md).
+//! The driver for moteus servos (mjbots), which are connected through an fdcanusb adapter or on a
+//! UART (docs/controllers.md).
 //!
 //! | module | what it does |
 //! |---|---|
-//! | `codec` | frames to the servos, by the vendor's crate; what their answers say |
-//! | `text` | the lines that carry frames, in both dialects |
+//! | `codec` | encodes frames to the servos, with the vendor's crate, and decodes their answers |
+//! | `text` | the lines of text that carry frames, in both dialects |
 //! | `talk` | questions and answers outside the loop |
-//! | `meet` | whether the servos are those of the rig, and set up as they must be |
+//! | `meet` | checks that the servos are those of the rig file and have the right settings |
 //! | `bus` | the bus that the loop calls |
 //!
-//! What the protocol lacks is made up for. *Which command is answered*: the watchdog time of a
-//! command is read back in its answer, bit by bit, and its mantissa carries the tick. *A reboot*:
-//! each answer has the time since power-on. *Motors on or off*: an answer shows the mode before the
-//! command that it answers.
+//! The protocol lacks three things, which the driver replaces. *Which command an answer belongs
+//! to*: the watchdog time of a command is returned bit for bit in its answer, and its mantissa
+//! carries the tick. *Restarts*: each answer contains the time since power-on. *Motors on or off*:
+//! an answer shows the mode that the servo had before it carried out the command.
 
 mod bus;
 mod codec;
@@ -31,7 +32,7 @@ use self::bus::MoteusBus;
 use self::talk::Talk;
 use self::text::{BREAK, Dialect};
 
-/// The destination id that all servos accept.
+/// The destination id of CAN frames that all servos accept.
 const BROADCAST: u8 = 0x7f;
 /// The version of the vendor's register map that this driver supports.
 const REGISTER_MAP: i32 = 5;
@@ -58,7 +59,8 @@ impl Protocol for Moteus {
     }
 
     fn off_bytes(&self, _: &Expected) -> Vec<u8> {
-        // Each dialect refuses the line of the other one.
+        // An adapter refuses lines with checksums and a UART lines without, so the frame is sent in
+        // both forms.
         let mut bytes = BREAK.to_vec();
         for dialect in [Dialect::Fdcanusb, Dialect::Uart] {
             text::push(&mut bytes, &codec::stop_all(), dialect);
@@ -92,7 +94,8 @@ impl Protocol for Moteus {
     }
 }
 
-/// Returns the dialect that [`Talk::open`] has found on the line.
+/// Returns whether lines of text to these servos have checksums ([`Dialect::Uart`]), as
+/// [`Talk::open`] has found out.
 fn dialect(expected: &Expected) -> Dialect {
     match expected.note(DIALECT).load(Ordering::Relaxed) {
         0 => Dialect::Fdcanusb,

@@ -24,11 +24,12 @@ const CONSOLE_BYTES: u8 = 48;
 /// How many times the driver asks for a setting, and how many times it polls for each answer.
 const ASKED: u32 = 3;
 const LOOKED: u32 = 50;
-/// Tolerance for the time at which a servo got power, ms. It covers the drift between the clocks of
-/// servo and host, and the delay of an answer.
+/// Tolerance for a computed time of power-on, ms. If the time computed from an answer is later than
+/// the stored one by more than this, the servo has restarted. Clock drift and late answers cause
+/// smaller differences.
 const SLACK_MS: i64 = 2000;
 
-/// Exchanges frames with the servos of a line whose dialect is known.
+/// Exchanges frames with the servos of a line. It knows whether lines of text need checksums.
 pub(super) struct Talk<'a> {
     line: &'a mut dyn Line,
     expected: &'a Expected,
@@ -36,8 +37,8 @@ pub(super) struct Talk<'a> {
 }
 
 impl<'a> Talk<'a> {
-    /// Finds out which dialect the line uses. It sends a line that is not a command: an adapter
-    /// refuses it without a checksum, a UART with a checksum.
+    /// Finds out whether lines of text to the servos need checksums. It sends a line that is not a
+    /// command: an adapter refuses it without a checksum in the answer, a UART with one.
     pub(super) fn open(line: &'a mut dyn Line, expected: &'a Expected) -> Result<Self, MeetError> {
         let mut inbox = Inbox::new(Dialect::Fdcanusb);
         let checked = converse(line, expected, BREAK, |bytes| {

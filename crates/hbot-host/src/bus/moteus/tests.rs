@@ -34,7 +34,8 @@ fn single(value: &Value) -> f32 {
     f32::from_bits(value.as_u64().expect("bits") as u32)
 }
 
-/// Returns the lines of text for a frame in both dialects.
+/// Returns the line of text for a frame twice: as an fdcanusb adapter expects it, and as a UART
+/// does.
 fn lines(frame: &moteus_protocol::CanFdFrame) -> [String; 2] {
     [Dialect::Fdcanusb, Dialect::Uart].map(|dialect| {
         let mut line = Vec::new();
@@ -119,13 +120,14 @@ fn the_watchdog_time_carries_the_tick_and_is_hardly_longer() {
             let time = codec::stamp(watchdog_ms, tick);
             let asked = f64::from(watchdog_ms) * 1e-3;
             let longer = f64::from(time) / asked - 1.0;
-            // The mantissa of the time itself may end in other bits than zeros.
+            // The lowest bits of the requested time itself can differ from zero.
             assert!((-5e-4..5e-4).contains(&longer), "{watchdog_ms} ms became {time} s");
             for late in [0, 1, 100, 4095] {
                 let last = tick.wrapping_add(late);
                 assert_eq!(codec::stamped(time, watchdog_ms, last), Some(tick), "{late} ticks later");
             }
-            // The older candidate is the newer one, 4096 ticks later: the bus takes none so old.
+            // A time fits ticks 4096 apart. The newer one is returned, because the bus drops
+            // answers as old as the other one.
             assert_eq!(
                 codec::stamped(time, watchdog_ms, tick.wrapping_add(4096)),
                 Some(tick.wrapping_add(4096))
@@ -137,7 +139,7 @@ fn the_watchdog_time_carries_the_tick_and_is_hardly_longer() {
 
 #[test]
 fn a_malformed_answer_is_none_and_does_not_panic() {
-    // The vendor's parser shifts too far at an integer of four bytes.
+    // The vendor's parser shifts a number too far if it has four bytes.
     for data in [
         &[0x21, 0xff, 0xff, 0xff, 0xff][..],
         &[0x21],

@@ -13,7 +13,8 @@ pub(super) const BREAK: &[u8] = b"x\n";
 /// Length of the longest line including its end, in bytes.
 pub(super) const LONGEST: usize = MAX_LINE_LENGTH;
 
-/// The two dialects that a line to moteus servos can use.
+/// The two forms of the lines of text that carry frames to moteus servos: with and without
+/// checksums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Dialect {
     /// The dialect of an fdcanusb adapter, which refuses checksums.
@@ -23,8 +24,8 @@ pub(super) enum Dialect {
     Uart,
 }
 
-/// Appends the line of text that carries `frame` to `out`. The caller must reserve the space, so
-/// that the loop does not allocate memory.
+/// Appends the line of text that carries `frame` to `out`. The caller must reserve the space
+/// (`LONGEST` bytes), so that the loop does not allocate memory.
 pub(super) fn push(out: &mut Vec<u8>, frame: &CanFdFrame, dialect: Dialect) {
     let options = EncodeOptions { checksum: dialect == Dialect::Uart, ..EncodeOptions::default() };
     let mut line = [0; LONGEST];

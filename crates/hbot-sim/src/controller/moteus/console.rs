@@ -1,9 +1,11 @@
-//! The diagnostic channel of a servo, which is tunnelled through frames: its settings, by name.
+//! The text console of a simulated servo, which reads and writes settings by name. Its text is
+//! carried inside CAN frames.
 
 use std::fmt::Write as _;
 
-/// Settings that are kept, with what the simulated rig has. The vendor ships `servo.timeout_mode`
-/// 12 and `servopos` limits of 0.01 turns: these are as docs/controllers.md asks for.
+/// Settings of a simulated servo with their initial values. They are as docs/controllers.md
+/// requires. The vendor delivers servos with `servo.timeout_mode` 12 and `servopos` limits of 0.01
+/// turns.
 const SETTINGS: [(&str, f64); 6] = [
     ("servo.timeout_mode", 0.0),
     ("servo.default_timeout_s", 0.1),
@@ -12,14 +14,15 @@ const SETTINGS: [(&str, f64); 6] = [
     ("motor_position.rotor_to_output_ratio", 1.0),
     ("id.id", 0.0),
 ];
-/// The most that is kept of a line, and of what waits to be read.
+/// Largest number of bytes kept of a command line. Commands are ignored while this many bytes of
+/// answers wait to be read.
 const ROOM: usize = 128;
 
-/// The console of a servo.
+/// The console of one servo: its settings, the line being received, and the answers not yet read.
 #[derive(Debug, Clone)]
 pub(super) struct Console {
     settings: [(&'static str, f64); SETTINGS.len()],
-    /// As they were written to memory that lasts.
+    /// The settings that a restart restores: those last saved with `conf write`.
     lasting: [(&'static str, f64); SETTINGS.len()],
     line: Vec<u8>,
     waiting: Vec<u8>,
@@ -32,19 +35,21 @@ impl Console {
         Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
     }
 
-    /// Power lost and back: what was set and not written is gone.
+    /// Returns the console after a restart. Settings that were changed but not saved are lost.
     pub(super) fn rebooted(&self) -> Self {
         let settings = self.lasting;
         Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
     }
 
-    /// Sets a setting as the console does; false where there is none of this name.
+    /// Changes a setting as the console command `conf set` does. Returns false if there is no such
+    /// setting.
     pub(super) fn set(&mut self, name: &str, value: f64) -> bool {
         let found = self.settings.iter_mut().find(|(known, _)| *known == name);
         found.map(|(_, setting)| *setting = value).is_some()
     }
 
-    /// The position bounds, turns; `None` where there are none.
+    /// Returns the lowest and highest position allowed, in turns, or `None` if positions are not
+    /// limited.
     pub(super) fn bounds(&self) -> Option<(f64, f64)> {
         let (least, most) = (self.settings[2].1, self.settings[3].1);
         let any = least.is_finite() || most.is_finite();
@@ -52,12 +57,12 @@ impl Console {
         any.then(|| (bound(least, f64::NEG_INFINITY), bound(most, f64::INFINITY)))
     }
 
-    /// The watchdog time of a command that names none, s.
+    /// Returns the watchdog time of a command that does not contain one, s.
     pub(super) fn default_timeout(&self) -> f64 {
         self.settings[1].1
     }
 
-    /// Takes in bytes of commands, a line each.
+    /// Receives bytes of console commands, one command a line, and carries out each complete line.
     pub(super) fn hear(&mut self, bytes: &[u8]) {
         for byte in bytes {
             if *byte != b'\n' && *byte != b'\r' {
@@ -97,7 +102,7 @@ impl Console {
         said
     }
 
-    /// Appends what waits to be read, at most `room` bytes, as a subframe.
+    /// Moves at most `room` bytes of the waiting console output into `answer`, as a subframe.
     pub(super) fn say(&mut self, room: usize, answer: &mut Vec<u8>) {
         let n = self.waiting.len().min(room).min(48);
         answer.extend([0x41, 1, n as u8]);

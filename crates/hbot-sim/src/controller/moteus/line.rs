@@ -1,35 +1,36 @@
-//! The text lines of an fdcanusb adapter, and of the UART of a moteus that behaves like one.
+//! The lines of text of an fdcanusb adapter, and of a moteus servo's UART, which uses the same
+//! lines.
 //!
-//! `can send ID DATA FLAGS` is answered by `OK`, then by an `rcv` line for each answer on the bus.
-//! On a UART each line from the controller ends with a space, `*` and the CRC-8 of what stands
-//! before the `*` (polynomial 0x97, start value 0); once a line to the controller had one, all
-//! must.
+//! A line `can send ID DATA FLAGS` is answered by `OK`, then by an `rcv` line for each answer on
+//! the bus. On a UART each line from the controller ends with a space, `*` and the CRC-8 of
+//! everything before the `*` (polynomial 0x97, start value 0). After the first line with a checksum
+//! to the controller, all lines to it must have one.
 
-/// The longest line that is kept; more is a line of no meaning.
+/// Longest line that is kept, in bytes. A longer line is refused.
 const LONGEST: usize = 256;
 
-/// A CAN frame to the servos.
+/// A CAN frame to or from the servos.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct CanFrame {
     pub(super) id: u32,
     pub(super) data: Vec<u8>,
 }
 
-/// What a line asks for.
+/// What the adapter does with one received line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Asked {
-    /// A frame for the bus.
+    /// The line is valid: send this frame on the bus.
     Send(CanFrame),
-    /// Nothing: the line is refused for this reason.
+    /// The line is not valid: answer with this text.
     Refused(&'static str),
 }
 
-/// The adapter: from bytes to frames.
+/// The adapter: it turns the bytes received from the host into CAN frames.
 #[derive(Debug, Clone)]
 pub(super) struct Adapter {
-    /// A UART: lines back have checksums.
+    /// True for a UART, whose lines to the host have checksums.
     pub(super) checksums: bool,
-    /// A line with a checksum has come, so all need one.
+    /// True after a line with a checksum has arrived. All later lines must then have one.
     required: bool,
     line: Vec<u8>,
     too_long: bool,
@@ -40,12 +41,13 @@ impl Adapter {
         Self { checksums, required: false, line: Vec::with_capacity(LONGEST), too_long: false }
     }
 
-    /// Power lost and back.
+    /// Simulates that the adapter loses power and restarts.
     pub(super) fn reboot(&mut self) {
         *self = Self::new(self.checksums);
     }
 
-    /// Takes a byte; what the line asks for where it ends one that is not empty.
+    /// Adds one received byte. If the byte ends a line that is not empty, returns what to do with
+    /// the line.
     pub(super) fn take(&mut self, byte: u8) -> Option<Asked> {
         if byte != b'\n' && byte != b'\r' {
             self.too_long |= self.line.len() == LONGEST;
@@ -83,7 +85,7 @@ impl Adapter {
     }
 }
 
-/// What `can send ...` asks for.
+/// Returns what to do with a line that should be a `can send` command.
 fn send(text: &str) -> Asked {
     let mut words = text.split(' ').filter(|word| !word.is_empty());
     if words.next() != Some("can") {
@@ -112,7 +114,7 @@ fn send(text: &str) -> Asked {
     }
 }
 
-/// Appends a line to the host.
+/// Appends a line of text to `reply`, with a checksum if `checksums` is true.
 pub(super) fn say(reply: &mut Vec<u8>, text: &str, checksums: bool) {
     let start = reply.len();
     reply.extend_from_slice(text.as_bytes());
@@ -124,7 +126,7 @@ pub(super) fn say(reply: &mut Vec<u8>, text: &str, checksums: bool) {
     reply.extend_from_slice(b"\r\n");
 }
 
-/// Appends the line of a frame from the servos.
+/// Appends the `rcv` line that carries `frame` from a servo to the host.
 pub(super) fn say_frame(reply: &mut Vec<u8>, frame: &CanFrame, checksums: bool) {
     let mut text = format!("rcv {:X} ", frame.id);
     for byte in &frame.data {
@@ -134,7 +136,7 @@ pub(super) fn say_frame(reply: &mut Vec<u8>, frame: &CanFrame, checksums: bool) 
     say(reply, &text, checksums);
 }
 
-/// CRC-8 of polynomial 0x97, a bit at a time.
+/// Returns the CRC-8 of `bytes` with the polynomial 0x97, computed bit by bit.
 fn crc8(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |crc, byte| {
         (0..8).fold(crc ^ byte, |crc, _| if crc & 0x80 != 0 { crc << 1 ^ 0x97 } else { crc << 1 })

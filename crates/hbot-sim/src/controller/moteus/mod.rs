@@ -1,20 +1,18 @@
-//! Virtual moteus servos behind one line: a servo for each joint, and the adapter that puts them on
-//! it.
+//! Simulated moteus servos on one line: a servo for each joint, and the adapter that connects them.
 //!
-//! Written from the vendor's documents (registers, subframes, UART) and firmware, not from hbot's
-//! driver.
+//! They were written from the vendor's documents (registers, subframes, UART) and firmware, not
+//! from hbot's driver.
 //!
 //! | module | what it does |
 //! |---|---|
-//! | `line` | text lines of an fdcanusb, with the checksums of a UART |
-//! | `registers` | subframes, and values as integers |
-//! | `command` | the registers of a command |
-//! | `servo` | modes, watchdog, faults, what each register reads |
-//! | `console` | the tunnelled console with the settings |
+//! | `line` | lines of text of an fdcanusb adapter, and checksums of a UART |
+//! | `registers` | subframes, and the conversion of values to integers |
+//! | `servo` | modes, watchdog, faults, and the contents of each register |
+//! | `console` | the text console with the settings, carried inside frames |
 //!
-//! What differs from a servo of the vendor's: position gains are 0, so that the feedforward torque
-//! alone acts; a servo is enabled at once; a watchdog that expires leaves no torque whatever
-//! `servo.timeout_mode` says; several servos may share a line with checksums.
+//! They differ from the vendor's servos in four ways. Position gains are always 0, so that only the
+//! feedforward torque acts. A servo is enabled at once. When its watchdog expires it gives no
+//! torque, whatever `servo.timeout_mode` is. Several servos can share a line with checksums.
 
 mod command;
 mod console;
@@ -29,23 +27,24 @@ use self::servo::{Scene, Servo};
 use super::joints::{Joints, Truth};
 use super::{InjectedFault, Speaks};
 
-/// The destination that all servos hear.
+/// The destination id of CAN frames that all servos accept.
 const BROADCAST: u32 = 0x7f;
 /// The bit of a CAN id that asks for an answer.
 const ANSWER: u32 = 0x8000;
 
-/// The servos of one line.
+/// The simulated servos of one line.
 #[derive(Debug, Clone)]
 pub(super) struct Moteus {
     adapter: Adapter,
     servos: Vec<Servo>,
     refused: u64,
-    /// The time last seen, ns: trouble is made then.
+    /// The time of the last call, ns. Injected faults take effect at this time.
     now_ns: u64,
 }
 
 impl Moteus {
-    /// Servos for all joints, with the ids from `first_id` on. `checksums`: on a UART.
+    /// Creates one servo for each joint, with ids that count up from `first_id`. `checksums` is
+    /// true for a UART.
     pub(super) fn new(first_id: u8, checksums: bool, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
         let servo = |joint| Servo::new(first_id + joint as u8, joint, joints, angles);
         Self {
@@ -56,14 +55,14 @@ impl Moteus {
         }
     }
 
-    /// Gives a servo another id, as a builder does by mistake.
+    /// Gives the servo of a joint another id, to simulate a builder's mistake.
     pub(super) fn set_id(&mut self, joint: usize, id: u8) {
         if let Some(servo) = self.servos.get_mut(joint) {
             servo.id = id;
         }
     }
 
-    /// Sets a setting of a servo by its name; false where there is none.
+    /// Changes a setting of the servo of a joint. Returns false if there is no such setting.
     pub(super) fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
         self.servos.get_mut(joint).is_some_and(|servo| servo.console.set(name, value))
     }
@@ -87,7 +86,7 @@ impl Moteus {
     }
 }
 
-/// Data as long as a CAN-FD frame may be, with no-operations at the end.
+/// Fills `data` with no-operation bytes up to the next length that a CAN-FD frame can have.
 fn padded(mut data: Vec<u8>) -> Vec<u8> {
     let lengths = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
     let length = lengths.into_iter().find(|length| *length >= data.len()).unwrap_or(64);

@@ -1,7 +1,7 @@
-//! Subframes of the register protocol and how values are mapped to integers (vendor's reference:
-//! docs/protocol/can.md and registers.md of the moteus repository).
+//! Subframes of the register protocol, and how values are converted to integers (vendor's
+//! reference: docs/protocol/can.md and registers.md of the moteus repository).
 
-/// A type that a register is read or written as.
+/// The number type in which a register is read or written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Int8,
@@ -29,12 +29,13 @@ impl Kind {
     }
 }
 
-/// How a register's value is carried by integers: the value of a step as int8, int16, int32.
+/// How the value of a register is converted to an integer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Mapping {
-    /// Steps of these sizes; the least integer is NaN.
+    /// A count of steps. The array has the step sizes for int8, int16 and int32. The lowest integer
+    /// of each type stands for NaN.
     Scaled([f32; 3]),
-    /// The integer itself.
+    /// The value itself, without scaling.
     Plain,
 }
 
@@ -49,27 +50,27 @@ pub(super) const TIME: Mapping = Mapping::Scaled([0.01, 0.001, 0.000001]);
 pub(super) const PWM: Mapping = Mapping::Scaled([1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0]);
 pub(super) const POWER: Mapping = Mapping::Scaled([10.0, 0.05, 0.0001]);
 
-/// What a register holds.
+/// The value of a register.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Value {
-    /// A quantity with its mapping.
+    /// A physical quantity and its conversion to integers.
     Quantity(f32, Mapping),
     /// A whole number.
     Whole(i32),
-    /// A whole number that is read as int32 alone.
+    /// A whole number that can be read only as an int32.
     Word(i32),
 }
 
-/// Why a register is not read or written.
+/// The error code of a register that cannot be read or written.
 pub(super) type Refusal = u8;
-/// There is no such register.
+/// The register does not exist.
 pub(super) const UNKNOWN: Refusal = 1;
-/// It is not for writing.
+/// The register cannot be written.
 pub(super) const NOT_WRITABLE: Refusal = 2;
-/// The value is out of its range.
+/// The value is outside the range of the register.
 pub(super) const OUT_OF_RANGE: Refusal = 3;
 
-/// Reads what stands in a frame, from its beginning.
+/// Reads numbers from the bytes of a frame, from its beginning.
 pub(super) struct Reader<'a>(pub(super) &'a [u8]);
 
 impl Reader<'_> {
@@ -97,7 +98,8 @@ impl Reader<'_> {
         None
     }
 
-    /// A value of a register of this mapping.
+    /// Reads the value of a register, sent as type `kind` with conversion `mapping`. Returns `None`
+    /// if the data ends too early.
     pub(super) fn value(&mut self, kind: Kind, mapping: Mapping) -> Option<f32> {
         let bytes = self.bytes(kind.bytes())?;
         let whole = match (kind, bytes.as_slice()) {
@@ -116,7 +118,8 @@ impl Reader<'_> {
         Some(if whole == least { f32::NAN } else { whole as f32 * step })
     }
 
-    /// The rest of a subframe of registers that begins with `code`: type, first register, how many.
+    /// Reads the rest of the header of a register subframe that begins with `code`. Returns the
+    /// type, the first register and the number of registers.
     pub(super) fn registers(&mut self, code: u8) -> Option<(Kind, u32, u32)> {
         let count = match code & 3 {
             0 => self.varuint()?,
@@ -134,7 +137,8 @@ pub(super) fn put_varuint(out: &mut Vec<u8>, mut value: u32) {
     out.push(value as u8);
 }
 
-/// Appends a value; false where it is not read as this kind.
+/// Appends a register value to `out` as type `kind`. Returns false if the register cannot be read
+/// as this type.
 pub(super) fn put(out: &mut Vec<u8>, value: Value, kind: Kind) -> bool {
     let (whole, plain) = match value {
         Value::Word(word) if kind == Kind::Int32 => (word, word as f32),
@@ -151,7 +155,8 @@ pub(super) fn put(out: &mut Vec<u8>, value: Value, kind: Kind) -> bool {
     true
 }
 
-/// A quantity as the integer of a kind: towards zero, at most the largest; NaN is the least.
+/// Converts a quantity to an integer of type `kind`. It is rounded towards zero and limited to the
+/// type's range. A value that is not finite becomes the lowest integer, which stands for NaN.
 fn mapped(quantity: f32, mapping: Mapping, kind: Kind) -> i32 {
     let (least, most, at) = match kind {
         Kind::Int8 => (i32::from(i8::MIN), i32::from(i8::MAX), 0),

@@ -1,4 +1,4 @@
-//! One servo: its registers, its modes and its watchdog.
+//! One simulated servo: its registers, its modes and its watchdog.
 
 use core::f64::consts::TAU;
 
@@ -18,50 +18,54 @@ const STOPPED: u8 = 0;
 const FAULT: u8 = 1;
 const POSITION_MODE: u8 = 10;
 const TIMEOUT: u8 = 11;
-/// The last mode that may be written.
+/// The highest mode number that can be written.
 const LAST_MODE: f32 = 15.0;
 
-/// Faults and limits of register 0x00f.
+/// Codes of faults and limits that register 0x00f reports.
 const MOTOR_DRIVER: u8 = 33;
 const OUTSIDE_LIMIT: u8 = 39;
 const AT_MAX_CURRENT: u8 = 99;
 const AT_FET_TEMPERATURE: u8 = 100;
 const AT_MAX_TORQUE: u8 = 102;
 
-/// Torque constant, N m/A: what its current reads.
+/// Torque constant of the motor, N m/A, from which the reported current is computed.
 const TORQUE_PER_AMPERE: f32 = 0.1;
-/// What its sensors read, V and degrees Celsius.
+/// Values that the sensors report: the supply in V, and the normal and the hot temperature in
+/// degrees Celsius.
 const SUPPLY: f32 = 24.0;
 const WARMTH: f32 = 25.0;
 const HOT: f32 = 80.0;
-/// How long it has had power when the simulation begins, ms.
+/// Time for which the servo has already had power when the simulation begins, ms.
 const UPTIME_MS: i64 = 5000;
 
-/// One servo.
+/// The registers, mode and watchdog of one servo.
 #[derive(Debug, Clone)]
 pub(super) struct Servo {
     pub(super) id: u8,
     mode: u8,
     fault: u8,
-    /// Registers 0x020 on as they were written last.
+    /// The last written values of the command registers, which begin at 0x020.
     command: [f32; COMMANDS],
-    /// The mode written in this frame.
+    /// The mode written by the frame that is being read, if any. It takes effect at the end of the
+    /// frame.
     ordered: Option<u8>,
-    /// When the watchdog expires, ns.
+    /// Time at which the watchdog expires, ns. `None` if it is not running.
     pub(super) deadline: Option<u64>,
-    /// Turns of the encoder at position 0.
+    /// Encoder position, in turns, at which the servo reports position 0.
     origin: f64,
     homed: i32,
-    /// When power came, ms of the simulation's clock; negative before its start.
+    /// Time at which the servo got power, ms on the simulation's clock. Negative if this was before
+    /// the start.
     powered_ms: i64,
     pub(super) console: Console,
     pub(super) deaf: bool,
     pub(super) failed: bool,
-    /// What the motor gives, N m at the encoder's shaft.
+    /// Torque that the motor gives, N m at the shaft of the encoder.
     torque: f32,
 }
 
-/// What a frame is read and answered with.
+/// The circumstances under which a servo handles a frame: the time, its joint, and the true joint
+/// angles and rates.
 pub(super) struct Scene<'a, 'b> {
     pub(super) now_ns: u64,
     pub(super) joint: usize,
@@ -90,7 +94,7 @@ impl Servo {
         servo
     }
 
-    /// Power comes: the encoder says where the rotor is within a turn.
+    /// Sets the zero as at power-on: the encoder then knows the rotor's angle within one turn.
     fn find_zero(&mut self, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) {
         self.origin = joints.turns_at(joint, angles).round();
         self.homed = 1;
@@ -104,7 +108,8 @@ impl Servo {
         *self = fresh;
     }
 
-    /// Lets the watchdog see the time.
+    /// Switches the motor off if the watchdog has expired by `now_ns`, or if a test has made the
+    /// servo fail. Then updates the torque.
     pub(super) fn watch(&mut self, now_ns: u64, joint: usize, joints: &mut Joints) {
         if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
             (self.deadline, self.mode) = (None, TIMEOUT);
@@ -115,7 +120,8 @@ impl Servo {
         self.push(joint, joints);
     }
 
-    /// Has the motor give what it is to.
+    /// Sets the torque of the motor from the mode and the last command, and reports any limit
+    /// reached.
     fn push(&mut self, joint: usize, joints: &mut Joints) {
         if self.mode != POSITION_MODE {
             self.torque = 0.0;
@@ -139,7 +145,8 @@ impl Servo {
         joints.ask(joint, given);
     }
 
-    /// Takes in the subframes of a frame and, where an answer is asked for, appends it.
+    /// Handles the data of a CAN frame, which is a sequence of subframes: commands, queries and
+    /// console text. If the frame asks for an answer, appends it to `answer`.
     pub(super) fn hear(&mut self, scene: &mut Scene<'_, '_>, data: &[u8], answer: Option<&mut Vec<u8>>) {
         self.watch(scene.now_ns, scene.joint, scene.joints);
         self.subframes(scene, data, answer);
@@ -148,7 +155,8 @@ impl Servo {
         }
     }
 
-    /// `None` where a subframe is malformed or unknown: the rest of the frame is left.
+    /// Handles the subframes of a frame in order. Returns `None` at the first malformed or unknown
+    /// one, and ignores the rest of the frame.
     fn subframes(
         &mut self,
         scene: &mut Scene<'_, '_>,
@@ -160,7 +168,8 @@ impl Servo {
             match code {
                 0x50 => {}
                 0x00..=0x0f => self.write_all(scene, code, &mut frame, answer.as_deref_mut())?,
-                // The vendor's firmware leaves what follows unread where no answer is asked for.
+                // Without a request for an answer, the vendor's firmware does not read what
+                // follows.
                 0x10..=0x1f => {
                     if let Some(answer) = answer.as_deref_mut() {
                         self.read_all(scene, code, &mut frame, answer)?;
@@ -293,16 +302,16 @@ impl Servo {
         })
     }
 
-    /// Turns of the encoder since the zero.
+    /// Returns the position of the servo: turns of the encoder since the zero.
     fn position(&self, scene: &Scene<'_, '_>) -> f64 {
         scene.joints.turns_at(scene.joint, scene.truth.angles) - self.origin
     }
 
-    /// Takes the mode that a frame has written.
+    /// Changes to the mode that a frame has written.
     fn obey(&mut self, scene: &mut Scene<'_, '_>, mode: u8) {
         match mode {
             STOPPED => (self.mode, self.fault, self.deadline) = (STOPPED, 0, None),
-            // Nothing but a stop leads out of these.
+            // Only a stop ends these modes.
             _ if matches!(self.mode, FAULT | TIMEOUT) => return,
             POSITION_MODE => self.run(scene),
             other => (self.mode, self.deadline) = (other, None),
@@ -327,7 +336,7 @@ impl Servo {
     }
 }
 
-/// What registers 0x100 to 0x102 say: a moteus r4.11 of register map 5.
+/// Contents of registers 0x100 to 0x102: a moteus r4.11 with register map 5.
 const MODEL: i32 = 4;
 const FIRMWARE: i32 = 0x010f;
 const REGISTER_MAP: i32 = 5;
