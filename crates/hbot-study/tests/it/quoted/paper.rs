@@ -38,11 +38,11 @@ fn geometry() -> Vec<String> {
         filled("its spectral index is at least {}", &[singular("all four", "least spectral index", 2)]),
         filled("and below 0.1 on {} % of it", &[singular(THREE, "below 0.1 on", 0)]),
         filled(
-            "it makes {}, {} and {} N m about n1, n2 and n3 at peak; contacts with mu N = 8 N hold {}, {} and {}",
+            "it makes {}, {} and {} N m about n1, n2 and n3 at peak; contacts with a traction limit of 8 N hold {}, {} and {} N m",
             &torques.map(|(contacts, axis, decimals)| least(contacts, axis, decimals)),
         ),
         filled(
-            "(best {} times off)",
+            "the best one is wrong by a factor of {}",
             &[figure(
                 "Torque capability (table II)",
                 &["three motors, each axis alone"],
