@@ -93,11 +93,11 @@ fn simulated() -> Vec<String> {
     vec![
         filled("torques are {}, {} and {} mN m about n1, n2 and n3", &AXES.map(backdrive)),
         filled(
-            "K_O of {}, {}, {} and {} 1/s give it over rate loops of 5, 10, 20 and 40 Hz",
+            "a bandwidth of 5, 10, 20 or 40 Hz, then K_O of {}, {}, {} and {} 1/s give it",
             &["5", "10", "20", "40"].map(gain),
         ),
         filled(
-            "at a gain that reaches {} Hz with 0.01 rad, 0.3 rad reach {} Hz",
+            "at a gain with which swings of 0.01 rad reach {} Hz, swings of 0.3 rad reach {} Hz",
             &[quick("0.01", 0), quick("0.3", 1)],
         ),
         filled(
@@ -125,7 +125,7 @@ const OF_THE_PAPER: [&str; 5] = [
     "GCI 0.41 is nearest",
     "No reading of GMI that was tried gives 0.5",
     "5.5 Hz is a choice of gains",
-    "Large swings are limited by 0.9 N m",
+    "Large swings are limited by the torque limit of 0.9 N m",
     "paper's scatter (R² of 0.98 to 0.99)",
 ];
 
