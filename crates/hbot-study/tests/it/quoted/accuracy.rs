@@ -37,7 +37,7 @@ fn orientation() -> Vec<String> {
             &["500 Hz", "8000 Hz"].map(|rate| method(&["change", "f32"], rate)),
         ),
         filled(
-            "magnus4 gains nothing: {} rad against {} for brisk motion at 1 kHz",
+            "magnus4 gains nothing: for brisk motion at 1 kHz it errs by {} rad, and midpoint by {}",
             &["magnus4", "midpoint"].map(|method| motion("brisk", method, "straight", both)),
         ),
         filled(
@@ -46,7 +46,7 @@ fn orientation() -> Vec<String> {
         ),
         filled("keeps its own error, {}", &[motion("brisk", "midpoint", "cubic", "method's")]),
         filled(
-            "where it takes the error from {} to {} rad, and from {} to {} where that reverses",
+            "where it reduces the error from {} to {} rad, and in violent motion that reverses from {} to {} rad",
             &[
                 motion("violent", "midpoint", "straight", all),
                 motion("violent", "magnus4", "cubic", all),

@@ -141,7 +141,7 @@ fn the_simulator_s_back_drive_torques_are_the_reports() {
     let of =
         |column: &str| AXES.map(|axis| figure("Back-driveability (table II)", &[axis], column, 2)).join(", ");
     let said = format!(
-        "{} mN m; cage and joints predict {}; the paper has 5, 4, 4",
+        "{} mN m. The friction of cage and joints predicts {} mN m; the paper has 5, 4, 4 mN m",
         of("measured, mN m"),
         of("predicted")
     );
