@@ -41,7 +41,7 @@ fn orientation() -> Vec<String> {
             &["magnus4", "midpoint"].map(|method| motion("brisk", method, "straight", both)),
         ),
         filled(
-            "On a quadratic one magnus4 errs by {} (order 3), on a cubic one by {} (order 4)",
+            "On a quadratic path magnus4 errs by {} (order 3), on a cubic path by {} (order 4)",
             &["quadratic", "cubic"].map(|path| motion("brisk", "magnus4", path, both)),
         ),
         filled("keeps its own error, {}", &[motion("brisk", "midpoint", "cubic", "method's")]),
@@ -112,7 +112,7 @@ fn the_rest() -> Vec<String> {
         ),
         filled("The counts err by {} in all three", &[tick("balanced", "of the counts")]),
         filled(
-            "the path has {} of it in `balanced` and {} in `exact`",
+            "The path contributes {} in `balanced` and {} in `exact`",
             &["balanced", "exact"].map(|preset| tick(preset, "of the path")),
         ),
     ]
