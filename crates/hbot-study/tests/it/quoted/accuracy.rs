@@ -37,16 +37,16 @@ fn orientation() -> Vec<String> {
             &["500 Hz", "8000 Hz"].map(|rate| method(&["change", "f32"], rate)),
         ),
         filled(
-            "magnus4 gains nothing: {} rad against {} for brisk motion at 1 kHz",
+            "magnus4 gains nothing: for brisk motion at 1 kHz it errs by {} rad, and midpoint by {}",
             &["magnus4", "midpoint"].map(|method| motion("brisk", method, "straight", both)),
         ),
         filled(
-            "On a quadratic one magnus4 errs by {} (order 3), on a cubic one by {} (order 4)",
+            "On a quadratic path magnus4 errs by {} (order 3), on a cubic path by {} (order 4)",
             &["quadratic", "cubic"].map(|path| motion("brisk", "magnus4", path, both)),
         ),
         filled("keeps its own error, {}", &[motion("brisk", "midpoint", "cubic", "method's")]),
         filled(
-            "where it takes the error from {} to {} rad, and from {} to {} where that reverses",
+            "where it reduces the error from {} to {} rad, and in violent motion that reverses from {} to {} rad",
             &[
                 motion("violent", "midpoint", "straight", all),
                 motion("violent", "magnus4", "cubic", all),
@@ -112,7 +112,7 @@ fn the_rest() -> Vec<String> {
         ),
         filled("The counts err by {} in all three", &[tick("balanced", "of the counts")]),
         filled(
-            "the path has {} of it in `balanced` and {} in `exact`",
+            "The path contributes {} in `balanced` and {} in `exact`",
             &["balanced", "exact"].map(|preset| tick(preset, "of the path")),
         ),
     ]

@@ -70,7 +70,7 @@ fn every_other_figure_of_the_page_is_the_reports() {
         ),
         filled("The price is {} % and {} % more apparent inertia", &more),
         filled(
-            "the compromise of three wheels needs {} N of mu N for its peak",
+            "the design \"3 wheels, compromise\" needs a traction limit of {} N at each contact",
             &[rounded(&best("3w_compromise", "contact force at peak torque, N"), 1.0, 0)],
         ),
     ];

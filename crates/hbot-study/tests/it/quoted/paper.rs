@@ -38,11 +38,11 @@ fn geometry() -> Vec<String> {
         filled("its spectral index is at least {}", &[singular("all four", "least spectral index", 2)]),
         filled("and below 0.1 on {} % of it", &[singular(THREE, "below 0.1 on", 0)]),
         filled(
-            "it makes {}, {} and {} N m about n1, n2 and n3 at peak; contacts with mu N = 8 N hold {}, {} and {}",
+            "it makes {}, {} and {} N m about n1, n2 and n3 at peak; contacts with a traction limit of 8 N hold {}, {} and {} N m",
             &torques.map(|(contacts, axis, decimals)| least(contacts, axis, decimals)),
         ),
         filled(
-            "(best {} times off)",
+            "the best one is wrong by a factor of {}",
             &[figure(
                 "Torque capability (table II)",
                 &["three motors, each axis alone"],
@@ -93,11 +93,11 @@ fn simulated() -> Vec<String> {
     vec![
         filled("torques are {}, {} and {} mN m about n1, n2 and n3", &AXES.map(backdrive)),
         filled(
-            "K_O of {}, {}, {} and {} 1/s give it over rate loops of 5, 10, 20 and 40 Hz",
+            "a bandwidth of 5, 10, 20 or 40 Hz, then K_O of {}, {}, {} and {} 1/s give it",
             &["5", "10", "20", "40"].map(gain),
         ),
         filled(
-            "at a gain that reaches {} Hz with 0.01 rad, 0.3 rad reach {} Hz",
+            "at a gain with which swings of 0.01 rad reach {} Hz, swings of 0.3 rad reach {} Hz",
             &[quick("0.01", 0), quick("0.3", 1)],
         ),
         filled(
@@ -126,7 +126,7 @@ const OF_THE_PAPER: [&str; 5] = [
     "GCI 0.41 is nearest",
     "No reading of GMI that was tried gives 0.5",
     "5.5 Hz is a choice of gains",
-    "Large swings are limited by 0.9 N m",
+    "Large swings are limited by the torque limit of 0.9 N m",
     "paper's scatter (R² of 0.98 to 0.99)",
 ];
 
@@ -142,7 +142,7 @@ fn the_simulator_s_back_drive_torques_are_the_reports() {
     let of =
         |column: &str| AXES.map(|axis| figure("Back-driveability (table II)", &[axis], column, 2)).join(", ");
     let said = format!(
-        "{} mN m; cage and joints predict {}; the paper has 5, 4, 4",
+        "{} mN m. The friction of cage and joints predicts {} mN m; the paper has 5, 4, 4 mN m",
         of("measured, mN m"),
         of("predicted")
     );
