@@ -84,7 +84,8 @@ impl Line for Piecemeal {
     }
 }
 
-/// What a bus hears of some bytes that arrive in pieces of `piece`: damaged and foreign frames, and the last reading.
+/// Feeds bytes to a bus in pieces of `piece` bytes. Returns the numbers of damaged and foreign
+/// frames, and the last reading.
 fn heard(
     protocol: &dyn Protocol,
     rig: &RigConfig,
@@ -93,7 +94,8 @@ fn heard(
 ) -> (u32, u32, Option<Reading>) {
     let expected = Expected::new("fuzz", &rig.rig, &Layout::of(rig), 0);
     let mut bus = protocol.bus(Box::new(Piecemeal { bytes: bytes.to_vec(), at: 0, piece }), expected);
-    // Answers to this command are readings: the vectors of the corpus carry the lowest bits of its tick.
+    // Answers to this command are readings: the vectors of the corpus carry the lowest bits of its
+    // tick.
     let tick = 0x1000;
     assert!(bus.command(0, &BusCommand { tick, enable: true, watchdog_ms: 20, torque: Default::default() }));
     let (mut damaged, mut foreign, mut reading) = (0, 0, None);
@@ -122,7 +124,8 @@ pub(crate) fn moteus_answers(bytes: &[u8]) {
     }
 }
 
-/// Lines from ODrives' adapter: the same in whatever pieces they come, and no more than there are bytes.
+/// Decodes lines of an ODrive adapter. The result does not depend on the pieces in which the bytes
+/// arrive, and there are no more messages than bytes.
 pub(crate) fn odrive_messages(bytes: &[u8]) {
     static RIG: LazyLock<RigConfig> = LazyLock::new(|| {
         let text = include_str!("../../rigs/prototype-odrive.toml");

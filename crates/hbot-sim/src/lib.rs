@@ -7,7 +7,7 @@
 //! | [`pty`] | serves a rig over a pseudo-terminal in wall time |
 //! | [`exchange`] | a rig at the end of a line in memory, tick by tick |
 //! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
-//! | [`controller`] | the firmware at the far end of the line, in each protocol: counts, torques, watchdog, faults |
+//! | [`controller`] | virtual motor controllers of each protocol, at the far end of the line |
 //! | [`hand`] | a person's hand on the sphere |
 //! | [`phenomena`] | the figures of what a real rig shows besides |
 //! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
