@@ -210,6 +210,13 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
         if protocol.ids().is_none() && position >= count {
             let message = format!("{position} is past the last of {count} joints");
             report.push(&format!("{path}.controller"), message, words());
+        } else if count > 1 && protocol.broadcast_id().is_some_and(|id| id as usize == position) {
+            let message = format!("all controllers of this line would obey commands to {position}");
+            report.push(
+                &format!("{path}.controller"),
+                message,
+                format!("another id, or a port of its own for the controller {position}"),
+            );
         } else if !taken.insert((line, position)) {
             report.push(
                 &format!("{path}.controller"),

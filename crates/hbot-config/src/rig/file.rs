@@ -101,10 +101,10 @@ pub(crate) struct Joint {
     pub(crate) port: u32,
     /// Which motor controller has this joint. Protocol `hbot`: the position of the joint on its
     /// line, from 0 to 15. The joints of a port must use each position once. Default: the order of
-    /// the file, steer before drive. Protocol `moteus`: the controller's id on the bus, 1 to 126,
-    /// required. Protocol `odrive`: the controller's id on the bus, 0 to 63, required.
+    /// the file, steer before drive. Protocol `moteus`: the controller's id on the bus, 1 to 127,
+    /// required; 127 only if it is alone on its port. Protocol `odrive`: the controller's id on the bus, 0 to 63, required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "u32", range(min = 0, max = 126))]
+    #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,
     /// Encoder counts in one turn of the encoder (lines times 4), before the gear. Required with
     /// protocol `hbot`. Must be absent with the other protocols, which report turns: the driver

@@ -136,9 +136,18 @@ impl Protocol {
     pub const fn ids(self) -> Option<RangeInclusive<u32>> {
         match self {
             Self::Hbot => None,
-            // 127 is the id that all servos accept.
-            Self::Moteus => Some(1..=126),
+            Self::Moteus => Some(1..=127),
             Self::Odrive => Some(0..=63),
+        }
+    }
+
+    /// Returns the id to which all controllers of a bus listen. Only a controller that is alone on
+    /// its line can have it.
+    #[must_use]
+    pub const fn broadcast_id(self) -> Option<u32> {
+        match self {
+            Self::Moteus => Some(127),
+            Self::Hbot | Self::Odrive => None,
         }
     }
 

@@ -309,16 +309,16 @@ fn with_ids(protocol: &str, ids: [&str; 4]) -> String {
 
 #[test]
 fn controllers_with_ids_are_named_by_them_within_their_range_each_once_on_its_port() {
-    assert_eq!((Protocol::Moteus.ids(), Protocol::Odrive.ids()), (Some(1..=126), Some(0..=63)));
+    assert_eq!((Protocol::Moteus.ids(), Protocol::Odrive.ids()), (Some(1..=127), Some(0..=63)));
     let id = |id: u32| format!("controller = {id}");
-    for (protocol, first, last) in [("moteus", 1, 126), ("odrive", 0, 63)] {
+    for (protocol, first, last) in [("moteus", 1, 127), ("odrive", 0, 63)] {
         let text = |ids: [u32; 4]| {
             let ids = ids.map(id);
             with_ids(protocol, ids.each_ref().map(String::as_str))
         };
         let said = |ids: [u32; 4]| said_of(&text(ids));
         if protocol == "moteus" {
-            let config = RigConfig::from_toml(&text([first, last, 7, 5]), "x.toml").unwrap();
+            let config = RigConfig::from_toml(&text([first, 126, 7, 5]), "x.toml").unwrap();
             assert_eq!(config.link.protocol, Protocol::Moteus);
             assert_eq!(config.controllers, [1, 126, 7, 5]);
         }
@@ -339,8 +339,24 @@ fn controllers_with_ids_are_named_by_them_within_their_range_each_once_on_its_po
         ["controller = 0", "controller = 1", "controller = 2", "controller = 3"],
     ));
     let words = "wheel[0].steer.controller: 0 is no id of a controller that speaks moteus; legal: the id of its controller on \
-                 the bus, 1 to 126";
+                 the bus, 1 to 127";
     assert!(below.contains(words), "{below}");
+}
+
+/// All moteus servos of a line obey commands to id 127, so that a servo with this id must be alone.
+#[test]
+fn the_id_that_all_controllers_obey_is_legal_only_for_one_that_is_alone_on_its_port() {
+    let joints = |last: &str| {
+        let ids = ["controller = 1", "controller = 2", "controller = 3", last];
+        with_ids("moteus", ids)
+    };
+    let shared = said_of(&joints("controller = 127"));
+    let words = "wheel[1].drive.controller: all controllers of this line would obey commands to 127; legal: another id, or a \
+                 port of its own for the controller 127";
+    assert!(shared.contains(words), "{shared}");
+    let alone = joints("controller = 127, port = 1") + "\nport = ['/dev/a', '/dev/b']";
+    let config = RigConfig::from_toml(&alone, "x.toml").expect("127 is alone on its port");
+    assert_eq!(config.controllers, [1, 2, 3, 127]);
 }
 
 #[test]
