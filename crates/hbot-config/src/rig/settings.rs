@@ -130,8 +130,7 @@ impl Protocol {
     }
 
     /// Returns the ids that controllers with this protocol can have on their bus. Returns `None` if
-    /// they have no ids. The joints of a line then have positions from 0, in the order of the
-    /// values in a frame.
+    /// they have no ids. The joints of a line then have positions: 0 is the first joint in a frame.
     #[must_use]
     pub const fn ids(self) -> Option<RangeInclusive<u32>> {
         match self {

@@ -56,8 +56,8 @@ pub enum InjectedFault {
         /// True if the controller receives and answers nothing.
         on: bool,
     },
-    /// Switches a fault of the controllers on or off. During it they report the fault and give no
-    /// torque.
+    /// Switches a fault of the controllers on or off. While it is on, they report the fault and
+    /// give no torque.
     Failed(bool),
     /// Like [`InjectedFault::Failed`], for the controller of one joint only. If one controller has
     /// all joints, this affects all of them.

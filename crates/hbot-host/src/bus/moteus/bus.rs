@@ -33,8 +33,8 @@ const MET_AGAIN: u32 = 100;
 const SLACK_MS: i64 = 500;
 /// Largest age of an answer, in ticks. An older answer belongs to none of this bus's commands.
 const OLDEST: u32 = 1000;
-/// Number of readings in a row in which a servo can stay in modes 2 to 4, in which it prepares to
-/// run its motor. After that it has disobeyed the command to switch on.
+/// Number of readings in a row for which a servo can prepare to run its motor (modes 2 to 4). After
+/// them it counts as disobeying the command to switch on.
 const ENABLING: u32 = 100;
 /// Board temperature above which a servo counts as too hot, in degrees Celsius. It applies in
 /// addition to the limit that is set in the servo.
@@ -162,8 +162,8 @@ impl Servo {
         self.home = home;
     }
 
-    /// Computes the encoder count from the position that the servo reported. If the servo has
-    /// subtracted whole turns from its position since, they are added to the count again.
+    /// Computes the encoder count from the position that the servo reported. Whole turns that the
+    /// servo has subtracted from its position are added again, so that the count does not jump.
     fn follow(&mut self, position: i32) {
         if self.rezeroing && position.abs() < STEPS as i32 {
             let taken = i64::from(self.position) - i64::from(position);

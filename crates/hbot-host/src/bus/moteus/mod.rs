@@ -40,8 +40,9 @@ const REGISTER_MAP: i32 = 5;
 const COMMAND_BYTES: usize = 48;
 const ANSWER_BYTES: usize = 32;
 
-/// Which note of an [`Expected`] holds what: first the dialect of the line, then for each servo the
-/// time at which it got power, in ms on the system's clock.
+/// Indices of the notes in an [`Expected`]. The first note is 1 if lines have checksums, and 0 if
+/// not. From the second on, they have the time at which each servo got power, in ms on the system's
+/// clock.
 const DIALECT: usize = 0;
 const POWERED: usize = 1;
 

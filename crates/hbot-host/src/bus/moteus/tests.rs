@@ -126,8 +126,8 @@ fn the_watchdog_time_carries_the_tick_and_is_hardly_longer() {
                 let last = tick.wrapping_add(late);
                 assert_eq!(codec::stamped(time, watchdog_ms, last), Some(tick), "{late} ticks later");
             }
-            // A time fits ticks 4096 apart. The newer one is returned, because the bus drops
-            // answers as old as the other one.
+            // Ticks 4096 apart have equal times. The newer tick is returned, because the bus drops
+            // answers that are 4096 ticks old.
             assert_eq!(
                 codec::stamped(time, watchdog_ms, tick.wrapping_add(4096)),
                 Some(tick.wrapping_add(4096))
