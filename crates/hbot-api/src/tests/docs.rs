@@ -104,7 +104,7 @@ fn what_ops_weigh_may_be_and_do_is_on_the_page() {
             names(|row| row.weight == 250)
         ),
         format!("{} as 100;", names(|row| row.weight == 100)),
-        format!("{} are for sending again and again", names(|row| row.stream)),
+        format!("{} are meant to be sent repeatedly", names(|row| row.stream)),
         format!("Only {} from the holder", names(|row| row.long)),
         format!(
             "An {} of the same client that waits before a stop",
