@@ -1,4 +1,4 @@
-//! Tests of the ODrive driver with virtual ODrives, for properties that the conformance suite does
+//! Tests of the ODrive driver with simulated ODrives, for properties that the conformance suite does
 //! not cover.
 
 use std::sync::mpsc::{Sender, channel};

@@ -334,9 +334,9 @@ impl Axis {
         self.excused_until = Some(tick.wrapping_add(EXCUSED_TICKS));
     }
 
-    /// Moves the position by whole turns of the joint until it is near the mark, where its steps are
-    /// fine and a restart shows. Does nothing unless the motor is off and stands still, or if the
-    /// position is already near the mark.
+    /// Moves the position by whole turns of the joint until it is near the mark, where its steps
+    /// are fine and a restart can be detected. Does nothing while the motor is on or turns, or if
+    /// the position is already near the mark.
     fn set_back(&mut self, line: &mut Vec<u8>) {
         self.set_back = None;
         let Some(position) = self.position else { return };
