@@ -33,8 +33,8 @@ fn a_spring_feels_the_same_over_odrives_as_over_hbot_s_own_link() {
     assert!(most < 3e-5, "{most} N m apart");
 }
 
-/// Starts simulated ODrives for `rig` behind a pseudo-terminal. Their watchdog time is 100 ms, close
-/// to the longest that the driver accepts, so that the last word can arrive first.
+/// Starts simulated ODrives for `rig` behind a pseudo-terminal. Their watchdog time is 100 ms,
+/// close to the longest that the driver accepts, so that the last word can arrive first.
 fn axes(rig: &RigConfig) -> PtyRig {
     let config = SimulatedConfig { line: Protocol::Odrive.into(), ..SimulatedConfig::new(&rig.rig) };
     let mut simulated = SimulatedRig::new(&config).expect("it can be simulated");

@@ -1,5 +1,5 @@
-//! Tests of the ODrive driver with simulated ODrives, for properties that the conformance suite does
-//! not cover.
+//! Tests of the ODrive driver with simulated ODrives, for properties that the conformance suite
+//! does not cover.
 
 use std::sync::mpsc::{Sender, channel};
 
@@ -17,7 +17,8 @@ const RIG: &str = include_str!("../../../rigs/prototype-odrive.toml");
 const COUNTS: i32 = 1 << 21;
 
 /// Returns a line to simulated ODrives for the rig file of the prototype, the sender of calls to
-/// them, and the axes that the driver must expect. `change` first alters the simulated rig.
+/// the simulated rig, and the axes that the driver must expect. `change` first alters the simulated
+/// rig.
 fn line(change: impl FnOnce(&mut SimulatedRig)) -> (Memory, Sender<SimulatorCall>, Expected) {
     let rig = RigConfig::from_toml(RIG, "rigs/prototype-odrive.toml").expect("it is legal");
     let config = SimulatedConfig { line: Name::Odrive.into(), ..SimulatedConfig::new(&rig.rig) };
@@ -148,14 +149,14 @@ impl Bench {
         panic!("{what}: {heard:?}")
     }
 
-    /// Makes the simulated rig fail in some way before the next command.
+    /// Injects a fault into the simulated rig. It takes effect before the next command is written.
     fn inject(&self, fault: InjectedFault) {
         let call: SimulatorCall = Box::new(move |rig| rig.inject(fault));
         self.calls.send(call).expect("the line is there");
     }
 }
 
-/// Returns whether there is a reading, no complaint and no lost zero.
+/// Returns whether the bus has received a reading, without any complaint or lost zero.
 fn good(heard: &Heard) -> bool {
     heard.reading.is_some() && heard.complaints == Default::default() && !heard.zeros_lost
 }

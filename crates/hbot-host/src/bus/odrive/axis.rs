@@ -13,16 +13,17 @@ use super::message::{Command, Message, error, state};
 /// Encoder counts per turn that the driver reports. Equals `counts_per_turn` of this protocol in
 /// hbot-config.
 pub(super) const COUNTS_PER_TURN: f64 = (1_u32 << 21) as f64;
-/// Largest distance of a position from 0 soon after a restart, in turns. An absolute encoder starts
-/// within one turn of 0, any other encoder at 0. Half a turn is added for motion after the restart.
+/// Largest distance from 0 that the position of an axis can have soon after a restart, in turns. An
+/// absolute encoder starts within one turn of 0, any other encoder at 0. Half a turn is added for
+/// motion after the restart.
 pub(super) const BOOT_TURNS: f64 = 1.5;
 /// Largest plausible difference between a position and the position that the velocities predict, in
 /// turns. A larger difference counts as a jump, which can mean a restart.
 const JUMP_TURNS: f64 = 0.5;
-/// Longest time between two positions for which any jump counts as a restart, in ns. After a longer
-/// time, a jump counts only if it ends within [`BOOT_TURNS`] of 0.
+/// Longest time between two positions, in ns, for which any jump between them counts as a restart.
+/// After a longer time, a jump counts only if it ends within [`BOOT_TURNS`] of 0.
 const CLOSE_NS: u64 = 10_000_000;
-/// An axis that sent no position for longer than this may have restarted, in ns. It counts as
+/// Time without a position after which an axis can have restarted unnoticed, in ns. It counts as
 /// restarted if its next position is within [`BOOT_TURNS`] of 0.
 const SILENCE_NS: u64 = 250_000_000;
 /// Longest time without a heartbeat before an axis counts as silent, in ns. Only heartbeats report
@@ -32,10 +33,10 @@ const HEARTBEAT_NS: u64 = 300_000_000;
 /// position is only set at standstill, because the motion during the few milliseconds of setting it
 /// is lost.
 const STILL: f64 = 0.01;
-/// Widest steps of a position that are accepted, as a fraction of a turn of the joint. Wider steps
-/// are a fault.
+/// Widest accepted steps between neighbouring `f32` positions, as a fraction of a turn of the
+/// joint. An axis whose steps are wider reports a fault.
 const COARSEST: f64 = 1.0 / 8192.0;
-/// Upper bound for the steps of an `f32`, as a fraction of its value.
+/// Upper bound for the distance between neighbouring `f32` values, as a fraction of the value.
 const STEP: f64 = 1.0 / 8_388_608.0;
 /// Longest time that an axis may take to switch its motor off after the command, in ticks.
 const OFF_TICKS: u32 = 20;
@@ -44,8 +45,8 @@ const ON_TICKS: u32 = 300;
 /// Time for which an expired watchdog is not reported as a complaint, in ticks. It begins with the
 /// first command on a line and with each clearing of errors.
 const EXCUSED_TICKS: u32 = 100;
-/// Time between two attempts to clear the errors of an axis or to set its position, in ticks. It
-/// covers for commands that were lost.
+/// Time between two attempts to clear the errors of an axis or to set its position, in ticks. An
+/// attempt is repeated because its command can be lost.
 const AGAIN_TICKS: u32 = 100;
 /// Time between two commands to enter closed loop, in ticks. The driver repeats the command until
 /// the axis obeys.
@@ -57,14 +58,14 @@ const TOO_HOT: f32 = 150.0;
 const TOO_STRONG: f32 = 1000.0;
 
 /// Returns the mark of an axis with the gear ratio `gear`, in turns of the encoder. While its motor
-/// is off, the driver keeps the position near the mark. The mark is a whole number of turns of the
-/// joint. It is so far from 0 that no position within three quarters of a turn of the joint from it
-/// is possible after a restart.
+/// is off, the driver keeps the position of the axis near the mark, so that a restart can be
+/// detected. The mark is a whole number of turns of the joint. It is so far from 0 that no position
+/// within three quarters of a turn of the joint from it is possible after a restart.
 pub(super) fn mark(gear: f64) -> f64 {
     ((BOOT_TURNS + 0.5 + gear) / gear).ceil() * gear
 }
 
-/// Returns whether an axis can have this position soon after a restart, in turns.
+/// Returns whether `position`, in turns, is near enough to 0 for an axis that has just restarted.
 pub(super) fn may_be_booted(position: f64) -> bool {
     position.abs() <= BOOT_TURNS
 }
@@ -72,23 +73,23 @@ pub(super) fn may_be_booted(position: f64) -> bool {
 /// What must happen before the driver trusts an axis that may have restarted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Trust {
-    /// Nothing: the axis has not restarted since its bring-up.
+    /// Nothing: the axis is trusted, because it has not restarted since bring-up.
     Met,
-    /// The watchdog must expire once, to show that it works. With its motor off, the axis gets no
-    /// message until it has expired.
+    /// The watchdog of the axis must expire once, to show that it works. After its motor is off,
+    /// the axis gets no message until then.
     Proving,
     /// The watchdog has expired. The position must still be marked.
     Marking,
 }
 
-/// State of one axis, from its messages.
+/// State of one ODrive axis, as far as its messages show it.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     pub(super) id: u8,
     gear: f64,
     mark: f64,
-    /// Turns by which the driver has set the position back since bring-up. The reported encoder
-    /// count includes them.
+    /// Turns of the encoder by which the driver has moved the position of the axis back since
+    /// bring-up. The reported encoder count includes them.
     base: f64,
     position: Option<f64>,
     velocity: f64,
@@ -98,7 +99,8 @@ pub(super) struct Axis {
     pub(super) answers: Option<u32>,
     error: u32,
     state: u8,
-    /// Turns by which the position was just set back, until a position arrives that shows it.
+    /// Turns of the encoder by which the driver has just moved the position of the axis back.
+    /// `None` after a position has arrived that includes the move.
     set_back: Option<f64>,
     trust: Trust,
     /// Whether the axis has been in closed loop since the motors were last commanded on.
@@ -114,24 +116,26 @@ pub(super) struct Axis {
     measured: Complaints,
 }
 
-/// The last change of command: motors on or off.
+/// Whether the motors are commanded on or off, and since which tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Order {
     /// True if the motors are commanded on.
     pub(super) on: bool,
-    /// The tick of the change.
+    /// The tick at which the motors were commanded on or off.
     pub(super) since: u32,
 }
 
 impl Order {
-    /// Returns the number of ticks since the change.
+    /// Returns the number of ticks from the moment when the motors were commanded on or off to
+    /// `tick`.
     fn age(self, tick: u32) -> u32 {
         tick.wrapping_sub(self.since)
     }
 }
 
 impl Axis {
-    /// Returns the state of an axis that has just passed bring-up, before any message.
+    /// Returns the state of axis `id` after bring-up, before any message has arrived. `gear` is the
+    /// number of turns of the encoder for one turn of the joint.
     pub(super) fn new(id: u8, gear: f64) -> Self {
         Self {
             id,
@@ -155,21 +159,22 @@ impl Axis {
         }
     }
 
-    /// Starts again after a lost line has been reopened and the axis has passed bring-up again. The
-    /// encoder count continues.
+    /// Resets the state after a lost line has been reopened and brought up again. The encoder count
+    /// continues.
     pub(super) fn met_again(&mut self) {
         let Self { id, gear, base, answers, .. } = *self;
         *self = Self { base, answers, ..Self::new(id, gear) };
     }
 
-    /// Returns the encoder count, in steps of 1 / [`COUNTS_PER_TURN`] turn from the mark.
+    /// Returns the encoder count: the turns of the encoder from the mark, multiplied by
+    /// [`COUNTS_PER_TURN`]. It includes the turns by which the driver has moved the position back.
     pub(super) fn count(&self) -> i32 {
         let turns = self.position.unwrap_or(self.mark) - self.mark + self.base;
         // Wraps around like any counter.
         (turns * COUNTS_PER_TURN).round() as i64 as i32
     }
 
-    /// Returns the rate of the joint, in rad/s.
+    /// Returns the rate of the joint, in rad/s, from the last velocity of its encoder.
     pub(super) fn rate(&self) -> f64 {
         self.velocity * std::f64::consts::TAU / self.gear
     }
@@ -179,8 +184,8 @@ impl Axis {
         self.trust != Trust::Met
     }
 
-    /// Updates the state with a message that arrived before the command of `tick`. `order` is the
-    /// last change of command.
+    /// Updates the state with a message that arrived before the command of `tick`. `order` tells
+    /// whether the motors are commanded on, and since when.
     pub(super) fn hear(&mut self, now_ns: u64, tick: u32, order: Order, message: &Message) {
         match *message {
             Message::Estimates { position, velocity } => {
@@ -258,7 +263,8 @@ impl Axis {
         (self.trust, self.base, self.set_back) = (Trust::Proving, 0.0, None);
     }
 
-    /// Returns the complaints of the axis at `tick`. `order` is the last change of command.
+    /// Returns the complaints of the axis at `tick`. `order` tells whether the motors are commanded
+    /// on, and since when.
     pub(super) fn complaints(&self, tick: u32, order: Order) -> Complaints {
         let has = |bits: u32| self.error & bits != 0;
         let excused =
@@ -282,7 +288,8 @@ impl Axis {
         own.or(self.measured)
     }
 
-    /// Appends the command of `tick` to `line`. `torque` is the torque of the joint, in N m.
+    /// Appends the command of `tick` for this axis to `line`. `torque` is the torque of the joint,
+    /// in N m.
     pub(super) fn command(&mut self, tick: u32, order: Order, torque: f64, line: &mut Vec<u8>) {
         let age = order.age(tick);
         if age == 0 {
@@ -301,8 +308,8 @@ impl Axis {
         }
     }
 
-    /// Appends the command of `tick` that switches the motor off or keeps it off. `age` is the
-    /// number of ticks since the last change of command.
+    /// Appends to `line` the command of `tick` that switches the motor off or keeps it off. `age`
+    /// is the number of ticks since the motors were commanded on or off.
     fn command_off(&mut self, tick: u32, age: u32, line: &mut Vec<u8>) {
         let is_off = self.state == state::IDLE && age > OFF_TICKS;
         if self.trust == Trust::Proving && is_off {

@@ -26,11 +26,12 @@ pub(super) struct OdriveBus {
     decoder: Decoder,
     inbox: [u8; INBOX],
     outbox: Vec<u8>,
-    /// The last change of command: motors on or off.
+    /// Whether the motors are commanded on or off, and since which tick.
     order: Order,
-    /// True until the first command is sent on a new or reopened line.
+    /// True until the bus has sent its first command on a new or reopened line.
     fresh: bool,
-    /// True if the line took only a part of the last command.
+    /// True if the line accepted only a part of the last command. The next command must then first
+    /// end the half line.
     cut: bool,
     /// The tick of the command that the last reading answers.
     answered: Option<u32>,

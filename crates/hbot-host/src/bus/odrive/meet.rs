@@ -24,7 +24,7 @@ const WATCHDOG_MS: u64 = 120;
 const ESTIMATES_MS: u64 = 4;
 /// Longest accepted average time between two heartbeats of an axis, in ms.
 const HEARTBEAT_MS: u64 = 20;
-/// Time between two messages that feed a watchdog, in ms.
+/// Time between two messages that keep a watchdog from expiring, in ms.
 const FEED_MS: u64 = 2;
 /// Oldest firmware that has the messages that the driver needs, as major and minor version.
 const FIRMWARE: [u8; 2] = [0, 6];
@@ -86,8 +86,8 @@ pub(super) fn switch_off(line: &mut dyn Line, expected: &Expected) -> Result<boo
     Err(MeetError::Silent { port: talk.port() })
 }
 
-/// Lists all axes on a line with each setting that is wrong. Changes nothing: it asks each axis
-/// questions, then sends nothing until a working watchdog must have expired.
+/// Lists all axes on a line, with each setting that is wrong. Changes nothing. To find out whether
+/// the watchdogs work, it sends nothing at the end until each must have expired.
 pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
     let mut talk = Talk::open(line, expected)?;
     who_is_there(&mut talk, &ids(expected))?;
@@ -156,8 +156,8 @@ fn who_is_there(talk: &mut Talk<'_>, ids: &[u8]) -> Result<(), MeetError> {
     if talk.there().is_empty() { Err(MeetError::Silent { port: talk.port() }) } else { Ok(()) }
 }
 
-/// Returns a message if the axes on the line are not those of the rig file: two with one id, a
-/// missing one, or one too many.
+/// Returns an error message if the axes on the line are not those of the rig file: two axes have
+/// one id, one is missing, or one is not in the rig file. Otherwise returns `None`.
 fn crowd(talk: &Talk<'_>, expected: &Expected) -> Option<String> {
     let ids = ids(expected);
     let listed = |ids: &[u8]| ids.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
@@ -188,7 +188,8 @@ fn crowd(talk: &Talk<'_>, expected: &Expected) -> Option<String> {
 }
 
 /// Returns the settings of an axis that are wrong, each with the command that corrects it. The
-/// rates of positions and heartbeats are judged by their numbers in `listened_ms`.
+/// intervals of positions and heartbeats are computed from the numbers that arrived in
+/// `listened_ms`.
 fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
     let mut remedies = Vec::new();
     let save = "odrv0.save_configuration()";
@@ -223,9 +224,9 @@ fn no_watchdog() -> Remedy {
 /// The first axis that fails a check, with what is wrong and its remedy. `None` if all pass.
 type Refused = Option<(u8, Remedy)>;
 
-/// Sends nothing until the watchdog of each axis has expired. Returns the first axis whose watchdog
-/// does not expire. Reading the setting would prove less, and no number for it is valid in every
-/// firmware.
+/// Tests the watchdogs of the axes: feeds them until none is expired, then sends nothing until all
+/// have expired. Returns the first axis that fails. Reading the setting of a watchdog would prove
+/// less, and the number of this setting differs between firmware versions.
 fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
     let expired = |met: &Met| met.error & error::WATCHDOG_TIMER_EXPIRED != 0;
     talk.say_all(ids, Command::AxisState(state::IDLE))?;
@@ -257,8 +258,8 @@ fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
     Ok(refused.map(|id| (id, no_watchdog())))
 }
 
-/// Marks the position of each axis that has no mark, so that the driver can later detect a restart.
-/// Returns the first axis that does not take its position.
+/// Marks the position of each axis that has no mark: moves it away from 0, so that the driver can
+/// later detect a restart. Returns the first axis that does not accept its new position.
 fn marks(talk: &mut Talk<'_>, expected: &Expected) -> Result<Refused, MeetError> {
     let ids = ids(expected);
     for joint in (0..expected.joints()).filter_map(|at| expected.joint(at)) {

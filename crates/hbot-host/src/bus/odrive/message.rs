@@ -134,7 +134,7 @@ pub fn decode(frame: &Frame) -> Option<(u8, Message)> {
     Some(((frame.id >> 5) as u8, message))
 }
 
-/// Returns the little-endian number in at most four bytes.
+/// Converts at most four bytes, the lowest first, to a number.
 fn word(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
 }

@@ -28,10 +28,11 @@ use super::can::can_ns;
 use super::{BusTraffic, Expected, Found, MeetError, MotorBus, Protocol, Reports, Traffic};
 use crate::line::Line;
 
-/// Number of bytes that an adapter answers to each frame.
+/// Largest number of bytes with which an adapter accepts a frame.
 const TAKEN_BYTES: usize = 2;
 
-/// Driver for ODrives that use CANSimple, behind an adapter that uses slcan.
+/// Driver for ODrive motor controllers. They use the protocol CANSimple, behind a CAN adapter that
+/// uses the text protocol slcan.
 #[derive(Debug, Clone, Copy)]
 pub struct Odrive;
 

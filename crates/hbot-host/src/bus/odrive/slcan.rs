@@ -37,7 +37,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Returns a standard frame with the first 8 of `bytes`, or all if there are fewer.
+    /// Returns a standard frame with the id `id` and at most the first 8 of `bytes`.
     #[must_use]
     pub fn new(id: u16, bytes: &[u8]) -> Self {
         let length = bytes.len().min(8);
@@ -78,7 +78,7 @@ fn digit(value: u8) -> u8 {
     b"0123456789ABCDEF"[usize::from(value & 0xf)]
 }
 
-/// One line, or the bell character, from an adapter.
+/// What an adapter sends at one time: a line of text, or the bell character.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// A frame that the adapter received from the bus.
@@ -112,8 +112,8 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Takes the next byte. Returns a word if the byte completes one, and [`Damaged`] if it shows
-    /// that the line is damaged.
+    /// Takes the next byte from the adapter. Returns a [`Word`] if the byte completes one, and
+    /// [`Damaged`] if it shows that the line of text is damaged.
     pub fn push(&mut self, byte: u8) -> Option<Result<Word, Damaged>> {
         match byte {
             END => {
@@ -149,7 +149,7 @@ impl Decoder {
     }
 }
 
-/// Returns the meaning of a whole line.
+/// Decodes a whole line of text, without its end.
 fn word(line: &[u8]) -> Result<Word, Damaged> {
     match line {
         [] | [b'z' | b'Z'] => Ok(Word::Taken),
@@ -159,7 +159,7 @@ fn word(line: &[u8]) -> Result<Word, Damaged> {
     }
 }
 
-/// Returns the frame in a whole line. The id has `id_digits` digits.
+/// Decodes a whole line of text that contains a frame. The id of the frame has `id_digits` digits.
 fn frame(line: &[u8], id_digits: usize) -> Result<Word, Damaged> {
     let extended = id_digits == 8;
     let remote = matches!(line[0], b'r' | b'R');

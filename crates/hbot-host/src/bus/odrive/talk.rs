@@ -9,7 +9,7 @@ use crate::line::Line;
 /// Number of possible ids of an axis.
 pub(super) const IDS: usize = 64;
 
-/// What has been received from the axis with one id.
+/// Numbers and latest contents of the messages that have arrived from the axis with one id.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Met {
     /// Major version, minor version and variant of the board.
@@ -35,21 +35,21 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Returns whether any axis with this id has been heard.
+    /// Returns whether any message has arrived from this id.
     pub(super) fn is_there(&self) -> bool {
         self.heartbeats + self.estimates + self.answered > 0
     }
 }
 
-/// A conversation with the axes of a line. It counts its own time from 0, which a line in memory
-/// uses as its clock.
+/// A conversation with the axes of a line before the first tick. It counts its own time from 0,
+/// which a line in memory uses as its clock.
 pub(super) struct Talk<'a> {
     line: &'a mut dyn Line,
     port: &'a str,
     decoder: Decoder,
     /// Time since the start of the conversation, in ms.
     pub(super) now_ms: u64,
-    /// What has been received, by id.
+    /// What has been received from each axis, indexed by its id.
     pub(super) met: [Met; IDS],
 }
 
@@ -95,7 +95,7 @@ impl<'a> Talk<'a> {
         ids.iter().try_for_each(|id| self.say(*id, command))
     }
 
-    /// Receives messages for `ms` milliseconds.
+    /// Receives messages for `ms` milliseconds, and records them in `met`.
     pub(super) fn listen(&mut self, ms: u64) -> Result<(), MeetError> {
         let mut buffer = [0; 512];
         for _ in 0..ms {
@@ -139,7 +139,7 @@ impl<'a> Talk<'a> {
         }
     }
 
-    /// Returns the ids of all axes that have been heard.
+    /// Returns the ids of all axes from which a message has arrived.
     pub(super) fn there(&self) -> Vec<u8> {
         (0..IDS as u8).filter(|id| self.of(*id).is_there()).collect()
     }

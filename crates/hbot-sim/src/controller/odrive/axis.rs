@@ -30,7 +30,7 @@ const ESTOP_REQUESTED: u32 = 1 << 25;
 struct Settings {
     /// Whether the watchdog runs.
     enable_watchdog: bool,
-    /// Time of the watchdog, in ns.
+    /// Time without a message after which the watchdog expires, in ns.
     watchdog_timeout: u64,
     /// Time between two positions, in ns; 0 means none are sent.
     encoder_msg_rate: u64,
@@ -102,7 +102,7 @@ impl Axis {
         }
     }
 
-    /// Sets a setting by the name that the vendor's tools use. Returns false if there is none of
+    /// Changes the setting that the vendor's tools call `name`. Returns false if no setting has
     /// this name.
     pub(super) fn set(&mut self, name: &str, value: f64) -> bool {
         let ms = (value * MS as f64) as u64;
@@ -151,7 +151,7 @@ impl Axis {
         self.total as f64 / f64::from(joints.axes[j].joint.counts_per_turn) + self.offset
     }
 
-    /// Carries out a message with data bytes.
+    /// Carries out a command from the host. `message` is its number and `bytes` its data.
     pub(super) fn hear(&mut self, j: usize, message: u16, bytes: &[u8], joints: &Joints, truth: &Truth<'_>) {
         let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
         match (message, word(0)) {
@@ -177,8 +177,8 @@ impl Axis {
         }
     }
 
-    /// Appends a message that was requested to `reply`. `at` contains the joint and the number of
-    /// the message.
+    /// Appends the message that the host has requested to `reply`. `at` contains the joint and the
+    /// number of the message.
     pub(super) fn say(&mut self, at: (usize, u16), joints: &Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let (j, message) = at;
         let temperature = if joints.is_hot(j) || joints.derates(j) { HOT } else { TEMPERATURE };
@@ -251,8 +251,8 @@ impl Axis {
         self.next_word_ns().min(if runs { self.deadline } else { u64::MAX })
     }
 
-    /// Simulates a loss of power that ends at once. All that is not saved is lost, the position
-    /// too.
+    /// Simulates a loss of power that ends at once. The axis loses its state, errors and position,
+    /// and keeps its settings.
     pub(super) fn reboot(&mut self) {
         (self.state, self.error, self.disarm_reason, self.result) = (IDLE, 0, 0, 0);
         (self.torque_mode, self.input_torque, self.offset) = (false, 0.0, 0.0);

@@ -15,7 +15,8 @@ use super::{InjectedFault, Speaks};
 
 use self::axis::Axis;
 
-/// Number of the emergency stop. It is the only message without data bytes that is not a request.
+/// Message number of the emergency stop. It is the only command without data bytes. Any other frame
+/// without data bytes is a request.
 const ESTOP: u16 = 0x02;
 
 /// The simulated axes of one line, with their adapter.
@@ -39,8 +40,8 @@ impl Odrive {
         Self { axes, line: Vec::with_capacity(LONGEST), open: false, refused: 0 }
     }
 
-    /// Sets a setting of an axis by the name that the vendor's tools use. Returns false if there is
-    /// none of this name.
+    /// Changes the setting of the axis of `joint` that the vendor's tools call `name`. Returns
+    /// false if no setting has this name.
     pub(super) fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
         self.axes.get_mut(joint).is_some_and(|axis| axis.set(name, value))
     }
