@@ -91,7 +91,7 @@ fn after(signal: Signal) -> Vec<u32> {
     (0..4).map(|id| disarm_reason(&axes, id)).collect()
 }
 
-/// After the server is killed or ends while its motors push, state idle has switched every axis
+/// After the server is killed or ends while its motors push, its last word has switched every axis
 /// off. Without the last word, the watchdog would always have done it. One success in five attempts
 /// is enough, because a busy machine can delay the last word.
 #[test]

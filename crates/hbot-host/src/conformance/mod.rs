@@ -30,7 +30,7 @@ use self::wire::{Tap, Wire};
 /// Virtual motor controllers at the far end of a line, against which the suite tests a driver.
 pub trait Controllers: Send {
     /// Passes `bytes` to the controllers at `now_ns`. Appends to `answer` first what they have sent
-    /// unasked until then, and then all their answers. It is also called without any bytes.
+    /// unasked until then, and then all their answers at once. It is also called without any bytes.
     fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
 
     /// Returns the torque that each motor gives at `now_ns`, N m, in the order of the bus and with
