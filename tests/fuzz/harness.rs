@@ -107,8 +107,8 @@ fn heard(
     (damaged, foreign, reading)
 }
 
-/// Lines from moteus servos: the same in whatever pieces they come, and no more than there are ends
-/// of lines.
+/// Decodes lines of text from moteus servos. The result does not depend on the pieces in which the
+/// bytes arrive, and there are no more answers than ends of lines.
 pub(crate) fn moteus_answers(bytes: &[u8]) {
     static RIG: LazyLock<RigConfig> = LazyLock::new(|| {
         let text = include_str!("../../rigs/prototype-moteus.toml");

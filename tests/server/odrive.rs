@@ -1,5 +1,5 @@
-//! ODrives under the whole server: the spring is that of hbot's own link, and its last word reaches
-//! every axis.
+//! Tests of the whole server with ODrives: a spring gives the torques that it gives over hbot's own
+//! link, and the server's last word reaches every axis.
 
 use hbot_config::RigConfig;
 use hbot_config::rig::Protocol;
@@ -13,7 +13,7 @@ use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::eventually;
 
 const RIG: &str = include_str!("../../rigs/prototype-odrive.toml");
-/// The error of a watchdog.
+/// Error bit of an expired watchdog.
 const WATCHDOG: u32 = 1 << 24;
 
 #[test]
@@ -28,12 +28,13 @@ fn a_spring_feels_the_same_over_odrives_as_over_hbot_s_own_link() {
     }
     let (most, largest) = apart(&own, &odrive);
     assert!(largest > 0.01, "the spring pushes: {largest} N m");
-    // A position is an f32: in steps of 2^-18 turns of a motor behind a gear of 17, of 2^-22 turns
-    // without one.
+    // A position is an f32. Its steps are 2^-18 turns for a motor behind a gear of 17, and 2^-22
+    // turns without a gear.
     assert!(most < 3e-5, "{most} N m apart");
 }
 
-/// Virtual ODrives whose watchdogs take as long as the driver allows.
+/// Starts simulated ODrives for `rig` behind a pseudo-terminal. Their watchdog time is 100 ms,
+/// close to the longest that the driver accepts, so that the last word can arrive first.
 fn axes(rig: &RigConfig) -> PtyRig {
     let config = SimulatedConfig { line: Protocol::Odrive.into(), ..SimulatedConfig::new(&rig.rig) };
     let mut simulated = SimulatedRig::new(&config).expect("it can be simulated");
@@ -43,12 +44,14 @@ fn axes(rig: &RigConfig) -> PtyRig {
     spawn_pty(simulated, PtyOptions::default()).expect("this test needs pseudo-terminals (/dev/ptmx)")
 }
 
+/// Returns whether any motor gives torque.
 fn pushes(axes: &PtyRig) -> bool {
     let torque = axes.call(|rig| *rig.joint_torque()).expect("they are there");
     torque.iter().any(|torque| *torque != 0.0)
 }
 
-/// What has switched an axis off last, asked past whatever is on the line.
+/// Returns the error bits that last switched axis `id` off; 0 if a command did. The question goes
+/// directly to the simulated rig, so it does not disturb the server's line.
 fn disarm_reason(axes: &PtyRig, id: u16) -> u32 {
     let reply = axes.call(move |rig| {
         let mut reply = Vec::new();
@@ -61,13 +64,14 @@ fn disarm_reason(axes: &PtyRig, id: u16) -> u32 {
     u32::from_str_radix(&line[8..], 16).expect("a word").swap_bytes()
 }
 
-/// What has switched the axes off after a server that pushed has ended by a signal.
+/// Runs a server until its motors push, then ends it with `signal`. Returns the error bits that
+/// switched each axis off, as [`disarm_reason`] does.
 fn after(signal: Signal) -> Vec<u32> {
     let patient = RIG.replace("timeout_ticks = 20", "timeout_ticks = 1000");
     let rig = RigConfig::from_toml(&patient, "patient.toml").expect("legal");
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
-    // All on one line: the simulated rig has one.
+    // All axes are on one line, because the simulated rig has only one.
     std::fs::write(path("rig.toml"), patient.replace("port = 1", "port = 0")).expect("written");
     std::fs::write(path("push.toml"), PUSH).expect("written");
     let axes = axes(&rig);
@@ -87,11 +91,13 @@ fn after(signal: Signal) -> Vec<u32> {
     (0..4).map(|id| disarm_reason(&axes, id)).collect()
 }
 
-/// Without a last word the watchdog is always the reason.
+/// After the server is killed or ends while its motors push, its last word has switched every axis
+/// off. Without the last word, the watchdog would always have done it. One success in five attempts
+/// is enough, because a busy machine can delay the last word.
 #[test]
 fn a_server_that_is_killed_or_ended_leaves_every_odrive_idle_before_its_watchdog() {
     for signal in [Signal::KILL, Signal::ABORT, Signal::TERM] {
-        // A busy machine may keep the server, or its helper, waiting for longer than 100 ms.
+        // A busy machine can delay the server or its helper process for longer than 100 ms.
         let seen: Vec<Vec<u32>> =
             (0..5).map(|_| after(signal)).take_while(|reasons| reasons != &[0; 4]).collect();
         assert!(seen.len() < 5, "{signal:?}: {seen:?}");

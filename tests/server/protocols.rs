@@ -32,8 +32,9 @@ const SCENE: &str = r#"
 "#;
 const SECONDS: u64 = 5;
 
-/// All ticks of a server in virtual time on the prototype whose controllers speak `protocol`, with
-/// encoders as fine as those of `other`.
+/// Runs a server in virtual time on the prototype, whose controllers use `protocol`, with the scene
+/// `SCENE`. The encoders have the resolution of those of `other`, so that two runs can be compared.
+/// Returns all ticks.
 pub(crate) fn felt(protocol: Protocol, other: Protocol) -> Vec<Tick> {
     let mut rig = RigConfig::prototype();
     rig.link.protocol = protocol;

@@ -37,7 +37,7 @@ impl Simulated {
         Self::boxed(with_counts(Name::Moteus), Line { protocol: Name::Moteus, checksums: false })
     }
 
-    /// ODrives with the watchdog time of the suite.
+    /// Simulated ODrives with the watchdog time of the suite, 20 ms.
     fn odrive() -> Box<dyn Controllers> {
         let config =
             SimulatedConfig { line: Name::Odrive.into(), ..SimulatedConfig::new(&with_counts(Name::Odrive)) };

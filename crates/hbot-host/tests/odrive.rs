@@ -1,4 +1,5 @@
-//! The driver for ODrives on virtual ones, in what the conformance suite does not look at.
+//! Tests of the ODrive driver with simulated ODrives, for properties that the conformance suite
+//! does not cover.
 
 use std::sync::mpsc::{Sender, channel};
 
@@ -15,7 +16,9 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 const RIG: &str = include_str!("../../../rigs/prototype-odrive.toml");
 const COUNTS: i32 = 1 << 21;
 
-/// The line of the rig file's axes after `change`.
+/// Returns a line to simulated ODrives for the rig file of the prototype, the sender of calls to
+/// the simulated rig, and the axes that the driver must expect. `change` first alters the simulated
+/// rig.
 fn line(change: impl FnOnce(&mut SimulatedRig)) -> (Memory, Sender<SimulatorCall>, Expected) {
     let rig = RigConfig::from_toml(RIG, "rigs/prototype-odrive.toml").expect("it is legal");
     let config = SimulatedConfig { line: Name::Odrive.into(), ..SimulatedConfig::new(&rig.rig) };
@@ -25,12 +28,14 @@ fn line(change: impl FnOnce(&mut SimulatedRig)) -> (Memory, Sender<SimulatorCall
     (Memory::new(simulated, inbox), calls, Expected::new("test", &rig.rig, &Layout::of(&rig), 0))
 }
 
-/// What meeting the axes says after `change`.
+/// Returns the message with which bring-up fails after `change` has altered the simulated rig, or
+/// "met" if it succeeds.
 fn refusal(change: impl FnOnce(&mut SimulatedRig)) -> String {
     let (mut line, _, expected) = line(change);
     Odrive.meet(&mut line, &expected).map_or_else(|error| error.to_string(), |()| "met".to_owned())
 }
 
+/// Sets a setting of the simulated axis of `joint`, by the name that the vendor's tools use.
 fn set(rig: &mut SimulatedRig, joint: usize, name: &str, value: f64) {
     assert!(rig.controllers_mut().set(joint, name, value), "{name}");
 }
@@ -107,7 +112,7 @@ fn a_scan_lists_two_of_one_id_twice_and_strangers_too() {
     assert_eq!(found.iter().map(|it| it.id).collect::<Vec<_>>(), [0, 2, 2, 40]);
 }
 
-/// A bus whose axes have been met, a millisecond at a time.
+/// A bus whose axes have passed bring-up. It runs in ticks of one millisecond.
 struct Bench {
     bus: Box<dyn MotorBus>,
     calls: Sender<SimulatorCall>,
@@ -121,6 +126,7 @@ impl Bench {
         Self { bus: Odrive.bus(Box::new(line), expected), calls, tick: 0 }
     }
 
+    /// Runs one tick with zero torque, and returns what the bus has received.
     fn tick(&mut self, enable: bool) -> Heard {
         let now_ns = u64::from(self.tick) * 1_000_000;
         let heard = self.bus.receive(now_ns, self.tick);
@@ -130,7 +136,8 @@ impl Bench {
         heard
     }
 
-    /// Ticks until `right`, at most two seconds.
+    /// Runs ticks until `right` holds, for at most two seconds. Panics with `what` if it never
+    /// does.
     fn until(&mut self, enable: bool, what: &str, right: impl Fn(&Heard) -> bool) -> Heard {
         let mut heard = self.tick(enable);
         for _ in 0..2000 {
@@ -142,12 +149,14 @@ impl Bench {
         panic!("{what}: {heard:?}")
     }
 
+    /// Injects a fault into the simulated rig. It takes effect before the next command is written.
     fn inject(&self, fault: InjectedFault) {
         let call: SimulatorCall = Box::new(move |rig| rig.inject(fault));
         self.calls.send(call).expect("the line is there");
     }
 }
 
+/// Returns whether the bus has received a reading, without any complaint or lost zero.
 fn good(heard: &Heard) -> bool {
     heard.reading.is_some() && heard.complaints == Default::default() && !heard.zeros_lost
 }
@@ -157,8 +166,8 @@ fn positions_are_set_back_while_motors_are_off_and_counts_go_on() {
     let mut bench = Bench::new();
     bench.until(true, "on", good);
     let mut before = 0;
-    // A hand turns the first joint by 60 turns, a tenth of a turn a tick; the rates that it says
-    // are 0.
+    // The first joint turns by 60 turns, a tenth of a turn in each tick. The rates that its axis
+    // reports stay 0.
     for k in 1..=600 {
         bench.inject(InjectedFault::Slipped { joint: 0, angle: std::f64::consts::TAU * f64::from(k) / 10.0 });
         let heard = bench.tick(true);
@@ -174,8 +183,8 @@ fn positions_are_set_back_while_motors_are_off_and_counts_go_on() {
         // An f32 of 64 turns has steps of 2^-18 turns.
         assert!((turns(&heard) - 60.0).abs() < 1.0 / f64::from(1 << 18) + 0.2, "{}", turns(&heard));
     }
-    // The axis itself is near its mark again: a restart shows, after which its encoder counts from
-    // 0.
+    // The axis has set its own position near the mark again, so a restart is detected. After it the
+    // encoder counts from 0.
     bench.inject(InjectedFault::Slipped { joint: 0, angle: 0.0 });
     bench.inject(InjectedFault::RebootOne(0));
     bench.until(false, "a restart is seen", |heard| heard.zeros_lost);
@@ -193,7 +202,7 @@ fn one_axis_that_restarts_while_it_pushes_is_a_lost_zero_until_its_watchdog_has_
     bench.inject(InjectedFault::RebootOne(2));
     bench.until(true, "a restart is seen", |heard| heard.zeros_lost);
     bench.until(false, "it is met again", good);
-    // Without a watchdog it stays out.
+    // An axis without a watchdog stays untrusted after a restart.
     let call: SimulatorCall = Box::new(|rig| set(rig, 2, "config.enable_watchdog", 0.0));
     bench.calls.send(call).expect("the line is there");
     bench.inject(InjectedFault::RebootOne(2));
@@ -234,7 +243,7 @@ fn a_joint_that_has_turned_so_far_that_its_position_is_coarse_is_a_fault() {
             break;
         }
     }
-    // Steps of an f32 beyond 1024 turns are 2^-13 turns.
+    // Above 1024 turns, the steps of an f32 are 2^-13 turns.
     assert!((2270..=2290).contains(&far), "{}", 0.45 * f64::from(far));
     bench.until(false, "set back", good);
 }

@@ -22,11 +22,11 @@ pub(super) const fn can_fd_ns(bytes: u64, long_id: bool, stuffed: bool) -> u64 {
     1000 * (head + slow + TAIL) + 200 * (data + fast + check)
 }
 
-/// The time that a frame of classical CAN with an id of 11 bits and `bytes` data bytes takes at 1
-/// Mbit/s, ns: with the most stuff bits where `stuffed`.
+/// Returns the time that a frame of classical CAN with `bytes` data bytes takes, in ns, with an id
+/// of 11 bits and at 1 Mbit/s. `stuffed` adds the largest possible number of stuff bits.
 pub(super) const fn can_ns(bytes: u64, stuffed: bool) -> u64 {
-    // Start, id, flags, length, data, CRC can have stuff bits; its delimiter, acknowledgement, end
-    // and pause cannot.
+    // Stuff bits can occur in the start bit, id, flags, length, data and CRC. They cannot occur in
+    // the CRC delimiter, the acknowledgement, the end of frame and the pause.
     let head = 34 + 8 * bytes;
     let stuff = if stuffed { (head - 1) / 4 } else { 0 };
     1000 * (head + stuff + 13)

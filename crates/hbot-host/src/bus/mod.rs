@@ -134,20 +134,21 @@ pub trait Protocol: fmt::Debug + Send + Sync {
     /// Returns the largest traffic that one tick causes on a line with `joints` joints.
     fn traffic(&self, joints: usize) -> Traffic;
 
-    /// When controllers say what they say. The default: all of it in the answer to each command.
+    /// Returns whether controllers report without being asked, and how soon. By default they report
+    /// everything in the answer to each command.
     fn reports(&self) -> Reports {
         Reports::default()
     }
 }
 
-/// When the controllers of a protocol say what they say.
+/// When the controllers of a protocol report their readings and their status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reports {
-    /// Readings come by themselves. The age of one counts from its arrival: nobody can tell how
-    /// long it was on its way.
+    /// True if readings arrive without being asked for. The age of such a reading counts from its
+    /// arrival, because the time on its way is unknown.
     pub unasked: bool,
-    /// How long after a change the controllers have said that motors are on or off, or that there
-    /// is a fault, ms.
+    /// Longest time from a change to the controllers' report of it, in ms. Changes are motors that
+    /// go on or off, and faults.
     pub status_ms: u32,
 }
 
@@ -164,8 +165,8 @@ pub struct Traffic {
     pub commands: usize,
     /// Bytes from the controllers to the host.
     pub feedback: usize,
-    /// Time that the controllers need beyond that of the bytes, us. `rig check` adds it to the time
-    /// of the feedback.
+    /// Time that the controllers need in addition to the transmission time of the bytes, in us.
+    /// `rig check` adds it to the time of the feedback.
     pub turnaround_us: u32,
     /// The time that a tick takes on the CAN bus behind an adapter. `None` if the line has no such
     /// bus.

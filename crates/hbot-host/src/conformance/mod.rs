@@ -29,8 +29,8 @@ use self::wire::{Tap, Wire};
 
 /// Virtual motor controllers at the far end of a line, against which the suite tests a driver.
 pub trait Controllers: Send {
-    /// Takes in `bytes` at `now_ns` and appends its answers to `answer`, all at once, after what
-    /// they have said unasked until then. It is also called without any bytes.
+    /// Passes `bytes` to the controllers at `now_ns`. Appends to `answer` first what they have sent
+    /// unasked until then, and then all their answers at once. It is also called without any bytes.
     fn hear(&mut self, now_ns: u64, bytes: &[u8], answer: &mut Vec<u8>);
 
     /// Returns the torque that each motor gives at `now_ns`, N m, in the order of the bus and with

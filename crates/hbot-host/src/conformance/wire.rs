@@ -35,11 +35,12 @@ pub(super) struct Middle {
     pub(super) renewed: Option<Renewed>,
     /// If set, collects the bytes that the bus writes, instead of passing them to the controllers.
     pub(super) diverted: Option<Vec<u8>>,
-    /// The controllers' time when that of the host began anew, ns: the meeting has its own.
+    /// Time of the controllers at which the host's clock last started again from 0, in ns. The
+    /// host's bring-up has its own clock.
     base_ns: u64,
-    /// What the host's time was last, ns.
+    /// Last time of the host's clock, in ns.
     last_ns: u64,
-    /// Before the first tick: what is said can be read at once.
+    /// True during bring-up, before the first tick. Answers can then be read at once.
     meeting: bool,
 }
 
@@ -78,14 +79,14 @@ impl Tap {
         with(held(&self.0).controllers.as_mut())
     }
 
-    /// The meeting is over: the time of the bus begins.
+    /// Ends bring-up: the clock of the bus begins.
     pub(super) fn begin(&self) {
         let middle = &mut *held(&self.0);
         middle.meeting = false;
         middle.pieces.clear();
     }
 
-    /// The torque of the motors, N m.
+    /// Returns the torque of each motor at the host's time `now_ns`, in N m.
     pub(super) fn torque(&self, now_ns: u64) -> Vec<f64> {
         let middle = &mut *held(&self.0);
         let now_ns = middle.time(now_ns);
@@ -114,7 +115,7 @@ fn held(middle: &Mutex<Middle>) -> MutexGuard<'_, Middle> {
 }
 
 impl Middle {
-    /// The controllers' time at the host's time, ns.
+    /// Converts the host's time to the controllers' time, in ns.
     fn time(&mut self, now_ns: u64) -> u64 {
         if now_ns < self.last_ns {
             self.base_ns += self.last_ns;

@@ -21,10 +21,10 @@ pub struct Memory {
     calls: Receiver<SimulatorCall>,
     inbox: Vec<u8>,
     read: usize,
-    /// The line's time when its owner's began anew, ns: a conversation before the first tick has
-    /// its own.
+    /// Time of the line at which its user's clock last started again from 0, in ns. A conversation
+    /// before the first tick has its own clock.
     base_ns: u64,
-    /// What its owner's time was last, ns.
+    /// Last time of the user's clock, in ns.
     last_ns: u64,
 }
 
@@ -36,7 +36,7 @@ impl Memory {
         Self { rig, calls, inbox: Vec::with_capacity(INBOX), read: 0, base_ns: 0, last_ns: 0 }
     }
 
-    /// The time of the line at its owner's time, ns.
+    /// Converts the time of the user's clock to the time of the line, in ns.
     fn time(&mut self, now_ns: u64) -> u64 {
         if now_ns < self.last_ns {
             self.base_ns += self.last_ns;

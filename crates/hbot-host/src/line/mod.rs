@@ -9,8 +9,8 @@ use std::io;
 
 pub use self::memory::{Memory, SimulatorCall};
 
-/// Bytes to and from motor controllers. `now_ns` is the time since the start of the loop; a real
-/// line has no use for it.
+/// Moves bytes to and from motor controllers. `now_ns` is the time since the start of the loop.
+/// Only a line in memory uses it; a serial port ignores it.
 pub trait Line: Send {
     /// Reads the bytes that have arrived into `buffer` and returns their number, 0 if there are
     /// none. Never waits.
@@ -31,8 +31,8 @@ pub trait Line: Send {
         None
     }
 
-    /// Lets a millisecond pass, outside the loop. A line in memory, whose time is `now_ns`, does
-    /// not wait.
+    /// Waits for a millisecond, outside the loop. A line in memory does not wait, because `now_ns`
+    /// is its clock.
     fn pause(&mut self) {
         std::thread::sleep(std::time::Duration::from_millis(1));
     }

@@ -1,118 +1,141 @@
-//! What is known of one axis: where it is, how it is, and whether it may have lost power.
+//! What the driver knows of one ODrive axis: its position, its state and errors, and whether it may
+//! have restarted.
 //!
-//! An axis says its position in turns as an `f32`, which coarsens with its size, and nothing that
-//! tells a restart. Both are settled by *marking*: while the motor is off, the driver sets the
-//! position so that it differs from the boot's by whole turns of the joint ([`mark`]). After a
-//! restart the position is within [`BOOT_TURNS`] of 0, where a marked one is not.
+//! An axis sends its position in turns as an `f32`, whose steps widen with its size. No message
+//! tells that an axis has restarted. *Marking* solves both problems: while the motor is off, the
+//! driver moves the position by whole turns of the joint until it is near the mark ([`mark`]).
+//! After a restart a position is within [`BOOT_TURNS`] of 0. A marked position is further away.
 
 use hbot_core::inputs::Complaints;
 
 use super::message::{Command, Message, error, state};
 
-/// Counts that the driver makes of a turn: `counts_per_turn` of hbot-config.
+/// Encoder counts per turn that the driver reports. Equals `counts_per_turn` of this protocol in
+/// hbot-config.
 pub(super) const COUNTS_PER_TURN: f64 = (1_u32 << 21) as f64;
-/// After a restart a position is at most this far from 0, turns: an absolute encoder says where it
-/// is in its turn, any other begins at 0. Half a turn is added for what it turns meanwhile.
+/// Largest distance from 0 that the position of an axis can have soon after a restart, in turns. An
+/// absolute encoder starts within one turn of 0, any other encoder at 0. Half a turn is added for
+/// motion after the restart.
 pub(super) const BOOT_TURNS: f64 = 1.5;
-/// No motor is further from where its rates have it after at most [`CLOSE_NS`], turns.
+/// Largest plausible difference between a position and the position that the velocities predict, in
+/// turns. A larger difference counts as a jump, which can mean a restart.
 const JUMP_TURNS: f64 = 0.5;
+/// Longest time between two positions, in ns, for which any jump between them counts as a restart.
+/// After a longer time, a jump counts only if it ends within [`BOOT_TURNS`] of 0.
 const CLOSE_NS: u64 = 10_000_000;
-/// An axis that was silent for longer may have restarted, ns.
+/// Time without a position after which an axis can have restarted unnoticed, in ns. It counts as
+/// restarted if its next position is within [`BOOT_TURNS`] of 0.
 const SILENCE_NS: u64 = 250_000_000;
-/// An axis without a heartbeat for this time is taken for silent: nobody knows whether it is on,
-/// ns.
+/// Longest time without a heartbeat before an axis counts as silent, in ns. Only heartbeats report
+/// whether the motor is on.
 const HEARTBEAT_NS: u64 = 300_000_000;
-/// A joint stands still below this rate of its encoder, turns a second: setting a position costs
-/// what it turns within some milliseconds.
+/// Velocity of the encoder below which a joint counts as standing still, in turns per second. A new
+/// position is only set at standstill, because the motion during the few milliseconds of setting it
+/// is lost.
 const STILL: f64 = 0.01;
-/// A position is too coarse where its steps are more than this part of a turn of the joint.
+/// Widest accepted steps between neighbouring `f32` positions, as a fraction of a turn of the
+/// joint. An axis whose steps are wider reports a fault.
 const COARSEST: f64 = 1.0 / 8192.0;
-/// Steps of an `f32` are at most this part of it.
+/// Upper bound for the distance between neighbouring `f32` values, as a fraction of the value.
 const STEP: f64 = 1.0 / 8_388_608.0;
-/// How long an axis may take to do what its state was commanded, ticks.
+/// Longest time that an axis may take to switch its motor off after the command, in ticks.
 const OFF_TICKS: u32 = 20;
+/// Longest time that an axis may take to reach closed loop after the command, in ticks.
 const ON_TICKS: u32 = 300;
-/// How long a watchdog that has expired while nobody was there is excused, ticks.
+/// Time for which an expired watchdog is not reported as a complaint, in ticks. It begins with the
+/// first command on a line and with each clearing of errors.
 const EXCUSED_TICKS: u32 = 100;
-/// Commands that were lost are repeated this often, ticks.
+/// Time between two attempts to clear the errors of an axis or to set its position, in ticks. An
+/// attempt is repeated because its command can be lost.
 const AGAIN_TICKS: u32 = 100;
-/// Closed loop is asked for this often until it is there, ticks.
+/// Time between two commands to enter closed loop, in ticks. The driver repeats the command until
+/// the axis obeys.
 const ON_AGAIN_TICKS: u32 = 10;
-/// A motor or power stage at this temperature is too hot whatever its own limit, degrees Celsius.
+/// Temperature of a motor or power stage above which the driver reports overtemperature, whatever
+/// limit is set in the ODrive, in degrees Celsius.
 const TOO_HOT: f32 = 150.0;
-/// A current beyond this is no motor's of such a rig, A.
+/// Current above which the driver reports overcurrent, in A. No motor of such a rig takes as much.
 const TOO_STRONG: f32 = 1000.0;
 
-/// Where a position is set to while the motor is off, turns: whole turns of a joint behind `gear`,
-/// so far from 0 that no position within three quarters of a joint's turn of it is one after a
-/// restart.
+/// Returns the mark of an axis with the gear ratio `gear`, in turns of the encoder. While its motor
+/// is off, the driver keeps the position of the axis near the mark, so that a restart can be
+/// detected. The mark is a whole number of turns of the joint. It is so far from 0 that no position
+/// within three quarters of a turn of the joint from it is possible after a restart.
 pub(super) fn mark(gear: f64) -> f64 {
     ((BOOT_TURNS + 0.5 + gear) / gear).ceil() * gear
 }
 
-/// Whether a position, turns, can be one after a restart.
+/// Returns whether `position`, in turns, is near enough to 0 for an axis that has just restarted.
 pub(super) fn may_be_booted(position: f64) -> bool {
     position.abs() <= BOOT_TURNS
 }
 
-/// What has to happen before an axis that may have restarted is trusted again.
+/// What must happen before the driver trusts an axis that may have restarted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Trust {
-    /// It is the one that was met.
+    /// Nothing: the axis is trusted, because it has not restarted since bring-up.
     Met,
-    /// Its watchdog must expire once: nothing is said to it until it has.
+    /// The watchdog of the axis must expire once, to show that it works. After its motor is off,
+    /// the axis gets no message until then.
     Proving,
-    /// Its position must be marked.
+    /// The watchdog has expired. The position must still be marked.
     Marking,
 }
 
-/// One axis.
+/// State of one ODrive axis, as far as its messages show it.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     pub(super) id: u8,
     gear: f64,
     mark: f64,
-    /// Turns by which its position was set back since it was met.
+    /// Turns of the encoder by which the driver has moved the position of the axis back since
+    /// bring-up. The reported encoder count includes them.
     base: f64,
     position: Option<f64>,
     velocity: f64,
     heard_ns: u64,
     heartbeat_ns: u64,
-    /// The tick of the newest command before its newest position.
+    /// The tick of the last command that was sent before the newest position arrived.
     pub(super) answers: Option<u32>,
     error: u32,
     state: u8,
-    /// Its position was set back by this many turns, and does not show it yet.
+    /// Turns of the encoder by which the driver has just moved the position of the axis back.
+    /// `None` after a position has arrived that includes the move.
     set_back: Option<f64>,
     trust: Trust,
-    /// It has been in closed loop since motors were switched on.
+    /// Whether the axis has been in closed loop since the motors were last commanded on.
     was_on: bool,
-    /// An expired watchdog is no complaint until this tick, or until it is seen mended.
+    /// Tick until which an expired watchdog is not a complaint. `None` after a heartbeat has shown,
+    /// while motors are on, that the error is gone.
     excused_until: Option<u32>,
-    /// When its errors were cleared last.
+    /// Tick at which the errors of this axis were last cleared.
     cleared: Option<u32>,
-    /// Its last position was no number.
+    /// Whether the last position or velocity was not a finite number.
     broken: bool,
-    /// Complaints of currents and temperatures.
+    /// Complaints from the last measured current and temperatures.
     measured: Complaints,
 }
 
-/// What the driver has commanded last.
+/// Whether the motors are commanded on or off, and since which tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Order {
+    /// True if the motors are commanded on.
     pub(super) on: bool,
-    /// The tick since which it holds.
+    /// The tick at which the motors were commanded on or off.
     pub(super) since: u32,
 }
 
 impl Order {
+    /// Returns the number of ticks from the moment when the motors were commanded on or off to
+    /// `tick`.
     fn age(self, tick: u32) -> u32 {
         tick.wrapping_sub(self.since)
     }
 }
 
 impl Axis {
-    /// An axis that has just been met.
+    /// Returns the state of axis `id` after bring-up, before any message has arrived. `gear` is the
+    /// number of turns of the encoder for one turn of the joint.
     pub(super) fn new(id: u8, gear: f64) -> Self {
         Self {
             id,
@@ -136,30 +159,33 @@ impl Axis {
         }
     }
 
-    /// The line was gone, and the axis has been met again. Its count goes on.
+    /// Resets the state after a lost line has been reopened and brought up again. The encoder count
+    /// continues.
     pub(super) fn met_again(&mut self) {
         let Self { id, gear, base, answers, .. } = *self;
         *self = Self { base, answers, ..Self::new(id, gear) };
     }
 
-    /// The count of its encoder.
+    /// Returns the encoder count: the turns of the encoder from the mark, multiplied by
+    /// [`COUNTS_PER_TURN`]. It includes the turns by which the driver has moved the position back.
     pub(super) fn count(&self) -> i32 {
         let turns = self.position.unwrap_or(self.mark) - self.mark + self.base;
-        // Wraps as any counter does.
+        // Wraps around like any counter.
         (turns * COUNTS_PER_TURN).round() as i64 as i32
     }
 
-    /// The rate of the joint, rad/s.
+    /// Returns the rate of the joint, in rad/s, from the last velocity of its encoder.
     pub(super) fn rate(&self) -> f64 {
         self.velocity * std::f64::consts::TAU / self.gear
     }
 
-    /// It may have lost its zero.
+    /// Returns whether the axis may have restarted and so may have lost its zero.
     pub(super) fn is_lost(&self) -> bool {
         self.trust != Trust::Met
     }
 
-    /// Takes in what it has said before the command of `tick`.
+    /// Updates the state with a message that arrived before the command of `tick`. `order` tells
+    /// whether the motors are commanded on, and since when.
     pub(super) fn hear(&mut self, now_ns: u64, tick: u32, order: Order, message: &Message) {
         match *message {
             Message::Estimates { position, velocity } => {
@@ -178,6 +204,8 @@ impl Axis {
         }
     }
 
+    /// Updates the state with a position and a velocity, in turns and turns per second, and checks
+    /// whether they show a restart.
     fn estimate(&mut self, now_ns: u64, tick: u32, position: f64, velocity: f64) {
         self.broken = !(position.is_finite() && velocity.is_finite());
         if self.broken {
@@ -205,11 +233,13 @@ impl Axis {
         }
     }
 
+    /// Updates the state with a heartbeat, and checks whether it shows a restart.
     fn heartbeat(&mut self, now_ns: u64, tick: u32, order: Order, error: u32, state: u8) {
         self.heartbeat_ns = now_ns;
         (self.error, self.state) = (error, state);
         if error & error::WATCHDOG_TIMER_EXPIRED == 0 {
-            // While motors are off nobody is hurt by it, and a command may still be missing.
+            // While motors are off, an expired watchdog does no harm and the next command can still
+            // be late. The excuse therefore stays.
             self.excused_until = self.excused_until.filter(|_| !order.on);
         } else if self.trust == Trust::Proving {
             self.trust = Trust::Marking;
@@ -218,7 +248,8 @@ impl Axis {
         if on && order.on {
             self.was_on = true;
         }
-        // Off without a reason: it has restarted, or somebody else commands it.
+        // The motor is off without an error: the axis has restarted, or another program commands
+        // it.
         let dropped = order.on && self.was_on && !on && error == 0;
         let starting = state == state::UNDEFINED || error & error::INITIALIZING != 0;
         if self.trust == Trust::Met && (dropped && order.age(tick) > OFF_TICKS || starting) {
@@ -226,11 +257,14 @@ impl Axis {
         }
     }
 
+    /// Treats the axis as restarted: its zero is lost until its watchdog has expired and its
+    /// position is marked.
     fn distrust(&mut self) {
         (self.trust, self.base, self.set_back) = (Trust::Proving, 0.0, None);
     }
 
-    /// What it complains of at `tick`.
+    /// Returns the complaints of the axis at `tick`. `order` tells whether the motors are commanded
+    /// on, and since when.
     pub(super) fn complaints(&self, tick: u32, order: Order) -> Complaints {
         let has = |bits: u32| self.error & bits != 0;
         let excused =
@@ -254,7 +288,8 @@ impl Axis {
         own.or(self.measured)
     }
 
-    /// Appends the command of `tick` with a torque of the joint, N m.
+    /// Appends the command of `tick` for this axis to `line`. `torque` is the torque of the joint,
+    /// in N m.
     pub(super) fn command(&mut self, tick: u32, order: Order, torque: f64, line: &mut Vec<u8>) {
         let age = order.age(tick);
         if age == 0 {
@@ -273,16 +308,16 @@ impl Axis {
         }
     }
 
-    /// Appends the command of `tick` that leaves the motor off, or switches it off. `age`: ticks
-    /// since it was asked for.
+    /// Appends to `line` the command of `tick` that switches the motor off or keeps it off. `age`
+    /// is the number of ticks since the motors were commanded on or off.
     fn command_off(&mut self, tick: u32, age: u32, line: &mut Vec<u8>) {
         let is_off = self.state == state::IDLE && age > OFF_TICKS;
         if self.trust == Trust::Proving && is_off {
-            // Its watchdog is to expire.
+            // Nothing is sent, so that the watchdog expires.
             return;
         }
-        // Every other tick: a message of either kind feeds the watchdog, so that each takes as much
-        // of the bus.
+        // Messages of both kinds feed the watchdog. They take turns, so that a tick takes no more
+        // time on the bus than with motors on.
         if age == 0 || !is_off && tick.is_multiple_of(2) {
             Command::AxisState(state::IDLE).write(self.id, line);
         }
@@ -295,25 +330,28 @@ impl Axis {
             self.excuse(tick);
             Command::ClearErrors.write(self.id, line);
         } else if tick.wrapping_add(u32::from(self.id)).is_multiple_of(AGAIN_TICKS) {
-            // The axes of a line after one another.
+            // The axes of a line take turns.
             self.set_back(line);
         }
     }
 
-    /// Its watchdog may have expired while nobody commanded it.
+    /// Excuses an expired watchdog for the next [`EXCUSED_TICKS`] ticks. The watchdog may have
+    /// expired while the axis got no commands.
     pub(super) fn excuse(&mut self, tick: u32) {
         self.excused_until = Some(tick.wrapping_add(EXCUSED_TICKS));
     }
 
-    /// Sets the position back to where it is marked, or fine again, where the motor is off and
-    /// stands still.
+    /// Moves the position by whole turns of the joint until it is near the mark, where its steps
+    /// are fine and a restart can be detected. Does nothing while the motor is on or turns, or if
+    /// the position is already near the mark.
     fn set_back(&mut self, line: &mut Vec<u8>) {
         self.set_back = None;
         let Some(position) = self.position else { return };
         let turns = if self.trust == Trust::Marking {
             -self.mark
         } else {
-            // Whole turns of the joint: its angle is also known to a program that is started later.
+            // Whole turns of the joint keep its angle, so that a program that is started later
+            // reads it too.
             ((position - self.mark) / self.gear).round() * self.gear
         };
         let near = (position - self.mark).abs() <= 0.75 * self.gear;

@@ -1,4 +1,5 @@
-//! The bus: positions come by themselves, torques go out in every tick.
+//! The bus of a line of ODrives. Torques are sent in every tick. Positions arrive without being
+//! asked for.
 
 use hbot_core::MAX_JOINTS;
 
@@ -8,34 +9,36 @@ use super::slcan::{Decoder, Word};
 use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading};
 use crate::line::Line;
 
-/// One axis is asked for one value this often, ticks.
+/// Number of ticks between two questions. Each question asks one axis for one value.
 const ASK_EVERY: u32 = 50;
-/// What the axes are asked for in turns.
+/// The values that the driver asks each axis for, in turn.
 const QUESTIONS: [Question; 2] = [Question::Temperature, Question::Current];
-/// Room for the commands of a tick, bytes.
+/// Capacity of the buffer for the commands of one tick, in bytes.
 const OUTBOX: usize = 4096;
-/// Bytes that are read at once.
+/// Largest number of bytes that one read takes from the line.
 const INBOX: usize = 4096;
 
-/// One line of ODrives.
+/// Motor bus of one line of ODrives.
 pub(super) struct OdriveBus {
     line: Box<dyn Line>,
-    /// In the order of their ids.
+    /// The axes, in the order of the joints on this bus.
     axes: Vec<Axis>,
     decoder: Decoder,
     inbox: [u8; INBOX],
     outbox: Vec<u8>,
+    /// Whether the motors are commanded on or off, and since which tick.
     order: Order,
-    /// No command has gone out yet.
+    /// True until the bus has sent its first command on a new or reopened line.
     fresh: bool,
-    /// The line took only a part of the last command.
+    /// True if the line accepted only a part of the last command. The next command must then first
+    /// end the half line.
     cut: bool,
-    /// The tick that the last reading answers.
+    /// The tick of the command that the last reading answers.
     answered: Option<u32>,
 }
 
 impl OdriveBus {
-    /// The bus on a line whose axes have been met.
+    /// Returns the bus of a line whose axes have passed bring-up.
     pub(super) fn new(line: Box<dyn Line>, expected: &Expected) -> Self {
         let joints = (0..expected.joints()).filter_map(|at| expected.joint(at));
         let axes = joints.map(|joint| Axis::new(joint.id, joint.gear)).collect();
@@ -52,7 +55,8 @@ impl OdriveBus {
         }
     }
 
-    /// Takes in bytes that have come before the command of `tick`.
+    /// Decodes the first `n` bytes of the inbox, which arrived before the command of `tick`, and
+    /// updates the axes. Counts foreign and damaged frames in `heard`.
     fn take(&mut self, now_ns: u64, tick: u32, n: usize, heard: &mut Heard) {
         let Self { decoder, inbox, axes, order, .. } = self;
         for word in inbox[..n].iter().filter_map(|byte| decoder.push(*byte)) {
@@ -69,13 +73,14 @@ impl OdriveBus {
                     }
                 }
                 Ok(Word::Taken) => {}
-                // The adapter has refused a command, or its line is damaged.
+                // The adapter has refused a command, or a line of text is damaged.
                 Ok(Word::Refused) | Err(_) => heard.damaged = heard.damaged.saturating_add(1),
             }
         }
     }
 
-    /// The reading of all axes, if there is a newer one of each: as old as the oldest of them.
+    /// Returns a reading of all axes, if each has sent a newer position since the last reading. The
+    /// reading is as old as the oldest of its positions.
     fn reading(&mut self, tick: u32) -> Option<Reading> {
         if self.fresh {
             return None;
@@ -103,7 +108,7 @@ impl MotorBus for OdriveBus {
             (self.decoder, self.cut, self.fresh) = (Decoder::default(), false, true);
             self.axes.iter_mut().for_each(Axis::met_again);
         }
-        // At most 4 x 4096 bytes; the rest waits for the next tick.
+        // At most 4 x 4096 bytes are read. The rest waits for the next tick.
         for _ in 0..4 {
             let n = self.line.read(now_ns, &mut self.inbox).unwrap_or(0);
             self.take(now_ns, tick, n, &mut heard);
@@ -129,7 +134,7 @@ impl MotorBus for OdriveBus {
         }
         self.outbox.clear();
         if self.cut {
-            // Ends the half line that the adapter has.
+            // Ends the half line that the adapter has received.
             self.outbox.push(b'\r');
         }
         for (axis, torque) in self.axes.iter_mut().zip(torque) {
@@ -138,7 +143,7 @@ impl MotorBus for OdriveBus {
         if tick.is_multiple_of(ASK_EVERY) && !self.axes.is_empty() {
             let turn = (tick / ASK_EVERY) as usize;
             let axis = &self.axes[turn % self.axes.len()];
-            // An axis whose watchdog is to expire hears nothing.
+            // An axis whose watchdog must expire gets no message.
             if !axis.is_lost() {
                 let question = QUESTIONS[turn / self.axes.len() % QUESTIONS.len()];
                 Command::Ask(question).write(axis.id, &mut self.outbox);

@@ -1,5 +1,6 @@
-//! Before the first tick, and when a line is back: who is there, whether each axis is set up so
-//! that a torque may be asked of it, and that its watchdog stops it.
+//! Bring-up of a line of ODrives, before the first tick and after a lost line has been reopened. It
+//! checks which axes are on the line, whether each is set up so that it can be commanded a torque,
+//! and whether its watchdog switches its motor off.
 
 use hbot_config::rig::Protocol as Name;
 
@@ -9,30 +10,32 @@ use super::talk::{Met, Talk};
 use crate::bus::{Expected, Found, MeetError, Remedy, field};
 use crate::line::Line;
 
-/// How long axes are listened to before anything is said of them, ms: longer than the time between
-/// two heartbeats of an axis that is not set up.
+/// Shortest time for which the driver counts positions and heartbeats before it judges the settings
+/// of the axes, in ms. It is longer than the time between two heartbeats at the vendor's default
+/// setting, 100 ms.
 const LISTEN_MS: u64 = 120;
-/// How long an answer, or a change of state, is waited for, ms.
+/// Longest wait for an answer or for a change of state, in ms.
 const ANSWER_MS: u64 = 1000;
-/// A question is asked again after this time, ms.
+/// Time after which a question is repeated, in ms.
 const AGAIN_MS: u64 = 50;
-/// The longest time that an axis may go on without a command, ms.
+/// Longest time after the last message within which the watchdog of an axis must expire, in ms.
 const WATCHDOG_MS: u64 = 120;
-/// The longest times between positions and between heartbeats, ms.
+/// Longest accepted average time between two positions of an axis, in ms.
 const ESTIMATES_MS: u64 = 4;
+/// Longest accepted average time between two heartbeats of an axis, in ms.
 const HEARTBEAT_MS: u64 = 20;
-/// Time between two messages that feed a watchdog, ms.
+/// Time between two messages that keep a watchdog from expiring, in ms.
 const FEED_MS: u64 = 2;
-/// The oldest firmware that has these messages.
+/// Oldest firmware that has the messages that the driver needs, as major and minor version.
 const FIRMWARE: [u8; 2] = [0, 6];
-/// The most axes of a line: their last word fits 255 bytes.
+/// Largest number of axes on a line. With more of them, the last word would exceed 255 bytes.
 const MOST_AXES: usize = 11;
 
-/// The vendor's command that enables a watchdog.
+/// The commands of the vendor's console that enable a watchdog of 20 ms.
 const ENABLE: &str = "odrv0.axis0.config.watchdog_timeout = 0.02; odrv0.axis0.config.enable_watchdog = True";
 
-/// Meets the axes: they are all there and no others, motors are off, and each has shown that its
-/// watchdog expires.
+/// Brings up the axes of a line. Checks that all axes of the rig answer and no others, that their
+/// motors are off, that their settings are right, and that the watchdog of each expires.
 pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
     let wrong = |reason| MeetError::Setting { port: expected.port().to_owned(), reason };
     if expected.joints() > MOST_AXES {
@@ -67,7 +70,7 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
     refused.map_or(Ok(()), |(id, remedy)| Err(said(id, &remedy)))
 }
 
-/// Switches the motors off. Returns whether an axis may have lost power since it was met.
+/// Switches the motors off. Returns whether an axis may have restarted since its last bring-up.
 pub(super) fn switch_off(line: &mut dyn Line, expected: &Expected) -> Result<bool, MeetError> {
     let ids = ids(expected);
     let mut talk = Talk::open(line, expected)?;
@@ -83,7 +86,8 @@ pub(super) fn switch_off(line: &mut dyn Line, expected: &Expected) -> Result<boo
     Err(MeetError::Silent { port: talk.port() })
 }
 
-/// All axes on a line, as they are. Changes nothing: it asks, and then leaves them alone.
+/// Lists all axes on a line, with each setting that is wrong. Changes nothing. To find out whether
+/// the watchdogs work, it sends nothing at the end until each must have expired.
 pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
     let mut talk = Talk::open(line, expected)?;
     who_is_there(&mut talk, &ids(expected))?;
@@ -120,18 +124,19 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
     Ok(found)
 }
 
-/// The ids of the rig's axes, in the order of the bus.
+/// Returns the ids of the rig's axes on this line, in the order of the bus.
 fn ids(expected: &Expected) -> Vec<u8> {
     (0..expected.joints()).filter_map(|at| expected.joint(at)).map(|joint| joint.id).collect()
 }
 
-/// An axis in messages.
+/// Returns the name of an axis for messages: its id, and its joint if the rig has one with this id.
 fn name(expected: &Expected, id: u8) -> String {
     let joint = (0..expected.joints()).filter_map(|at| expected.joint(at)).find(|joint| joint.id == id);
     joint.map_or(format!("ODrive {id}"), |joint| format!("ODrive {id} ({})", field(joint.number)))
 }
 
-/// Asks the rig's axes, and then all that have been heard, for what they are.
+/// Asks the rig's axes and all others on the line for their version and supply, until all have
+/// answered or [`ANSWER_MS`] has passed. Fails if no axis is heard.
 fn who_is_there(talk: &mut Talk<'_>, ids: &[u8]) -> Result<(), MeetError> {
     let started = talk.now_ms;
     while talk.now_ms - started < ANSWER_MS {
@@ -151,7 +156,8 @@ fn who_is_there(talk: &mut Talk<'_>, ids: &[u8]) -> Result<(), MeetError> {
     if talk.there().is_empty() { Err(MeetError::Silent { port: talk.port() }) } else { Ok(()) }
 }
 
-/// Why the axes that are there are not those of the rig.
+/// Returns an error message if the axes on the line are not those of the rig file: two axes have
+/// one id, one is missing, or one is not in the rig file. Otherwise returns `None`.
 fn crowd(talk: &Talk<'_>, expected: &Expected) -> Option<String> {
     let ids = ids(expected);
     let listed = |ids: &[u8]| ids.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
@@ -181,8 +187,9 @@ fn crowd(talk: &Talk<'_>, expected: &Expected) -> Option<String> {
     })
 }
 
-/// What of an axis's settings is not as it must be, as far as it shows in `listened_ms` of
-/// listening.
+/// Returns the settings of an axis that are wrong, each with the command that corrects it. The
+/// intervals of positions and heartbeats are computed from the numbers that arrived in
+/// `listened_ms`.
 fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
     let mut remedies = Vec::new();
     let save = "odrv0.save_configuration()";
@@ -204,6 +211,7 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
     remedies
 }
 
+/// Returns the remedy for an axis whose watchdog does not expire in time.
 fn no_watchdog() -> Remedy {
     Remedy {
         what: format!(
@@ -213,11 +221,12 @@ fn no_watchdog() -> Remedy {
     }
 }
 
-/// An axis that is not as it must be.
+/// The first axis that fails a check, with what is wrong and its remedy. `None` if all pass.
 type Refused = Option<(u8, Remedy)>;
 
-/// Leaves the axes alone until the watchdog of each has expired. A setting would tell less, and
-/// none can be read by a name that is the same in every firmware.
+/// Tests the watchdogs of the axes: feeds them until none is expired, then sends nothing until all
+/// have expired. Returns the first axis that fails. Reading the setting of a watchdog would prove
+/// less, and the number of this setting differs between firmware versions.
 fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
     let expired = |met: &Met| met.error & error::WATCHDOG_TIMER_EXPIRED != 0;
     talk.say_all(ids, Command::AxisState(state::IDLE))?;
@@ -225,8 +234,8 @@ fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
         let what = format!("it is in state {} and does not become idle", talk.of(id).state);
         return Ok(Some((id, Remedy { what, command: "dump_errors(odrv0)".to_owned() })));
     }
-    // Fed until heartbeats say that it has not expired: one that is on its way may be older than
-    // the clearing.
+    // Axes are fed until two heartbeats have arrived and the last one shows no expired watchdog.
+    // The first of them can be older than the clearing of errors.
     talk.say_all(ids, Command::ClearErrors)?;
     let before = talk.met;
     let mut fed = false;
@@ -249,7 +258,8 @@ fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
     Ok(refused.map(|id| (id, no_watchdog())))
 }
 
-/// Sets positions so that a restart shows, where one did not since they were set.
+/// Marks the position of each axis that has no mark: moves it away from 0, so that the driver can
+/// later detect a restart. Returns the first axis that does not accept its new position.
 fn marks(talk: &mut Talk<'_>, expected: &Expected) -> Result<Refused, MeetError> {
     let ids = ids(expected);
     for joint in (0..expected.joints()).filter_map(|at| expected.joint(at)) {

@@ -1,96 +1,96 @@
-//! CANSimple, the messages of an ODrive on CAN, as far as the driver needs them.
+//! The messages of CANSimple, the protocol of an ODrive on CAN, that the driver needs.
 //!
-//! The id of a frame is the id of the axis, six bits, and that of the message, five. Numbers are
-//! little-endian, floats IEEE 754. Source: the vendor's CAN protocol page and the DBC of firmware
-//! 0.6.10, from which `tests/golden/odrive.txt` is made.
+//! The id of a CAN frame consists of the id of the axis (six bits) and the number of the message
+//! (five bits). Numbers are little-endian, floats are IEEE 754. Sources: the vendor's CAN protocol
+//! page and the DBC of firmware 0.6.10, from which `tests/golden/odrive.txt` is made.
 
 use super::slcan::Frame;
 
-/// States of an axis.
+/// States of an axis, as numbers in a heartbeat or a command.
 pub mod state {
-    /// After power-on, before its firmware has started.
+    /// The axis has power, but its firmware has not started yet.
     pub const UNDEFINED: u8 = 0;
     /// The motor is off.
     pub const IDLE: u8 = 1;
-    /// The motor does as commanded.
+    /// The motor is on and follows commands.
     pub const CLOSED_LOOP: u8 = 8;
 }
 
-/// Bits of an axis's errors.
+/// Bits in the error word of an axis.
 pub mod error {
     /// The firmware has not started yet.
     pub const INITIALIZING: u32 = 1;
-    /// More current from the supply than is allowed.
+    /// The current from the supply exceeds its limit.
     pub const DC_BUS_OVER_CURRENT: u32 = 1 << 10;
-    /// More current in the motor than is allowed.
+    /// The current in the motor exceeds its limit.
     pub const CURRENT_LIMIT_VIOLATION: u32 = 1 << 12;
     /// The motor is too hot.
     pub const MOTOR_OVER_TEMP: u32 = 1 << 13;
     /// The power stage is too hot.
     pub const INVERTER_OVER_TEMP: u32 = 1 << 14;
-    /// Nothing was heard for the time of the watchdog.
+    /// No message has arrived within the time of the watchdog.
     pub const WATCHDOG_TIMER_EXPIRED: u32 = 1 << 24;
 }
 
-/// What an axis says.
+/// A message from an axis to the host.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Message {
-    /// Who it is.
+    /// Versions of protocol, board and firmware.
     Version {
-        /// Of CANSimple.
+        /// Version of CANSimple.
         protocol: u8,
-        /// Major, minor, variant of the board.
+        /// Major version, minor version and variant of the board.
         hardware: [u8; 3],
-        /// Major, minor, revision of the firmware.
+        /// Major version, minor version and revision of the firmware.
         firmware: [u8; 3],
     },
-    /// How it is; sent cyclically.
+    /// State and errors of the axis, sent at regular intervals.
     Heartbeat {
         /// Bits of [`error`].
         error: u32,
-        /// One of [`state`].
+        /// One of the states in [`state`].
         state: u8,
-        /// How the last change of state ended; 0 is good.
+        /// Result of the last change of state; 0 means success.
         result: u8,
     },
-    /// Its errors.
+    /// Present errors, and the cause of the last switch-off.
     Errors {
-        /// Bits of [`error`] that hold.
+        /// Bits of [`error`] that are set now.
         active: u32,
-        /// Bits of [`error`] that have switched the motor off last.
+        /// Bits of [`error`] that last switched the motor off.
         disarm_reason: u32,
     },
-    /// Where it is; sent cyclically.
+    /// Position and velocity, sent at regular intervals.
     Estimates {
-        /// Turns of the encoder.
+        /// Position in turns of the encoder.
         position: f32,
-        /// Turns of the encoder a second.
+        /// Velocity in turns of the encoder per second.
         velocity: f32,
     },
-    /// The current that makes torque, A.
+    /// Torque-producing current of the motor, in A.
     Current {
-        /// Asked for.
+        /// Commanded current, in A.
         setpoint: f32,
-        /// Measured.
+        /// Measured current, in A.
         measured: f32,
     },
-    /// Temperatures, degrees Celsius.
+    /// Temperatures, in degrees Celsius.
     Temperature {
-        /// Of the power stage.
+        /// Temperature of the power stage, in degrees Celsius.
         inverter: f32,
-        /// Of the motor; not a number without a sensor.
+        /// Temperature of the motor, in degrees Celsius; NaN without a sensor.
         motor: f32,
     },
-    /// The supply.
+    /// Voltage and current of the supply.
     Supply {
-        /// V.
+        /// Voltage of the supply, in V.
         voltage: f32,
-        /// A.
+        /// Current from the supply, in A.
         current: f32,
     },
 }
 
-/// The id of the message in the id of a frame.
+/// Numbers of the messages, in the lower five bits of a CAN id.
 mod id {
     pub(super) const VERSION: u16 = 0x00;
     pub(super) const HEARTBEAT: u16 = 0x01;
@@ -107,7 +107,8 @@ mod id {
     pub(super) const ABSOLUTE_POSITION: u16 = 0x19;
 }
 
-/// The message of a frame, with the id of its axis. `None`: another message, or none of CANSimple.
+/// Returns the id of the axis and the message in a frame. Returns `None` if the frame is not a
+/// message that the driver needs.
 #[must_use]
 pub fn decode(frame: &Frame) -> Option<(u8, Message)> {
     if frame.extended || frame.remote || frame.length != 8 {
@@ -133,53 +134,56 @@ pub fn decode(frame: &Frame) -> Option<(u8, Message)> {
     Some(((frame.id >> 5) as u8, message))
 }
 
+/// Converts at most four bytes, the lowest first, to a number.
 fn word(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
 }
 
-/// What the host says to an axis.
+/// A command from the host to an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command {
-    /// Motor off, by an error that must be cleared.
+    /// Switches the motor off with an error, which must be cleared before the motor can be switched
+    /// on again.
     Estop,
-    /// Goes into one of [`state`].
+    /// Changes the state to one of those in [`state`].
     AxisState(u8),
-    /// The motor gives the torque that is asked of it, at once.
+    /// Selects torque control, in which a commanded torque acts at once.
     TorqueMode,
-    /// Torque of the motor, N m.
+    /// Sets the torque of the motor, in N m.
     InputTorque(f32),
-    /// Forgets its errors.
+    /// Clears the errors of the axis.
     ClearErrors,
-    /// From now on it is here, turns.
+    /// Sets the present position to this value, in turns of the encoder, without moving the motor.
     AbsolutePosition(f32),
-    /// Says a message, which one of [`Question`] names.
+    /// Requests the message that [`Question`] names.
     Ask(Question),
 }
 
-/// A message that an axis says when it is asked.
+/// A message that an axis sends only on request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Question {
-    /// [`Message::Version`].
+    /// Requests [`Message::Version`].
     Version,
-    /// [`Message::Errors`].
+    /// Requests [`Message::Errors`].
     Errors,
-    /// [`Message::Current`].
+    /// Requests [`Message::Current`].
     Current,
-    /// [`Message::Temperature`].
+    /// Requests [`Message::Temperature`].
     Temperature,
-    /// [`Message::Supply`].
+    /// Requests [`Message::Supply`].
     Supply,
 }
 
-/// Control mode torque, input mode passthrough.
+/// Data bytes of [`Command::TorqueMode`]: control mode 1 (torque) and input mode 1 (passthrough).
 const TORQUE_PASSTHROUGH: [u8; 8] = [1, 0, 0, 0, 1, 0, 0, 0];
 
 impl Command {
-    /// The frame that says it to an axis.
+    /// Returns the CAN frame that sends this command to the axis with id `axis`.
     #[must_use]
     pub fn frame(self, axis: u8) -> Frame {
         let at = |message: u16| u16::from(axis & 0x3f) << 5 | message;
-        // The DBC has 8 bytes for messages of one number; those past it mean nothing.
+        // The DBC gives 8 bytes to a message with one number. The bytes after the number have no
+        // meaning.
         let one = |message, number: [u8; 4]| {
             let mut bytes = [0; 8];
             bytes[..4].copy_from_slice(&number);
@@ -202,7 +206,7 @@ impl Command {
         }
     }
 
-    /// Appends the line of the frame that says it to an axis.
+    /// Appends to `line` the line of text that sends this command to the axis with id `axis`.
     pub fn write(self, axis: u8, line: &mut Vec<u8>) {
         self.frame(axis).write(line);
     }

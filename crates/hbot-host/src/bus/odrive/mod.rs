@@ -1,15 +1,17 @@
-//! ODrive controllers as a motor bus: CANSimple through a serial CAN adapter that speaks slcan.
+//! Driver for ODrive motor controllers. It uses their protocol CANSimple, over a serial CAN adapter
+//! with the text protocol slcan.
 //!
-//! | module | what it does |
+//! | module | contents |
 //! |---|---|
 //! | [`slcan`] | CAN frames as lines of text |
-//! | [`message`] | the messages of CANSimple that are needed |
-//! | `axis` | what is known of one axis: position, state, errors, a restart |
-//! | `bus` | torques out, positions in |
-//! | `meet` | bring-up: who is there, and whether their watchdogs work |
-//! | `talk` | questions and answers outside the loop |
+//! | [`message`] | the messages of CANSimple that the driver needs |
+//! | `axis` | state of one axis: position, errors, detection of a restart |
+//! | `bus` | torques to the axes and positions from them, in each tick |
+//! | `meet` | bring-up: which axes are on the line, and whether their watchdogs work |
+//! | `talk` | questions and answers before the first tick |
 //!
-//! `docs/controllers.md` says how to set the controllers up, and what only hardware can tell.
+//! `docs/controllers.md` explains how to set the controllers up, and which questions only hardware
+//! can answer.
 
 mod axis;
 mod bus;
@@ -26,10 +28,11 @@ use super::can::can_ns;
 use super::{BusTraffic, Expected, Found, MeetError, MotorBus, Protocol, Reports, Traffic};
 use crate::line::Line;
 
-/// What an adapter answers to a frame, bytes.
+/// Largest number of bytes with which an adapter accepts a frame.
 const TAKEN_BYTES: usize = 2;
 
-/// ODrives that speak CANSimple, behind an adapter that speaks slcan.
+/// Driver for ODrive motor controllers. They use the protocol CANSimple, behind a CAN adapter that
+/// uses the text protocol slcan.
 #[derive(Debug, Clone, Copy)]
 pub struct Odrive;
 
@@ -43,7 +46,7 @@ impl Protocol for Odrive {
     }
 
     fn off_bytes(&self, expected: &Expected) -> Vec<u8> {
-        // The end of a half line that the adapter may have.
+        // Ends a half line that the adapter may have received.
         let mut bytes = vec![b'\r'];
         for joint in (0..expected.joints()).filter_map(|at| expected.joint(at)) {
             Command::AxisState(state::IDLE).write(joint.id, &mut bytes);
@@ -60,12 +63,13 @@ impl Protocol for Odrive {
     }
 
     fn traffic(&self, joints: usize) -> Traffic {
-        // A torque each and one question. The one tick that switches motors also has mode and state
-        // of each.
+        // Each axis gets a torque, and one axis a question. Only a tick that switches motors on or
+        // off also sends each axis a mode and a state.
         let commands = joints + 1;
-        // A position and a heartbeat each, and an answer to the question.
+        // Each axis sends a position and a heartbeat, and one axis an answer.
         let feedback = 2 * joints + 1;
-        // Heartbeats, every tenth tick or rarer, come one after another.
+        // Each axis sends at most one heartbeat in ten ticks. The heartbeats of different axes come
+        // one after another.
         let frames = |stuffed| joints as u64 * can_ns(8, stuffed) * 21 / 10;
         Traffic {
             commands: commands * slcan::FRAME_BYTES + 1,

@@ -1,42 +1,43 @@
-//! slcan: CAN frames as lines of text on a serial line (the LAWICEL protocol, as the adapters for
-//! python-can and for Linux's `slcand` speak it).
+//! slcan (also called the LAWICEL protocol): CAN frames as lines of text on a serial line. Adapters
+//! for python-can and for Linux's `slcand` use it.
 //!
-//! A standard frame is `t`, three hexadecimal digits of its id, one of its length, two of each
-//! byte, and a carriage return. `r` asks for a message (RTR) and has no bytes. `T` and `R` have ids
-//! of eight digits. The adapter answers a frame that it has taken with an empty line, or with `z`
-//! or `Z`, and one that it refuses with a bell.
+//! A standard frame is the letter `t`, three hexadecimal digits of the id, one digit of the length,
+//! two digits of each data byte, and a carriage return. The letter `r` marks a remote request
+//! (RTR), which has no data bytes. `T` and `R` mark frames whose id has eight digits. The adapter
+//! answers a frame that it accepts with an empty line, `z` or `Z`, and a frame that it refuses with
+//! the bell character.
 
-/// Ends a line.
+/// Byte at the end of a line.
 const END: u8 = b'\r';
-/// A frame or command was refused.
+/// Byte with which the adapter refuses a frame or command.
 const BELL: u8 = 7;
-/// The longest line without its end: `T`, id, length, eight bytes.
+/// Largest length of a line without its end, in bytes: `T`, id, length digit and eight data bytes.
 const LONGEST: usize = 1 + 8 + 1 + 16;
 
-/// The longest line of a standard frame, bytes.
+/// Largest length of the line of a standard frame, in bytes, with its end.
 pub const FRAME_BYTES: usize = 1 + 3 + 1 + 16 + 1;
 
-/// Ends whatever line the adapter has begun, sets CAN to 1 Mbit/s, and opens the channel. An
-/// adapter whose channel is open refuses the rest, and is as it must be.
+/// Opens the CAN channel of an adapter at 1 Mbit/s. The carriage returns first end any half line.
+/// An adapter whose channel is already open refuses the rest and keeps its settings.
 pub const OPEN: &[u8] = b"\r\r\rS8\rO\r";
 
 /// A CAN frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
-    /// Its id: 11 bits, or 29 where it is extended.
+    /// The id: 11 bits, or 29 bits if `extended` is true.
     pub id: u32,
-    /// It has an id of 29 bits.
+    /// True if the id has 29 bits.
     pub extended: bool,
-    /// It asks for the message of this id.
+    /// True for a remote request: the frame asks for the message with this id.
     pub remote: bool,
-    /// How many bytes of `data` it has, at most 8.
+    /// Number of data bytes, at most 8.
     pub length: u8,
-    /// Its bytes; those past `length` are 0.
+    /// Data bytes; those after `length` are 0.
     pub data: [u8; 8],
 }
 
 impl Frame {
-    /// A standard frame of at most 8 bytes.
+    /// Returns a standard frame with the id `id` and at most the first 8 of `bytes`.
     #[must_use]
     pub fn new(id: u16, bytes: &[u8]) -> Self {
         let length = bytes.len().min(8);
@@ -46,13 +47,13 @@ impl Frame {
         Self { id, extended: false, remote: false, length: length as u8, data }
     }
 
-    /// A standard frame that asks for a message of 8 bytes.
+    /// Returns a remote request, as a standard frame, for a message of 8 bytes.
     #[must_use]
     pub fn request(id: u16) -> Self {
         Self { remote: true, length: 8, ..Self::new(id, &[]) }
     }
 
-    /// Appends the line of this frame.
+    /// Appends the text of this frame to `line`, with its end.
     pub fn write(&self, line: &mut Vec<u8>) {
         let kind = match (self.extended, self.remote) {
             (false, false) => b't',
@@ -72,35 +73,35 @@ impl Frame {
     }
 }
 
-/// A hexadecimal digit.
+/// Returns the hexadecimal digit of the lower four bits of `value`.
 fn digit(value: u8) -> u8 {
     b"0123456789ABCDEF"[usize::from(value & 0xf)]
 }
 
-/// What an adapter says.
+/// What an adapter sends at one time: a line of text, or the bell character.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
-    /// A frame that was on the bus.
+    /// A frame that the adapter received from the bus.
     Frame(Frame),
-    /// A frame or a command was taken.
+    /// The adapter accepted a frame or a command.
     Taken,
-    /// A frame or a command was refused.
+    /// The adapter refused a frame or a command.
     Refused,
 }
 
-/// A line that is none of slcan.
+/// Error for a line that is not valid slcan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Damaged;
 
-/// Makes words of bytes in whatever pieces they come. Does not allocate.
+/// Decodes the bytes from an adapter, in pieces of any size. Does not allocate memory.
 ///
-/// A letter that begins a frame is no hexadecimal digit, so that a frame whose end was lost does
-/// not take the next one along.
+/// No hexadecimal digit is a letter that begins a frame. If the end of a frame is lost, the decoder
+/// therefore still finds the next frame.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     line: [u8; LONGEST],
     length: usize,
-    /// The line is damaged, which has been said: its rest means nothing.
+    /// True while the rest of a damaged line is skipped. The damage has been reported already.
     skips: bool,
 }
 
@@ -111,7 +112,8 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Takes in a byte. Returns what ends, or is found damaged, with it.
+    /// Takes the next byte from the adapter. Returns a [`Word`] if the byte completes one, and
+    /// [`Damaged`] if it shows that the line of text is damaged.
     pub fn push(&mut self, byte: u8) -> Option<Result<Word, Damaged>> {
         match byte {
             END => {
@@ -147,7 +149,7 @@ impl Decoder {
     }
 }
 
-/// What a whole line says.
+/// Decodes a whole line of text, without its end.
 fn word(line: &[u8]) -> Result<Word, Damaged> {
     match line {
         [] | [b'z' | b'Z'] => Ok(Word::Taken),
@@ -157,6 +159,7 @@ fn word(line: &[u8]) -> Result<Word, Damaged> {
     }
 }
 
+/// Decodes a whole line of text that contains a frame. The id of the frame has `id_digits` digits.
 fn frame(line: &[u8], id_digits: usize) -> Result<Word, Damaged> {
     let extended = id_digits == 8;
     let remote = matches!(line[0], b'r' | b'R');
@@ -175,7 +178,7 @@ fn frame(line: &[u8], id_digits: usize) -> Result<Word, Damaged> {
     Ok(Word::Frame(Frame { id, extended, remote, length: length as u8, data }))
 }
 
-/// The number of at most eight hexadecimal digits.
+/// Returns the number that at most eight hexadecimal digits stand for.
 fn number(digits: &[u8]) -> Result<u32, Damaged> {
     digits.iter().try_fold(0, |number, digit| {
         let value = char::from(*digit).to_digit(16).ok_or(Damaged)?;
@@ -210,7 +213,7 @@ mod tests {
         {
             assert_eq!(words(line), [Err(Damaged)], "{}", String::from_utf8_lossy(line));
         }
-        // A request has a length and no bytes.
+        // A remote request has a length but no data bytes.
         assert_eq!(words(b"r0208\r"), [Ok(Word::Frame(Frame::request(0x020)))]);
     }
 }

@@ -1,53 +1,60 @@
-//! A conversation outside the loop: what the axes of a line say when they are asked, or left alone.
+//! A conversation with the axes of a line outside the loop. It sends questions, and records what
+//! the axes report in answer or without being asked.
 
 use super::message::{Command, Message, decode};
 use super::slcan::{Decoder, OPEN, Word};
 use crate::bus::{Expected, MeetError};
 use crate::line::Line;
 
-/// Ids that an axis may have.
+/// Number of possible ids of an axis.
 pub(super) const IDS: usize = 64;
 
-/// What has been heard of one id.
+/// Numbers and latest contents of the messages that have arrived from the axis with one id.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Met {
-    /// Major, minor, variant of the board.
+    /// Major version, minor version and variant of the board.
     pub(super) hardware: [u8; 3],
-    /// Major, minor, revision of the firmware.
+    /// Major version, minor version and revision of the firmware.
     pub(super) firmware: Option<[u8; 3]>,
-    /// How often the version was asked for and said: more answers than questions are of two axes.
+    /// Number of times that the axis was asked for its version.
     pub(super) asked: u32,
+    /// Number of versions received. If it exceeds `asked`, two axes have this id.
     pub(super) answered: u32,
-    /// How often each has come.
+    /// Number of heartbeats received.
     pub(super) heartbeats: u32,
+    /// Number of positions received.
     pub(super) estimates: u32,
+    /// Errors in the last heartbeat.
     pub(super) error: u32,
+    /// State in the last heartbeat.
     pub(super) state: u8,
-    /// Turns of the encoder.
+    /// Last position, in turns of the encoder.
     pub(super) position: Option<f64>,
-    /// V.
+    /// Supply voltage, in V.
     pub(super) supply: Option<f64>,
 }
 
 impl Met {
-    /// Somebody has this id.
+    /// Returns whether any message has arrived from this id.
     pub(super) fn is_there(&self) -> bool {
         self.heartbeats + self.estimates + self.answered > 0
     }
 }
 
-/// A conversation. It counts its own time, by which a line in memory goes.
+/// A conversation with the axes of a line before the first tick. It counts its own time from 0,
+/// which a line in memory uses as its clock.
 pub(super) struct Talk<'a> {
     line: &'a mut dyn Line,
     port: &'a str,
     decoder: Decoder,
+    /// Time since the start of the conversation, in ms.
     pub(super) now_ms: u64,
-    /// By id.
+    /// What has been received from each axis, indexed by its id.
     pub(super) met: [Met; IDS],
 }
 
 impl<'a> Talk<'a> {
-    /// Opens the channel of the adapter.
+    /// Starts a conversation and opens the CAN channel of the adapter.
     pub(super) fn open(line: &'a mut dyn Line, expected: &'a Expected) -> Result<Self, MeetError> {
         let met = [Met::default(); IDS];
         let mut talk = Self { line, port: expected.port(), decoder: Decoder::default(), now_ms: 0, met };
@@ -55,7 +62,7 @@ impl<'a> Talk<'a> {
         Ok(talk)
     }
 
-    /// The name of the port.
+    /// Returns the name of the port, for messages.
     pub(super) fn port(&self) -> String {
         self.port.to_owned()
     }
@@ -76,19 +83,19 @@ impl<'a> Talk<'a> {
         MeetError::Line { port: self.port(), error }
     }
 
-    /// Says something to an axis.
+    /// Sends a command to one axis.
     pub(super) fn say(&mut self, id: u8, command: Command) -> Result<(), MeetError> {
         let mut bytes = Vec::new();
         command.write(id, &mut bytes);
         self.write(&bytes)
     }
 
-    /// Says something to several axes.
+    /// Sends a command to several axes.
     pub(super) fn say_all(&mut self, ids: &[u8], command: Command) -> Result<(), MeetError> {
         ids.iter().try_for_each(|id| self.say(*id, command))
     }
 
-    /// Listens for some milliseconds.
+    /// Receives messages for `ms` milliseconds, and records them in `met`.
     pub(super) fn listen(&mut self, ms: u64) -> Result<(), MeetError> {
         let mut buffer = [0; 512];
         for _ in 0..ms {
@@ -132,17 +139,18 @@ impl<'a> Talk<'a> {
         }
     }
 
-    /// The ids that have been heard.
+    /// Returns the ids of all axes from which a message has arrived.
     pub(super) fn there(&self) -> Vec<u8> {
         (0..IDS as u8).filter(|id| self.of(*id).is_there()).collect()
     }
 
-    /// What has been heard of an id.
+    /// Returns what has been received from the axis with this id.
     pub(super) fn of(&self, id: u8) -> &Met {
         &self.met[usize::from(id) % IDS]
     }
 
-    /// Listens until all of `ids` are `right`, at most for `ms`. Returns the first that is not.
+    /// Receives messages until `right` holds for all of `ids`, for at most `ms` milliseconds.
+    /// Returns the first id for which it does not hold, if any.
     pub(super) fn until(
         &mut self,
         ms: u64,

@@ -1,4 +1,5 @@
-//! The codec against vectors of software that is not hbot's, and what the axis does with positions.
+//! Tests of the codec against vectors that were made with independent software, and tests of the
+//! bus.
 
 use hbot_config::rig::Protocol as Name;
 use hbot_core::MAX_JOINTS;
@@ -11,7 +12,8 @@ use crate::bus::{BusCommand, Expected, Protocol as _};
 use crate::layout::Layout;
 use crate::line::Line;
 
-/// Made by tests/vendor/make_odrive_vectors.py with cantools, the DBC of firmware 0.6.10, and
+/// Returns the vectors called `name` from tests/vendor/odrive.json. The script
+/// tests/vendor/make_odrive_vectors.py makes them with cantools, the DBC of firmware 0.6.10, and
 /// python-can.
 fn vectors(name: &str) -> Vec<Value> {
     let text = include_str!("../../../../../tests/vendor/odrive.json");
@@ -65,7 +67,7 @@ fn messages_say_what_cantools_reads_in_them() {
         let [Ok(Word::Frame(frame))] = words[..] else { panic!("{words:?} of {vector}") };
         let (axis, message) = decode(&frame).expect("a message");
         assert_eq!(u32::from(axis), number(&vector["axis"]), "{vector}");
-        // Floats as bits: a NaN is not equal to itself.
+        // Floats are compared as bits, because NaN is not equal to itself.
         let (read, expected): (Vec<u32>, Vec<u32>) = match message {
             Message::Heartbeat { error, state, result } => (
                 vec![error, state.into(), result.into()],
@@ -113,8 +115,8 @@ fn a_marked_position_is_none_after_a_restart_within_three_quarters_of_a_turn_of_
     }
 }
 
-/// A line that brings positions and heartbeats of four axes and answers of the adapter with every
-/// read.
+/// A line on which every read returns the positions and heartbeats of four axes and two answers of
+/// the adapter.
 struct Canned {
     bytes: Vec<u8>,
     reads: usize,
@@ -136,7 +138,8 @@ impl Line for Canned {
 #[test]
 fn a_tick_allocates_nothing() {
     const TICKS: u32 = 500;
-    // 3.25 and 34.5 turns, 0 turns a second; closed loop without an error.
+    // Positions of 3.25 and 34.5 turns at 0 turns per second. All axes are in closed loop without
+    // an error.
     let positions = ["00005040", "00000A42", "00005040", "00000A42"];
     let mut bytes = b"z\rz\r".to_vec();
     for (id, position) in positions.iter().enumerate() {
@@ -159,7 +162,8 @@ fn a_tick_allocates_nothing() {
     assert_eq!((allocated.count_total, readings), (0, TICKS - 1));
 }
 
-/// The end of a line after half of one must have nobody obey that half.
+/// If a command is cut off and then ended by a carriage return, no simulated ODrive obeys the part
+/// that arrived. The test tries every length of the part.
 #[test]
 fn half_a_command_is_never_obeyed() {
     let rig = hbot_config::RigConfig::prototype().rig;

@@ -1,16 +1,20 @@
-//! The registers of a command.
+//! Registers of a simulated moteus servo that hold its command.
 
 use super::registers::{ACCELERATION, CURRENT, Mapping, POSITION, PWM, TIME, TORQUE, VELOCITY, VOLTAGE};
 
-/// The registers of a command, from this one on.
+/// The first of the registers that hold a command.
 pub(super) const COMMAND: u32 = 0x020;
+/// Number of registers that hold a command.
 pub(super) const COMMANDS: usize = 14;
-/// Of these: feedforward torque, largest torque, watchdog time, bounds that are ignored.
+/// Offset of the feedforward torque from [`COMMAND`].
 pub(super) const FEEDFORWARD: usize = 2;
+/// Offset of the maximum torque from [`COMMAND`].
 pub(super) const MAX_TORQUE: usize = 5;
+/// Offset of the watchdog time from [`COMMAND`].
 pub(super) const WATCHDOG: usize = 7;
+/// Offset from [`COMMAND`] of the switch that makes the servo ignore its position limits.
 pub(super) const IGNORE_BOUNDS: usize = 13;
-/// How the registers of a command are mapped.
+/// Scaling of each command register in its integer formats.
 pub(super) const MAPPINGS: [Mapping; COMMANDS] = [
     POSITION,
     VELOCITY,
@@ -27,13 +31,13 @@ pub(super) const MAPPINGS: [Mapping; COMMANDS] = [
     CURRENT,
     Mapping::Plain,
 ];
-/// What they hold once a mode has been written.
+/// Values of the command registers after the mode register has been written.
 pub(super) const DEFAULTS: [f32; COMMANDS] = {
     let nan = f32::NAN;
     [0.0, 0.0, 0.0, 1.0, 1.0, nan, nan, 0.0, nan, nan, nan, 1.0, nan, 0.0]
 };
 
-/// How a register is mapped when it is written.
+/// Returns the scaling of a register in its integer formats when it is written.
 pub(super) fn mapping(register: u32) -> Mapping {
     let at = register.checked_sub(COMMAND).map(|at| at as usize);
     match (register, at.and_then(|at| MAPPINGS.get(at))) {

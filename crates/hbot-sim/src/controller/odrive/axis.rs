@@ -1,18 +1,19 @@
-//! One ODrive: its state, its errors, its watchdog, and the messages of CANSimple.
+//! One simulated ODrive axis: its state, errors, watchdog, and its messages of CANSimple.
 
 use core::f64::consts::TAU;
 
 use super::super::joints::{Joints, Truth};
 
-/// The version that each says it has.
+/// Firmware version that each axis reports: major, minor, revision.
 const FIRMWARE: [u8; 3] = [0, 6, 10];
-/// A motor at rest in a room, degrees Celsius.
+/// Temperature that a motor reports normally, in degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
-/// Too hot, degrees Celsius.
+/// Temperature that an overheated motor reports, in degrees Celsius.
 const HOT: f32 = 155.0;
-/// Newton metres an ampere of the motors: only currents that are shown depend on it.
+/// Torque constant of the simulated motors, in N m/A. It only affects the currents that an axis
+/// reports.
 const TORQUE_CONSTANT: f64 = 0.05;
-/// Volts of the supply.
+/// Supply voltage that each axis reports, in V.
 const SUPPLY: f32 = 24.0;
 
 const MS: u64 = 1_000_000;
@@ -24,20 +25,22 @@ const DRV_FAULT: u32 = 1 << 5;
 const WATCHDOG_TIMER_EXPIRED: u32 = 1 << 24;
 const ESTOP_REQUESTED: u32 = 1 << 25;
 
-/// What the vendor's tools set, as far as it matters here.
+/// The settings of an axis that the simulation uses. The vendor's tools can change them.
 #[derive(Debug, Clone, Copy)]
 struct Settings {
+    /// Whether the watchdog runs.
     enable_watchdog: bool,
-    /// ns.
+    /// Time without a message after which the watchdog expires, in ns.
     watchdog_timeout: u64,
-    /// Time between two, ns; 0: none.
+    /// Time between two positions, in ns; 0 means none are sent.
     encoder_msg_rate: u64,
+    /// Time between two heartbeats, in ns; 0 means none are sent.
     heartbeat_msg_rate: u64,
-    /// Minor version of the firmware.
+    /// Minor version of the firmware that the axis reports.
     firmware_minor: u8,
 }
 
-/// One axis.
+/// State of one simulated axis.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     pub(super) id: u8,
@@ -45,27 +48,31 @@ pub(super) struct Axis {
     state: u8,
     error: u32,
     disarm_reason: u32,
-    /// How the last change of state ended.
+    /// Result of the last change of state, as in a heartbeat; 0 means success.
     result: u8,
     torque_mode: bool,
-    /// Of the motor, N m.
+    /// Commanded torque of the motor, in N m.
     input_torque: f32,
-    /// When its watchdog expires, ns.
+    /// Time at which the watchdog expires, in ns.
     deadline: u64,
+    /// Time of the next position, in ns.
     next_estimate: u64,
+    /// Time of the next heartbeat, in ns.
     next_heartbeat: u64,
-    /// The last count seen, and what it is without a wrap.
+    /// Last encoder count.
     count: i32,
+    /// Last encoder count, continued without wrapping around.
     total: i64,
-    /// Turns that are added to what the encoder counts.
+    /// Turns that are added to those of the encoder, because the host has set the position.
     offset: f64,
+    /// Whether a failed power stage is simulated.
     failed: bool,
-    /// It hears and says nothing.
+    /// True if the axis ignores all messages and sends none.
     pub(super) deaf: bool,
 }
 
 impl Axis {
-    /// The axis of joint `j` after power-on, set up as it must be.
+    /// Returns the axis of joint `j` after power-on, with the settings that the driver requires.
     pub(super) fn new(j: usize) -> Self {
         let settings = Settings {
             enable_watchdog: true,
@@ -85,7 +92,7 @@ impl Axis {
             input_torque: 0.0,
             deadline: settings.watchdog_timeout,
             next_estimate: MS,
-            // One axis a millisecond.
+            // The heartbeats of the axes are one millisecond apart.
             next_heartbeat: (1 + j as u64) * MS,
             count: 0,
             total: 0,
@@ -95,7 +102,8 @@ impl Axis {
         }
     }
 
-    /// Sets what the vendor's tools call `name`; false where there is none.
+    /// Changes the setting that the vendor's tools call `name`. Returns false if no setting has
+    /// this name.
     pub(super) fn set(&mut self, name: &str, value: f64) -> bool {
         let ms = (value * MS as f64) as u64;
         let settings = &mut self.settings;
@@ -110,7 +118,7 @@ impl Axis {
         true
     }
 
-    /// Any message to it feeds its watchdog.
+    /// Restarts the watchdog, as any message to the axis does.
     pub(super) fn feed(&mut self, now_ns: u64) {
         self.deadline = now_ns + self.settings.watchdog_timeout;
     }
@@ -119,7 +127,7 @@ impl Axis {
         self.state == CLOSED_LOOP
     }
 
-    /// Has the motor give what it must.
+    /// Makes the motor of joint `j` give the commanded torque, or none if it is off.
     pub(super) fn push(&self, j: usize, joints: &mut Joints) {
         let gear = joints.axes[j].joint.gear;
         let torque = if self.is_on() && self.torque_mode { f64::from(self.input_torque) * gear } else { 0.0 };
@@ -127,6 +135,7 @@ impl Axis {
         joints.ask(j, given);
     }
 
+    /// Sets error bits. If the motor is on, switches it off and stores the reason.
     fn disarm(&mut self, error: u32) {
         self.error |= error;
         if self.is_on() {
@@ -134,7 +143,7 @@ impl Axis {
         }
     }
 
-    /// Turns of its encoder.
+    /// Returns the position of joint `j` in turns of its encoder.
     fn position(&mut self, j: usize, joints: &Joints, truth: &Truth<'_>) -> f64 {
         let count = joints.count_at(j, truth);
         self.total += i64::from(count.wrapping_sub(self.count));
@@ -142,7 +151,7 @@ impl Axis {
         self.total as f64 / f64::from(joints.axes[j].joint.counts_per_turn) + self.offset
     }
 
-    /// Takes in a message with bytes.
+    /// Carries out a command from the host. `message` is its number and `bytes` its data.
     pub(super) fn hear(&mut self, j: usize, message: u16, bytes: &[u8], joints: &Joints, truth: &Truth<'_>) {
         let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
         match (message, word(0)) {
@@ -168,7 +177,8 @@ impl Axis {
         }
     }
 
-    /// Says a message.
+    /// Appends the message that the host has requested to `reply`. `at` contains the joint and the
+    /// number of the message.
     pub(super) fn say(&mut self, at: (usize, u16), joints: &Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let (j, message) = at;
         let temperature = if joints.is_hot(j) || joints.derates(j) { HOT } else { TEMPERATURE };
@@ -194,7 +204,8 @@ impl Axis {
         put(self.id, message, low, high, reply);
     }
 
-    /// Does what is due by itself.
+    /// Does everything that is due without a message from the host: the watchdog can expire, and
+    /// heartbeats and positions are sent. `at` contains the joint and the time, in ns.
     pub(super) fn pass(
         &mut self,
         at: (usize, u64),
@@ -226,27 +237,30 @@ impl Axis {
         }
     }
 
-    /// When it next says something by itself, ns.
+    /// Returns the time at which the axis next sends a heartbeat or a position, in ns.
     pub(super) fn next_word_ns(&self) -> u64 {
         let one = |period: u64, next: u64| if period == 0 { u64::MAX } else { next };
         one(self.settings.heartbeat_msg_rate, self.next_heartbeat)
             .min(one(self.settings.encoder_msg_rate, self.next_estimate))
     }
 
-    /// When it next does something by itself, ns.
+    /// Returns the time at which the axis next sends a message unasked or its watchdog expires, in
+    /// ns.
     pub(super) fn next_ns(&self) -> u64 {
         let runs = self.settings.enable_watchdog && self.error & WATCHDOG_TIMER_EXPIRED == 0;
         self.next_word_ns().min(if runs { self.deadline } else { u64::MAX })
     }
 
-    /// Power lost and back: what is not saved is forgotten.
+    /// Simulates a loss of power that ends at once. The axis loses its state, errors and position,
+    /// and keeps its settings.
     pub(super) fn reboot(&mut self) {
         (self.state, self.error, self.disarm_reason, self.result) = (IDLE, 0, 0, 0);
         (self.torque_mode, self.input_torque, self.offset) = (false, 0.0, 0.0);
         (self.count, self.total) = (0, 0);
     }
 
-    /// Its power stage fails, or is whole again: the error stays until it is cleared.
+    /// Simulates a power stage that fails (`on`) or works again. The error stays until it is
+    /// cleared.
     pub(super) fn fail(&mut self, j: usize, on: bool, joints: &mut Joints) {
         self.failed = on;
         if on {
@@ -256,16 +270,16 @@ impl Axis {
     }
 }
 
-/// When something that is due every `period` is due next. After a jump of the clock it does not
-/// catch up.
+/// Returns the time at which a periodic event is due next, in ns, after it was due at `due_ns`. If
+/// the clock has jumped over several periods, the missed events are left out.
 fn following(due_ns: u64, period: u64, now_ns: u64) -> u64 {
     due_ns + period * (1 + (now_ns - due_ns) / period)
 }
 
-/// Puts a frame of two words on the line.
+/// Appends the line of text of a CAN frame with two 32-bit words to `reply`.
 fn put(id: u8, message: u16, low: u32, high: u32, reply: &mut Vec<u8>) {
     use std::io::Write as _;
     let id = u16::from(id) << 5 | message;
-    // Writing to memory does not fail.
+    // Writing to memory cannot fail.
     let _ = write!(reply, "t{id:03X}8{:08X}{:08X}\r", low.swap_bytes(), high.swap_bytes());
 }

@@ -1,9 +1,10 @@
-//! ODrives that speak CANSimple behind an adapter that speaks slcan: one for each joint, its id the
-//! place of the joint.
+//! Simulated ODrives behind a simulated slcan adapter. There is one axis for each joint. Its id is
+//! the index of the joint, unless a test changes it.
 //!
-//! Written from the vendor's CAN protocol page, the DBC of firmware 0.6.10 and the sources of
-//! firmware 0.5.6: every message to an axis feeds its watchdog, which runs whether the motor is on
-//! or off; errors stay until they are cleared; positions and heartbeats are sent by themselves.
+//! They were written from the vendor's CAN protocol page, the DBC of firmware 0.6.10, and the
+//! source code of firmware 0.5.6. Every message to an axis restarts its watchdog, which runs
+//! whether the motor is on or off. Errors stay until they are cleared. Positions and heartbeats are
+//! sent without being asked for.
 
 mod axis;
 
@@ -14,20 +15,23 @@ use super::{InjectedFault, Speaks};
 
 use self::axis::Axis;
 
-/// The message that has no bytes and asks for nothing.
+/// Message number of the emergency stop. It is the only command without data bytes. Any other frame
+/// without data bytes is a request.
 const ESTOP: u16 = 0x02;
 
-/// The axes of one line and their adapter.
+/// The simulated axes of one line, with their adapter.
 #[derive(Debug, Clone)]
 pub(super) struct Odrive {
     axes: Vec<Axis>,
+    /// The line of text that is being received.
     line: Vec<u8>,
-    /// The channel of the adapter is open.
+    /// Whether the CAN channel of the adapter is open.
     open: bool,
+    /// Number of lines of text that the adapter has refused.
     refused: u64,
 }
 
-/// The longest line that the adapter takes, bytes.
+/// Largest number of bytes that the adapter stores of a line. It drops further bytes.
 const LONGEST: usize = 32;
 
 impl Odrive {
@@ -36,18 +40,21 @@ impl Odrive {
         Self { axes, line: Vec::with_capacity(LONGEST), open: false, refused: 0 }
     }
 
-    /// Sets what the vendor's tools call `name`; false where there is none.
+    /// Changes the setting of the axis of `joint` that the vendor's tools call `name`. Returns
+    /// false if no setting has this name.
     pub(super) fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
         self.axes.get_mut(joint).is_some_and(|axis| axis.set(name, value))
     }
 
+    /// Changes the id of the axis of `joint`.
     pub(super) fn set_id(&mut self, joint: usize, id: u8) {
         if let Some(axis) = self.axes.get_mut(joint) {
             axis.id = id;
         }
     }
 
-    /// A line that the adapter has heard.
+    /// Carries out a whole line of text that the adapter has received, and appends the answers to
+    /// `reply`.
     fn command(&mut self, now_ns: u64, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let line = core::mem::take(&mut self.line);
         let taken = match line.first() {
@@ -79,7 +86,7 @@ impl Odrive {
         self.line.clear();
     }
 
-    /// A frame on the bus.
+    /// Delivers a frame to every axis with its id, and appends the answers to `reply`.
     fn deliver(
         &mut self,
         now_ns: u64,
@@ -94,7 +101,8 @@ impl Odrive {
                 continue;
             }
             axis.feed(now_ns);
-            // A frame without bytes asks too, but for the emergency stop, which has none.
+            // An axis also treats a frame without data bytes as a request. The emergency stop is
+            // the exception.
             if frame.asks || frame.bytes.is_empty() && message != ESTOP {
                 axis.say((j, message), joints, truth, reply);
             } else {
@@ -105,15 +113,15 @@ impl Odrive {
     }
 }
 
-/// A standard frame.
+/// A standard CAN frame.
 struct Frame {
     id: u16,
-    /// It asks for the message of this id.
+    /// True for a remote request: the frame asks for the message with this id.
     asks: bool,
     bytes: Vec<u8>,
 }
 
-/// The standard frame of a line.
+/// Returns the standard frame in a line of text, or `None` if the line is not valid.
 fn frame(line: &[u8]) -> Option<Frame> {
     let text = core::str::from_utf8(line).ok()?;
     let id = u16::from_str_radix(text.get(1..4)?, 16).ok().filter(|id| *id < 0x800)?;
