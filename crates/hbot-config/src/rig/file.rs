@@ -102,7 +102,8 @@ pub(crate) struct Joint {
     /// Which motor controller has this joint. Protocol `hbot`: the position of the joint on its
     /// line, from 0 to 15. The joints of a port must use each position once. Default: the order of
     /// the file, steer before drive. Protocol `moteus`: the controller's id on the bus, 1 to 127,
-    /// required; 127 only if it is alone on its port. Protocol `odrive`: the controller's id on the bus, 0 to 63, required.
+    /// required; 127 only if it is alone on its port. Protocol `odrive`: the controller's id on the
+    /// bus, 0 to 63, required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,
