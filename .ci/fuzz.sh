@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Fuzzes every decoder for a minute (FUZZ_SECONDS) by libFuzzer where this machine can build that, and otherwise drives the same
+# Fuzzes every decoder for half a minute (FUZZ_SECONDS) by libFuzzer where this machine can build that, and otherwise drives the same
 # checks by seeded mutations.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-seconds=${FUZZ_SECONDS:-60}
+seconds=${FUZZ_SECONDS:-30}
 # Sanitizer flags are unstable; this lets the pinned toolchain take them.
 export RUSTC_BOOTSTRAP=1
 
